@@ -26,6 +26,17 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ["COCAP_OPT_QUICK"] = "1"
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what takes longest, so that no worker ends long after the others."""
+    items.sort(key=_seconds, reverse=True)
+
+
+def _seconds(item: pytest.Item) -> float:
+    """Seconds that a slow test says it takes; 0 where it says nothing."""
+    marker = item.get_closest_marker("slow")
+    return marker.kwargs.get("seconds", 0.0) if marker else 0.0
+
+
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Keep the tests out of the user's cache; processes started by a test inherit this.

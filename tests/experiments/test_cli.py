@@ -79,12 +79,13 @@ def wait_for(process: subprocess.Popen[str], folder: Path, pattern: str) -> None
         time.sleep(0.02)
 
 
-@pytest.fixture
-def files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[Path, Path]:
-    """A plan and a certificate of the tight corridor."""
-    plan, certificate = tmp_path / "plan.json", tmp_path / "certificate.json"
-    Run(capsys, "plan", "corridor-tight", "-o", plan)
-    Run(capsys, "bound", "corridor-tight", "-o", certificate)
+@pytest.fixture(scope="session")
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A plan and a certificate of the tight corridor, which tests only read."""
+    folder = tmp_path_factory.mktemp("corridor-tight")
+    plan, certificate = folder / "plan.json", folder / "certificate.json"
+    assert commands.run(["plan", "corridor-tight", "-o", str(plan)]) == 0
+    assert commands.run(["bound", "corridor-tight", "-o", str(certificate)]) == 0
     return plan, certificate
 
 
@@ -201,6 +202,7 @@ def test_every_plan_and_certificate_of_gap_is_verified(
     assert Run(capsys, "verify", "corridor-tight", free, "--free").code == 0
 
 
+@pytest.mark.slow
 def test_what_bounds_all_plans_bounds_those_that_obey_the_rules(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -46,7 +46,7 @@ def test_the_notebooks_are_found() -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=30)
 def test_notebooks_run(tmp_path: Path) -> None:
     """Each runs from start to end, and nothing is said on standard error, not even a warning.
 

@@ -351,6 +351,7 @@ def numbers_of(planner: str, scene: str, column: str) -> dict[int | None, float]
 SCENES = ("corridor", "corridor-tight", "bottleneck", "bottleneck-tight", "passage")
 
 
+@pytest.mark.slow
 def test_the_stored_page_is_made_of_the_stored_tables(tmp_path: Path) -> None:
     """All of its sentences and tables, made again from the tables, are the stored ones."""
     assert study("paper", "--out", tmp_path, "--stored") == 0

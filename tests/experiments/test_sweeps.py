@@ -672,7 +672,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=8)
 def test_a_sweep_that_is_killed_goes_on_where_it_was(undisturbed: Path, tmp_path: Path) -> None:
     """Killed hard once it has some cells, and begun again: each cell once, the same table."""
     folder = tmp_path / "run"
@@ -701,7 +701,7 @@ def cell_times(folder: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in (folder / "cells").glob("*.json")}
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=8)
 def test_workers_make_the_same_table(undisturbed: Path, tmp_path: Path) -> None:
     """On workers of its own, as many as there are cores."""
     folder, workers = tmp_path / "run", min(2, usable_cores())
@@ -728,7 +728,7 @@ def scheduler(tmp_path: Path) -> Iterator[str]:
             process.communicate()
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=8)
 def test_workers_started_by_hand_make_the_same_table(
     undisturbed: Path, scheduler: str, tmp_path: Path
 ) -> None:
@@ -883,7 +883,7 @@ SOLVERS["dies"] = lambda problem, stop: os._exit(1)
 
 
 @pytest.mark.filterwarnings("ignore")  # of processes that are killed
-@pytest.mark.slow
+@pytest.mark.slow(seconds=8)
 def test_a_worker_that_dies_or_hangs_costs_its_own_cell(tmp_path: Path) -> None:
     """Both are recorded with their reason; the only worker computes all other cells after it."""
     folder = folder_for_a_sweep(tmp_path / "run")

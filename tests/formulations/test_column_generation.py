@@ -232,7 +232,7 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
 
 
 @pytest.mark.parametrize(("name", "horizon", "is_disaggregated"), [
-    ("bottleneck-tight", 4, True), ("corridor", 6, True),
+    pytest.param("bottleneck-tight", 4, True, marks=pytest.mark.slow), ("corridor", 6, True),
 ])  # fmt: skip
 def test_robots_are_disaggregated_where_that_pays(
     name: str, horizon: int, is_disaggregated: bool, monkeypatch: pytest.MonkeyPatch
@@ -319,7 +319,7 @@ def test_a_mixture_is_split_by_view_sum() -> None:
     assert Mixture(columns, np.zeros(2)).seen() == []
 
 
-@pytest.mark.parametrize("units", [0, 1, 5])
+@pytest.mark.parametrize("units", [0, 1, pytest.param(5, marks=pytest.mark.slow)])
 def test_a_work_limit_makes_the_same_search_every_time(units: int) -> None:
     """Pricing rounds are counted, not seconds: plan, bound and statistics are the same again."""
     problem = load_scene("bottleneck", 0)

@@ -92,7 +92,9 @@ def test_exact_methods_find_the_optimum(method: str, problem: Problem) -> None:
     assert result.reason in (Reason.OPTIMAL, Reason.INFEASIBLE)
 
 
-@pytest.mark.parametrize("name", TINY_OPTIMA)
+@pytest.mark.parametrize(
+    "name", [slow(name) if name == "tiny-give-way" else name for name in TINY_OPTIMA]
+)
 def test_tiny_scenes_are_solved_by_branch_and_price(name: str) -> None:
     """The optima written in the tiny scenes are proved again."""
     problem = load_scene(name, 0)

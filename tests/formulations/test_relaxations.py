@@ -226,7 +226,9 @@ def test_a_fractional_flow_of_integral_nodes_is_made_integral() -> None:
         flow.paths(half * 0.4)
 
 
-@pytest.mark.parametrize("cells", [0.0, 1.2, 1.6, 2.1, 2.9, 3.7])
+@pytest.mark.parametrize(
+    "cells", [0.0, 1.6, *(pytest.param(n, marks=pytest.mark.slow) for n in (1.2, 2.1, 2.9, 3.7))]
+)
 def test_separation_rows_hold_every_pair_that_is_too_close(cells: float) -> None:
     """Cliques are laid over all cells, so that any two that conflict are in one of them."""
     camera, motion = tiny().robots[0].camera, Motion(headings=1, layers=(5.0, 11.0), radius=6)
@@ -262,6 +264,7 @@ def test_large_scenes_are_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> N
 # -- limits ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", RELAXATIONS)
 def test_wherever_it_is_stopped_there_is_a_certified_bound(method: str) -> None:
     """A limit ends every part of the work, building included, with a bound and no exception."""
