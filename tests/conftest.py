@@ -9,7 +9,11 @@ from hypothesis import HealthCheck, settings
 COMMON = {
     "deadline": None,
     "database": None,
-    "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large],
+    "suppress_health_check": [
+        HealthCheck.too_slow,
+        HealthCheck.data_too_large,
+        HealthCheck.nested_given,  # the pool is drawn where a property first asks for it
+    ],
 }
 settings.register_profile("ci", derandomize=True, **COMMON)
 settings.register_profile("random", **COMMON)  # with COCAP_OPT_EXAMPLES=20: a hunt for bugs
@@ -20,6 +24,17 @@ def pytest_configure(config: pytest.Config) -> None:
     """Let properties go through fewer examples where slow tests are left out."""
     if "not slow" in config.option.markexpr:
         os.environ["COCAP_OPT_QUICK"] = "1"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what takes longest, so that no worker ends long after the others."""
+    items.sort(key=_seconds, reverse=True)
+
+
+def _seconds(item: pytest.Item) -> float:
+    """Seconds that a slow test says it takes; 0 where it says nothing."""
+    marker = item.get_closest_marker("slow")
+    return marker.kwargs.get("seconds", 0.0) if marker else 0.0
 
 
 @pytest.fixture(scope="session", autouse=True)

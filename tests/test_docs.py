@@ -110,7 +110,7 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
 }  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=9)
 def test_the_how_to_runs_as_it_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -135,7 +135,7 @@ def test_the_how_to_runs_as_it_is_written(
             Path(name).write_bytes(content)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=9)
 def test_the_research_tutorial_runs_as_it_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

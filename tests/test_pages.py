@@ -30,7 +30,7 @@ def commands() -> list[str]:
     return [line for line in lines if line.startswith("cocap-opt ")]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=40)
 def test_the_pages_are_built_without_a_warning(tmp_path: Path) -> None:
     """Links lead somewhere, each page is in the index, and each number that is quoted is stored."""
     command = [sys.executable, "-m", "sphinx", "-W", "-q", "-d", tmp_path / "trees", DOCS, tmp_path]

@@ -36,7 +36,7 @@ def modules(text: str) -> list[str]:
     return [line for cell in cells for line in cell.splitlines() if re.match("import|from", line)]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=9)
 def test_the_wheel_works_without_the_repository(tmp_path: Path) -> None:
     """Built of the sdist and installed alone, it plans, plays, and imports what notebooks do."""
     source, built, installed = (tmp_path / name for name in ("source", "built", "installed"))

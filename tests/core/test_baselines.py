@@ -15,7 +15,8 @@ from brute_force import (
 )
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import WALL, Calls, examples, meetings, problems, standing, tiny
+from pool import meetings, problems
+from strategies import WALL, Calls, examples, standing, tiny
 
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
@@ -61,9 +62,21 @@ def line(length: int, *starts: int, goals: tuple[int, ...], horizon: int) -> Pro
 
 
 def metres(problem: Problem, robot: int, path: tuple[State, ...]) -> np.ndarray:
-    """Places [T+1, 3] along a path: x, y and flight height in m."""
+    """Places [T+1, 3] along a path: x, y and altitude in m."""
     layers = problem.robots[robot].motion.layers
-    return np.array([[*problem.height_map.centre(s.x, s.y), layers[s.layer]] for s in path])
+    centres = [problem.height_map.centre(s.x, s.y) for s in path]
+    return np.array(
+        [aloft(problem, x, y, layers[s.layer]) for s, (x, y) in zip(path, centres, strict=True)]
+    )
+
+
+def aloft(problem: Problem, x: float, y: float, height: float) -> tuple[float, float, float]:
+    """A point at a flight height; the ground off the map is that at its edge."""
+    datum, size = problem.height_map.datum, problem.height_map.resolution
+    if datum is None:
+        return x, y, height
+    i, j = (int(min(max(at // size, 0), n - 1)) for at, n in zip((x, y), datum.shape, strict=True))
+    return x, y, height + datum[i, j]
 
 
 # -- both ---------------------------------------------------------------------------------
@@ -325,7 +338,7 @@ def test_the_distance_is_the_nearest_at_which_the_image_holds_it(
 
 
 @examples(8)
-@given(problems(robots=st.just(1)))
+@given(problems(robots=[1]))
 def test_one_robot_is_as_near_to_its_place_as_can_be(problem: Problem) -> None:
     """Of all paths none is nearer in all; of those through the same cells none has a greater J."""
     assume(problem.actors)
@@ -335,7 +348,7 @@ def test_one_robot_is_as_near_to_its_place_as_can_be(problem: Problem) -> None:
     if plan is None:
         return
     places = Circle.share_out(problem)[0].places(problem, STANDOFF, 5.0, 1)
-    target = np.column_stack([places.at[0, :, 0], np.full(problem.horizon + 1, places.height[0])])
+    target = np.array([aloft(problem, x, y, places.height[0]) for x, y in places.at[0, :, 0]])
 
     def far(path: tuple[State, ...]) -> float:
         return float(np.linalg.norm(metres(problem, 0, path) - target, axis=1).sum())

@@ -5,7 +5,8 @@ import pytest
 from brute_force import all_paths
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import WALL, examples, meetings, problems, standing, tiny
+from pool import meetings, problems
+from strategies import WALL, examples, standing, tiny
 
 from cocap_opt.graph.charges import NO_CHARGES
 from cocap_opt.model import compiled
@@ -50,7 +51,7 @@ class Asked(Stop):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SETTLED)
 @examples(4)
-@given(problem=crowds)
+@given(problem=st.one_of(problems(most_plans=500), meetings(), meetings(team=3)))
 def test_no_robot_alone_can_gain(name: str, problem: Problem) -> None:
     """After rounds that obey the rules no other path of any one robot is better, and obeys them."""
     assume(not problem.objective.over_time)

@@ -4,7 +4,8 @@ import numpy as np
 from brute_force import all_paths
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import examples, meetings, number_of_plans, problems
+from pool import meetings, problems
+from strategies import examples, number_of_plans
 
 from cocap_opt.coordination.best_response import best_response
 from cocap_opt.coordination.constraints import forbid
@@ -25,7 +26,7 @@ from cocap_opt.world.workspace import HeightMap
 
 
 @examples(15)
-@given(st.one_of(meetings(), problems(robots=st.just(2))), st.integers(0, 99))
+@given(st.one_of(meetings(), problems(robots=[2])), st.integers(0, 99))
 def test_places_conflict_where_their_cells_are_too_close(problem: Problem, seed: int) -> None:
     """The matrix says of places of two classes what the rules say of their cells."""
     model, rng = Model(problem, use_cache=False), np.random.default_rng(seed)
@@ -57,7 +58,7 @@ def test_coverage_of_states_is_that_of_the_table(problem: Problem, seed: int) ->
 
 
 @examples(15)
-@given(problems(robots=st.just(1)))
+@given(problems(robots=[1]))
 def test_a_best_response_to_nobody_is_the_best_path(problem: Problem) -> None:
     """Against all paths of a robot alone, one by one."""
     assume(number_of_plans(problem) <= 2000)

@@ -13,7 +13,8 @@ import pytest
 import trimesh
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import WALL, Calls, examples, problems, shapes
+from pool import problems
+from strategies import WALL, Calls, examples, shapes
 
 from cocap_opt.data import FOCAL as FOCAL_RANGE
 from cocap_opt.data import LARGEST, MOST_PIXELS, MOST_WEIGHT, SMALLEST, FloatArray

@@ -7,7 +7,8 @@ import pytest
 from exact_views import exact_coverage
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import WALL, examples, problems, shapes
+from pool import problems
+from strategies import WALL, examples, shapes
 
 from cocap_opt.data import IntArray
 from cocap_opt.experiments.studies.coverage.town import town

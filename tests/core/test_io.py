@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import examples, problems, tiny
+from pool import problems
+from strategies import examples, tiny
 
 from cocap_opt.data import FOCAL, LARGEST, MOST_WEIGHT, SMALLEST
 from cocap_opt.files.documents import (

@@ -9,7 +9,8 @@ import pytest
 from brute_force import optimum
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import Calls, examples, meetings, problems, standing, tiny
+from pool import meetings, problems
+from strategies import Calls, examples, standing, tiny
 
 from cocap_opt.model import Model
 from cocap_opt.planners.joint import joint
@@ -39,7 +40,7 @@ def close(a: float, b: float) -> bool:
 
 @pytest.mark.slow
 @examples(24)
-@given(st.one_of(problems(robots=st.just(2)), meetings()))
+@given(st.one_of(problems(robots=[2]), meetings()))
 def test_joint_is_optimal(problem: Problem) -> None:
     """Joint planning finds brute force's optimum under all rules, goals, classes and layers."""
     best, result = optimum(problem), joint(problem)
@@ -52,7 +53,7 @@ def test_joint_is_optimal(problem: Problem) -> None:
 
 
 @examples(15)
-@given(st.one_of(problems(robots=st.just(2)), meetings()))
+@given(st.one_of(problems(robots=[2]), meetings()))
 def test_joint_values_are_of_the_true_objective(problem: Problem) -> None:
     """The value that joint planning gives the pair of starts is the best J itself."""
     best = optimum(problem)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import Calls, examples, meetings, problems
+from pool import meetings, problems
+from strategies import Calls, examples
 from test_planners import blocked_at_random, close, meadow, seen_by_others
 
 from cocap_opt.experiments.studies.coverage.town import town
@@ -92,7 +93,7 @@ def test_nothing_hides_anybody_on_a_meadow() -> None:
 
 
 @examples(7)
-@given(problem=problems(robots=st.just(1), over_time=True), seed=st.integers(0, 10**6))
+@given(problem=problems(robots=[1], over_time=True), seed=st.integers(0, 10**6))
 def test_rewards_are_bounds_until_they_are_evaluated(problem: Problem, seed: int) -> None:
     """On top of whatever others see, in any order; those evaluated are exact to the last bit."""
     model, rng = Model(problem, use_cache=False), np.random.default_rng(seed)
@@ -126,7 +127,7 @@ def evaluated_nodes(patch: pytest.MonkeyPatch) -> list[int]:
 
 @pytest.mark.parametrize("width", [1, 4])
 @examples(9)
-@given(problem=problems(robots=st.just(1), over_time=True), seed=st.integers(0, 10**6))
+@given(problem=problems(robots=[1], over_time=True), seed=st.integers(0, 10**6))
 def test_it_finds_the_path_of_value_iteration(width: int, problem: Problem, seed: int) -> None:
     """Task after task, past obstacles, constraints and others' pixels; no state twice."""
     model = Model(problem, use_cache=False)
@@ -177,7 +178,7 @@ def test_a_second_task_needs_no_view_again() -> None:
 
 
 @examples(20)
-@given(problem=problems(robots=st.just(1)), seed=st.integers(0, 10**6))
+@given(problem=problems(robots=[1]), seed=st.integers(0, 10**6))
 def test_screens_hide_only_what_nobody_sees(problem: Problem, seed: int) -> None:
     """What a column is known to hide a pinhole camera does not see at all, to the last bit."""
     assume(isinstance(problem.robots[0].camera, Camera))
@@ -208,7 +209,7 @@ def test_screens_find_who_is_behind_a_house() -> None:
 
 
 @examples(6)
-@given(problem=problems(robots=st.just(1)), seed=st.integers(0, 10**6))
+@given(problem=problems(robots=[1]), seed=st.integers(0, 10**6))
 def test_a_sweep_may_begin_where_rewards_have_changed(problem: Problem, seed: int) -> None:
     """It gives the same values as one over all steps, under a goal and charges, too."""
     model, rng = Model(problem, use_cache=False), np.random.default_rng(seed)

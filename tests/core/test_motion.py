@@ -7,9 +7,9 @@ import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import example, given
-from hypothesis import strategies as st
+from pool import problems
 from product_graph import motion_graph, pruned_product
-from strategies import WALL, cameras, examples, height_maps, motions, problems, tiny
+from strategies import WALL, cameras, examples, height_maps, motions, tiny
 
 from cocap_opt.data import MOST_TURN
 from cocap_opt.graph.networks import (
@@ -216,7 +216,7 @@ def test_a_robot_that_turns_freely() -> None:
 
 
 @examples(25)
-@given(problems(robots=st.just(1)))
+@given(problems(robots=[1]))
 def test_time_expanded_graph_holds_what_lies_on_a_path(problem: Problem) -> None:
     """A node is kept exactly where a path from the start to a legal end passes through it.
 
@@ -243,7 +243,7 @@ def test_time_expanded_graph_holds_what_lies_on_a_path(problem: Problem) -> None
 
 
 @examples(25)
-@given(problems(robots=st.just(1)))
+@given(problems(robots=[1]))
 def test_time_expanded_graph_is_the_pruned_product(problem: Problem) -> None:
     """Built step by step it has the nodes and edges of the product, people and goals included."""
     graph = time_expanded_graph(problem, 0)
@@ -252,7 +252,7 @@ def test_time_expanded_graph_is_the_pruned_product(problem: Problem) -> None:
 
 
 @examples(25)
-@given(problems(robots=st.just(1)))
+@given(problems(robots=[1]))
 def test_edges_are_counted_before_they_are_made(problem: Problem) -> None:
     """The estimate is never too low, and exact where people close nothing."""
     edges = reached_graph(problem, 0).number_of_edges()

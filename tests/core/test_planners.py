@@ -18,7 +18,16 @@ import pytest
 from brute_force import all_paths, bonus_of, optimum, pixels_of, weights_of
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import WALL, examples, meetings, number_of_plans, problems, standing, tiny
+from pool import meetings, problems
+from strategies import (
+    WALL,
+    drawn_meetings,
+    drawn_problems,
+    examples,
+    number_of_plans,
+    standing,
+    tiny,
+)
 
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.networks import time_expanded_graph
@@ -114,7 +123,7 @@ def check_contract(name: str, problem: Problem, result: Result) -> None:
 
 
 @examples(24)
-@given(st.one_of(problems(), meetings(), meetings(team=3)))
+@given(st.one_of(drawn_problems(), drawn_meetings(), drawn_meetings(team=3)))
 def test_contract(problem: Problem) -> None:
     """Every planner: a plan that can be flown and is worth what it says, never above the optimum.
 
@@ -122,7 +131,7 @@ def test_contract(problem: Problem) -> None:
     only where brute force finds no plan, and call a failure of theirs a proof only there.
     """
     best = optimum(problem)
-    free = optimum(problem.replace(rules=NO_RULES))
+    free = optimum(problem.without_rules())
     for name, planner in PLANNERS.items():
         if name == "joint" and len(problem.robots) > 2:
             with pytest.raises(UnsupportedError, match="two drones"):
@@ -157,7 +166,7 @@ def test_tiny_instance(name: str) -> None:
 
 
 @examples(15)
-@given(problems(robots=st.just(1)))
+@given(problems(robots=[1]))
 def test_one_robot_is_planned_optimally(problem: Problem) -> None:
     """For one robot greedy, sequential, CoCap and joint planning are all exact."""
     best = optimum(problem)
@@ -275,7 +284,7 @@ def obeys(model: Model, charges: Charges, path: tuple[State, ...]) -> bool:
 
 @pytest.mark.parametrize("kind", ["value iteration", "view search", "view search, undiscounted"])
 @examples(24)
-@given(problem=problems(robots=st.just(1)), seed=st.integers(0, 10**6))
+@given(problem=problems(robots=[1]), seed=st.integers(0, 10**6))
 def test_low_levels(kind: str, problem: Problem, seed: int) -> None:
     """A low level finds a path that obeys goal and charges wherever there is one.
 
@@ -322,7 +331,7 @@ def test_view_search_heeds_weights() -> None:
 
 
 @examples(20)
-@given(problems(robots=st.just(1)), st.integers(0, 10**6))
+@given(problems(robots=[1]), st.integers(0, 10**6))
 def test_view_search_takes_the_best_of_one_step(problem: Problem, seed: int) -> None:
     """Over a single step view search is exact: it takes the best of all views, as weighted."""
     model = Model(problem.replace(horizon=1), use_cache=False)
@@ -374,7 +383,7 @@ def literal_view_search(task: SingleRobotTask, gamma: float) -> tuple[int, ...] 
 
 @pytest.mark.parametrize("gamma", [0.7, 0.95, 1.0])
 @examples(15)
-@given(problem=problems(robots=st.just(1), goals=False), seed=st.integers(0, 10**6))
+@given(problem=problems(robots=[1], goals=False), seed=st.integers(0, 10**6))
 def test_view_search_is_its_algorithm(gamma: float, problem: Problem, seed: int) -> None:
     """The discount compounds, k counts from 1, and dominance compares compounded values."""
     problem = problem.replace(objective=Objective())
@@ -807,7 +816,7 @@ def test_plans_do_not_depend_on_what_ran_before(problem: Problem) -> None:
 
 
 @examples(15)
-@given(problems(robots=st.just(2)))
+@given(problems(robots=[2]))
 def test_order_of_robots_does_not_matter_to_the_optimum(problem: Problem) -> None:
     """Robots in another order have the same joint optimum."""
     swapped = problem.replace(robots=problem.robots[::-1])
@@ -817,7 +826,7 @@ def test_order_of_robots_does_not_matter_to_the_optimum(problem: Problem) -> Non
 
 
 @examples(12)
-@given(problems(robots=st.just(2)))
+@given(problems(robots=[2]))
 def test_fewer_rules_are_never_worse(problem: Problem) -> None:
     """Dropping a collision rule or a goal never lowers the optimum."""
     assume(problem.rules.vertex)
@@ -859,7 +868,7 @@ RATES = ("stationarity", "keep_cell", "keep_heading", "balanced")
 
 
 @examples(15)
-@given(problems(robots=st.just(2)), st.floats(0.1, 50.0))
+@given(problems(robots=[2]), st.floats(0.1, 50.0))
 def test_scaled_weights_scale_the_optimum(problem: Problem, factor: float) -> None:
     """All weights times a factor is the optimum times the factor."""
     actors = tuple(
@@ -876,7 +885,7 @@ def test_scaled_weights_scale_the_optimum(problem: Problem, factor: float) -> No
 
 @pytest.mark.parametrize("low_level", [value_iteration, ViewSearch()])
 @examples(12)
-@given(problem=st.one_of(problems(robots=st.just(2)), meetings(team=3)))
+@given(problem=st.one_of(problems(robots=[2]), meetings(team=3)))
 def test_rounds_never_lose(low_level: LowLevel, problem: Problem) -> None:
     """More rounds of greedy planning never lower J, even where the low level is not exact."""
     values = [planner(problem, never, low_level).value for planner in (greedy, greedy_rounds)]

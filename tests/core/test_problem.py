@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import WALL, examples, problems, standing, tiny
+from pool import problems
+from strategies import WALL, examples, standing, tiny
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import SceneFile, encode, problem_digest

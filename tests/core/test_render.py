@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from PIL import Image
-from strategies import examples, problems, tiny
+from pool import problems
+from strategies import examples, tiny
 
 from cocap_opt.experiments.cli.commands import run
 from cocap_opt.experiments.results.rendered import (

@@ -8,7 +8,8 @@ import pytest
 from brute_force import objective_from_scratch
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import examples, problems, tiny
+from pool import problems
+from strategies import examples, tiny
 
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.move_rewards import Bonuses
@@ -17,7 +18,7 @@ from cocap_opt.objective import marginal_gain, marginal_reward, objective, view_
 from cocap_opt.problem import Objective, Plan, Problem
 from cocap_opt.referee import check
 
-TEAMS = problems(robots=st.integers(1, 3), most_plans=10**6)
+TEAMS = problems()
 
 
 class Flown(NamedTuple):

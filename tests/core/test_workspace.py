@@ -6,8 +6,9 @@ import pytest
 from copies import Copy
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from pool import problems
 from scipy.optimize import linprog
-from strategies import examples, plate, problems
+from strategies import examples, plate
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.graph.networks import place_graph

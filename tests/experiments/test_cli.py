@@ -62,9 +62,12 @@ class Run:
         return json.loads(self.out)
 
 
-def start_command(*words: object) -> subprocess.Popen[str]:
-    """One command in a process of its own."""
+def start_command(*words: object, talkative: bool = False) -> subprocess.Popen[str]:
+    """One command in a process of its own; if it is talkative, it says all its progress."""
     code = f"from cocap_opt.experiments.cli.main import main; main({[str(word) for word in words]})"
+    if talkative:
+        module = "from cocap_opt.experiments.console import progress"
+        code = f"{module}; progress.SECONDS_BETWEEN_LINES = 0.01; {code}"
     return subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -76,12 +79,13 @@ def wait_for(process: subprocess.Popen[str], folder: Path, pattern: str) -> None
         time.sleep(0.02)
 
 
-@pytest.fixture
-def files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[Path, Path]:
-    """A plan and a certificate of the tight corridor."""
-    plan, certificate = tmp_path / "plan.json", tmp_path / "certificate.json"
-    Run(capsys, "plan", "corridor-tight", "-o", plan)
-    Run(capsys, "bound", "corridor-tight", "-o", certificate)
+@pytest.fixture(scope="session")
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A plan and a certificate of the tight corridor, which tests only read."""
+    folder = tmp_path_factory.mktemp("corridor-tight")
+    plan, certificate = folder / "plan.json", folder / "certificate.json"
+    assert commands.run(["plan", "corridor-tight", "-o", str(plan)]) == 0
+    assert commands.run(["bound", "corridor-tight", "-o", str(certificate)]) == 0
     return plan, certificate
 
 
@@ -198,6 +202,7 @@ def test_every_plan_and_certificate_of_gap_is_verified(
     assert Run(capsys, "verify", "corridor-tight", free, "--free").code == 0
 
 
+@pytest.mark.slow
 def test_what_bounds_all_plans_bounds_those_that_obey_the_rules(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -1115,15 +1120,17 @@ def test_ctrl_c_gives_the_best_plan_and_bound_so_far(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An interrupted solver is a result: exit code 0, both files written, and they hold."""
-    plan, proof, cache = (tmp_path / name for name in ("plan.json", "proof.json", "cache"))
-    monkeypatch.setenv("COCAP_OPT_CACHE", str(cache))
+    plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path / "cache"))
     process = start_command("solve", "bottleneck", "--seed", 2, "--time-limit", 600, "-o", plan,
-                            "--certificate", proof, "--json")  # fmt: skip
-    wait_for(process, cache, "*.coverage")
-    time.sleep(0.5)
+                            "--certificate", proof, "--json", talkative=True)  # fmt: skip
+    assert process.stderr is not None
+    has_both = re.compile(r"cocap-opt: bottleneck seed 2, .* value [\d,.]+ bound [\d,.]+ gap ")
+    assert any(has_both.match(line) for line in process.stderr)  # it waits for such a line
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
-    assert (process.returncode, err) == (0, "")
+    assert process.returncode == 0
+    assert all(line.startswith("cocap-opt: bottleneck") for line in err.splitlines()[1:])
     row = json.loads(out)
     assert (row["reason"], row["limit"]) == ("stopped", "interrupt")
     assert row["reward"] < row["bound"]

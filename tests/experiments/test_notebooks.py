@@ -1,8 +1,10 @@
 import ast
 from pathlib import Path
 
+import nbformat
 import pytest
 from nbformat import NotebookNode
+from nbformat.v4 import new_code_cell, new_notebook
 from studies import study
 
 import cocap_opt as co
@@ -44,11 +46,18 @@ def test_the_notebooks_are_found() -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.slow
-@each
-def test_notebooks_run(notebook: Notebook) -> None:
-    """Each runs from start to end, and nothing is said on standard error, not even a warning."""
-    outputs = [output for cell in code(notebook.executed()) for output in cell.outputs]
+@pytest.mark.slow(seconds=30)
+def test_notebooks_run(tmp_path: Path) -> None:
+    """Each runs from start to end, and nothing is said on standard error, not even a warning.
+
+    All run in one process, which imports once; none finds the names of the one before.
+    """
+    joined = new_notebook()
+    for notebook in NOTEBOOKS:
+        joined.cells += [*code(notebook.content()), new_code_cell("%reset -f")]
+    nbformat.write(joined, tmp_path / "joined.ipynb")
+    cells = code(Notebook(tmp_path / "joined.ipynb").executed())
+    outputs = [output for cell in cells for output in cell.outputs]
     assert outputs
     assert not [output.text for output in outputs if output.get("name") == "stderr"]
 

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from others import DATA
+from pool import meetings
 from scene_files import SEQUENCE, actor, solution, write_hughes
-from strategies import examples, meetings
+from strategies import examples
 from studies import rows_of, study
 
 from cocap_opt.experiments.cli.main import main as cocap_opt

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given
+from pool import problems
 from result_rows import row
-from strategies import examples, problems
+from strategies import examples
 from studies import study
 
 from cocap_opt.experiments.results.files import save_csv
@@ -350,6 +351,7 @@ def numbers_of(planner: str, scene: str, column: str) -> dict[int | None, float]
 SCENES = ("corridor", "corridor-tight", "bottleneck", "bottleneck-tight", "passage")
 
 
+@pytest.mark.slow
 def test_the_stored_page_is_made_of_the_stored_tables(tmp_path: Path) -> None:
     """All of its sentences and tables, made again from the tables, are the stored ones."""
     assert study("paper", "--out", tmp_path, "--stored") == 0

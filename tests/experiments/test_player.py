@@ -989,7 +989,7 @@ def test_only_a_plan_that_obeys_the_rules_is_called_optimal() -> None:
 
 def test_the_costliest_moves_are_those_of_the_explanation() -> None:
     """The largest losses of drones by leaving a step, by step."""
-    problem = load_scene("bottleneck", 0)
+    problem = load_scene("corridor-tight", 0)
     plans, proof = planned(problem, "greedy"), BOUNDS["alone"](problem).certificate
     assert proof is not None
     gaps = gaps_of(problem, [plans[0][1]], proof)

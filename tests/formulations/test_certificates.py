@@ -12,6 +12,7 @@ import pytest
 from brute_force import all_paths, bonus_of, optimum, pixels_of, views_of, weights_of
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from pool import meetings, problems
 from random_certificates import (
     all_cells,
     as_rows,
@@ -22,7 +23,7 @@ from random_certificates import (
     some_model,
 )
 from scipy.optimize import linprog
-from strategies import QUICK, examples, meetings, problems, tiny
+from strategies import QUICK, examples, tiny
 
 from cocap_opt.files.documents import FileError, decode_document, encode, read_bytes
 from cocap_opt.formulations import BOUNDS

@@ -10,7 +10,8 @@ import pytest
 from brute_force import optimum
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import Calls, examples, meetings, problems
+from pool import meetings, problems
+from strategies import Calls, examples
 
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, verify

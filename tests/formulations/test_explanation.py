@@ -7,8 +7,9 @@ import pytest
 from brute_force import all_paths
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from pool import meetings, problems
 from random_certificates import as_rows, random_multipliers, random_proof, some_model
-from strategies import WALL, examples, meetings, problems, standing, tiny
+from strategies import WALL, examples, standing, tiny
 
 from cocap_opt.coordination.replans import replans
 from cocap_opt.experiments.results.explained import Explained

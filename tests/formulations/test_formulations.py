@@ -14,7 +14,8 @@ import pytest
 from brute_force import objective_from_scratch, optimum
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import Calls, examples, meetings, problems, tiny
+from pool import meetings, problems
+from strategies import Calls, drawn_problems, examples, tiny
 
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, verify
@@ -73,7 +74,7 @@ def assert_sandwich(problem: Problem, result: CertifiedResult) -> None:
 
 @pytest.mark.parametrize("method", [slow(m) if m in TAKING_LONG else m for m in OWN])
 @examples(10)
-@given(problem=problems(over_time=True))
+@given(problem=drawn_problems(over_time=True))
 def test_sandwich(method: str, problem: Problem) -> None:
     """plan <= optimum <= bound, for every method, rule, class of robots and goal."""
     best = optimum(problem)
@@ -92,7 +93,9 @@ def test_exact_methods_find_the_optimum(method: str, problem: Problem) -> None:
     assert result.reason in (Reason.OPTIMAL, Reason.INFEASIBLE)
 
 
-@pytest.mark.parametrize("name", TINY_OPTIMA)
+@pytest.mark.parametrize(
+    "name", [slow(name) if name == "tiny-give-way" else name for name in TINY_OPTIMA]
+)
 def test_tiny_scenes_are_solved_by_branch_and_price(name: str) -> None:
     """The optima written in the tiny scenes are proved again."""
     problem = load_scene(name, 0)
@@ -112,7 +115,7 @@ def test_branch_and_price_equals_joint_value_iteration(seed: int) -> None:
 
 
 @examples(15)
-@given(problem=problems(robots=st.just(1)))
+@given(problem=problems(robots=[1]))
 def test_single_view_cuts_are_exact_for_one_robot(problem: Problem) -> None:
     """For one robot the relaxation with single-view cuts is the shortest-path polytope."""
     best = optimum(problem).value

@@ -16,7 +16,8 @@ import pytest
 from brute_force import all_paths, objective_from_scratch, optimum
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import Calls, examples, meetings, problems, tiny
+from pool import meetings, problems
+from strategies import Calls, examples, tiny
 
 from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.column_generation.column_generation import column_generation

@@ -6,7 +6,8 @@ import pytest
 from brute_force import all_paths, optimum
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from strategies import Calls, examples, meetings, problems, tiny
+from pool import meetings, problems
+from strategies import Calls, drawn_problems, examples, tiny
 
 from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.relaxations import cell_cliques
@@ -93,7 +94,7 @@ def test_one_flow_per_class_is_as_tight_as_one_per_robot(problem: Problem) -> No
 
 
 @examples(10)
-@given(problem=problems(robots=st.just(1)))
+@given(problem=problems(robots=[1]))
 def test_single_view_cuts_are_exact_for_one_robot(problem: Problem) -> None:
     """For one robot the relaxation with single-view cuts is the shortest-path polytope."""
     best = optimum(problem).value
@@ -107,7 +108,7 @@ def test_single_view_cuts_are_exact_for_one_robot(problem: Problem) -> None:
 
 @pytest.mark.slow
 @examples(10)
-@given(problem=problems(robots=st.sampled_from([2, 3]), goals=False), face=st.integers(0, 4))
+@given(problem=drawn_problems(robots=st.sampled_from([2, 3]), goals=False), face=st.integers(0, 4))
 def test_one_face_at_one_step_leaves_no_gap(problem: Problem, face: int) -> None:
     """Cells that robots can share out at one step form a transversal matroid.
 
@@ -225,7 +226,9 @@ def test_a_fractional_flow_of_integral_nodes_is_made_integral() -> None:
         flow.paths(half * 0.4)
 
 
-@pytest.mark.parametrize("cells", [0.0, 1.2, 1.6, 2.1, 2.9, 3.7])
+@pytest.mark.parametrize(
+    "cells", [0.0, 1.6, *(pytest.param(n, marks=pytest.mark.slow) for n in (1.2, 2.1, 2.9, 3.7))]
+)
 def test_separation_rows_hold_every_pair_that_is_too_close(cells: float) -> None:
     """Cliques are laid over all cells, so that any two that conflict are in one of them."""
     camera, motion = tiny().robots[0].camera, Motion(headings=1, layers=(5.0, 11.0), radius=6)
@@ -261,6 +264,7 @@ def test_large_scenes_are_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> N
 # -- limits ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", RELAXATIONS)
 def test_wherever_it_is_stopped_there_is_a_certified_bound(method: str) -> None:
     """A limit ends every part of the work, building included, with a bound and no exception."""

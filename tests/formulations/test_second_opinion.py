@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pool import problems
 from random_certificates import as_rows, random_multipliers, random_proof, some_model
-from strategies import examples, problems, tiny
+from strategies import examples, tiny
 
 from cocap_opt.experiments.results.verification import ProvedBound
 from cocap_opt.formulations.certificates import (

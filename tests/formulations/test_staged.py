@@ -11,8 +11,9 @@ import pytest
 from brute_force import all_paths, objective_from_scratch, optimum
 from hypothesis import given
 from hypothesis import strategies as st
+from pool import meetings, problems
 from random_certificates import as_rows, random_multipliers, some_model
-from strategies import examples, meetings, problems, tiny
+from strategies import examples, tiny
 
 import cocap_opt.formulations.column_generation.step_envelopes as envelopes
 from cocap_opt.formulations.certificates import (

@@ -214,6 +214,7 @@ def test_unconstrained_plans_collide(name: str, least: float) -> None:
     assert collisions / len(SEEDS) >= least
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [9, 18])
 def test_collision_rules_cost_the_optimum_of_two_robots(seed: int) -> None:
     """In the tight corridor the proved optimum is more than 1 % below the one without rules."""
@@ -289,6 +290,7 @@ def test_field_is_as_large_as_asked_and_an_eighth_of_it_blocked(seed: int, sizes
     assert 0.1 <= (problem.height_map.heights > 0).mean() <= 0.15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIELDS)
 def test_named_fields_have_their_sizes(name: str) -> None:
     """They are fields like any other, but for the name."""

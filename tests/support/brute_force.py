@@ -6,6 +6,7 @@ or the planners is used.
 """
 
 import math
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -102,8 +103,9 @@ def objective_from_scratch(problem: Problem, plan: Plan) -> float:
     return views + sum(bonus_of(problem, path) for path in plan.paths)
 
 
+@lru_cache(maxsize=1024)
 def optimum(problem: Problem) -> Optimum:
-    """Best of all plans that obey the rules."""
+    """Best of all plans that obey the rules; remembered, for many properties ask for it."""
     paths = [all_paths(problem, robot) for robot in range(len(problem.robots))]
     shape = tuple(map(len, paths))
     if 0 in shape:

@@ -234,7 +234,7 @@ def objectives(draw: st.DrawFn, over_time: bool = False) -> Objective:
 
 
 @st.composite
-def problems(
+def drawn_problems(
     draw: st.DrawFn,
     robots: st.SearchStrategy[int] = st.sampled_from([2, 2, 3, 1]),
     most_plans: int = MOST_PLANS,
@@ -302,7 +302,7 @@ def teams(
 
 
 @st.composite
-def meetings(draw: st.DrawFn, team: int = 2) -> Problem:
+def drawn_meetings(draw: st.DrawFn, team: int = 2) -> Problem:
     """Robots in one another's way that see the same faces: conflicts, swaps, shared pixels.
 
     They fly over very few cells, look straight down with a wide view, and often have to
@@ -357,6 +357,7 @@ def graph_of(problem: Problem, robot: int) -> "nx.DiGraph[tuple[State, int]]":
     return time_expanded_graph(problem, robot)
 
 
+@lru_cache(maxsize=1024)
 def number_of_plans(problem: Problem) -> int:
     """Number of combinations of paths, one per robot, that reach their goals."""
     return math.prod(
