@@ -76,9 +76,9 @@ class Root:
     def _begin(self, mixture: Mixture) -> None:
         """Puts a mixture's columns and the best plan found from it into the master."""
         search, master = self.search, self.relaxation.master
-        for column, _ in mixture.used(LEAST_AMOUNT):
-            master.add(column)
+        search.columns += sum(master.add(column) for column, _ in mixture.used(LEAST_AMOUNT))
         search.offer(search.local_search.from_mixture(mixture, master.arcs))
+        search.report(search.snapshot(self.relaxation.best.bound))
         for column in () if search.incumbent is None else search.incumbent.columns:
             master.add(column)
 
