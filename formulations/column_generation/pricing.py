@@ -7,9 +7,11 @@ cost of each. The value is the bound that the multipliers' certificate proves, b
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy import sparse
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Decision, Resource, charges_of
@@ -40,16 +42,14 @@ class Pricer:
         # Some classes share a table.
         tables = [model.coverage(robot_class) for robot_class in model.classes]
         distinct = {id(table): table for table in tables}
-        self._shared = {
-            at: _Entries.of(table, len(self._weights)) for at, table in distinct.items()
-        }
-        self._entries = [self._shared[id(table)] for table in tables]
+        self._shared = {at: _Views(table, len(self._weights)) for at, table in distinct.items()}
+        self._views = [self._shared[id(table)] for table in tables]
 
     def __call__(self, duals: Duals, decisions: Sequence[Decision] = ()) -> Priced:
         """Returns the bound of multipliers for plans that obey the decisions, and new columns."""
         model, bonuses = self.model, Bonuses.of(self.model.problem.objective)
         bound, costs = self._constant(duals, decisions), _costs(duals, decisions)
-        base = {at: entries.base(duals) for at, entries in self._shared.items()}
+        base = {at: views.base(duals, self._weights) for at, views in self._shared.items()}
         columns = []
         for number, robot_class in enumerate(model.classes):
             own = base[id(model.coverage(robot_class))]
@@ -87,14 +87,14 @@ class Pricer:
 
         Parameters
         ----------
-        base : [nnz] payment for the entries to every class that shares the table
+        base : [n] payment of the nodes to every class that shares the table
         """
-        entries, paid = self._entries[number], base.copy()
+        views, paid = self._views[number], base.copy()
         for cut, share in duals.cuts:
             if share > 0:
-                own = entries.of_view_sum(cut.view_sum)
-                paid[own] += share * cut.phi(number, entries.roots[own])
-        return entries.table.row_sums(paid * self._weights[entries.table.view_sums])
+                nodes, roots = views.of_view_sum(cut.view_sum)
+                paid[nodes] += share * self._weights[cut.view_sum] * cut.phi(number, roots)
+        return paid
 
 
 def _costs(duals: Duals, decisions: Sequence[Decision]) -> list[tuple[Resource, float]]:
@@ -105,27 +105,27 @@ def _costs(duals: Duals, decisions: Sequence[Decision]) -> list[tuple[Resource, 
     return costs
 
 
-class _Entries(NamedTuple):
-    """The entries of a coverage table, view sum by view sum."""
+class _Views:
+    """A coverage table as sparse matrices, nodes by view sums."""
 
-    table: CoverageTable
-    roots: FloatArray  # [nnz] px^0.5/m
-    order: IntArray  # [nnz] entries sorted by view sum
-    bounds: IntArray  # [Z+1] where each view sum's begin in `order`
+    def __init__(self, table: CoverageTable, n_view_sums: int) -> None:
+        shape = len(table.nodes), n_view_sums
+        by_node = (table.view_sums, table.indptr)
+        self._pixels = sparse.csr_array((table.pixels, *by_node), shape)
+        self._roots = sparse.csr_array((np.sqrt(table.pixels), *by_node), shape)
 
-    @classmethod
-    def of(cls, table: CoverageTable, n_view_sums: int) -> "_Entries":
-        """Returns the entries of a table in order."""
-        order = np.argsort(table.view_sums, kind="stable")
-        bounds = np.searchsorted(table.view_sums[order], np.arange(n_view_sums + 1))
-        return cls(table, np.sqrt(table.pixels), order, bounds)
-
-    def base(self, duals: Duals) -> FloatArray:
-        """Returns the payment of each entry by alpha and beta [nnz], before weights and cuts."""
-        paid: FloatArray = duals.alpha[self.table.view_sums] * self.roots
-        paid += duals.beta[self.table.view_sums] * self.table.pixels
+    def base(self, duals: Duals, weights: FloatArray) -> FloatArray:
+        """Returns the payment of each node by alpha and beta [n]."""
+        paid: FloatArray = np.asarray(self._roots @ (weights * duals.alpha))
+        paid += np.asarray(self._pixels @ (weights * duals.beta))
         return paid
 
-    def of_view_sum(self, view_sum: int) -> IntArray:
-        """Returns the numbers of the entries of one view sum."""
-        return self.order[self.bounds[view_sum] : self.bounds[view_sum + 1]]
+    def of_view_sum(self, view_sum: int) -> tuple[IntArray, FloatArray]:
+        """Returns the nodes that see a view sum, and the roots of the pixels that they see."""
+        part = slice(*self._by_view_sum.indptr[view_sum : view_sum + 2])
+        nodes: IntArray = self._by_view_sum.indices[part].astype(np.int64)
+        return nodes, self._by_view_sum.data[part]
+
+    @cached_property
+    def _by_view_sum(self) -> sparse.csc_array:
+        return self._roots.tocsc()

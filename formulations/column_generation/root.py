@@ -1,15 +1,21 @@
 """The root of the search: the relaxation without decisions."""
 
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
 from cocap_opt.formulations.certificates import Cut
 from cocap_opt.formulations.column_generation.master import Master
+from cocap_opt.formulations.column_generation.mixture import Mixture
+from cocap_opt.formulations.column_generation.mixture_ascent import mixture_ascent
 from cocap_opt.formulations.column_generation.relaxation import MOST_IDLE, Relaxation
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
 
+ENOUGH = 0.003  # of the bound, to which the first mixture is raised
+MOST_RAISES = 80
+LEAST_AMOUNT = 0.01  # of a robot, from which on a column is in the first master
 MOST_DISAGGREGATED = 20_000_000  # robots x steps x states up to which robots are disaggregated
 LEAST_GAIN = 0.12  # of what is open, that the first cuts of disaggregated robots must close,
 # times by how much they make the master larger
@@ -35,13 +41,10 @@ class Root:
 
     @classmethod
     def of(cls, search: Search, gap: float, rough: float = 0.0) -> "Root":
-        """Returns the relaxation without decisions, with its first columns, not yet solved."""
-        best = search.alone
+        """Returns the relaxation without decisions, not yet solved."""
         # Twice what all robots can see is more than a broken rule can mostly bring.
         master = Master(search.model, penalty=2 * search.scale)
-        for column in (*search.first_columns(), *best.columns):
-            master.add(column)
-        return cls(Relaxation(search, master, best), gap, rough)
+        return cls(Relaxation(search, master, search.alone), gap, rough)
 
     @property
     def search(self) -> Search:
@@ -55,7 +58,29 @@ class Root:
     def solve_aggregated(self) -> None:
         """Solves the relaxation with the robot classes as they are; raises LimitReached."""
         if self.relaxation.best.bound > -np.inf:
+            mixture = self._ascend()
+            self._begin(mixture)
             self.relaxation.solve(self.cutoff, self.rough)
+
+    def _ascend(self) -> Mixture:
+        """Raises a mixture until it is within ENOUGH of the best bound; raises LimitReached."""
+        search, relaxation = self.search, self.relaxation
+        steps = mixture_ascent(search.model, search.pricer, relaxation.best)
+        for step in islice(steps, MOST_RAISES):
+            relaxation.best = min(relaxation.best, step.priced, key=lambda some: some.bound)
+            search.report(search.snapshot(relaxation.best.bound))
+            if relaxation.best.bound - step.value <= ENOUGH * relaxation.best.bound:
+                break
+        return step.mixture
+
+    def _begin(self, mixture: Mixture) -> None:
+        """Puts a mixture's columns and the best plan found from it into the master."""
+        search, master = self.search, self.relaxation.master
+        search.columns += sum(master.add(column) for column, _ in mixture.used(LEAST_AMOUNT))
+        search.offer(search.local_search.from_mixture(mixture, master.arcs))
+        search.report(search.snapshot(self.relaxation.best.bound))
+        for column in () if search.incumbent is None else search.incumbent.columns:
+            master.add(column)
 
     def solve(self) -> None:
         """Solves the relaxation; with every robot a class of its own where that is tighter.

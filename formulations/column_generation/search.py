@@ -1,14 +1,13 @@
 """The state that all nodes of one search share: model, limits, and the best plan so far."""
 
 from collections.abc import Collection, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import msgspec
 import numpy as np
 
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
-from cocap_opt.formulations.column_generation.columns import Arc, Column
+from cocap_opt.formulations.column_generation.columns import Arc
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.local_search import Allowance, LocalSearch
 from cocap_opt.formulations.column_generation.pricing import Pricer
@@ -24,7 +23,7 @@ from cocap_opt.formulations.result import (
 from cocap_opt.model import Model
 from cocap_opt.problem import Plan
 from cocap_opt.result import Reason, relative_gap
-from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
+from cocap_opt.stop import Clock, Limit, Stop, never
 
 EXACT = 2e-8  # of what all robots see alone: no solver is more accurate than that
 # Best responses that local search may ask for, the first plan's own included: at first, for each
@@ -77,6 +76,7 @@ class Search:
         self.alone = self.pricer(Duals.alone(self.model.problem))
         bound = self.alone.bound
         self.scale = bound if 0 < bound < np.inf else 1.0
+        self.offer(Incumbent.of_plan(self.model, Plan.hovering(self.model.problem)))
 
     @property
     def value(self) -> float:
@@ -124,26 +124,6 @@ class Search:
             bound = min(bound, self.spare.proved)
         bound = self.lowest = min(bound, max(self.lowest, self.value))
         return Snapshot(self.value, bound, self.clock.seconds, self.columns, nodes)
-
-    def first_columns(self) -> list[Column]:
-        """Returns each robot's best path that obeys the rules given the earlier ones.
-
-        The plan that these make together is offered, and the one in which nobody moves. The
-        incumbent's columns come after them.
-        """
-        robots = range(len(self.model.problem.robots))
-        self.offer(Incumbent.of_plan(self.model, Plan.hovering(self.model.problem)))
-        obeying: list[Column] = []
-        with suppress(LimitReached):
-            for robot in robots:
-                self.stop.check()
-                answer = self.local_search.best_response(robot, obeying)
-                if answer is None:
-                    break
-                obeying.append(answer)
-        if len(obeying) == len(robots):
-            self.offer(self.local_search.with_best_responses(obeying))
-        return [*obeying, *(() if self.incumbent is None else self.incumbent.columns)]
 
     def allow_responses(self, times: int = 1) -> None:
         """Allows local search what belongs to an iteration of a relaxation, or several times it."""

@@ -34,6 +34,7 @@ from cocap_opt.formulations.column_generation.local_search import Allowance, Loc
 from cocap_opt.formulations.column_generation.master import Master
 from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.pricing import Pricer
+from cocap_opt.formulations.column_generation.relaxation import Relaxation
 from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.result import OPTIMALITY, BoundMethod, Snapshot
@@ -47,6 +48,21 @@ from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import FirstOf, Limit, LimitReached, WorkLimit, never
 from cocap_opt.world.workspace import HeightMap
+
+
+def obeying(model: Model) -> list[Column]:
+    """A column for each robot, which together break no rule."""
+    plan = LocalSearch(model).from_mixture(Mixture([], np.zeros(0)), [])
+    assert plan is not None
+    return list(plan.columns)
+
+
+def relaxed(search: Search) -> Relaxation:
+    """The relaxation at the root, with the columns of robots that are alone."""
+    relaxation = Root.of(search, OPTIMALITY).relaxation
+    for column in search.alone.columns:
+        relaxation.master.add(column)
+    return relaxation
 
 
 def all_arcs(model: Model) -> list[Arc]:
@@ -133,9 +149,7 @@ def test_pricing_and_certificate_agree(problem: Problem) -> None:
     model = compiled(problem)
     search = Search(model)
     assume(search.alone.bound > -np.inf)
-    root = Root.of(search, OPTIMALITY).relaxation
-    for column in root.best.columns:
-        root.master.add(column)
+    root = relaxed(search)
     solution = root.master.solve()
     for duals in (solution.duals, solution.duals.blended(root.best.duals, 0.3)):
         bound = Pricer(model)(duals).bound
@@ -148,9 +162,9 @@ def test_pricing_and_certificate_agree(problem: Problem) -> None:
 def test_the_master_recombines_paths_that_meet() -> None:
     """Arcs of two paths of a robot that cross give all four combinations."""
     problem = load_scene("corridor", 0)
-    model, search = compiled(problem), Search(compiled(problem))
+    model = compiled(problem)
     master = Master(model, 1e6)
-    columns = search.first_columns()
+    columns = [*obeying(model), *Search(model).alone.columns]
     for column in columns:
         master.add(column)
     arcs = {arc for column in columns for arc in column.arcs}
@@ -165,7 +179,7 @@ def test_the_master_recombines_paths_that_meet() -> None:
 def test_idle_arcs_are_dropped_and_the_rest_still_leads_to_the_end() -> None:
     """Without what was not used for long, the master's value is the same."""
     problem = load_scene("bottleneck", 1)
-    root = Root.of(Search(compiled(problem)), OPTIMALITY).relaxation
+    root = relaxed(Search(compiled(problem)))
     for _ in range(4):
         solution = root.master.solve()
         for column in root.search.pricer(solution.duals).columns:
@@ -180,7 +194,7 @@ def test_a_decision_is_kept_by_the_master_and_by_pricing() -> None:
     """At most none: no column through there; at least one: a robot goes there."""
     problem = load_scene("corridor", 0)
     model, search = compiled(problem), Search(compiled(problem))
-    column = search.first_columns()[0]
+    column = obeying(model)[0]
     resource = Cells(3, (column.along.cells[3],))
     closed = Decision(resource, "at most", 0)
     master = Master(model, 1e6, (closed,))
@@ -198,7 +212,7 @@ def test_integral_mixtures_become_paths_with_the_same_reward() -> None:
     """Paths that cross may swap their tails, which changes nothing of J."""
     problem = load_scene("corridor", 0)
     model = compiled(problem)
-    columns = Search(model).first_columns()[:2]
+    columns = obeying(model)
     plan = Incumbent.of_integral(model, Mixture(columns, np.ones(2)))
     assert plan is not None
     assert plan.value == pytest.approx(objective(model, [c.path for c in columns]))
@@ -253,7 +267,7 @@ def test_fractions_are_found_kind_by_kind() -> None:
     """Cells of all robots come first, states where all cells are used integrally."""
     problem = load_scene("bottleneck", 0)
     search = Search(compiled(problem))
-    root = Root.of(search, OPTIMALITY).relaxation
+    root = relaxed(search)
     root.solve(lambda: 0.0)
     assert root.solution is not None
     found = ResourceUse.of(search.model, root.solution.mixture).fractional()
@@ -268,7 +282,7 @@ def test_plans_from_mixtures_obey_the_rules(name: str) -> None:
     """Rounding, best pairs and diving give plans that the referee accepts."""
     problem = load_scene(name, 1)
     search = Search(compiled(problem))
-    root = Root.of(search, OPTIMALITY).relaxation
+    root = relaxed(search)
     for _ in range(3):
         solution = root.master.solve()
         for column in search.pricer(solution.duals).columns:
@@ -304,7 +318,7 @@ def test_a_best_response_avoids_the_others() -> None:
 def test_a_mixture_is_split_by_view_sum() -> None:
     """Every column's roots come with its weight."""
     problem = load_scene("corridor", 0)
-    columns = Search(compiled(problem)).first_columns()[:2]
+    columns = obeying(compiled(problem))
     mixture = np.array([0.25, 0.75])
     parts = {
         view_sum: (seen.roots, seen.amounts) for view_sum, seen in Mixture(columns, mixture).seen()
@@ -348,7 +362,7 @@ def test_searches_that_are_stopped_keep_what_they_have(method: BoundMethod, aske
 def test_a_stopped_relaxation_raises_and_keeps_its_best_bound() -> None:
     """`solve` raises; the multipliers priced before are those of the best bound."""
     search = Search(compiled(load_scene("corridor", 0)), WorkLimit(3))
-    relaxation = Root.of(search, OPTIMALITY).relaxation
+    relaxation = relaxed(search)
     before = relaxation.best.bound
     with pytest.raises(LimitReached) as stopped:
         relaxation.solve(lambda: 0.0)
@@ -360,7 +374,7 @@ def test_a_stopped_relaxation_raises_and_keeps_its_best_bound() -> None:
 def test_local_search_that_is_stopped_returns_its_best_plan() -> None:
     """No time at all: the columns as they are; rounding without enough columns has no plan."""
     model = compiled(load_scene("corridor", 0))
-    columns = Search(model).first_columns()[: len(model.problem.robots)]
+    columns = obeying(model)
     stopped = LocalSearch(model, Calls(0))
     plan = stopped.with_best_responses(columns)
     assert plan is not None and plan.columns == tuple(columns)
@@ -371,7 +385,7 @@ def test_local_search_that_is_stopped_returns_its_best_plan() -> None:
 def test_local_search_asks_for_no_more_responses_than_are_allowed(allowed: int) -> None:
     """They are counted, and the plan so far is returned when none is left."""
     model = compiled(load_scene("corridor", 0))
-    columns = Search(model).first_columns()[: len(model.problem.robots)]
+    columns = obeying(model)
     allowance = Allowance(allowed)
     plan = LocalSearch(model, allowance=allowance).with_best_responses(columns)
     before = Incumbent.of(model, columns)

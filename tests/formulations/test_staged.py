@@ -41,6 +41,7 @@ from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.known_states import Known
+from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
@@ -376,7 +377,7 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
         patch.setattr(envelopes, "MOST_STATES_LEFT", 0)
         patch.setattr(envelopes, "LISTED_SLACK", slack)
         search = Search(compiled(problem))
-        search.first_columns()
+        search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0)), []))
         step_envelopes(search, search.alone.duals, lambda: search.cutoff(OPTIMALITY))
     if search.spare is not None:
         assert any(part.others for stage in search.spare.certificate.stages

@@ -1,0 +1,48 @@
+"""Mixture ascent: bounds and columns without a master."""
+
+from itertools import islice
+
+import numpy as np
+import pytest
+from brute_force import optimum
+from hypothesis import given
+from pool import problems
+from strategies import examples
+
+from cocap_opt.formulations.certificates import Pricing
+from cocap_opt.formulations.column_generation.master import Master
+from cocap_opt.formulations.column_generation.mixture_ascent import mixture_ascent
+from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.model import compiled
+from cocap_opt.problem import Problem
+from cocap_opt.scenarios import load_scene
+
+
+@examples(8)
+@given(problems())
+def test_every_mixture_gives_a_bound_and_whole_robots(problem: Problem) -> None:
+    """The multipliers' certificate bounds all plans; each robot is shared out among its columns."""
+    search = Search(compiled(problem))
+    if search.alone.bound == -np.inf:
+        return
+    for step in islice(mixture_ascent(search.model, search.pricer, search.alone), 3):
+        robots = [column.robot for column in step.mixture.columns]
+        amounts = np.bincount(robots, step.mixture.amounts, len(problem.robots))
+        assert amounts == pytest.approx(np.ones(len(problem.robots)), abs=0.01)
+        bound = Pricing.of(search.model, step.priced.duals.certificate(search.model)).bound
+        assert bound == pytest.approx(step.priced.bound, rel=1e-9, abs=1e-6)
+        assert bound >= step.value - 1e-6 * abs(step.value) - 1e-6
+        assert bound >= optimum(problem).value - 1e-6
+
+
+@pytest.mark.parametrize("scene", ["corridor", "bottleneck"])
+def test_a_mixture_is_raised_to_what_a_master_finds(scene: str) -> None:
+    """After some steps, value and bound enclose the same columns' master within a third of 1 %."""
+    search = Search(compiled(load_scene(scene, 0)))
+    steps = mixture_ascent(search.model, search.pricer, search.alone)
+    step = list(islice(steps, 12))[-1]
+    master = Master(search.model, penalty=1e6)
+    for column in step.mixture.columns:
+        master.add(column)
+    assert step.value <= master.solve().value * (1 + 1e-6)
+    assert step.priced.bound - step.value <= 0.003 * step.value
