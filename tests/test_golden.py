@@ -13,10 +13,8 @@ def test_what_is_stored_has_every_method() -> None:
     assert len({(r["scene"], r["seed"]) for r in records}) == 23
 
 
-@pytest.mark.parametrize(
-    ("scene", "seed"),
-    [("corridor-tight", 2), pytest.param("corridor", 0, marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("scene", "seed"), [("corridor-tight", 2), ("corridor", 0)])
 def test_results_are_the_stored_ones(scene: str, seed: int) -> None:
     """Rewards, bounds, reasons, statistics, plans and certificates are the same, bit by bit.
 
