@@ -115,7 +115,7 @@ class _Envelopes:
     steps : at which views count
     tried : the best of all joint states that are left, where all were tried
     longer : times the first lists' slack: that of the present ones
-    lists_stall : true once a round with lists has closed little
+    lists_stall : true once a round with long lists has closed little
     """
 
     search: Search
@@ -151,7 +151,7 @@ class _Envelopes:
             listed = not self._is_small()
             self._pay(cutoff)
             closed = (before - narrowing.pricing.bound) / open_
-            self.lists_stall |= listed and closed < STALLED
+            self.lists_stall |= listed and self.longer > LONGER and closed < STALLED
             if listed and closed < LEAST_LISTED:
                 self.longer *= LONGER
             if closed < LEAST_ROUND and not (listed and self.longer <= LONGEST):
