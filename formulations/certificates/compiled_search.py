@@ -46,6 +46,7 @@ class Running:
         sizes: tuple[int, ...],
         conflict: BoolArray,
         ceilings: Sequence[tuple[float, FloatArray]],
+        limits: Sequence[tuple[float, FloatArray]],
         least: float,
         floor: float,
         most_found: int = 0,
@@ -57,7 +58,7 @@ class Running:
         views : coverage of the states in compressed sparse rows (first entries [n+1], faces,
             pixels), weights of the faces [F], payments and charges of the states [n]
         class_of, sizes : class of each state [n], not decreasing; robots of each class
-        ceilings : their heights, and what each state is paid more than then [n]
+        ceilings, limits : their heights, and what each state is paid or charged more than then [n]
         conflict : [n, n] whether two robots may not be in these states at once
         least, floor : as in `joint_states`
         most_found : if not 0, all joint states that count are collected, up to so many
@@ -66,8 +67,10 @@ class Running:
         own = np.repeat(np.arange(len(sizes)), sizes)  # class of the robot that is chosen next
         left = np.array([[int((own[d:] == c).sum()) for c in range(len(sizes))]
                          for d in range(robots + 1)])  # fmt: skip
-        highest = np.array([height for height, _ in ceilings])
-        more = np.array([more for _, more in ceilings]).reshape(len(ceilings), n)
+        bounds = [*ceilings, *limits]
+        highest = np.array([height for height, _ in bounds])
+        more = np.array([more for _, more in bounds]).reshape(len(bounds), n)
+        is_limit = np.arange(len(bounds)) >= len(ceilings)
         memory = (
             np.array([0, 1, 0, 0]),  # depth, is its node new, is all done, how many are found
             np.tile(np.arange(n), (robots + 1, 1)),  # positions of states that may be taken
@@ -76,11 +79,11 @@ class Running:
             np.zeros((3, robots + 1, n)),  # gains less payments, less charges, and the most
             np.zeros((2, robots + 1, n_faces)),  # pixels so far, and their roots
             np.zeros((2, robots + 1)),  # worth so far less payments, and less charges
-            np.tile(highest, (robots + 1, 1)),  # ceilings, less what is paid more so far
+            np.tile(highest, (robots + 1, 1)),  # ceilings, limits, less what is paid more so far
             np.full((2, robots), -1),  # positions of the robots' states, and of the highest's
             np.zeros((most_found, robots), dtype=np.int64),  # positions of those that are collected
         )
-        return cls((*views, class_of, own, left, conflict, more), memory, least, floor)
+        return cls((*views, class_of, own, left, conflict, more, is_limit), memory, least, floor)
 
     @property
     def positions(self) -> tuple[int, ...]:
@@ -117,7 +120,7 @@ def _kernel() -> Any:
 
 def _advance(
     first: Any, faces: Any, pixels: Any, weights: Any, payment: Any, charge: Any,
-    class_of: Any, own: Any, counts: Any, conflict: Any, more_paid: Any,
+    class_of: Any, own: Any, counts: Any, conflict: Any, more_paid: Any, is_limit: Any,
     at: Any, states: Any, numbers: Any, position: Any, values: Any, seen: Any, heights: Any,
     below: Any, chosen: Any, collected: Any, best: float, floor: float, nodes: int,
 ) -> float:  # fmt: skip
@@ -152,7 +155,8 @@ def _advance(
                 kept = 0
                 for i in range(numbers[d, 0]):
                     s = states[d, i]
-                    if most + least[class_of[s]] - more_paid[k, s] > best:
+                    high = most + least[class_of[s]] - more_paid[k, s]
+                    if high >= floor if is_limit[k] else high > best:
                         states[d, kept] = s
                         kept += 1
                 numbers[d, 0] = kept

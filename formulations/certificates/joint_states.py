@@ -18,7 +18,8 @@ state was higher than V' when payment' was paid,
     F(s) - sum_i payment(s_i) <= V' - sum_i [payment(s_i) - payment'(s_i)].
 
 Only such joint states count as some plan above a target may visit: their worth less what they are
-charged is at least a floor (`staged` has the inequality).
+charged is at least a floor (`narrowing` has the inequality). Ceilings bound that difference, too:
+states of much slack are soon too many, whatever they are worth.
 """
 
 from collections.abc import Callable, Sequence
@@ -59,7 +60,7 @@ class Ceiling(NamedTuple):
     """The height of the highest joint state when other payments were paid, and what is paid now."""
 
     height: float
-    more: FloatArray  # [n] what each state is paid more than then
+    more: FloatArray  # [n] what each state is paid, or charged, more than then
 
 
 class NotEndedError(Exception):
@@ -83,6 +84,7 @@ class JointStates:
     floor : in units of J
     conflict_of : returns `conflict`, for which not everyone asks, and keeps it for `repaid`
     ceilings : of earlier payments; rounding included
+    limits : ceilings of the worth less the charges; rounding included
     """
 
     t: int
@@ -96,6 +98,7 @@ class JointStates:
     floor: float
     conflict_of: Callable[[], BoolArray]
     ceilings: tuple[Ceiling, ...] = ()
+    limits: tuple[Ceiling, ...] = ()
 
     @classmethod
     def of(
@@ -107,6 +110,7 @@ class JointStates:
         charge: Sequence[FloatArray],
         floor: float,
         ceilings: tuple[Ceiling, ...] = (),
+        limits: tuple[Ceiling, ...] = (),
     ) -> "JointStates":
         """Returns the joint states of a step.
 
@@ -114,7 +118,7 @@ class JointStates:
         ----------
         left : of each class, the numbers [n] of the states that are left at the step
         payment, charge : of each class, of these states [n]
-        ceilings : over these states
+        ceilings, limits : over these states
         """
         class_of = np.repeat(np.arange(len(left)), [len(some) for some in left])
         pixels = np.concatenate([_pixels(model, c, t, some) for c, some in enumerate(left)])
@@ -127,7 +131,7 @@ class JointStates:
         return cls(
             t, model.class_sizes, class_of, np.concatenate(left), pixels[:, seen], weights[seen],
             np.concatenate(payment), np.concatenate(charge), floor,
-            cache(lambda: model.problem.rules.too_near(at[None] - at[:, None])), ceilings,
+            cache(lambda: model.problem.rules.too_near(at[None] - at[:, None])), ceilings, limits,
         )  # fmt: skip
 
     @property
@@ -208,12 +212,12 @@ class JointStates:
         self, wanted: Wanted, stop: Stop, collects: bool = False
     ) -> "PlainSearch | compiled_search.Running":
         """Returns a search that has ended: a long one is begun again, compiled, where it can be."""
+        plain_nodes = _FEW_NODES if sum(self.sizes) >= _LARGE else _PLAIN_NODES
         is_long = (
-            wanted.most_nodes > _PLAIN_NODES
+            wanted.most_nodes > plain_nodes
             and compiled_search.is_there()
             and stop.seconds_left > _COMPILING
         )
-        plain_nodes = _FEW_NODES if sum(self.sizes) >= _LARGE else _PLAIN_NODES
         first = wanted._replace(most_nodes=plain_nodes) if is_long else wanted
         plain = PlainSearch(self, first, collects)
         try:
@@ -231,12 +235,12 @@ class JointStates:
         first, faces, pixels = self._sparse
         running = compiled_search.Running.of(
             (first, faces, pixels, self.weights, self.payment, self.charge),
-            self.class_of, self.sizes, self.conflict, self.ceilings,
+            self.class_of, self.sizes, self.conflict, self.ceilings, self.limits,
             wanted.least, self.floor - self.margin, most_found,
         )  # fmt: skip
-        for _ in range(0, wanted.most_nodes, _AT_ONCE):
+        for done in range(0, wanted.most_nodes, _AT_ONCE):
             stop.check()
-            is_done = running.advance(_AT_ONCE)
+            is_done = running.advance(min(_AT_ONCE, wanted.most_nodes - done))
             if running.is_full:
                 break
             if is_done:
@@ -271,7 +275,7 @@ class _Node(NamedTuple):
     pixels: FloatArray  # [F] seen so far
     height: float  # worth so far less the payments so far
     low: float  # worth so far less the charges so far
-    below: tuple[float, ...]  # ceilings, less what is paid more so far
+    below: tuple[float, ...]  # ceilings and limits, less what is paid or charged more so far
     counts: tuple[int, ...]  # robots left of each class
     states: IntArray  # positions of the states that may still be taken, class by class
 
@@ -302,7 +306,7 @@ class PlainSearch:
         """Goes through the tree; raises NotEndedError and LimitReached."""
         joint = self._joint
         nothing, everything = np.zeros(len(joint.weights)), np.arange(len(joint.states))
-        below = tuple(ceiling.height for ceiling in joint.ceilings)
+        below = tuple(ceiling.height for ceiling in (*joint.ceilings, *joint.limits))
         self._explore(_Node((), nothing, 0.0, 0.0, below, joint.sizes, everything), stop)
 
     def _explore(self, node: _Node, stop: Stop) -> None:
@@ -327,8 +331,9 @@ class PlainSearch:
         most = _most(node.height, gains, classes, node.counts)
         most_low = _most(node.low, low, classes, node.counts)
         is_able = (most > self.best) & (most_low >= self._floor)
-        for below, ceiling in zip(node.below, joint.ceilings, strict=True):
-            is_able &= _most(below, -ceiling.more[node.states], classes, node.counts) > self.best
+        for k, ceiling in enumerate((*joint.ceilings, *joint.limits)):
+            at_most = _most(node.below[k], -ceiling.more[node.states], classes, node.counts)
+            is_able &= at_most > self.best if k < len(joint.ceilings) else at_most >= self._floor
         able = np.flatnonzero(is_able)
         first = int(np.searchsorted(classes[able], own, side="right"))
         able[:first] = able[:first][np.argsort(-gains[able[:first]], kind="stable")]
@@ -345,7 +350,9 @@ class PlainSearch:
                 node.height + float(gains[k]), node.low + float(low[k]),
                 tuple(
                     below - float(ceiling.more[states[k]])
-                    for below, ceiling in zip(node.below, joint.ceilings, strict=True)
+                    for below, ceiling in zip(
+                        node.below, (*joint.ceilings, *joint.limits), strict=True
+                    )
                 ),
                 counts,
                 later[~joint.conflict[states[k], later]],

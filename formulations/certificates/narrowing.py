@@ -73,6 +73,13 @@ class _Earlier(NamedTuple):
     rewards: list[FloatArray]  # of each class, the payments [S]
 
 
+class _Closing(NamedTuple):
+    """The constants [T+1] when states were closed, and each class's slack [T+1, S]."""
+
+    constants: FloatArray
+    slack: list[FloatArray]
+
+
 class Narrowing:
     """The bound on the plans above a target, as payments change and states are closed.
 
@@ -105,6 +112,7 @@ class Narrowing:
         # Whether a joint state counts is decided with the payments with which states were closed.
         self._charged = self._charged_now()
         self._floors = np.full(len(self.constants), -np.inf)
+        self._closing = _Closing(self.constants.copy(), self.slack)
         self._earlier: list[list[_Earlier]] = [[] for _ in self.constants]
 
     @property
@@ -178,6 +186,7 @@ class Narrowing:
         self.price()
         self._charged = self._charged_now()
         self._floors = self.constants - self.room
+        self._closing = _Closing(self.constants.copy(), self.slack)
 
     def _require_finite(self) -> None:
         """Refuses numbers so large that nothing follows from them: inf - inf bounds nothing."""
@@ -214,7 +223,8 @@ class Narrowing:
             for arrays in (self.rewards, self._charged)
         )
         floor = float(self._floors[t])
-        return JointStates.of(self.model, t, states, payment, charge, floor, ceilings)
+        limits = (self._limit(t, states),)
+        return JointStates.of(self.model, t, states, payment, charge, floor, ceilings, limits)
 
     def ceiling(self, t: int) -> float:
         """Returns the ceiling that the present constant of a step is to later payments."""
@@ -240,10 +250,22 @@ class Narrowing:
 
     def _ceiling(self, t: int, earlier: _Earlier, states: Sequence[IntArray]) -> Ceiling:
         """Returns what earlier payments say of joint states, rounding of the search included."""
-        more = np.concatenate(self._paid_more(t, earlier, states))
-        made_of = abs(earlier.constant) + len(self.model.problem.robots) * np.abs(more)
-        rounding = self._rounding_of_sums(made_of).max(initial=0.0)
-        return Ceiling(earlier.constant + float(rounding), more)
+        return self._ceiling_of(
+            earlier.constant, np.concatenate(self._paid_more(t, earlier, states))
+        )
+
+    def _ceiling_of(self, constant: float, more: FloatArray) -> Ceiling:
+        """Returns a ceiling, rounding of the search included."""
+        made_of = abs(constant) + len(self.model.problem.robots) * np.abs(more)
+        rounding = float(self._rounding_of_sums(made_of).max(initial=0.0))
+        return Ceiling(constant + rounding, more)
+
+    def _limit(self, t: int, states: Sequence[IntArray]) -> Ceiling:
+        """Returns what the slacks in (*) say of joint states, as K_t - h_t is not negative."""
+        slack = [own[t, some] for own, some in zip(self._closing.slack, states, strict=True)]
+        constant = float(self._closing.constants[t])
+        constant += self._rounding(abs(constant))
+        return self._ceiling_of(constant, np.concatenate(slack))
 
     def _paid_more(self, t: int, earlier: _Earlier, states: Sequence[IntArray]) -> list[FloatArray]:
         """Returns what states of each class are paid more than earlier."""

@@ -4,7 +4,7 @@ Payments are judged by local search: the joint states that it finds above the co
 best paths, are what the master problem (`step_master`) knows at the next iteration.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,6 +32,8 @@ CONVERGED = 0.02  # of what is open: less is not worth another iteration
 SERIOUS, GOOD = 0.1, 0.3  # of what the master promises: for a new centre, and for a longer step
 FIRST_WEIGHT = 5.0  # of the distance to the centre at first, over the mean payment
 CLEARLY = 1e-9  # of the bound, by which a height is above a constant
+MOST_HEIGHTS = 30  # joint states of a step in the master: the highest at the centre, and as many
+# of the latest payments
 
 
 class PaymentBundle:
@@ -68,6 +70,7 @@ class PaymentBundle:
             for t, joint in joints.items()
             for k, (c, s) in enumerate(zip(joint.class_of, joint.states, strict=True))
         }
+        self._worths: dict[int, dict[tuple[int, ...], float]] = {t: {} for t in joints}
         self._bonuses = Bonuses.of(self._model.problem.objective)
         self._unpaid = [
             np.where(left, rewards, -np.inf)
@@ -107,18 +110,20 @@ class PaymentBundle:
         """
         best, payments = np.inf, None
         centre, rho = self.centre, FIRST_WEIGHT / max(float(np.abs(self.centre).mean()), 1e-9)
-        for joint in self.joints.values():
-            if not self._known.at(joint):
-                for found in self._known.ascended(joint):
-                    self._known.add(joint, found)
+        latest = centre
+        for t, joint in self.joints.items():
+            found = self._known.at(joint) or self._known.ascended(joint)
+            for positions in found:
+                self._remember(t, positions)
         for iteration in range(MOST_LISTED_ITERATIONS if self._ceilings else MOST_ITERATIONS):
             self._stop.check()
-            arcs, heights = self._arcs(), self._heights()
+            arcs, heights = self._arcs(), self._heights(centre, latest)
             if {height.t for height in heights} != set(self.joints):
                 return None  # at some step no joint state is known that counts
             known = KnownPart(arcs, heights, self._unpaid_of(arcs))
             solved = self._master.solve(Centre(centre, rho), known, self._stop)
             solved = solved._replace(payments=self._at_least(solved.payments))
+            latest = solved.payments
             value, new = self._judged(solved)
             promised = best - solved.value - self.rest
             if value < best - CLEARLY * abs(value) and (
@@ -152,7 +157,7 @@ class PaymentBundle:
             clearly = solved.constants[t] + CLEARLY * abs(self._narrowing.bound)
             for found in known.ascended(paid):
                 if (height := paid.height(found)) > clearly:
-                    new += known.add(joint, found)
+                    new += self._remember(t, found)
                     constants[t] = max(constants[t], height)
         total, paths = self.best_paths(solved.payments, constants)
         new += sum(known.add_path(number, path) for number, path in paths)
@@ -229,17 +234,27 @@ class PaymentBundle:
             if place not in self._paid
         }
 
-    def _heights(self) -> list[KnownHeight]:
-        """Returns the joint states that are known and count."""
-        return [
-            KnownHeight(
-                t,
-                tuple(self._spans[t].start + k for k in positions),
-                joint.worth(positions),
-            )
-            for t, joint in self.joints.items()
-            for positions in self._known.at(joint)
-        ]
+    def _remember(self, t: int, positions: Sequence[int]) -> bool:
+        """Remembers a joint state that counts; returns True if it is new."""
+        joint, first = self.joints[t], self._spans[t].start
+        is_new = self._known.add(joint, positions)
+        at = tuple(sorted(first + k for k in positions))
+        self._worths[t].setdefault(at, joint.worth(positions))
+        return is_new
+
+    def _heights(self, *payments: FloatArray) -> list[KnownHeight]:
+        """Returns the joint states that are known and are among the highest for some payments."""
+        chosen = []
+        for t, worths in self._worths.items():
+            every = list(worths.items())
+            at = np.array([positions for positions, _ in every], dtype=np.int64)
+            worth = np.array([value for _, value in every])
+            highest: set[int] = set()
+            for paid in payments if every else ():
+                heights = worth - paid[at].sum(axis=1)
+                highest.update(np.argsort(-heights, kind="stable")[:MOST_HEIGHTS].tolist())
+            chosen += [KnownHeight(t, *every[k]) for k in sorted(highest)]
+        return chosen
 
     def written(self, t: int, payments: FloatArray, constant: float) -> list[StepPayments]:
         """Returns the payments of a step as they stand in a certificate, class by class."""

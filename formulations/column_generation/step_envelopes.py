@@ -50,6 +50,7 @@ METHOD = "step-envelopes"
 MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
 MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
 MOST_AT_A_STEP = 1_000
+FEW_STATES_LEFT = 4_000  # over all steps: beyond it, lists are faster, where there can be any
 LISTED_SLACK = 1.4  # of what is open per step: of states that are listed where more are left
 MOST_LISTED = 600  # at a step
 # Searches of more robots take too long; of fewer, a tree closes what is open in less time: the
@@ -57,12 +58,15 @@ MOST_LISTED = 600  # at a step
 LISTED_ROBOTS = range(5, 9)
 LONGER, LONGEST = 1.5, 6.0  # times as much slack after a round that closes little, and the most
 MOST_ROUNDS = 40
-FEW_NODES, MANY_NODES = 2_000, 2_000_000  # of a step's search, with old and with new payments
-PLAIN_NODES = 50_000  # of a search that is not compiled
+MANY_NODES, MANY_PLAIN_NODES = 2_000_000, 50_000  # of a step's search, compiled or not
+FEW_WORK, FEW_PLAIN_WORK = 500_000, 50_000  # nodes times states, of a search that is worth a try
+FEW_NODES = 10_000
+FEW_COLLECTING = 2_000  # nodes of a step's search for all joint states that count
 FEW_TRIED, MANY_TRIED = 20_000, 200_000  # pairs of joint states
 CLEARLY = 1e-9  # of the bound, that stages must take off it
 LEAST_ROUND = 0.05  # of what is open, that a round must close for another one
 LEAST_LISTED = 0.1  # likewise, for lists that stay as long as they are
+STALLED = 0.2  # likewise, for lists at all where there is another way
 
 
 def step_envelopes(
@@ -111,6 +115,7 @@ class _Envelopes:
     steps : at which views count
     tried : the best of all joint states that are left, where all were tried
     longer : times the first lists' slack: that of the present ones
+    lists_stall : true once a round with long lists has closed little
     """
 
     search: Search
@@ -121,6 +126,7 @@ class _Envelopes:
     stages: list[Stage] = field(default_factory=list)
     tried: BestPlan | None = None
     longer: float = 1.0
+    lists_stall: bool = False
 
     @property
     def model(self) -> Model:
@@ -138,17 +144,20 @@ class _Envelopes:
                 return
             if self._is_small():
                 self._lower()
-                if narrowing.pricing.bound <= cutoff() or self._tried_all(FEW_NODES, FEW_TRIED):
+                if narrowing.pricing.bound <= cutoff() or self._tried_all(
+                    FEW_COLLECTING, FEW_TRIED
+                ):
                     return
             listed = not self._is_small()
             self._pay(cutoff)
             closed = (before - narrowing.pricing.bound) / open_
+            self.lists_stall |= listed and self.longer > LONGER and closed < STALLED
             if listed and closed < LEAST_LISTED:
                 self.longer *= LONGER
             if closed < LEAST_ROUND and not (listed and self.longer <= LONGEST):
                 break
         if narrowing.pricing.bound > cutoff() and self._is_small():
-            self._tried_all(MANY_NODES if compiled_search.is_there() else PLAIN_NODES, MANY_TRIED)
+            self._tried_all(_many_nodes(), MANY_TRIED)
 
     def _tried_all(self, most_nodes: int, most_tried: int) -> bool:
         """Tries all sequences of joint states that are left; False if there are too many."""
@@ -186,7 +195,9 @@ class _Envelopes:
     def _is_small(self) -> bool:
         """Returns True if the searches of the steps may end."""
         left = self.narrowing.states_left[self.model.problem.first_step :]
-        return int(left.sum()) <= MOST_STATES_LEFT and int(left.max()) <= MOST_AT_A_STEP
+        few = self._can_be_listed() and not self.lists_stall
+        most = FEW_STATES_LEFT if few else MOST_STATES_LEFT
+        return int(left.sum()) <= most and int(left.max()) <= MOST_AT_A_STEP
 
     def _can_be_listed(self) -> bool:
         """Returns True if searches of lists may end."""
@@ -201,7 +212,8 @@ class _Envelopes:
                 least = self.known.highest(joint)
                 higher = self.narrowing.joint_states(t, least)
                 try:
-                    found = self.narrowing.lower(higher, Wanted(least, FEW_NODES), self.search.stop)
+                    wanted = Wanted(least, _few_nodes(len(higher.states)))
+                    found = self.narrowing.lower(higher, wanted, self.search.stop)
                 except NotEndedError:
                     continue
                 self.known.add(higher, found.positions)
@@ -231,13 +243,12 @@ class _Envelopes:
         if payments is None:
             return
         heights = {}
-        most_nodes = MANY_NODES if compiled_search.is_there() else PLAIN_NODES
         for t, joint in sorted(bundle.joints.items(), key=lambda item: len(item[1].states)):
             self.report()
-            paid = joint.repaid(payments[bundle.span(t)], ceilings.get(t, np.inf))
+            paid = joint.repaid(payments[bundle.span(t)], self.narrowing.ceiling(t))
             least = self.known.highest(paid)
             try:
-                found = paid.highest(Wanted(least, most_nodes), self.search.stop)
+                found = paid.highest(Wanted(least, _many_nodes()), self.search.stop)
             except NotEndedError:
                 continue
             self.known.add(joint, found.positions)
@@ -293,3 +304,14 @@ class _Envelopes:
             margin = self.narrowing.joint_states(step.t, step.constant).margin
             self.narrowing.constants[step.t] = step.constant + margin
         self._close(stage)
+
+
+def _few_nodes(states: int) -> int:
+    """Returns the nodes of a search among so many states that is worth a try."""
+    work = FEW_WORK if compiled_search.is_there() else FEW_PLAIN_WORK
+    return min(FEW_NODES, work // max(states, 1))
+
+
+def _many_nodes() -> int:
+    """Returns the nodes of a search that should end."""
+    return MANY_NODES if compiled_search.is_there() else MANY_PLAIN_NODES

@@ -192,6 +192,42 @@ def with_ceilings(joint: JointStates, rng: np.random.Generator) -> JointStates:
     return replace(joint, ceilings=tuple(ceilings))
 
 
+def with_limits(joint: JointStates, rng: np.random.Generator) -> JointStates:
+    """The same joint states, with the limits that slacks make: `counts` does not know of them."""
+    every, limits = joint_by_enumeration(joint), []
+    for _ in range(int(rng.integers(1, 3))):
+        slack = rng.choice([0.0, 1.0, 4.0, 20.0], len(joint.states)) + rng.normal(0, 1e-3)
+        earlier = replace(joint, payment=joint.charge - slack)
+        highest = max(map(earlier.height, every), default=0.0)
+        limits.append(Ceiling(highest + 1e-9 + float(rng.choice([0.0, 3.0])), slack))
+    return replace(joint, limits=tuple(limits))
+
+
+@examples(30)
+@given(seeds)
+def test_limits_leave_out_no_joint_state_that_counts(seed: int) -> None:
+    """What slacks prove shortens the search and changes nothing that it finds."""
+    rng = np.random.default_rng(seed)
+    joint = random_joint_states(rng)
+    below = with_limits(joint, rng)
+    for least in (-np.inf, 0.0, 10.0):
+        highest = joint.highest(Wanted(least, 10**6))
+        assert below.highest(Wanted(least, 10**6)).height == pytest.approx(highest.height)
+    assert below.all_that_count(10**6) == joint.all_that_count(10**6)
+
+
+@examples(30)
+@given(seeds)
+def test_limits_leave_out_what_slacks_forbid(seed: int) -> None:
+    """A joint state of more slack than there is room for is left out, whatever it is worth."""
+    rng = np.random.default_rng(seed)
+    joint = replace(random_joint_states(rng), floor=0.0)
+    slack, room = rng.uniform(0, 3, len(joint.states)), float(rng.uniform(0, 8))
+    found = replace(joint, limits=(Ceiling(room, slack),)).all_that_count(10**6)
+    within = [some for some in joint.all_that_count(10**6) if slack[list(some)].sum() <= room]
+    assert sorted(found) == sorted(within)
+
+
 @examples(30)
 @given(seeds)
 def test_ceilings_leave_out_no_higher_joint_state(seed: int) -> None:
@@ -213,6 +249,7 @@ def test_the_compiled_search_finds_the_same() -> None:
     for _ in range(40):
         joint = random_joint_states(rng)
         joint = with_ceilings(joint, rng) if rng.integers(2) else joint
+        joint = with_limits(joint, rng) if rng.integers(2) else joint
         wanted = Wanted(float(rng.choice([-np.inf, 0.0, 10.0])), 10**6)
         plain, compiled_ = joint.highest(wanted), joint._run_compiled(wanted, never)
         assert compiled_.best == pytest.approx(plain.height)
