@@ -128,6 +128,7 @@ def growth_in_markdown() -> str:
             "to": f"{point.size}",
             f"to a gap of {100 * GAP:g} %": _seconds(found["seconds_to_gap"]),
             "gap at the end": f"{found['gap_percent']:.2f} %",
+            "without step envelopes": f"{found['gap_of_cuts_percent']:.2f} %",
             "stopped": f"{sum(not s.finished for s in point.samples)} of {len(point.samples)}",
             "memory": f"{max(sample.gigabytes for sample in point.samples):.2f} GB",
         }

@@ -13,13 +13,14 @@ from cocap_opt.experiments.report.benchmark import Benchmark, MethodRun, Outcome
 from cocap_opt.experiments.results.files import save_csv
 from cocap_opt.experiments.studies import runs as runs_module
 from cocap_opt.experiments.studies import steps as steps_module
-from cocap_opt.experiments.studies.growth.points import MEASURES, Point, Sample
+from cocap_opt.experiments.studies.growth.points import MEASURES, Point, Runs, Sample
 from cocap_opt.experiments.studies.runs import Run, _measured, scene
 from cocap_opt.experiments.studies.solvers import table as solvers_module
 from cocap_opt.experiments.studies.solvers.figures import Figure, Target
 from cocap_opt.experiments.studies.solvers.rows import Options
 from cocap_opt.experiments.studies.steps import METHODS
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.formulations.result import CertifiedResult, Snapshot
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason
@@ -31,10 +32,10 @@ MADE = [
 ]
 
 
-def finished(seconds: float, limit: Limit | None = None) -> Run:
+def finished(seconds: float, limit: Limit | None = None, bound: float = 100.0) -> Run:
     """A run that found its plan at once and lowered its bound twice."""
     moments = (Snapshot(90.0, 200.0, 1.0), Snapshot(90.0, 100.0, 2.0), Snapshot(99.5, 100.0, 3.0))
-    return Run(moments, 99.5, 100.0, Reason.FINISHED, limit, seconds)
+    return Run(moments, 99.5, bound, Reason.FINISHED, limit, seconds)
 
 
 def replaced(monkeypatch: pytest.MonkeyPatch, **rows: Callable[[Options], list[Figure]]) -> None:
@@ -153,18 +154,23 @@ def test_growth_writes_table_and_figure(
 
 
 def test_growth_outlives_a_failed_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A size that fails is left out, said by the exit code, and all others are there."""
+    """A size that fails is left out, said by the exit code, and all others are there.
+
+    Each has two runs, the second without step envelopes.
+    """
 
     def made(build: partial[Problem], method: object, seconds: float) -> Run:
         if build.keywords["robots"] == 4:
             raise Run.Error("its process died")
-        return finished(1.0)
+        return finished(1.0) if method is column_generation else finished(1.0, bound=104.0)
 
     monkeypatch.setattr(Run, "of", made)
     arguments = ["growth", "--robots", "2,4", "--steps", "8", "--cells", "15", "--seeds", "0"]
     assert study(*arguments, "--out", tmp_path) == 1
     sizes = [(row["axis"], row["size"]) for row in rows_of(tmp_path / "growth.csv")]
     assert sizes == [("robots", "2"), ("steps", "8"), ("cells", "15")]
+    for sample in Sample.read(tmp_path / "growth.csv"):
+        assert sample.gap < sample.gap_of_cuts
     assert (tmp_path / "growth.png").exists()
 
 
@@ -293,7 +299,7 @@ def test_methods_are_measured_until_they_refuse(
 def sampled(size: int, seconds: float, limit: Limit | None = None) -> Point:
     """A point of one run."""
     run = finished(seconds, limit)
-    return Point("robots", size, (Sample.of("robots", size, 0, 40.0, run),))
+    return Point("robots", size, (Sample.of("robots", size, 0, 40.0, Runs(run, run)),))
 
 
 def test_exponents_are_those_of_power_laws() -> None:

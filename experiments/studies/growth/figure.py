@@ -12,6 +12,7 @@ from matplotlib.ticker import NullLocator
 from cocap_opt.experiments.report.style import (
     AMBER,
     BLUE,
+    FADED,
     RED,
     SMALL,
     TITLE,
@@ -32,7 +33,10 @@ _STYLES = {  # of each measure: its name, colour and mark
     "seconds": ("time to the end", BLUE, "o"),
     "seconds_to_gap": (f"time to a certified gap of {100 * GAP:g} %", AMBER, "s"),
     "gap_percent": ("certified gap at the end or the limit", RED, "D"),
+    "gap_of_cuts_percent": ("certified gap without step envelopes", FADED, "v"),
 }
+_SECONDS = ("seconds", "seconds_to_gap")
+_GAPS = ("gap_of_cuts_percent", "gap_percent")
 
 
 def growth_figure(points: Sequence[Point], limit: float) -> Figure:
@@ -47,7 +51,7 @@ def growth_figure(points: Sequence[Point], limit: float) -> Figure:
     for (top, bottom), axis in zip(panels.T, SIZES, strict=True):
         some = [point for point in points if point.axis == axis]
         draw_level(top, limit, f"limit {limit:g} s")
-        for ax, names in ((top, ("seconds", "seconds_to_gap")), (bottom, ("gap_percent",))):
+        for ax, names in ((top, _SECONDS), (bottom, _GAPS)):
             for name in names:
                 _draw_measure(ax, some, name)
             set_plain_log(ax, "x")

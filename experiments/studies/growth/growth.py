@@ -21,13 +21,16 @@ from cocap_opt.experiments.studies.growth.points import (
     SIZES,
     Field,
     Point,
+    Runs,
     Sample,
 )
 from cocap_opt.experiments.studies.runs import Run
 from cocap_opt.formulations.column_generation.column_generation import column_generation
+from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.scenarios.built_in.field import field
 
 TABLE = "growth.csv"
+_CUTS = partial(column_generation, solve_root=Root.solve_aggregated)  # no step envelopes
 
 
 def growth(
@@ -47,7 +50,7 @@ def growth(
     """
     make_folder(out)
     samples: list[Sample] = []
-    known: dict[tuple[Field, int], Run | None] = {}
+    known: dict[tuple[Field, int], Runs | None] = {}
     wanted = [
         (axis, size, seed) for axis in SIZES for size in sorted(sizes[axis]) for seed in seeds
     ]
@@ -56,15 +59,15 @@ def growth(
             key = BASES[axis]._replace(**{axis: size}), seed
             if key not in known:
                 known[key] = _measured(*key, limit)
-            if (run := known[key]) is not None:
-                samples.append(Sample.of(axis, size, seed, limit, run))
+            if (runs := known[key]) is not None:
+                samples.append(Sample.of(axis, size, seed, limit, runs))
                 if out is not None:
                     save_csv(out / TABLE, [sample._asdict() for sample in samples])
     finally:
         _print(samples)
     if out is not None and samples:
         draw(samples, out)
-    return all(run is not None for run in known.values())
+    return all(runs is not None for runs in known.values())
 
 
 def draw(samples: Sequence[Sample], out: Path) -> None:
@@ -73,15 +76,17 @@ def draw(samples: Sequence[Sample], out: Path) -> None:
     save_bytes(out / "growth.png", picture(figure, ".png"))
 
 
-def _measured(wanted: Field, seed: int, limit: float) -> Run | None:
+def _measured(wanted: Field, seed: int, limit: float) -> Runs | None:
     """Runs column generation on a field; returns None if it failed."""
+    build = partial(field, seed, **wanted._asdict())
     try:
-        result = Run.of(partial(field, seed, **wanted._asdict()), column_generation, limit)
+        runs = Runs(*(Run.of(build, method, limit) for method in (column_generation, _CUTS)))
     except Run.Error as error:
         say(f"{wanted.words}, seed {seed}: {error}")
         return None
-    say(f"{wanted.words}, seed {seed}: {result.seconds:.2f} s, gap {100 * result.gap:.4f} %")
-    return result
+    say(f"{wanted.words}, seed {seed}: {runs.whole.seconds:.2f} s, "
+        f"gap {100 * runs.whole.gap:.4f} %, by cuts alone {100 * runs.cuts.gap:.4f} %")  # fmt: skip
+    return runs
 
 
 def _print(samples: Sequence[Sample]) -> None:
@@ -94,9 +99,10 @@ def _print(samples: Sequence[Sample]) -> None:
             "to the end (s)": f"{seconds:.2f}{'' if point.finished else ' *'}",
             f"{to_gap} (s)": _number(seconds_to_gap),
             "gap (%)": f"{gap:.4f}",
+            "by cuts alone (%)": f"{cuts:.4f}",
             "peak (GB)": f"{max(s.gigabytes for s in point.samples):.2f}",
         }
-        for point, seconds, seconds_to_gap, gap in zip(points, *middle.values(), strict=True)
+        for point, seconds, seconds_to_gap, cuts, gap in zip(points, *middle.values(), strict=True)
     ]
     Listing("growth of column generation (medians; * the limit stopped some)", rows).print()
     slopes = [

@@ -47,8 +47,15 @@ SIZES: dict[str, tuple[int, ...]] = {
 }
 
 
+class Runs(NamedTuple):
+    """Column generation on one field, as it is, and without step envelopes."""
+
+    whole: Run
+    cuts: Run
+
+
 class Sample(NamedTuple):
-    """One run of column generation: a row of growth.csv."""
+    """Column generation on one field: a row of growth.csv."""
 
     axis: str  # a key of SIZES, the parameter that changes
     size: int  # its value
@@ -58,14 +65,16 @@ class Sample(NamedTuple):
     seconds: float
     seconds_to_gap: float  # to a certified gap of GAP; infinite where it was not reached
     gap: float  # certified, relative, at the end or the limit
+    gap_of_cuts: float  # the same of envelope cuts alone, which bound faces one by one
     gigabytes: float  # peak memory
 
     @classmethod
-    def of(cls, axis: str, size: int, seed: int, limit: float, run: Run) -> Self:
-        """Returns what is kept of a run."""
+    def of(cls, axis: str, size: int, seed: int, limit: float, runs: "Runs") -> Self:
+        """Returns what is kept of the runs on one field."""
+        run = runs.whole
         return cls(
             axis, size, seed, limit, run.finished, run.seconds, run.seconds_to_gap(GAP), run.gap,
-            run.gigabytes,
+            runs.cuts.gap, run.gigabytes,
         )  # fmt: skip
 
     @classmethod
@@ -139,6 +148,9 @@ MEASURES: dict[str, Measure] = {
     "seconds_to_gap": Measure(
         lambda sample: sample.seconds_to_gap,
         lambda point: all(math.isfinite(sample.seconds_to_gap) for sample in point.samples),
+    ),
+    "gap_of_cuts_percent": Measure(
+        lambda sample: 100 * max(sample.gap_of_cuts, OPTIMALITY), lambda point: True
     ),
     "gap_percent": Measure(  # at least the gap of a proof
         lambda sample: 100 * max(sample.gap, OPTIMALITY), lambda point: True
