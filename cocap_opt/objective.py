@@ -17,6 +17,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.problem import Problem
+from cocap_opt.sums import exact_sum
 
 
 def objective(model: Model, paths: Sequence[Path], pixels: FloatArray | None = None) -> float:
@@ -32,7 +33,7 @@ def objective(model: Model, paths: Sequence[Path], pixels: FloatArray | None = N
             pixels = pixels + model.robot_pixels(robot, path)
     bonuses = Bonuses.of(model.problem.objective)
     shapes = (robot_class.graph.shape for robot_class in model.class_of)
-    moves = sum(bonuses.of_path(*both) for both in zip(shapes, paths, strict=True))
+    moves = exact_sum(bonuses.of_path(*both) for both in zip(shapes, paths, strict=True))
     return float(view_reward(model.problem, pixels).sum()) + moves
 
 

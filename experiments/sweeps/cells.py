@@ -42,6 +42,7 @@ _MODULES = (
     "cocap_opt.referee",
     "cocap_opt.result",
     "cocap_opt.stop",
+    "cocap_opt.sums",
     "cocap_opt.text",
     "cocap_opt.timing",
     "cocap_opt.vision",

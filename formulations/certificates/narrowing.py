@@ -64,6 +64,7 @@ from cocap_opt.formulations.certificates.sweep import (
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
+from cocap_opt.sums import exact_sum
 
 
 class _Earlier(NamedTuple):
@@ -167,9 +168,9 @@ class Narrowing:
         states : class and state number of each robot at the step; no two of them conflict
         """
         later = float(self.constants[t + 1 :].sum())
-        later += sum(row.multiplier for row in self._rows if row.resource.t >= t)
+        later += exact_sum(row.multiplier for row in self._rows if row.resource.t >= t)
         # Rows charge at most their multipliers at the step itself, which the sum above holds.
-        return later + sum(
+        return later + exact_sum(
             float(self._to_go[number][t, state] - self.rewards[number][t, state])
             for number, state in states
         )
@@ -237,7 +238,7 @@ class Narrowing:
         for earlier in self._earlier[t] if above > -math.inf else ():
             more = self._paid_more(t, earlier, states)
             least = [float(some.min(initial=0.0)) for some in more]
-            together = sum(n * one for n, one in zip(sizes, least, strict=True))
+            together = exact_sum(n * one for n, one in zip(sizes, least, strict=True))
             made_of = abs(earlier.constant) - together
             states = [
                 some[

@@ -57,6 +57,7 @@ from cocap_opt.formulations.certificates.sweep import plain_sweep
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model
 from cocap_opt.objective import marginal_gain
+from cocap_opt.sums import exact_sum
 
 UNIT_ROUNDOFF = 2.0**-53
 
@@ -101,8 +102,8 @@ class Pricing(NamedTuple):
             best = [float(values[start]) for start in robot_class.starts]
             if -math.inf in best:  # a robot without any path: there is no plan
                 return cls(-math.inf, 0.0)
-            total += sum(best)
-            magnitude += sum(float(made_of[start]) for start in robot_class.starts)
+            total += exact_sum(best)
+            magnitude += exact_sum(made_of[start] for start in robot_class.starts)
         if not (math.isfinite(total) and math.isfinite(magnitude)):
             raise CertificateError("certificate: too large, the bound is infinite")
         rounding = rounding_factor(model, len(charge.costs), payment.cuts) * magnitude
@@ -245,7 +246,7 @@ def _left_by(cuts: list[tuple[Cut, float]], n_view_sums: int) -> FloatArray:
         shares.setdefault(cut.view_sum, []).append(-share)
     rest = np.ones(n_view_sums)
     for view_sum, own in shares.items():
-        rest[view_sum] = math.nextafter(math.fsum([1.0, *own]), math.inf)
+        rest[view_sum] = math.nextafter(exact_sum([1.0, *own]), math.inf)
     return rest
 
 
@@ -260,7 +261,7 @@ def _visible_view_sums(model: Model) -> FloatArray:
 def _payment_of_reference(model: Model, certificate: ReferencePixels) -> _Payment:
     pixels = _array(model, certificate.pixels, "certificate.pixels")
     roots = model.problem.view_sum_weights * np.sqrt(pixels)
-    constant = math.fsum(roots.tolist())
+    constant = exact_sum(roots.tolist())
     # Every gain is a difference of roots that may be as large as the constant's.
     gains = len(model.problem.robots)
     gains *= model.problem.horizon + 1 if model.problem.objective.over_time else 1
@@ -329,8 +330,8 @@ def _charge_of(model: Model, certificate: Multipliers, decisions: Sequence[Decis
         else:
             terms.append(decision.sign * multiplier * decision.robots)
             costs.append((decision.resource, decision.sign * multiplier))
-    largest = sum(abs(cost) for _, cost in costs if math.isfinite(cost))
-    return _Charge(sum(terms), sum(map(abs, terms)) + largest, costs)
+    largest = exact_sum(abs(cost) for _, cost in costs if math.isfinite(cost))
+    return _Charge(exact_sum(terms), exact_sum(map(abs, terms)) + largest, costs)
 
 
 def _check_rows(model: Model, rows: tuple[Row, ...]) -> None:

@@ -25,6 +25,7 @@ from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Path
 from cocap_opt.stop import Stop
+from cocap_opt.sums import exact_sum
 
 MOST_ITERATIONS = 60
 MOST_LISTED_ITERATIONS = 14  # where the next round has better lists
@@ -83,7 +84,7 @@ class PaymentBundle:
         }
         constants = {t: float(narrowing.constants[t]) for t in joints}
         paths = self.best_paths(self.centre, {})[0]
-        self.rest = narrowing.bound - sum(constants.values()) - paths
+        self.rest = narrowing.bound - exact_sum(constants.values()) - paths
         starts: dict[Place, int] = {}
         for number, robot_class in enumerate(self._model.classes):
             for start in robot_class.starts:
@@ -161,7 +162,7 @@ class PaymentBundle:
                     constants[t] = max(constants[t], height)
         total, paths = self.best_paths(solved.payments, constants)
         new += sum(known.add_path(number, path) for number, path in paths)
-        return total + sum(constants.values()) + self.rest, new
+        return total + exact_sum(constants.values()) + self.rest, new
 
     def others(self, constants: Mapping[int, float]) -> dict[int, float]:
         """Returns what states without a payment are paid more, by step, for lower constants.

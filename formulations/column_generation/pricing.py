@@ -22,6 +22,7 @@ from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
+from cocap_opt.sums import exact_sum
 from cocap_opt.vision.coverage import CoverageTable
 
 
@@ -76,7 +77,7 @@ class Pricer:
         left = np.maximum(rest - duals.alpha, 0.0)
         beta = np.where(duals.beta > 0, duals.beta, 1.0)
         total += float((self._weights * left**2 / (4 * beta)).sum())
-        total += sum(mu for _, mu in duals.rows)
+        total += exact_sum(mu for _, mu in duals.rows)
         for decision, nu in zip(decisions, duals.decisions.tolist(), strict=True):
             if not decision.closes:
                 total += decision.sign * nu * decision.robots

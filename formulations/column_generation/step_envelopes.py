@@ -45,6 +45,7 @@ from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
 from cocap_opt.stop import LimitReached
+from cocap_opt.sums import exact_sum
 
 METHOD = "step-envelopes"
 MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
@@ -289,7 +290,7 @@ class _Envelopes:
         for t in heights:
             chosen[bundle.span(t)] = payments[bundle.span(t)]
         constants = self.narrowing.constants
-        total = sum(heights[t] if t in heights else float(constants[t]) for t in self.steps)
+        total = exact_sum(heights[t] if t in heights else float(constants[t]) for t in self.steps)
         total += bundle.rest + bundle.best_paths(chosen, heights)[0]
         if not heights or total >= self.narrowing.bound:
             return

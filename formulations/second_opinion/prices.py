@@ -80,8 +80,8 @@ class Prices:
             own += self._kappas(certificate, visible)
         return [
             Worth(
-                math.fsum(own) + sum(path.value for path in best),
-                math.fsum(map(abs, own)) + sum(path.magnitude for path in best),
+                math.fsum(own) + math.fsum(path.value for path in best),
+                math.fsum(map(abs, own)) + math.fsum(path.magnitude for path in best),
             )
             for own, best in zip(terms, paths, strict=True)
         ]
