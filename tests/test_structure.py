@@ -20,8 +20,8 @@ ALLOWED = {
 # module is in one of them (a folder stands for all that it holds).
 ORDER = {
     "core": (
-        "text", "data", "sums", "memory", "stop", "drawing", "world", "problem", "result", "files", "graph",
-        "plausibility", "vision", "referee", "flight", "model", "timing", "objective",
+        "text", "data", "sums", "memory", "stop", "drawing", "world", "problem", "result", "files",
+        "graph", "plausibility", "vision", "referee", "flight", "model", "timing", "objective",
         "coordination", "planners",
     ),
     "formulations": (

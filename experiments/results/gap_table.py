@@ -93,13 +93,19 @@ def _shown(row: Row, key: str) -> object:
     return Marked(value, _OPEN if is_open else " ")
 
 
+# Bounds that a limit left, whose names say nothing; `verify` says how they are made.
+_SIMPLE = dict.fromkeys(("step-multipliers", "optimistic"), "simple")
+
+
 def _title(rows: Sequence[Row]) -> str:
     """Returns the title, which says how good the bounds are."""
     if not rows:
         return "no rows"
     proved = [row for row in rows if row.bound_is_proved]
     others = [r for r in rows if r.bound is not None and r.bound_reason not in PROVED]
-    methods = ", ".join(dict.fromkeys(row.bound_method for row in (*proved, *others)))
+    methods = ", ".join(
+        dict.fromkeys(_SIMPLE.get(row.bound_method, row.bound_method) for row in (*proved, *others))
+    )
     if not others:
         no_gaps = "no bounds" if all(row.bound is None for row in rows) else "no plan exists"
         return f"gap to the proved optimum ({methods})" if proved else no_gaps

@@ -371,7 +371,7 @@ def test_the_gap_table_says_what_its_bounds_are(capsys: pytest.CaptureFixture[st
     assert "gap to the proved optimum (branch-and-price)" in proved
     assert "*" not in proved
     stopped = Run(capsys, "gap", "tiny-queue", "--planner", "cocap", "--bound-limit", 0).out
-    assert "gap to a certified bound (step-multipliers)" in stopped
+    assert "gap to a certified bound (simple)" in stopped
     assert "*" in stopped
     exact = Run(capsys, "gap", "tiny-queue", "--planner", "brute-force", "--json").json["rows"][0]
     assert (exact["planner"], exact["bound_method"]) == ("brute-force", "branch-and-price")

@@ -91,9 +91,10 @@ def _against_their_best(compared: Sequence[Compared]) -> Iterator[str]:
         least = min((share for share in above if share is not None), default=None)
         reached = sum(share is not None and share >= 0 for share in above)
         if least is not None:
+            percent = round(100 * least, 2) + 0.0  # no -0.00
             yield (
                 f"{planner} has at least the reward of {_THEIR_BEST.removeprefix('their-')} on "
-                f"{reached} of {len(scenes)} scenes, {100 * least:+.2f} % where that is least."
+                f"{reached} of {len(scenes)} scenes, {percent:+.2f} % where that is least."
             )
 
 
