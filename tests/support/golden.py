@@ -3,7 +3,8 @@
     python tests/support/golden.py compare [SCENE:SEED..]     all that are stored if none is named
     python tests/support/golden.py store                      after a change that is meant
 
-Numbers are compared as they are, to the last bit; plans and certificates by digests. What does
+Numbers are compared as they are, to the last bit; plans and certificates by digests. Another
+release of NumPy, SciPy or Clarabel may round otherwise, so their versions are stored, too. What does
 not end by itself runs under a limit of work, which is the same on every machine. The scenes of
 other people are looked for where the tests look for them.
 """
@@ -13,6 +14,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +33,8 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, Stop, WorkLimit, never
 
 STORED = Path(__file__).parents[1] / "golden" / "results.jsonl"
+MADE_WITH = STORED.with_name("made_with.json")
+LIBRARIES = ("numpy", "scipy", "clarabel")
 # Units of work for scenes whose searches do not end soon, and for view search's trees.
 WORK = {"field": 30, "passage": 60, "merge/seq.yaml": 30, "large/seq.yaml": 12}
 STARTS = ("sequential", "cocap")  # planners whose better plan bounds and proofs begin with
@@ -41,6 +45,11 @@ Record = dict[str, Any]
 def stored() -> list[Record]:
     """All stored records."""
     return [json.loads(line) for line in STORED.read_text().splitlines()]
+
+
+def versions() -> dict[str, str]:
+    """Releases of the libraries that compute the results."""
+    return {name: version(name) for name in LIBRARIES}
 
 
 def records_of(scene: str, seed: int) -> Iterator[Record]:
@@ -131,6 +140,7 @@ def main() -> None:
     if options.what == "store":
         lines = [json.dumps(r) + "\n" for case in cases for r in records_of(*case)]
         STORED.write_text("".join(lines))
+        MADE_WITH.write_text(json.dumps(versions()) + "\n")
         return
     wrong = 0
     for case in cases:
