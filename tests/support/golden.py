@@ -4,8 +4,8 @@
     python tests/support/golden.py store                      after a change that is meant
 
 Numbers are compared as they are, to the last bit; plans and certificates by digests. Another
-release of NumPy, SciPy or Clarabel may round otherwise, so their versions are stored, too. What does
-not end by itself runs under a limit of work, which is the same on every machine. The scenes of
+release of NumPy, SciPy or Clarabel may round otherwise, so their versions are stored, too. What
+does not end by itself runs under a limit of work, which is the same on every machine. The scenes of
 other people are looked for where the tests look for them.
 """
 
