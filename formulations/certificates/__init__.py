@@ -26,7 +26,8 @@ Below it, the trusted core: `cocap_opt.problem`, `world` and `graph` without `va
 (which moves there are), `vision` (what a view sees), `model` (which drones share a graph, and what
 its places and states are), `objective` (weights and J), `data` (array types and checks of fields),
 `sums` (of floats) and `files.documents` (the digest that ties a file to its scene). Besides these,
-importing it loads what no number depends on: `stop`, `text`, `memory`, `drawing`, `files.atomic_write`, `files.code`.
+importing it loads what no number depends on: `stop`, `text`, `memory`, `drawing`,
+`files.atomic_write`, `files.code`.
 """
 
 from cocap_opt.formulations.certificates.checking import certify, verify

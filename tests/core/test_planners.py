@@ -799,7 +799,7 @@ def test_plans_do_not_depend_on_the_process() -> None:
     assert json.loads(here.splitlines()[0].split(" ", 1)[1])["paths"]
 
 
-@examples(10)
+@examples(6)
 @given(problems())
 def test_plans_do_not_depend_on_what_ran_before(problem: Problem) -> None:
     """Planning twice, or an equal problem made anew, gives the same plan and value."""
