@@ -140,6 +140,11 @@ class JointStates:
         return self.conflict_of()
 
     @cached_property
+    def bounds(self) -> tuple[Ceiling, ...]:
+        """The ceilings, and after them the limits."""
+        return (*self.ceilings, *self.limits)
+
+    @cached_property
     def keys(self) -> list[tuple[int, int]]:
         """Class and number of each state [n]."""
         return list(zip(self.class_of.tolist(), self.states.tolist(), strict=True))
@@ -306,7 +311,7 @@ class PlainSearch:
         """Goes through the tree; raises NotEndedError and LimitReached."""
         joint = self._joint
         nothing, everything = np.zeros(len(joint.weights)), np.arange(len(joint.states))
-        below = tuple(ceiling.height for ceiling in (*joint.ceilings, *joint.limits))
+        below = tuple(ceiling.height for ceiling in joint.bounds)
         self._explore(_Node((), nothing, 0.0, 0.0, below, joint.sizes, everything), stop)
 
     def _explore(self, node: _Node, stop: Stop) -> None:
@@ -331,7 +336,7 @@ class PlainSearch:
         most = _most(node.height, gains, classes, node.counts)
         most_low = _most(node.low, low, classes, node.counts)
         is_able = (most > self.best) & (most_low >= self._floor)
-        for k, ceiling in enumerate((*joint.ceilings, *joint.limits)):
+        for k, ceiling in enumerate(joint.bounds):
             at_most = _most(node.below[k], -ceiling.more[node.states], classes, node.counts)
             is_able &= at_most > self.best if k < len(joint.ceilings) else at_most >= self._floor
         able = np.flatnonzero(is_able)
@@ -350,9 +355,7 @@ class PlainSearch:
                 node.height + float(gains[k]), node.low + float(low[k]),
                 tuple(
                     below - float(ceiling.more[states[k]])
-                    for below, ceiling in zip(
-                        node.below, (*joint.ceilings, *joint.limits), strict=True
-                    )
+                    for below, ceiling in zip(node.below, joint.bounds, strict=True)
                 ),
                 counts,
                 later[~joint.conflict[states[k], later]],

@@ -240,7 +240,8 @@ class PaymentBundle:
         joint, first = self.joints[t], self._spans[t].start
         is_new = self._known.add(joint, positions)
         at = tuple(sorted(first + k for k in positions))
-        self._worths[t].setdefault(at, joint.worth(positions))
+        if at not in self._worths[t]:
+            self._worths[t][at] = joint.worth(positions)
         return is_new
 
     def _heights(self, *payments: FloatArray) -> list[KnownHeight]:

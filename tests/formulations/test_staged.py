@@ -1,6 +1,6 @@
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import combinations_with_replacement, count, product
@@ -205,19 +205,6 @@ def with_limits(joint: JointStates, rng: np.random.Generator) -> JointStates:
 
 @examples(30)
 @given(seeds)
-def test_limits_leave_out_no_joint_state_that_counts(seed: int) -> None:
-    """What slacks prove shortens the search and changes nothing that it finds."""
-    rng = np.random.default_rng(seed)
-    joint = random_joint_states(rng)
-    below = with_limits(joint, rng)
-    for least in (-np.inf, 0.0, 10.0):
-        highest = joint.highest(Wanted(least, 10**6))
-        assert below.highest(Wanted(least, 10**6)).height == pytest.approx(highest.height)
-    assert below.all_that_count(10**6) == joint.all_that_count(10**6)
-
-
-@examples(30)
-@given(seeds)
 def test_limits_leave_out_what_slacks_forbid(seed: int) -> None:
     """A joint state of more slack than there is room for is left out, whatever it is worth."""
     rng = np.random.default_rng(seed)
@@ -228,13 +215,16 @@ def test_limits_leave_out_what_slacks_forbid(seed: int) -> None:
     assert sorted(found) == sorted(within)
 
 
+@pytest.mark.parametrize("with_bounds", [with_ceilings, with_limits])
 @examples(30)
 @given(seeds)
-def test_ceilings_leave_out_no_higher_joint_state(seed: int) -> None:
-    """What earlier payments prove shortens the search and changes nothing that it finds."""
+def test_ceilings_and_limits_leave_out_no_joint_state_that_counts(
+    with_bounds: Callable[[JointStates, np.random.Generator], JointStates], seed: int
+) -> None:
+    """What earlier payments and slacks prove shortens the search and changes nothing it finds."""
     rng = np.random.default_rng(seed)
     joint = random_joint_states(rng)
-    below = with_ceilings(joint, rng)
+    below = with_bounds(joint, rng)
     for least in (-np.inf, 0.0, 10.0):
         highest = joint.highest(Wanted(least, 10**6))
         assert below.highest(Wanted(least, 10**6)).height == pytest.approx(highest.height)
