@@ -19,7 +19,8 @@ order:
 5. `format`: which nodes are a tree, and which cuts of a file have a constant.
 6. `narrowing`, `joint_states`, `joint_paths`, `staged`: certificates in stages, which close states
    that no better plan visits and bound what all faces of a step are worth together.
-   `compiled_search` repeats a search of `joint_states`, faster, and is held to it by tests.
+   `compiled_search` repeats a search of `joint_states`, faster, and is held to it by tests;
+   `search_kernel` has its steps.
 7. `checking`: the file's digest belongs to the scene, and it claims no more than it proves.
 
 Below it, the trusted core: `cocap_opt.problem`, `world` and `graph` without `value_iteration`

@@ -285,6 +285,16 @@ class _Node(NamedTuple):
     states: IntArray  # positions of the states that may still be taken, class by class
 
 
+class _Children(NamedTuple):
+    """States that may be taken next, first those of the next robot's class, the best first."""
+
+    states: IntArray  # [n] their positions
+    gains: FloatArray  # [n] of worth, less payments
+    low: FloatArray  # [n] gains of worth, less charges
+    most: FloatArray  # [n] height that is reached with them at most
+    of_own: int  # how many are of the next robot's class
+
+
 class PlainSearch:
     """The plain search, written to be read; `compiled_search` does the same, faster.
 
@@ -321,46 +331,60 @@ class PlainSearch:
             raise NotEndedError
         if not self._nodes % 500:
             stop.check()
-        joint, own = self._joint, next((c for c, n in enumerate(node.counts) if n), None)
+        own = next((c for c, n in enumerate(node.counts) if n), None)
         if own is None:
-            if self._collects:
-                self.found.append(node.chosen)
-            elif node.height > self.best:
-                self.best, self.positions = node.height, node.chosen
+            self._end(node)
             return
-        worth = np.sqrt(node.pixels) @ joint.weights
-        gains = np.sqrt(node.pixels + joint.pixels[node.states]) @ joint.weights - worth
-        low = gains - joint.charge[node.states]
-        gains -= joint.payment[node.states]
-        classes = joint.class_of[node.states]
-        most = _most(node.height, gains, classes, node.counts)
-        most_low = _most(node.low, low, classes, node.counts)
-        is_able = (most > self.best) & (most_low >= self._floor)
-        for k, ceiling in enumerate(joint.bounds):
-            at_most = _most(node.below[k], -ceiling.more[node.states], classes, node.counts)
-            is_able &= at_most > self.best if k < len(joint.ceilings) else at_most >= self._floor
-        able = np.flatnonzero(is_able)
-        first = int(np.searchsorted(classes[able], own, side="right"))
-        able[:first] = able[:first][np.argsort(-gains[able[:first]], kind="stable")]
-        states, gains, low, most = node.states[able], gains[able], low[able], most[able]
         counts = tuple(n - (c == own) for c, n in enumerate(node.counts))
-        for k in range(first):
+        children = self._children(node, own)
+        gains, most = children.gains, children.most
+        for k in range(children.of_own):
             # Of this class, none of those before it is taken any more.
             if most[k] - counts[own] * (gains[0] - gains[k]) <= self.best:
                 break
-            later = states[k if counts[own] else first :]
-            child = _Node(
-                (*node.chosen, int(states[k])),
-                node.pixels + joint.pixels[states[k]],
-                node.height + float(gains[k]), node.low + float(low[k]),
-                tuple(
-                    below - float(ceiling.more[states[k]])
-                    for below, ceiling in zip(node.below, joint.bounds, strict=True)
-                ),
-                counts,
-                later[~joint.conflict[states[k], later]],
-            )  # fmt: skip
-            self._explore(child, stop)
+            left = children.states[k if counts[own] else children.of_own :]
+            self._explore(self._child(node, children, k, counts, left), stop)
+
+    def _end(self, node: _Node) -> None:
+        """Takes down a joint state that is complete."""
+        if self._collects:
+            self.found.append(node.chosen)
+        elif node.height > self.best:
+            self.best, self.positions = node.height, node.chosen
+
+    def _children(self, node: _Node, own: int) -> _Children:
+        """Returns the states that may be taken and reach enough."""
+        joint, states, counts = self._joint, node.states, node.counts
+        worth = np.sqrt(node.pixels) @ joint.weights
+        gains = np.sqrt(node.pixels + joint.pixels[states]) @ joint.weights - worth
+        low = gains - joint.charge[states]
+        gains -= joint.payment[states]
+        classes = joint.class_of[states]
+        most = _most(node.height, gains, classes, counts)
+        is_able = (most > self.best) & (_most(node.low, low, classes, counts) >= self._floor)
+        for k, bound in enumerate(joint.bounds):
+            at_most = _most(node.below[k], -bound.more[states], classes, counts)
+            is_able &= at_most > self.best if k < len(joint.ceilings) else at_most >= self._floor
+        able = np.flatnonzero(is_able)
+        of_own = int(np.searchsorted(classes[able], own, side="right"))
+        able[:of_own] = able[:of_own][np.argsort(-gains[able[:of_own]], kind="stable")]
+        return _Children(states[able], gains[able], low[able], most[able], of_own)
+
+    def _child(
+        self, node: _Node, children: _Children, k: int, counts: tuple[int, ...], left: IntArray
+    ) -> _Node:
+        """Returns the node where the k-th child's state is taken too."""
+        joint, state = self._joint, int(children.states[k])
+        bounds = zip(node.below, joint.bounds, strict=True)
+        return _Node(
+            (*node.chosen, state),
+            node.pixels + joint.pixels[state],
+            node.height + float(children.gains[k]),
+            node.low + float(children.low[k]),
+            tuple(below - float(bound.more[state]) for below, bound in bounds),
+            counts,
+            left[~joint.conflict[state, left]],
+        )
 
 
 def _most(

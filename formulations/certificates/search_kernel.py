@@ -1,0 +1,237 @@
+"""The steps of the compiled search, one function each; only imported where numba is installed.
+
+A node of the tree is a partial joint state. The search goes down into a child, up again, and
+keeps of each depth what it needs to go on there, in arrays that are made once.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+
+# What each entry of `Memory.progress` is.
+DEPTH, IS_NEW, IS_DONE, FOUND = range(4)
+
+# The rows of `Memory.values`, and the first two of `Memory.heights` and `Memory.largest`.
+PAID, CHARGED, MOST = range(3)
+
+# The rows of `Memory.seen`.
+PIXELS, ROOTS = range(2)
+
+
+class Data(NamedTuple):
+    """The arrays that a search reads: of n states, F faces, C classes, R robots and B bounds."""
+
+    first: IntArray  # [n+1] first entry of each state's coverage
+    faces: IntArray  # of each entry
+    pixels: FloatArray  # of each entry
+    weights: FloatArray  # [F]
+    payment: FloatArray  # [n]
+    charge: FloatArray  # [n]
+    class_of: IntArray  # [n], not decreasing
+    own: IntArray  # [R] class of the robot that is chosen at each depth
+    counts: IntArray  # [R+1, C] robots of each class that are left at each depth
+    conflict: BoolArray  # [n, n]
+    more_paid: FloatArray  # [B, n] what ceilings and limits pay or charge more
+    is_limit: BoolArray  # [B]
+
+
+class Memory(NamedTuple):
+    """The arrays that a search writes: at each depth of R + 1, of n states, F faces, B bounds."""
+
+    progress: IntArray  # depth, is its node new, is all done, how many are found
+    states: IntArray  # [R+1, n] positions of states that may be taken
+    numbers: IntArray  # [R+1, 2] how many, and how many of them of the next robot's class
+    child: IntArray  # [R+1] the next one
+    values: FloatArray  # [3, R+1, n] gains less payments, less charges, and the most reached
+    seen: FloatArray  # [2, R+1, F] pixels so far, and their roots
+    heights: FloatArray  # [2, R+1] worth so far less payments, and less charges
+    below: FloatArray  # [R+1, B] ceilings and limits, less what is paid more so far
+    largest: FloatArray  # [2, C] of a node's values, by class
+    chosen: IntArray  # [2, R] positions of the robots' states, and of the highest's
+    collected: IntArray  # [most, R] positions of those that are collected
+
+
+def _compiled(function: Callable[..., Any]) -> Any:
+    """Returns a compiled function, kept on disk where there is a folder for it.
+
+    It is compiled into its callers: calls that hand over all arrays took half as long again.
+    """
+    try:
+        return numba.njit(cache=True, forceinline=True)(function)
+    except RuntimeError:
+        return numba.njit(forceinline=True)(function)
+
+
+@_compiled
+def _end(memory: Memory, depth: int, best: float) -> float:
+    """Takes down a joint state that is complete; returns the largest height so far."""
+    if len(memory.collected):
+        if memory.progress[FOUND] < len(memory.collected):
+            memory.collected[memory.progress[FOUND]] = memory.chosen[0]
+        memory.progress[FOUND] += 1
+    elif memory.heights[PAID, depth] > best:
+        memory.chosen[1] = memory.chosen[0]
+        return float(memory.heights[PAID, depth])
+    return best
+
+
+@_compiled
+def _at_most(so_far: float, data: Data, depth: int, largest: FloatArray, row: int) -> float:
+    """Returns what is reached at most if each robot that is left adds its class's largest."""
+    for c in range(data.counts.shape[1]):
+        if data.counts[depth, c]:
+            so_far += data.counts[depth, c] * largest[row, c]
+    return so_far
+
+
+@_compiled
+def _keep_within_bounds(data: Data, memory: Memory, depth: int, least: float, floor: float) -> None:
+    """Drops states which no ceiling or limit leaves a height above the least wanted."""
+    states, largest = memory.states, memory.largest
+    for k in range(len(data.more_paid)):
+        largest[0, :] = -np.inf
+        for i in range(memory.numbers[depth, 0]):
+            s = states[depth, i]
+            c = data.class_of[s]
+            largest[0, c] = max(largest[0, c], -data.more_paid[k, s])
+        most = _at_most(memory.below[depth, k], data, depth, largest, 0)
+        kept = 0
+        for i in range(memory.numbers[depth, 0]):
+            s = states[depth, i]
+            high = most - largest[0, data.class_of[s]] - data.more_paid[k, s]
+            if high >= floor if data.is_limit[k] else high > least:
+                states[depth, kept] = s
+                kept += 1
+        memory.numbers[depth, 0] = kept
+
+
+@_compiled
+def _gain(data: Data, memory: Memory, depth: int) -> None:
+    """Computes what each state would gain here, and the largest of each class."""
+    values, seen, largest = memory.values, memory.seen, memory.largest
+    largest[:] = -np.inf
+    for i in range(memory.numbers[depth, 0]):
+        s = memory.states[depth, i]
+        gain = 0.0
+        for e in range(data.first[s], data.first[s + 1]):
+            f = data.faces[e]
+            root = np.sqrt(seen[PIXELS, depth, f] + data.pixels[e])
+            gain += data.weights[f] * (root - seen[ROOTS, depth, f])
+        values[PAID, depth, i] = gain - data.payment[s]
+        values[CHARGED, depth, i] = gain - data.charge[s]
+        c = data.class_of[s]
+        for row in (PAID, CHARGED):
+            largest[row, c] = max(largest[row, c], values[row, depth, i])
+
+
+@_compiled
+def _keep_high(data: Data, memory: Memory, depth: int, least: float, floor: float) -> None:
+    """Drops states that reach too little with the largest gains of the robots that are left."""
+    states, values, largest = memory.states, memory.values, memory.largest
+    most = _at_most(memory.heights[PAID, depth], data, depth, largest, PAID)
+    most_charged = _at_most(memory.heights[CHARGED, depth], data, depth, largest, CHARGED)
+    kept, same = 0, 0
+    for i in range(memory.numbers[depth, 0]):
+        s = states[depth, i]
+        c = data.class_of[s]
+        high = most - largest[PAID, c] + values[PAID, depth, i]
+        low = most_charged - largest[CHARGED, c] + values[CHARGED, depth, i]
+        if high > least and low >= floor:
+            states[depth, kept] = s
+            for row in (PAID, CHARGED):
+                values[row, depth, kept] = values[row, depth, i]
+            values[MOST, depth, kept] = high
+            kept += 1
+            if c == data.own[depth]:
+                same += 1
+    memory.numbers[depth, 0], memory.numbers[depth, 1] = kept, same
+
+
+@_compiled
+def _begin_with_highest(memory: Memory, depth: int) -> None:
+    """Sorts the states of the next robot's class by their gains, and begins with the first."""
+    same, states, values = memory.numbers[depth, 1], memory.states, memory.values
+    order = np.argsort(-values[PAID, depth, :same], kind="mergesort")
+    states[depth, :same] = states[depth, :same][order]
+    for row in range(len(values)):
+        values[row, depth, :same] = values[row, depth, :same][order]
+    memory.child[depth] = 0
+
+
+@_compiled
+def _is_exhausted(data: Data, memory: Memory, depth: int, least: float) -> bool:
+    """Returns True if no child that is left reaches more than the least wanted."""
+    i, values = memory.child[depth], memory.values
+    if i >= memory.numbers[depth, 1]:
+        return True
+    others = data.counts[depth + 1, data.own[depth]]  # of this class, chosen after this robot
+    fallen = values[PAID, depth, 0] - values[PAID, depth, i]
+    return bool(values[MOST, depth, i] - others * fallen <= least)
+
+
+@_compiled
+def _descend(data: Data, memory: Memory, depth: int, least: float) -> None:
+    """Takes the next child's state and goes down: what is seen and paid there."""
+    i, seen, heights = memory.child[depth], memory.seen, memory.heights
+    s = memory.states[depth, i]
+    memory.child[depth] = i + 1
+    memory.chosen[0, depth] = s
+    seen[:, depth + 1] = seen[:, depth]
+    for e in range(data.first[s], data.first[s + 1]):
+        f = data.faces[e]
+        seen[PIXELS, depth + 1, f] += data.pixels[e]
+        seen[ROOTS, depth + 1, f] = np.sqrt(seen[PIXELS, depth + 1, f])
+    for row in (PAID, CHARGED):
+        heights[row, depth + 1] = heights[row, depth] + memory.values[row, depth, i]
+    for k in range(len(data.more_paid)):
+        memory.below[depth + 1, k] = memory.below[depth, k] - data.more_paid[k, s]
+    _hand_down(data, memory, depth, i, least)
+
+
+@_compiled
+def _hand_down(data: Data, memory: Memory, depth: int, taken: int, least: float) -> None:
+    """Hands down the states that do not conflict with the one taken and do not come before it."""
+    states, values = memory.states, memory.values
+    others = data.counts[depth + 1, data.own[depth]]
+    # Gains only shrink: of one class, what has gained too little here need not be looked at.
+    is_one_class = others > 0 and others == len(data.own) - depth - 1
+    least_gain = least - memory.heights[PAID, depth + 1] - (others - 1) * values[PAID, depth, taken]
+    s, kept = states[depth, taken], 0
+    for j in range(taken if others else memory.numbers[depth, 1], memory.numbers[depth, 0]):
+        if is_one_class and values[PAID, depth, j] <= least_gain:
+            break
+        if not data.conflict[s, states[depth, j]]:
+            states[depth + 1, kept] = states[depth, j]
+            kept += 1
+    memory.numbers[depth + 1, 0] = kept
+
+
+@_compiled
+def advance(data: Data, memory: Memory, best: float, floor: float, nodes: int) -> float:
+    """Goes on with a search for so many nodes; returns the largest height so far."""
+    depth = memory.progress[DEPTH]
+    while depth >= 0 and nodes > 0:
+        if memory.progress[IS_NEW]:
+            memory.progress[IS_NEW] = 0
+            nodes -= 1
+            if depth == len(data.own):
+                best = _end(memory, depth, best)
+                depth -= 1
+                continue
+            _keep_within_bounds(data, memory, depth, best, floor)
+            _gain(data, memory, depth)
+            _keep_high(data, memory, depth, best, floor)
+            _begin_with_highest(memory, depth)
+        if _is_exhausted(data, memory, depth, best):
+            depth -= 1
+        else:
+            _descend(data, memory, depth, best)
+            depth += 1
+            memory.progress[IS_NEW] = 1
+    memory.progress[DEPTH] = depth
+    memory.progress[IS_DONE] = depth < 0
+    return best
