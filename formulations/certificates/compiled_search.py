@@ -124,7 +124,10 @@ def _advance(
     at: Any, states: Any, numbers: Any, position: Any, values: Any, seen: Any, heights: Any,
     below: Any, chosen: Any, collected: Any, best: float, floor: float, nodes: int,
 ) -> float:  # fmt: skip
-    """Goes on with a search for so many nodes; returns the largest height so far."""
+    """Goes on with a search for so many nodes; returns the largest height so far.
+
+    Slices and sorting by NumPy would make numba compile for ten seconds instead of two.
+    """
     robots, n_classes = len(own), counts.shape[1]
     largest, largest_low, least = np.empty(n_classes), np.empty(n_classes), np.empty(n_classes)
     done = 0
@@ -136,15 +139,18 @@ def _advance(
             if d == robots:
                 if len(collected):
                     if at[3] < len(collected):
-                        collected[at[3]] = chosen[0]
+                        for k in range(robots):
+                            collected[at[3], k] = chosen[0, k]
                     at[3] += 1
                 elif heights[0, d] > best:
                     best = heights[0, d]
-                    chosen[1] = chosen[0]
+                    for k in range(robots):
+                        chosen[1, k] = chosen[0, k]
                 d -= 1
                 continue
             for k in range(len(more_paid)):
-                least[:] = np.inf
+                for c in range(n_classes):
+                    least[c] = np.inf
                 for i in range(numbers[d, 0]):
                     s = states[d, i]
                     least[class_of[s]] = min(least[class_of[s]], more_paid[k, s])
@@ -160,7 +166,8 @@ def _advance(
                         states[d, kept] = s
                         kept += 1
                 numbers[d, 0] = kept
-            largest[:], largest_low[:] = -np.inf, -np.inf
+            for c in range(n_classes):
+                largest[c], largest_low[c] = -np.inf, -np.inf
             for i in range(numbers[d, 0]):
                 s = states[d, i]
                 gain = 0.0
@@ -190,10 +197,16 @@ def _advance(
                     kept += 1
                     if c == own[d]:
                         same += 1
-            order = np.argsort(-values[0, d, :same], kind="mergesort")
-            states[d, :same] = states[d, :same][order]
-            for k in range(3):
-                values[k, d, :same] = values[k, d, :same][order]
+            # By gain, the first of equals first; they come nearly so, ordered by the node above.
+            for i in range(1, same):
+                s, gain, low, high = states[d, i], values[0, d, i], values[1, d, i], values[2, d, i]
+                j = i
+                while j > 0 and values[0, d, j - 1] < gain:
+                    states[d, j], values[0, d, j] = states[d, j - 1], values[0, d, j - 1]
+                    values[1, d, j], values[2, d, j] = values[1, d, j - 1], values[2, d, j - 1]
+                    j -= 1
+                states[d, j], values[0, d, j] = s, gain
+                values[1, d, j], values[2, d, j] = low, high
             numbers[d, 0], numbers[d, 1] = kept, same
             position[d] = 0
         i = position[d]
@@ -206,7 +219,8 @@ def _advance(
         position[d] = i + 1
         s = states[d, i]
         chosen[0, d] = s
-        seen[:, d + 1] = seen[:, d]
+        for f in range(len(weights)):
+            seen[0, d + 1, f], seen[1, d + 1, f] = seen[0, d, f], seen[1, d, f]
         for e in range(first[s], first[s + 1]):
             f = faces[e]
             seen[0, d + 1, f] += pixels[e]
