@@ -131,7 +131,7 @@ class _Referee:
             for i in range(len(plan.paths)):
                 for k in range(i + 1, len(plan.paths)):
                     a, b = at[i][t], at[k][t]
-                    near = self._too_near(self._way(a, b), rules)
+                    near = _too_near(self._way(a, b), rules)
                     if rules.vertex and a == b:
                         found.append(f"step {t}: drones {i} and {k} are in one cell")
                     elif rules.vertex and near:
@@ -142,7 +142,7 @@ class _Referee:
                     if rules.swap and a != b and (c, d) == (b, a) and not near:
                         found.append(f"step {t} to {t + 1}: drones {i} and {k} swap cells")
                     elif rules.separation and (
-                        near := self._pass_too_near(self._way(a, b), self._way(c, d), rules)
+                        near := _pass_too_near(self._way(a, b), self._way(c, d), rules)
                     ):
                         found.append(f"step {t} to {t + 1}: drones {i} and {k} pass {near}")
         return found
@@ -151,44 +151,6 @@ class _Referee:
         """Returns the way (m) from one position to another."""
         size = self.problem.height_map.resolution
         return (b[0] - a[0]) * size, (b[1] - a[1]) * size, b[2] - a[2]
-
-    @staticmethod
-    def _too_near(way: _Position, rules: CollisionRules) -> str:
-        """Says how near robots are that a way (m) parts; nothing if that is far enough."""
-        apart = math.hypot(*way)
-        if not rules.vertical:
-            near = apart < rules.separation - TOLERANCE
-            return f"{apart:.3g} m apart, less than {rules.separation:g} m" if near else ""
-        aside, above = math.hypot(way[0], way[1]), abs(way[2])
-        if aside < rules.separation - TOLERANCE and above < rules.vertical - TOLERANCE:
-            return (
-                f"{aside:.3g} m apart and {above:.3g} m in height, less than "
-                f"{rules.separation:g} m and {rules.vertical:g} m"
-            )
-        return ""
-
-    def _pass_too_near(self, before: _Position, after: _Position, rules: CollisionRules) -> str:
-        """Says how near robots pass in a step that keep the separation when it begins and ends.
-
-        The distance from a point to a line, and the height, are convex over the step: each of
-        them is small in one interval of it.
-        """
-        if self._too_near(before, rules) or self._too_near(after, rules):
-            return ""
-
-        def way(share: float) -> _Position:
-            x, y, z = (a + share * (b - a) for a, b in zip(before, after, strict=True))
-            return x, y, z
-
-        def aside(share: float) -> float:
-            return math.hypot(*way(share)[: 2 if rules.vertical else 3])
-
-        first, last = 0.0, 1.0
-        if rules.vertical:
-            # A little less, so that the ends of the interval count.
-            most = rules.vertical - TOLERANCE - _LESS
-            first, last = _interval(lambda share: abs(way(share)[2]), most)
-        return self._too_near(way(_least(aside, first, last)), rules) if first < last else ""
 
     def _move_rewards(self, plan: Plan) -> float:
         """Returns the rewards per move of all robots together."""
@@ -309,10 +271,50 @@ class _Referee:
             body = [(x, y, z + half) for x, y, z, _ in actor.poses.tolist()]
             ways = [(x - u, y - v, z - w) for (x, y, z), (u, v, w) in zip(at, body, strict=False)]
             for t, way in enumerate(ways):
-                if self._too_near(way, rules):
+                if _too_near(way, rules):
                     yield f"step {t} is {math.hypot(*way[:2]):.3g} m from {self.problem.person(j)}"
-                elif t + 1 < len(ways) and self._pass_too_near(way, ways[t + 1], rules):
+                elif t + 1 < len(ways) and _pass_too_near(way, ways[t + 1], rules):
                     yield f"step {t} to {t + 1} passes too near to {self.problem.person(j)}"
+
+
+def _too_near(way: _Position, rules: CollisionRules) -> str:
+    """Says how near robots are that a way (m) parts; nothing if that is far enough."""
+    apart = math.hypot(*way)
+    if not rules.vertical:
+        near = apart < rules.separation - TOLERANCE
+        return f"{apart:.3g} m apart, less than {rules.separation:g} m" if near else ""
+    aside, above = math.hypot(way[0], way[1]), abs(way[2])
+    if aside < rules.separation - TOLERANCE and above < rules.vertical - TOLERANCE:
+        return (
+            f"{aside:.3g} m apart and {above:.3g} m in height, less than "
+            f"{rules.separation:g} m and {rules.vertical:g} m"
+        )
+    return ""
+
+
+@lru_cache(maxsize=1 << 14)  # drones on a grid pass in few ways, again and again
+def _pass_too_near(before: _Position, after: _Position, rules: CollisionRules) -> str:
+    """Says how near robots pass in a step that keep the separation when it begins and ends.
+
+    The distance from a point to a line, and the height, are convex over the step: each of
+    them is small in one interval of it.
+    """
+    if _too_near(before, rules) or _too_near(after, rules):
+        return ""
+
+    def way(share: float) -> _Position:
+        x, y, z = (a + share * (b - a) for a, b in zip(before, after, strict=True))
+        return x, y, z
+
+    def aside(share: float) -> float:
+        return math.hypot(*way(share)[: 2 if rules.vertical else 3])
+
+    first, last = 0.0, 1.0
+    if rules.vertical:
+        # A little less, so that the ends of the interval count.
+        most = rules.vertical - TOLERANCE - _LESS
+        first, last = _interval(lambda share: abs(way(share)[2]), most)
+    return _too_near(way(_least(aside, first, last)), rules) if first < last else ""
 
 
 def _least(function: Callable[[float], float], first: float, last: float) -> float:

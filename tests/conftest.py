@@ -41,13 +41,15 @@ def _seconds(item: pytest.Item) -> float:
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Keep the tests out of the user's cache; processes started by a test inherit this.
 
-    The workers of a session share one, so that each scene's coverage is computed once.
+    The workers of a session share one, so that each scene's coverage is computed once, and a
+    folder of random problems (`pool`), so that each is drawn once.
     """
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("COCAP_OPT_CACHE", str(folder / "cache"))
+        patch.setenv("COCAP_OPT_TEST_POOL", str(folder / "pool"))
         if "PYTHONDONTWRITEBYTECODE" in os.environ:
             # Nothing goes into the tree; processes still need not compile all modules each.
             patch.delenv("PYTHONDONTWRITEBYTECODE")

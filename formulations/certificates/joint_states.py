@@ -37,7 +37,7 @@ from cocap_opt.stop import Stop, never
 
 _PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
 _LARGE, _FEW_NODES = 5, 100  # likewise, of teams of so many robots, whose searches are long
-_COMPILING = 10.0  # seconds that the first compiled search of a machine may take
+_COMPILING = 5.0  # seconds that the first compiled search of a machine may take
 _MOST_FOUND = 50_000  # joint states of one step that are collected
 _AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
 
@@ -258,7 +258,7 @@ class JointStates:
         rows, faces = np.nonzero(self.pixels)
         return (
             np.searchsorted(rows, np.arange(len(self.pixels) + 1)),
-            faces,
+            np.ascontiguousarray(faces),  # numba compiles once more for another layout
             self.pixels[rows, faces],
         )
 

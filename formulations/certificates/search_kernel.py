@@ -1,7 +1,8 @@
 """The steps of the compiled search, one function each; only imported where numba is installed.
 
 A node of the tree is a partial joint state. The search goes down into a child, up again, and
-keeps of each depth what it needs to go on there, in arrays that are made once.
+keeps of each depth what it needs to go on there, in arrays that are made once. There are no
+slices and no sorting by NumPy, with which numba would compile for ten seconds instead of two.
 """
 
 from collections.abc import Callable
@@ -71,10 +72,12 @@ def _end(memory: Memory, depth: int, best: float) -> float:
     """Takes down a joint state that is complete; returns the largest height so far."""
     if len(memory.collected):
         if memory.progress[FOUND] < len(memory.collected):
-            memory.collected[memory.progress[FOUND]] = memory.chosen[0]
+            for k in range(depth):
+                memory.collected[memory.progress[FOUND], k] = memory.chosen[0, k]
         memory.progress[FOUND] += 1
     elif memory.heights[PAID, depth] > best:
-        memory.chosen[1] = memory.chosen[0]
+        for k in range(depth):
+            memory.chosen[1, k] = memory.chosen[0, k]
         return float(memory.heights[PAID, depth])
     return best
 
@@ -93,7 +96,8 @@ def _keep_within_bounds(data: Data, memory: Memory, depth: int, least: float, fl
     """Drops states which no ceiling or limit leaves a height above the least wanted."""
     states, largest = memory.states, memory.largest
     for k in range(len(data.more_paid)):
-        largest[0, :] = -np.inf
+        for c in range(largest.shape[1]):
+            largest[0, c] = -np.inf
         for i in range(memory.numbers[depth, 0]):
             s = states[depth, i]
             c = data.class_of[s]
@@ -113,7 +117,8 @@ def _keep_within_bounds(data: Data, memory: Memory, depth: int, least: float, fl
 def _gain(data: Data, memory: Memory, depth: int) -> None:
     """Computes what each state would gain here, and the largest of each class."""
     values, seen, largest = memory.values, memory.seen, memory.largest
-    largest[:] = -np.inf
+    for c in range(largest.shape[1]):
+        largest[PAID, c], largest[CHARGED, c] = -np.inf, -np.inf
     for i in range(memory.numbers[depth, 0]):
         s = memory.states[depth, i]
         gain = 0.0
@@ -153,12 +158,20 @@ def _keep_high(data: Data, memory: Memory, depth: int, least: float, floor: floa
 
 @_compiled
 def _begin_with_highest(memory: Memory, depth: int) -> None:
-    """Sorts the states of the next robot's class by their gains, and begins with the first."""
-    same, states, values = memory.numbers[depth, 1], memory.states, memory.values
-    order = np.argsort(-values[PAID, depth, :same], kind="mergesort")
-    states[depth, :same] = states[depth, :same][order]
-    for row in range(len(values)):
-        values[row, depth, :same] = values[row, depth, :same][order]
+    """Sorts the states of the next robot's class by their gains, and begins with the first.
+
+    They come nearly sorted from the node above; of equals the first stays first.
+    """
+    states, values = memory.states, memory.values
+    for i in range(1, memory.numbers[depth, 1]):
+        j = i
+        while j > 0 and values[PAID, depth, j - 1] < values[PAID, depth, j]:
+            states[depth, j - 1], states[depth, j] = states[depth, j], states[depth, j - 1]
+            for row in range(3):
+                above = values[row, depth, j - 1]
+                values[row, depth, j - 1] = values[row, depth, j]
+                values[row, depth, j] = above
+            j -= 1
     memory.child[depth] = 0
 
 
@@ -180,7 +193,9 @@ def _descend(data: Data, memory: Memory, depth: int, least: float) -> None:
     s = memory.states[depth, i]
     memory.child[depth] = i + 1
     memory.chosen[0, depth] = s
-    seen[:, depth + 1] = seen[:, depth]
+    for f in range(len(data.weights)):
+        seen[PIXELS, depth + 1, f] = seen[PIXELS, depth, f]
+        seen[ROOTS, depth + 1, f] = seen[ROOTS, depth, f]
     for e in range(data.first[s], data.first[s + 1]):
         f = data.faces[e]
         seen[PIXELS, depth + 1, f] += data.pixels[e]
