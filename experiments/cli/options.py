@@ -1,7 +1,8 @@
 """Options that several commands share: their names, their help, and what is allowed."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -68,17 +69,31 @@ OfPlanners = Annotated[
 
 def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
     """Returns a scene by its name or file, and logs what is doubtful in a file."""
-    problem = load_planned(scene, seed, options)
+    Option("--seed").require_whole(seed)
+    problem = load_scene(scene, seed, options)
     if scene not in SCENES:  # those are meant as they are
         for doubt in doubts(problem):
             _say_once(scene, seed, doubt)
     return problem
 
 
-def load_planned(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
+def load_planned(scene: str, seed: int) -> Problem:
     """Returns a scene that has a plan already: what is doubtful in it was said before."""
     Option("--seed").require_whole(seed)
-    return load_scene(scene, seed, options)
+    with _without_warnings("cocap_opt.scenarios"):
+        return load_scene(scene, seed)
+
+
+@contextmanager
+def _without_warnings(package: str) -> Iterator[None]:
+    """Keeps the warnings of a package back for a while."""
+    logger = logging.getLogger(package)
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def say_strains(scene: str, seed: int, problem: Problem) -> None:

@@ -19,6 +19,7 @@ from cocap_opt.experiments.cli.options import (
     Scene,
     Seed,
     load,
+    load_planned,
     say_narrow_way,
     say_strains,
 )
@@ -204,7 +205,7 @@ class _Task(NamedTuple):
 
     @classmethod
     def read(cls, scene: str, seed: int, free: bool, path: Path | None) -> "_Task":
-        problem, start = load(scene, seed), None
+        problem, start = (load if path is None else load_planned)(scene, seed), None
         about: Record = {"free": True} if free else {"rules": str(problem.rules)}
         about |= {"motion": _motion(problem)}
         if path is not None:
