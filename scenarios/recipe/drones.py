@@ -57,7 +57,7 @@ class _StartTable(Table):
     heading: Heading = 0.0
 
 
-class LimitsTable(Table):
+class _LimitsTable(Table):
     """The limits of a drone, of which those that are given take the place of the airframe's."""
 
     speed: Length | None = None  # m/s
@@ -88,7 +88,7 @@ class DronesTable(Table):
     tilts: tuple[float, ...] = (10.0,)  # degrees below the horizon
     motion: Motion = Motion()
     airframe: str | None = None
-    limits: LimitsTable = msgspec.field(default_factory=LimitsTable)
+    limits: _LimitsTable = msgspec.field(default_factory=_LimitsTable)
 
     def added_to(
         self, team: list[Robot], around: Surroundings, rng: np.random.Generator
