@@ -13,7 +13,7 @@ from cyclopts import Parameter, Token
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.plausibility import doubts, narrow_way, strains
+from cocap_opt.plausibility import narrow_way, strains, warnings
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import NOTHING, SCENES, load_scene
 
@@ -53,7 +53,7 @@ Workers = Annotated[
     Parameter(converter=_whole, help="processes, each on a core of its own; this one if not given"),
 ]
 Json = Annotated[bool, FLAG(name="--json", help="print one JSON object")]
-Free = Annotated[bool, FLAG(help="the scene without collisions between drones")]
+Free = Annotated[bool, FLAG(help="leave collisions between drones out of the scene")]
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
 OfScenes = Annotated[
     list[str] | None,
@@ -72,8 +72,8 @@ def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem
     Option("--seed").require_whole(seed)
     problem = load_scene(scene, seed, options)
     if scene not in SCENES:  # those are meant as they are
-        for doubt in doubts(problem):
-            _say_once(scene, seed, doubt)
+        for warning in warnings(problem):
+            _say_once(scene, seed, warning)
     return problem
 
 

@@ -54,7 +54,7 @@ _SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
 
 _Start = Annotated[Path | None, Parameter(help="file of a plan to start from")]
 _TraceFile = Annotated[
-    Path | None, Parameter(name="--trace", help="CSV to write value and bound over time to")
+    Path | None, Parameter(name="--trace", help="CSV file for value and bound over time")
 ]
 
 

@@ -57,11 +57,11 @@ def _verify(
     free: Free = False,
     explain: Annotated[
         bool,
-        FLAG(name="--explain", help="say what the gap is made of, term by term; it adds up"),
+        FLAG(name="--explain", help="say what the gap is made of; the terms add up to it"),
     ] = False,
     networkx: Annotated[
         bool,
-        FLAG(help="price bounds, leaf by leaf, again by networkx alone; they must not part"),
+        FLAG(help="compute bounds again, leaf by leaf, by networkx alone; both must agree"),
     ] = False,
     json: Json = False,
 ) -> int:

@@ -184,7 +184,9 @@ class DronesTable(Table):
             meet = int(self._can_meet(around).sum())
             words += f"; from {meet} of them a drone comes within {NEAR:g} m of somebody in sight"
             inside = (buried(workspace, actor, around.horizon) for actor in actors)
-            shut = [f"person {j} {doubt}" for j, doubt in enumerate(inside) if doubt and not meet]
+            shut = [
+                f"person {j} {warning}" for j, warning in enumerate(inside) if warning and not meet
+            ]
             words = "; ".join([words, *shut[:1]])
         if self.near is not None:
             words += f"; some are within {self.near:g} m at step 0"

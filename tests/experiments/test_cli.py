@@ -322,7 +322,7 @@ def test_rows_of_an_explanation_name_their_drones(
     assert max(len(line.rstrip()) for line in narrow.splitlines()) <= 60
 
 
-def test_doubts_are_said_and_recipes_printed(
+def test_scenes_are_warned_of_and_recipes_printed(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """What `recipe` prints can be adapted; a scene in which nobody is seen says why."""
@@ -345,7 +345,7 @@ def test_doubts_are_said_and_recipes_printed(
 def test_what_was_said_when_a_scene_was_planned_is_not_said_again(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Doubts are of the scene: they are said before there is a plan; built-in scenes have none."""
+    """Warnings of a scene come before there is a plan; built-in scenes have none."""
     scene, plan = tmp_path / "heavy.toml", tmp_path / "plan.json"
     scene.write_text(
         "steps = 1\n[map]\nsize = [8, 8]\n[[walk]]\npoints = [[50, 6]]\n"
