@@ -1,7 +1,7 @@
 """Likely mistakes in problems that are allowed: mixed-up units, people inside walls, narrow ways.
 
 Nothing here changes a result. A scene in which nobody can be seen has J = 0 and a proof of it;
-the doubts say why.
+the warnings say why.
 """
 
 import math
@@ -33,7 +33,7 @@ _WIDEST = 60  # cells around a start in which a pocket that shuts a drone in is 
 _Pose = tuple[float, float, float, float]
 
 
-def doubts(problem: Problem) -> list[str]:
+def warnings(problem: Problem) -> list[str]:
     """Returns all likely mistakes in a problem, in words, one line each."""
     found = [*_about_heights(problem.height_map)]
     found += [
@@ -47,14 +47,14 @@ def doubts(problem: Problem) -> list[str]:
         if _below_ground(problem, mesh)
     ]
     found += [
-        f"meshes[{k}] {doubt}"
+        f"meshes[{k}] {warning}"
         for k, mesh in enumerate(problem.meshes)
-        for doubt in _about_mesh(problem, mesh)
+        for warning in _about_mesh(problem, mesh)
     ]
     if not problem.actors:
         found.append("there are no people to film, so that every view reward is 0")
     for j, actor in enumerate(problem.actors):
-        found += [f"{problem.person(j)} {doubt}" for doubt in _about(problem, actor)]
+        found += [f"{problem.person(j)} {warning}" for warning in _about(problem, actor)]
     around = _around_robots(problem)
     outings = [around[robot.motion].outing(robot.start) for robot in problem.robots]
     return [*found, *_in_the_way(problem), *_shut_in(problem, outings)]
@@ -101,7 +101,7 @@ def narrow_way(problem: Problem) -> str:
 
 
 def _about_heights(height_map: HeightMap) -> Iterator[str]:
-    """Yields a doubt if heights are those of no buildings, or slopes those of no land."""
+    """Yields a warning if heights are those of no buildings, or slopes those of no land."""
     ground = height_map.ground
     above = (height_map.heights - ground)[height_map.stands_out]
     highest, usual = (float(f(above)) if len(above) else 0.0 for f in (np.max, np.median))
@@ -120,7 +120,7 @@ def _about_heights(height_map: HeightMap) -> Iterator[str]:
 
 
 def _about_mesh(problem: Problem, mesh: Mesh) -> Iterator[str]:
-    """Yields the doubts about the size of a mesh, and about how high above the map it is."""
+    """Yields the warnings about the size of a mesh, and about how high above the map it is."""
     low, high = float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max())
     above = low - float(problem.height_map.heights.max())
     if above > _HOVERING:
@@ -144,7 +144,7 @@ def _not_closed(mesh: Mesh) -> str:
 
 
 def _shut_in(problem: Problem, outings: list[Outing]) -> Iterator[str]:
-    """Yields a doubt for each robot that can get nowhere, or to nobody."""
+    """Yields a warning for each robot that can get nowhere, or to nobody."""
     for i, (robot, outing) in enumerate(zip(problem.robots, outings, strict=True)):
         if not outing.closed:
             continue
@@ -181,7 +181,7 @@ def _below_ground(problem: Problem, mesh: Mesh) -> bool:
 
 
 def _in_the_way(problem: Problem) -> Iterator[str]:
-    """Yields a doubt for each robot that can fly into a person, which no rule forbids."""
+    """Yields a warning for each robot that can fly into a person, which no rule forbids."""
     if problem.airspace.people_aside:
         return
     for i, robot in enumerate(problem.robots):
@@ -208,7 +208,7 @@ def _height_within(problem: Problem, robot: Robot, actor: Actor) -> float | None
 
 
 def _about(problem: Problem, actor: Actor) -> Iterator[str]:
-    """Yields the doubts about an actor."""
+    """Yields the warnings about an actor."""
     poses = actor.poses[: problem.horizon + 1]
     if not _HEIGHTS[0] <= actor.shape.height <= _HEIGHTS[1]:
         yield f"is {actor.shape.height:.3g} m high: is the unit right?"

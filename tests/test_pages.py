@@ -16,6 +16,7 @@ from cocap_opt.files.documents import FileError
 
 README = ROOT / "README.md"
 LONGEST = 1500  # words of a page
+_WIDTH = 88  # characters of a line of code on a page
 
 
 def commands() -> list[str]:
@@ -44,6 +45,18 @@ def test_pages_are_short() -> None:
     long = {page.name: words(page.read_text(encoding="utf-8")) for page in pages()}
     assert {name: count for name, count in long.items() if count > LONGEST} == {}
     assert len(README.read_text(encoding="utf-8").splitlines()) <= 120
+
+
+def test_commands_fit_the_width_of_a_page() -> None:
+    """Nobody has to scroll to the side to read a command."""
+    wide = [
+        f"{page.name}: {line}"
+        for page in pages()
+        for text in re.findall(r"(?ms)^```sh$\n(.*?)^```$", page.read_text(encoding="utf-8"))
+        for line in text.splitlines()
+        if len(line) > _WIDTH
+    ]
+    assert wide == []
 
 
 def test_words_are_spelt_as_in_dictionaries() -> None:

@@ -71,7 +71,14 @@ class _Header(msgspec.Struct):
 
 
 class SceneFile(Document, frozen=True, kw_only=True):
-    """A scene file."""
+    """A scene file.
+
+    Attributes
+    ----------
+    format : the kind of file
+    version : of this format
+    problem : the scene
+    """
 
     format: Literal["cocap-opt scene"] = "cocap-opt scene"
     version: Literal[2] = 2
@@ -79,16 +86,28 @@ class SceneFile(Document, frozen=True, kw_only=True):
 
 
 class PlanFile(Document, frozen=True, kw_only=True):
-    """A plan file: the plan, its J, the digest of its scene, and what stopped its search."""
+    """A plan file: the plan, its J, the digest of its scene, and what stopped its search.
+
+    Attributes
+    ----------
+    format : the kind of file
+    version : of this format
+    scene : the name of the scene
+    digest : of the scene
+    planner : the name of the planner
+    limit : the limit that stopped the planner; None: none did, or nobody wrote it
+    reward : J as the planner claims it
+    plan : a path for each drone
+    """
 
     older = SAMPLED
     format: Literal["cocap-opt plan"] = "cocap-opt plan"
     version: Literal[2, 3] = 3
-    scene: str  # name
-    digest: str  # of the problem
+    scene: str
+    digest: str
     planner: str
-    limit: Limit | None = None  # that stopped the planner; None: none did, or nobody wrote it
-    reward: float  # J claimed
+    limit: Limit | None = None
+    reward: float
     plan: Plan
 
 

@@ -49,7 +49,7 @@ _TIE = 6  # digits; angles and distances that agree to these are equal
 _Way = tuple[float, float]  # off the heading (rad), and far (m), the nearest actor is
 
 
-class Discount(Protocol):
+class _Discount(Protocol):
     """The order in which states are taken from the queue."""
 
     def collect(self, value: float, reward: float, k: int) -> float:
@@ -94,7 +94,7 @@ class Undiscounted:
         return value * gamma ** (k - 1)
 
 
-def algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: Discount) -> Path | None:
+def _algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: _Discount) -> Path | None:
     """CoCap's Alg. 2: the path to the first state of the last step taken; None if there is none.
 
     States are (k, v): state number v as the k-th of a path, k = 1..T+1.
@@ -131,7 +131,7 @@ class ViewSearch:
 
     is_lazy: Literal[True] = True
 
-    def __init__(self, discount: Discount | None = None) -> None:
+    def __init__(self, discount: _Discount | None = None) -> None:
         self._discount = discount or Compounded()
         self._views: dict[Model, list[LazyCoverage]] = {}  # by robot
 
@@ -142,7 +142,7 @@ class ViewSearch:
             self._views[model] = LazyCoverage.of_robots(model)
         coverage = self._views[model][task.robot]
         evaluated_before = coverage.evaluated
-        path, pixels = algorithm_2(task, coverage, self._discount), model.problem.no_pixels()
+        path, pixels = _algorithm_2(task, coverage, self._discount), model.problem.no_pixels()
         for t, state in enumerate(path or ()):
             if t >= model.problem.first_step:
                 pixels[model.problem.view_sums_at(t)] += coverage(t, np.array([state]))[0]

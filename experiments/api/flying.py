@@ -87,7 +87,7 @@ def robustness(
     """Tell what is left of a plan when people are late, early or aside, or a drone lags.
 
     Nobody notices: all others fly as planned. Distances and rules are those of every moment, on
-    the flights' polynomials; J is looked at between the steps, too.
+    the flights' polynomials; J is computed between the steps, too.
 
     Parameters
     ----------

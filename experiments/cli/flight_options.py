@@ -15,10 +15,10 @@ from cocap_opt.problem import Plan, Problem
 
 _MARGINS = 0.25, 0.5, 1.0  # m, which are tried for a plan that cannot be flown
 
-Smooth = Annotated[bool, FLAG(name="--smooth", help="with continuous speed and acceleration")]
+Smooth = Annotated[bool, FLAG(name="--smooth", help="fly with continuous speed and acceleration")]
 StepSeconds = Annotated[
     float | None,
-    Parameter(name="--step", help="seconds of a step, of scenes that do not say it"),
+    Parameter(name="--step", help="seconds of a step, if the scene does not say"),
 ]
 Margin = Annotated[
     float | None,

@@ -1,7 +1,7 @@
 """The command `fly`, which makes of a plan what drones fly."""
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -28,6 +28,7 @@ from cocap_opt.stop import Interrupt
 _OPTIONS = "every", "smooth", "start"
 _EARTHLY = ".geojson", ".kml", ".plan", ".waypoints"  # which have latitudes and longitudes
 _PLACES = "earth.crs", "earth.origin"
+_MANY, _FEW = 12, 6  # drones of a table that is cut, and rows that it keeps
 
 
 def _fly(
@@ -99,8 +100,21 @@ def _fly(
             print_result({**answer, **rows, "files": [*files]}, json)
         else:
             print_result({**answer, "file": " ".join(map(str, files))}, json)
-            Listing("tightest moment of each drone", flight.rows(), notes).print()
+            _tightest(flight.rows(), notes).print()
     return 0
+
+
+def _tightest(rows: Sequence[Record], notes: Sequence[str]) -> Listing:
+    """Returns the table of the drones' tightest moments; of many drones it has a few."""
+    table = Listing("tightest moment of each drone", rows, notes)
+    if len(rows) <= _MANY:
+        return table
+    ranked = sorted(rows, key=_tightness, reverse=True)
+    return table._replace(rows=ranked).first(_FEW, "the drones nearest to a limit, or the fastest")
+
+
+def _tightness(row: Record) -> tuple[float, float]:
+    return (row["value"] / row["limit"] if row["limit"] else 0.0, row["value"])
 
 
 def _named(output: Path, suffix: str, part: str) -> Path:

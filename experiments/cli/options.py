@@ -1,7 +1,8 @@
 """Options that several commands share: their names, their help, and what is allowed."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ from cyclopts import Parameter, Token
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.plausibility import doubts, narrow_way, strains
+from cocap_opt.plausibility import narrow_way, strains, warnings
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import NOTHING, SCENES, load_scene
 
@@ -52,7 +53,7 @@ Workers = Annotated[
     Parameter(converter=_whole, help="processes, each on a core of its own; this one if not given"),
 ]
 Json = Annotated[bool, FLAG(name="--json", help="print one JSON object")]
-Free = Annotated[bool, FLAG(help="the scene without collisions between drones")]
+Free = Annotated[bool, FLAG(help="leave collisions between drones out of the scene")]
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
 OfScenes = Annotated[
     list[str] | None,
@@ -68,17 +69,31 @@ OfPlanners = Annotated[
 
 def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
     """Returns a scene by its name or file, and logs what is doubtful in a file."""
-    problem = load_planned(scene, seed, options)
+    Option("--seed").require_whole(seed)
+    problem = load_scene(scene, seed, options)
     if scene not in SCENES:  # those are meant as they are
-        for doubt in doubts(problem):
-            _say_once(scene, seed, doubt)
+        for warning in warnings(problem):
+            _say_once(scene, seed, warning)
     return problem
 
 
-def load_planned(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
+def load_planned(scene: str, seed: int) -> Problem:
     """Returns a scene that has a plan already: what is doubtful in it was said before."""
     Option("--seed").require_whole(seed)
-    return load_scene(scene, seed, options)
+    with _without_warnings("cocap_opt.scenarios"):
+        return load_scene(scene, seed)
+
+
+@contextmanager
+def _without_warnings(package: str) -> Iterator[None]:
+    """Keeps the warnings of a package back for a while."""
+    logger = logging.getLogger(package)
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def say_strains(scene: str, seed: int, problem: Problem) -> None:

@@ -34,21 +34,25 @@ def _robustness(
     flown: FlightOptions = AS_PLANNED,
     late: Annotated[
         list[float] | None,
-        Parameter(negative="", consume_multiple=True, help="s by which people are late, and early"),
+        Parameter(
+            negative="", consume_multiple=True, help="seconds by which people are late, and early"
+        ),
     ] = None,
     aside: Annotated[
         list[float] | None,
-        Parameter(negative="", consume_multiple=True, help="m by which people walk aside"),
+        Parameter(negative="", consume_multiple=True, help="metres by which people walk aside"),
     ] = None,
     lag: Annotated[
         list[float] | None,
-        Parameter(negative="", consume_multiple=True, help="s by which any one drone is late"),
+        Parameter(
+            negative="", consume_multiple=True, help="seconds by which any one drone is late"
+        ),
     ] = None,
     json: Json = False,
 ) -> int:
     """Tell what is left of a plan when people are late, early or aside, or a drone lags.
 
-    Nobody notices: all others fly as planned. J is looked at between the steps, too. Distances are
+    Nobody reacts: all others fly as planned. J is computed between the steps, too. Distances are
     the least at any moment, and rules are checked at every moment, on the flights' polynomials.
 
     Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
@@ -101,7 +105,7 @@ def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iter
     """Yields sentences on what the numbers mean."""
     problem = flight.flown.problem
     yield (
-        "J is looked at between the steps, too; distances are the least at any moment, those to "
+        "J is computed between the steps, too; distances are the least at any moment, those to "
         "people seen from above; people are moved to their own left or right, as they walk; where "
         "any drone may be late, each column has the worst of them"
     )

@@ -61,7 +61,7 @@ def known_scenes() -> dict[str, list[Record]]:
         "airframes": [
             {
                 "airframe": name,
-                "limits": ", ".join(f"{kind} {value:.3g}" for kind, value in _known(limits)),
+                "limits": ", ".join(f"{kind} {value:,.4g}" for kind, value in _known(limits)),
             }
             for name, limits in AIRFRAMES.items()
         ],

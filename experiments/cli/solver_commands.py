@@ -19,6 +19,7 @@ from cocap_opt.experiments.cli.options import (
     Scene,
     Seed,
     load,
+    load_planned,
     say_narrow_way,
     say_strains,
 )
@@ -53,7 +54,7 @@ _SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
 
 _Start = Annotated[Path | None, Parameter(help="file of a plan to start from")]
 _TraceFile = Annotated[
-    Path | None, Parameter(name="--trace", help="CSV to write value and bound over time to")
+    Path | None, Parameter(name="--trace", help="CSV file for value and bound over time")
 ]
 
 
@@ -204,7 +205,7 @@ class _Task(NamedTuple):
 
     @classmethod
     def read(cls, scene: str, seed: int, free: bool, path: Path | None) -> "_Task":
-        problem, start = load(scene, seed), None
+        problem, start = (load if path is None else load_planned)(scene, seed), None
         about: Record = {"free": True} if free else {"rules": str(problem.rules)}
         about |= {"motion": _motion(problem)}
         if path is not None:

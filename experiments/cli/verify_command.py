@@ -5,10 +5,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
+import numpy as np
 from cyclopts import Parameter
 
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.cli.options import FLAG, Free, Json, Scene, Seed, load, say_narrow_way
+from cocap_opt.experiments.cli.options import (
+    FLAG,
+    Free,
+    Json,
+    Scene,
+    Seed,
+    load_planned,
+    say_narrow_way,
+)
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.explained import Explained
@@ -48,11 +57,11 @@ def _verify(
     free: Free = False,
     explain: Annotated[
         bool,
-        FLAG(name="--explain", help="say what the gap is made of, term by term; it adds up"),
+        FLAG(name="--explain", help="say what the gap is made of; the terms add up to it"),
     ] = False,
     networkx: Annotated[
         bool,
-        FLAG(help="price bounds, leaf by leaf, again by networkx alone; they must not part"),
+        FLAG(help="compute bounds again, leaf by leaf, by networkx alone; both must agree"),
     ] = False,
     json: Json = False,
 ) -> int:
@@ -67,7 +76,7 @@ def _verify(
     files = file or _plan_with_scene(scene)
     if not files:
         if not Path(scene).exists():
-            load(scene, seed)  # there may be no such file
+            load_planned(scene, seed)  # there may be no such file
         raise UsageError("FILE: name a plan, a certificate or a proof")
     claims = _Claims.read(scene, seed, free, files)
     if explain and (claims.plan is None or not claims.bounds):
@@ -85,7 +94,7 @@ def _verify(
     explained = Explained.of(verified) if explain else None
     if explain and json:
         answer["explanation"] = _data(explained) if explained else None
-    print_result(answer, json)
+    print_result(answer if json else answer | claims.by_person(verified), json)
     if explained and not json:
         print_texts(explained_tables(explained, line_width()), explained_sentences(explained))
     return 1 if verified.violations else 0
@@ -127,7 +136,7 @@ class _Claims(NamedTuple):
     @classmethod
     def read(cls, scene: str, seed: int, free: bool, files: Sequence[Path]) -> "_Claims":
         """Reads all files, in an order of their own, before any is checked."""
-        problem = load(scene, seed)
+        problem = load_planned(scene, seed)
         about: Record = {"free": True} if free else {}
         reader = PlanReader(scene, problem)
         content: PlanFile | Plan | None = None
@@ -180,6 +189,14 @@ class _Claims(NamedTuple):
                 except TooLargeError as error:
                     raise UsageError(f"--networkx: {error}") from error
         return bounds, failed
+
+    def by_person(self, verified: Verified) -> Record:
+        """Returns the rewards of people, which take the place of those of faces in a terminal."""
+        verdict = verified.verdict
+        if verdict is None or not verdict.face_reward:
+            return {}
+        rewards = np.bincount(self.problem.face_owner, weights=verdict.face_reward)
+        return {"reward_per_face": None, "reward_per_person": tuple(rewards.tolist())}
 
     def answer(self, verified: Verified) -> Record:
         """Returns what `verify` prints of what it found."""

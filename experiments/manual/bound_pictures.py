@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from cocap_opt.experiments.manual import one_face, worked
 from cocap_opt.experiments.manual.node_pictures import COLOURS
@@ -48,8 +49,11 @@ def draw_rounds() -> Figure:
     rounds = range(1, len(above) + 1)
     ax.plot(rounds, above, "-o", ms=4, color=BLUE, label="bound, above the optimum")
     some = [(k, gap) for k, gap in zip(rounds, below, strict=True) if gap > 1e-9]
-    ax.plot(*zip(*some, strict=True), "-s", ms=4, color=AMBER, label="best plan, below it")
-    ax.set(yscale="log", xlabel="report of the search", ylabel="% of the optimum", ylim=(0.01, 60))
+    if some:
+        ax.plot(*zip(*some, strict=True), "-s", ms=4, color=AMBER, label="best plan, below it")
+    ax.set(yscale="log", xlabel="report of the search", ylabel="% of the optimum",
+           ylim=(0.01, 150))  # fmt: skip
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.yaxis.set_major_formatter("{x:g}")
     add_legend(figure, ax)
     return figure

@@ -51,7 +51,7 @@ def briefing(flight: Flight, every: float | None) -> list[Section]:
         Section("Take-off and landing (a suggestion)", list(_legs(flight))),
         *_places(flight, every),
         *_walks(flight, every),
-        Section("Not checked", [f"- {words}" for words in (*_UNCHECKED, *flight.doubts())]),
+        Section("Not checked", [f"- {words}" for words in (*_UNCHECKED, *flight.warnings())]),
     ]
 
 

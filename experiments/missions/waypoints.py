@@ -89,7 +89,7 @@ class Item(NamedTuple):
         return _RELATIVE if self.has_place else _NO_PLACE
 
 
-class Dialect(NamedTuple):
+class _Dialect(NamedTuple):
     """The wishes of an autopilot that others do not have.
 
     Attributes
@@ -104,10 +104,10 @@ class Dialect(NamedTuple):
     note: str
 
 
-PX4 = Dialect(
+PX4 = _Dialect(
     12, False, "for PX4 (ArduPilot refuses to command its gimbal so: .waypoints is for it)"
 )
-ARDUPILOT = Dialect(
+ARDUPILOT = _Dialect(
     3, True,
     "for ArduPilot (.plan is for PX4): set WP_YAW_BEHAVIOR to 0, so that it looks where the plan "
     "does, and WPNAV_RADIUS to what corners may be cut by; it takes whole degrees of pitch",
@@ -149,7 +149,7 @@ class Route(NamedTuple):
 
 
 def waypoint_mission(
-    flight: Flight, every: float | None, dialect: Dialect, write: Callable[[Route], bytes]
+    flight: Flight, every: float | None, dialect: _Dialect, write: Callable[[Route], bytes]
 ) -> Export:
     """Returns a mission of waypoints for each drone.
 
@@ -191,7 +191,7 @@ def seconds_to_step_0(flight: Flight) -> float:
     return _SETTLE + float(columns["above_takeoff"][columns["t"] == 0].max()) / _RISE
 
 
-def items(route: Route, dialect: Dialect) -> Iterator[Item]:
+def items(route: Route, dialect: _Dialect) -> Iterator[Item]:
     """Yields the items of a drone's mission."""
     last = len(route.places) - 1
     yield _going(Command.TAKEOFF, route, 0)
@@ -227,7 +227,7 @@ def _going(command: Command, route: Route, k: int) -> Item:
     return Item(command, (0.0, reached, 0.0, float(route.yaw[k]), *place))
 
 
-def _arriving(route: Route, k: int, dialect: Dialect) -> Iterator[Item]:
+def _arriving(route: Route, k: int, dialect: _Dialect) -> Iterator[Item]:
     """Yields what lets a drone fly to a waypoint and look as it is meant to."""
     if dialect.turns_by_command:
         yield Item(Command.YAW, (float(route.yaw[k]), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))

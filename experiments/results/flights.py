@@ -188,7 +188,7 @@ class Flight(NamedTuple):
             "below is negative (degrees)"
         )
         yield from self.nearer_to_people()
-        yield from self.doubts()
+        yield from self.warnings()
 
     def nearer_to_people(self) -> Iterable[str]:
         """Yields how near to people drones may come, if that is nearer than the scene says."""
@@ -200,7 +200,7 @@ class Flight(NamedTuple):
                 asked += f" and {self.asked.people_above:g}"
             yield (f"--margin lets drones be nearer to people: {own}; the scene asks for {asked} m")
 
-    def doubts(self) -> Iterable[str]:
+    def warnings(self) -> Iterable[str]:
         """Yields sentences on what was not checked or is not known."""
         problem = self.flown.problem
         if not self.is_smooth:

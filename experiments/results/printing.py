@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Sequence
 from json import dumps
+from math import fsum
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -57,6 +58,9 @@ _METHODS = {
     "step-multipliers": "a simple bound, with one multiplier for all faces of a step",
     "optimistic": "a simple bound, as if nothing hid anybody at some steps",
 }
+# Lists of rewards: what each is of, and the number of the first.
+_SERIES = {"reward_per_step": ("step", 1), "reward_per_person": ("person", 0)}
+_FEW = 12  # rewards that are listed; of more there is a summary, and JSON has them
 # Values that say nothing, by their keys; JSON has them.
 _SILENT = {"limit": NO_LIMIT, "evaluated": 0, "reward_at_start": 0.0}
 _SHARES = ("gap", "gap_free", "largest gap", "largest gap_free", "smoothing_cost")  # printed in %
@@ -96,9 +100,27 @@ def print_result(row: Record, json: bool) -> None:
     table = Table(show_header=False, box=None)
     for key, value in row.items():
         if value is not None and value != "" and _SILENT.get(key) != value:
-            shown = grouped_conflicts(value) if key == "violations" else value
-            table.add_row(_LABELS.get(key, key), escape(_text(key, shown)))
+            table.add_row(_LABELS.get(key, key), escape(_shown(key, value)))
     _console().print(table)
+
+
+def _shown(key: str, value: Any) -> str:
+    """Returns a value as people read it: conflicts in groups, and long lists summed up."""
+    if key == "violations":
+        return _text(key, grouped_conflicts(value))
+    if key in _SERIES and len(value) > _FEW:
+        return _summary(value, *_SERIES[key])
+    return _text(key, value)
+
+
+def _summary(rewards: Sequence[float], noun: str, first: int) -> str:
+    """Returns the mean of rewards, and which is the least and which the largest."""
+    least, most = (rewards.index(end(rewards)) for end in (min, max))
+    return "\n".join([
+        f"mean {fsum(rewards) / len(rewards):,.2f} over {len(rewards)}; --json has all",
+        f"least {rewards[least]:,.2f}, {noun} {least + first}",
+        f"most {rewards[most]:,.2f}, {noun} {most + first}",
+    ])  # fmt: skip
 
 
 def print_texts(tables: Sequence[str], sentences: Sequence[str]) -> None:
@@ -135,6 +157,18 @@ class Listing(NamedTuple):
         console = _console()
         for words in self.notes:
             console.print(printable(words, _BREAK), markup=False)
+
+    def first(self, number: int, what: str) -> "Listing":
+        """Returns it with its first rows only, and a note that says so.
+
+        Parameters
+        ----------
+        what : the rows that are kept, in words
+        """
+        if len(self.rows) <= number:
+            return self
+        note = f"{what}: {number} of {len(self.rows)}; --json has all"
+        return self._replace(rows=self.rows[:number], notes=[note, *self.notes])
 
     def fitted(self, spare: Sequence[str], whole: str = "") -> "Listing":
         """Returns it without as many of some columns, the first first, as a terminal is too narrow.
@@ -241,6 +275,6 @@ def _text(key: str, value: Any) -> str:
         return f"{value:,.2f}"
     if isinstance(value, (list, tuple)):
         if value and all(isinstance(item, float) for item in value):
-            return "  ".join(f"{item:.2f}" for item in value)
+            return "  ".join(f"{item:,.2f}" for item in value)
         return "\n".join(_text("", item) for item in value) or "none"
     return shortened(printable(value)) if key == "scene" else printable(str(value))

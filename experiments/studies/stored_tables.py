@@ -12,6 +12,7 @@ from cocap_opt.experiments.studies.growth.points import GAP, MEASURES, Point, Sa
 from cocap_opt.experiments.studies.lazy import means
 
 _Rows = list[dict[str, str]]
+_LEAST_PERCENT = 0.0001  # which optimal means; less is rounding
 _PROSE = {"robots": "drones"}
 _MET = {"must": "target", "moonshot": "ambitious", "missed": "missed", "open": "not yet"}
 
@@ -135,7 +136,8 @@ def growth_in_markdown() -> str:
         for point, found in zip(points, middle, strict=True)
     ])  # fmt: skip
     seeds = counted(len({sample.seed for sample in samples}), "seed")
-    return f"{table}\nMedians over {seeds}; runs were stopped after {samples[0].limit:g} s.\n"
+    of = f"Medians over {seeds}" if len(samples) > len(points) else "One seed of each size"
+    return f"{table}\n{of}; runs were stopped after {samples[0].limit:g} s.\n"
 
 
 def lazy_in_markdown() -> str:
@@ -163,4 +165,6 @@ def _seconds(seconds: float) -> str:
 
 def _number(text: str, unit: str) -> str:
     number = float(text)
+    if unit == "%" and 0 < number < _LEAST_PERCENT:
+        return f"< {_LEAST_PERCENT} %"
     return f"{number:.3g} {unit}".strip() if math.isfinite(number) else "-"

@@ -29,10 +29,21 @@ def _rows_digest() -> str:
 
 
 class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """One command, and where it ran."""
+    """One command, and where it ran.
+
+    Attributes
+    ----------
+    command : the program and its arguments
+    began : date and time, UTC
+    scenes : names or files, as they were given
+    seeds : seeds of each scene
+    workers : the processes or the cluster that computed
+    machine : its system, its processor and the like
+    packages : the versions of the libraries, by their names
+    """
 
     command: list[str]
-    began: str  # date and time, UTC
+    began: str
     scenes: list[str]
     seeds: list[int]
     workers: str
@@ -60,12 +71,20 @@ class Run(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
 
 class RunFile(Document, frozen=True, kw_only=True):
-    """All runs that the results in a folder are of; the same code has made all of them."""
+    """All runs that the results in a folder are of; the same code has made all of them.
+
+    Attributes
+    ----------
+    format : the kind of file
+    version : of this format
+    code : the digest of what rows depend on, scenes included
+    runs : the commands that wrote into the folder, in their order
+    """
 
     older = SAMPLED
     format: Literal["cocap-opt run"] = "cocap-opt run"
     version: Literal[4] = 4
-    code: str  # digest of what rows depend on, scenes included
+    code: str
     runs: list[Run]
 
     @classmethod

@@ -215,7 +215,7 @@ class JointStates:
 
     def _searched(
         self, wanted: Wanted, stop: Stop, collects: bool = False
-    ) -> "PlainSearch | compiled_search.Running":
+    ) -> "_PlainSearch | compiled_search.Running":
         """Returns a search that has ended: a long one is begun again, compiled, where it can be."""
         plain_nodes = _FEW_NODES if sum(self.sizes) >= _LARGE else _PLAIN_NODES
         is_long = (
@@ -224,7 +224,7 @@ class JointStates:
             and stop.seconds_left > _COMPILING
         )
         first = wanted._replace(most_nodes=plain_nodes) if is_long else wanted
-        plain = PlainSearch(self, first, collects)
+        plain = _PlainSearch(self, first, collects)
         try:
             plain.run(stop)
         except NotEndedError:
@@ -295,7 +295,7 @@ class _Children(NamedTuple):
     of_own: int  # how many are of the next robot's class
 
 
-class PlainSearch:
+class _PlainSearch:
     """The plain search, written to be read; `compiled_search` does the same, faster.
 
     Parameters

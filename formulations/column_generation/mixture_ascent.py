@@ -36,7 +36,7 @@ LEAST_AMOUNT = 1e-4  # of a robot, below which a column is dropped
 _NOTHING = 1e-12  # px/m2
 
 
-class Raised(NamedTuple):
+class _Raised(NamedTuple):
     """A mixture, what it is worth, and the pricing of its multipliers."""
 
     mixture: Mixture
@@ -44,7 +44,7 @@ class Raised(NamedTuple):
     priced: Priced
 
 
-def mixture_ascent(model: Model, pricer: Pricer, first: Priced) -> Iterator[Raised]:
+def mixture_ascent(model: Model, pricer: Pricer, first: Priced) -> Iterator[_Raised]:
     """Yields better and better mixtures, without end.
 
     Parameters
@@ -68,7 +68,7 @@ def mixture_ascent(model: Model, pricer: Pricer, first: Priced) -> Iterator[Rais
         open_ = best - value
         kept = np.flatnonzero(amounts > LEAST_AMOUNT)
         mixture = Mixture([mixture.columns[n] for n in kept.tolist()], amounts[kept])
-        yield Raised(mixture, value, priced)
+        yield _Raised(mixture, value, priced)
 
 
 def _joined(mixture: Mixture, columns: list[Column]) -> Mixture:

@@ -68,7 +68,7 @@ class StepSolution(NamedTuple):
 
 
 class StepMaster(NamedTuple):
-    """What all master problems of a bundle have in common.
+    """The part that all master problems of a bundle share.
 
     Attributes
     ----------
@@ -145,7 +145,7 @@ class StepMaster(NamedTuple):
 
 
 class _Payment(NamedTuple):
-    """What a robot gets in a state: a column, if it has one, so many times, and a constant."""
+    """The payment for a state: a column, if it has one, so many times, and a constant."""
 
     column: int | None
     times: float

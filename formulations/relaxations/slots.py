@@ -56,7 +56,7 @@ class Slots:
         numbers: IntArray = flow.steps[nodes] * self.n_cells + flow.places[nodes]
         return numbers
 
-    def find(self, t: IntArray, layer: int, x: IntArray, y: IntArray) -> "Found":
+    def find(self, t: IntArray, layer: int, x: IntArray, y: IntArray) -> "_Found":
         """Returns which of these cells at steps t are slots."""
         _, width, depth = self.sizes
         inside = np.flatnonzero((x >= 0) & (x < width) & (y >= 0) & (y < depth))
@@ -65,7 +65,7 @@ class Slots:
         wanted += t[inside] * self.n_cells
         slots = np.minimum(np.searchsorted(self.numbers, wanted), len(self) - 1)
         found = self.numbers[slots] == wanted
-        return Found(inside[found], slots[found])
+        return _Found(inside[found], slots[found])
 
     def reach(self, flow: Flow) -> sparse.csr_array:
         """Returns 1 where a robot can be in a slot [K, R]."""
@@ -83,7 +83,7 @@ class Slots:
         return incidence(np.concatenate(rows), np.concatenate(columns), shape)
 
 
-class Found(NamedTuple):
+class _Found(NamedTuple):
     """Cells that are slots."""
 
     which: IntArray  # [n] positions among the cells that were looked for

@@ -57,7 +57,7 @@ class _StartTable(Table):
     heading: Heading = 0.0
 
 
-class LimitsTable(Table):
+class _LimitsTable(Table):
     """The limits of a drone, of which those that are given take the place of the airframe's."""
 
     speed: Length | None = None  # m/s
@@ -88,7 +88,7 @@ class DronesTable(Table):
     tilts: tuple[float, ...] = (10.0,)  # degrees below the horizon
     motion: Motion = Motion()
     airframe: str | None = None
-    limits: LimitsTable = msgspec.field(default_factory=LimitsTable)
+    limits: _LimitsTable = msgspec.field(default_factory=_LimitsTable)
 
     def added_to(
         self, team: list[Robot], around: Surroundings, rng: np.random.Generator
@@ -184,7 +184,9 @@ class DronesTable(Table):
             meet = int(self._can_meet(around).sum())
             words += f"; from {meet} of them a drone comes within {NEAR:g} m of somebody in sight"
             inside = (buried(workspace, actor, around.horizon) for actor in actors)
-            shut = [f"person {j} {doubt}" for j, doubt in enumerate(inside) if doubt and not meet]
+            shut = [
+                f"person {j} {warning}" for j, warning in enumerate(inside) if warning and not meet
+            ]
             words = "; ".join([words, *shut[:1]])
         if self.near is not None:
             words += f"; some are within {self.near:g} m at step 0"

@@ -11,8 +11,8 @@ FASTEST = 12.0  # m/s; nobody runs faster, and few ride
 IMPOSSIBLE = 100.0  # m/s
 
 
-def pace_doubt(names: Sequence[str], actors: Sequence[Actor], step: float, causes: str) -> str:
-    """Returns a doubt about the first of some people who is too fast, or nothing if nobody is.
+def pace_warning(names: Sequence[str], actors: Sequence[Actor], step: float, causes: str) -> str:
+    """Returns a warning about the first of some people who is too fast, or nothing if nobody is.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def pace_doubt(names: Sequence[str], actors: Sequence[Actor], step: float, cause
     ProblemError
         If nobody on the ground could be so fast.
     """
-    doubts = []
+    warnings = []
     for name, actor in zip(names, actors, strict=True):
         ways = np.hypot(*np.diff(actor.poses[:, :2], axis=0).T)
         t = int(np.argmax(ways))
@@ -36,8 +36,8 @@ def pace_doubt(names: Sequence[str], actors: Sequence[Actor], step: float, cause
                 f"{name} must be slower than {IMPOSSIBLE:g} m/s, but {words}: are {causes} right?"
             )
         if speed > FASTEST:
-            doubts.append(f"{name} {words}")
-    if not doubts:
+            warnings.append(f"{name} {words}")
+    if not warnings:
         return ""
-    more = f"; {len(doubts)} of {len(actors)} people are so fast" if len(doubts) > 1 else ""
-    return f"{doubts[0]}{more}: are {causes} right?"
+    more = f"; {len(warnings)} of {len(actors)} people are so fast" if len(warnings) > 1 else ""
+    return f"{warnings[0]}{more}: are {causes} right?"

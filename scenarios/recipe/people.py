@@ -10,7 +10,7 @@ from msgspec import Meta
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem import Actor, Shape
-from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE, pace_doubt
+from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE, pace_warning
 from cocap_opt.scenarios.recipe.tables import Count, Heading, Point, Size, Table, Unit
 from cocap_opt.scenarios.recipe.terrain import Terrain
 from cocap_opt.scenarios.recipe.tracks import BODY, MOST_GAP, SLACK, STILL, Track
@@ -62,8 +62,8 @@ class TracksTable(Table):
             for track in chosen
         ]
         names, causes = [f"id {track.id}" for track in chosen], "unit, fps, step and all its rows"
-        if doubt := pace_doubt(names, actors, step, causes):
-            log.warning("%s: %s", self.file, doubt)
+        if warning := pace_warning(names, actors, step, causes):
+            log.warning("%s: %s", self.file, warning)
         return actors
 
     def _chosen(self, tracks: list[Track], step: float, steps: int) -> tuple[float, list[Track]]:
@@ -170,16 +170,16 @@ class WalkTable(Table):
             yaw[:] = math.radians(self.heading)
         actor = Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape, name=self.name)
         x, y = self.points[0]
-        if doubt := pace_doubt(
+        if warning := pace_warning(
             [f"the walk from ({x:g}, {y:g}) m"], [actor], step, "speed and step"
         ):
-            log.warning("%s", doubt)
+            log.warning("%s", warning)
         if words := self._rest(step * steps):
             log.warning("the walk from (%g, %g) m %s", x, y, words)
         return actor
 
     def _rest(self, seconds: float) -> str:
-        """Returns a doubt about a person who stands for most of the scene after a walk."""
+        """Returns a warning about a person who stands for most of the scene after a walk."""
         way = float(np.hypot(*np.diff(np.array(self.points), axis=0).T).sum()) - self.first
         if not way > 0 or not self.speed:
             return ""

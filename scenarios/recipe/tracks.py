@@ -24,8 +24,8 @@ import numpy as np
 from cocap_opt.data import LARGEST, MOST_STEPS, BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.problem import Actor, Prism, Shape
 from cocap_opt.scenarios.recipe.tables import Unit
-from cocap_opt.scenarios.recipe.track_doubts import track_doubts
 from cocap_opt.scenarios.recipe.track_table import TrackTable
+from cocap_opt.scenarios.recipe.track_warnings import track_warnings
 from cocap_opt.scenarios.text import naming
 
 log = logging.getLogger(__name__)
@@ -84,8 +84,8 @@ class Track(NamedTuple):
         with naming(path):
             table = TrackTable.read(path, columns, unit, fps, delimiter)
             tracks = _tracks(table)
-        for doubt in track_doubts(table):
-            log.warning("%s: %s", path, doubt)
+        for warning in track_warnings(table):
+            log.warning("%s: %s", path, warning)
         return tracks
 
     def is_there(self, begin: float, step: float, steps: int) -> bool:

@@ -80,7 +80,7 @@ def test_ways_that_are_too_long_do_not_count() -> None:
 
 
 def test_what_is_too_large_is_not_looked_at() -> None:
-    """The number of cells in reach is limited, since doubts must be cheap."""
+    """The number of cells in reach is limited, since warnings must be cheap."""
     problem, wanted = scene(DOOR, 4), marked(DOOR, "o")
     assert choke_point(problem, wanted, most=13) is not None
     assert choke_point(problem, wanted, most=12) is None

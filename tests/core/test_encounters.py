@@ -6,7 +6,7 @@ from strategies import standing
 
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.encounters import Encounters
-from cocap_opt.plausibility import doubts
+from cocap_opt.plausibility import warnings
 from cocap_opt.problem import Actor, Motion, Problem, Robot, State
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
@@ -92,7 +92,7 @@ def scene(start: State, *meshes: Mesh, heights: FloatArray | None = None) -> Pro
 )
 def test_a_drone_that_is_shut_in_is_said(problem: Problem, words: str) -> None:
     """By walls of a height map, or by a hollow building, which is said to have no floor."""
-    assert any(doubt.startswith(words) for doubt in doubts(problem))
+    assert any(warning.startswith(words) for warning in warnings(problem))
 
 
 def test_a_drone_that_can_get_nowhere_is_said() -> None:
@@ -100,5 +100,5 @@ def test_a_drone_that_can_get_nowhere_is_said() -> None:
     heights = courtyard()
     heights[8:12, 8:12] = 20.0
     heights[9, 9] = 0.0
-    assert doubts(scene(State(9, 9), heights=heights)) == ["drone 0 can reach only 1 cell"]
-    assert doubts(scene(State(2, 2), heights=heights)) == []
+    assert warnings(scene(State(9, 9), heights=heights)) == ["drone 0 can reach only 1 cell"]
+    assert warnings(scene(State(2, 2), heights=heights)) == []

@@ -24,6 +24,7 @@ from cocap_opt.experiments.cli.solver_commands import AT_THE_ROOT
 from cocap_opt.experiments.console import progress
 from cocap_opt.experiments.results.gap_table import print_gap_table
 from cocap_opt.experiments.results.judging import SOLVERS, Judged
+from cocap_opt.experiments.results.printing import print_result
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.sweeps.scenes import Scenes
 from cocap_opt.files.documents import SceneFile
@@ -321,7 +322,7 @@ def test_rows_of_an_explanation_name_their_drones(
     assert max(len(line.rstrip()) for line in narrow.splitlines()) <= 60
 
 
-def test_doubts_are_said_and_recipes_printed(
+def test_scenes_are_warned_of_and_recipes_printed(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """What `recipe` prints can be adapted; a scene in which nobody is seen says why."""
@@ -344,7 +345,7 @@ def test_doubts_are_said_and_recipes_printed(
 def test_what_was_said_when_a_scene_was_planned_is_not_said_again(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Doubts are of the scene: they are said before there is a plan; built-in scenes have none."""
+    """Warnings of a scene come before there is a plan; built-in scenes have none."""
     scene, plan = tmp_path / "heavy.toml", tmp_path / "plan.json"
     scene.write_text(
         "steps = 1\n[map]\nsize = [8, 8]\n[[walk]]\npoints = [[50, 6]]\n"
@@ -358,11 +359,38 @@ def test_what_was_said_when_a_scene_was_planned_is_not_said_again(
     )
     assert all(words in caplog.text for words in said)
     caplog.clear()
-    Run(capsys, "robustness", scene, plan)
-    assert "is off the map" not in caplog.text and "can make no move" not in caplog.text
-    caplog.clear()
+    for command in ("robustness", "verify"):
+        Run(capsys, command, scene, plan)
+        assert not any(words in caplog.text for words in said), command
     Run(capsys, "plan", "tiny-doorway")
     assert not caplog.text
+
+
+def test_long_lists_of_rewards_are_summed_up(capsys: pytest.CaptureFixture[str]) -> None:
+    """A few rewards are listed; of many there are the mean and both ends; JSON has them all."""
+    few, many = (3.0, 1500.0), tuple(float(k) for k in range(100, 140))
+    print_result({"reward_per_person": few, "reward_per_step": many}, False)
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert lines[0] == ["reward_per_person", "3.00", "1,500.00"]
+    assert " ".join(lines[1]) == "reward_per_step mean 119.50 over 40; --json has all"
+    assert lines[2] == ["least", "100.00,", "step", "1"]
+    assert lines[3] == ["most", "139.00,", "step", "40"]
+    print_result({"reward_per_step": many}, True)
+    assert json.loads(capsys.readouterr().out)["reward_per_step"] == list(many)
+
+
+def test_verify_tells_rewards_by_person(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """People read what each person gets, which adds up to J; JSON has it face by face."""
+    plan = tmp_path / "plan.json"
+    Run(capsys, "plan", "corridor-tight", "--planner", "sequential", "-o", plan)
+    answer = Run(capsys, "verify", "corridor-tight", plan, "--json").json
+    text = Run(capsys, "verify", "corridor-tight", plan).out
+    told = next(line for line in text.splitlines() if "reward_per_person" in line)
+    first, second = (float(word.replace(",", "")) for word in told.split()[1:])
+    faces = answer["reward_per_face"]
+    assert (first, second) == pytest.approx((sum(faces[:5]), sum(faces[5:])), abs=0.01)
+    assert first + second == pytest.approx(answer["reward"], abs=0.02)
+    assert "reward_per_face" not in text
 
 
 def test_the_gap_table_says_what_its_bounds_are(capsys: pytest.CaptureFixture[str]) -> None:

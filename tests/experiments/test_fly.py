@@ -11,6 +11,7 @@ from test_cli import Run
 
 import cocap_opt as co
 from cocap_opt.data import FieldError
+from cocap_opt.experiments.cli import fly_command
 from cocap_opt.experiments.missions import WRITERS, Export
 from cocap_opt.experiments.results import flights
 from cocap_opt.flight.safety import Danger
@@ -269,6 +270,25 @@ def test_limits_hold_for_scenes_and_for_flights(
         assert code == 0 or re.search(words, run.err)
     assert run.json["step"] == 1.0
     assert [row["tightest"] for row in run.json["drones"]] == ["acceleration"] * 2
+
+
+def test_of_many_drones_the_tightest_are_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The drones nearest to a limit come first, and a note says how many are left out."""
+    scene, plan = tmp_path / "scene.toml", tmp_path / "plan.json"
+    scene.write_text(RECIPE.format(step="", limits="limits = { speed = 30 }"))
+    co.save(plan, co.plan(co.load(scene), "sequential"))
+    every = ("fly", scene, plan, "-o", tmp_path / "f.csv")
+    assert "--json has all" not in Run(capsys, *every).out
+    monkeypatch.setattr(fly_command, "_MANY", 1)
+    monkeypatch.setattr(fly_command, "_FEW", 1)
+    rows = Run(capsys, *every, "--json").json["drones"]
+    assert len(rows) == 2
+    first = max(rows, key=lambda row: row["value"])
+    out = Run(capsys, *every).out
+    assert "the fastest: 1 of 2; --json has all" in out
+    assert f"{first['drone']}  speed" in out and f"{1 - first['drone']}  speed" not in out
 
 
 def test_the_way_out_of_a_refused_flight_works(

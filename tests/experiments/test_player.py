@@ -653,14 +653,17 @@ def test_the_camera_turns_zooms_and_looks_down(player: Any) -> None:
 
 @pytest.mark.slow
 def test_numbers_of_crowded_drones_stay_near_them(player: Any) -> None:
-    """They are apart, at most so far from their drones, and where there is no room left out."""
+    """They are apart, cover no name, and are left out where there is no room near the drone."""
     script = (ROOT / "experiments" / "report" / "page" / "labels.js").read_text()
     crowd = "const put = []; for (let i = 0; i < 64; i++) {"
-    crowd += "const place = freePlace(5, 7, put); if (place) put.push(place); }"
+    crowd += "const place = freePlace(5, 7, put, []); if (place) put.push(place); }"
     places = player.execute_script(f"{script}; {crowd} return put")
     assert places[0] == [5, 7] and 4 < len(places) < 64
     apart = np.hypot(*(np.array(places)[:, None] - places).transpose(2, 0, 1))
     assert apart[np.triu_indices(len(places), 1)].min() >= 14 and apart[0].max() <= 40
+    named = "[{ x: 5, y: 7, wide: 90, high: 13 }]"
+    x, y = player.execute_script(f"{script}; return freePlace(5, 7, [], {named})")
+    assert abs(x - 5) >= 52.5 or abs(y - 7) >= 14
 
 
 # What the hint says at points all over the first picture.

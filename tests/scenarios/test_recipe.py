@@ -1,4 +1,4 @@
-"""Recipes, and the meshes, walls and doubts that come with them."""
+"""Recipes, and the meshes, walls and warnings that come with them."""
 
 import json
 import math
@@ -18,7 +18,7 @@ from strategies import examples, standing
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.formulations import EXACT
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.plausibility import doubts, narrow_way
+from cocap_opt.plausibility import narrow_way, warnings
 from cocap_opt.problem import NO_RULES, Actor, Airspace, Cuboid, Motion, Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.scenarios import SCENES, load_scene
@@ -240,14 +240,14 @@ starts = [{{ x = {EAST + 2.5}, y = {NORTH + 6.5} }}]
     np.testing.assert_allclose(heights.datum, ground, atol=1e-4)
     x, y, z, _ = problem.actors[0].poses[2].tolist()
     assert z == pytest.approx(heights.heights[heights.cell_of(x, y)])
-    assert doubts(problem) == []
+    assert warnings(problem) == []
     write_tif(tmp_path / "dtm.tif", 20 * ground)
     write_tif(tmp_path / "dsm.tif", 20 * surface)
     in_feet = text.replace("[map]", '[map]\nunit = "ft"')
     assert read(write(tmp_path, in_feet)).height_map.heights.max() == pytest.approx(
         20 * surface.max() * 0.3048
     )
-    assert doubts(read(write(tmp_path, text))) == [
+    assert warnings(read(write(tmp_path, text))) == [
         "the map rises by 8.42 m a metre at half of its cells: are its heights in centimetres? "
         "In a recipe `unit` of [map] says so"
     ]
@@ -270,7 +270,7 @@ def test_a_coarse_slope_buries_nobody(tmp_path: Path) -> None:
     problem = read(write(tmp_path, f"{text}resolution = 5\n{walk}\n{drone}"))
     assert problem.height_map.shape == (8, 4)
     np.testing.assert_array_equal(problem.height_map.heights, problem.height_map.datum)
-    assert doubts(problem) == []
+    assert warnings(problem) == []
 
 
 def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
@@ -529,7 +529,7 @@ def test_an_open_mesh_is_doubted(tmp_path: Path) -> None:
     assert not mesh.is_solid
     problem = load_scene("bridge", 0)
     problem = problem.replace(meshes=(*problem.meshes, mesh))
-    assert doubts(problem) == ["meshes[1] is not closed, so that only its surface is solid"]
+    assert warnings(problem) == ["meshes[1] is not closed, so that only its surface is solid"]
 
 
 @pytest.mark.parametrize("content", [b"", b"junk", b"solid x\nfacet", bytes(range(256)) * 3])
@@ -894,7 +894,7 @@ def test_a_wall_around_a_hole_is_solid(tmp_path: Path) -> None:
     assert volume == pytest.approx((6 * 5 - 4 * 3) * 3)
 
 
-# -- doubts -------------------------------------------------------------------------------
+# -- warnings -------------------------------------------------------------------------------
 
 
 def with_actor(poses: list[tuple[float, float, float]], **changes: object) -> Problem:
@@ -922,14 +922,14 @@ def with_actor(poses: list[tuple[float, float, float]], **changes: object) -> Pr
 )  # fmt: skip
 def test_what_is_hardly_meant_is_said(actor: Problem, words: str | None) -> None:
     """People in walls, off the map, in the air, of a wrong size: in words; others not."""
-    found = doubts(actor)
+    found = warnings(actor)
     if words is None:
         assert found == []
     else:
         assert len(found) >= 1
         import re
 
-        assert any(re.match(rf"person 0 {words}", doubt) for doubt in found)
+        assert any(re.match(rf"person 0 {words}", warning) for warning in found)
 
 
 @pytest.mark.parametrize(
@@ -950,20 +950,20 @@ def test_meshes_of_odd_sizes_are_doubted(
     box.apply_translation((15, 15, 0))
     box.apply_translation(at)
     mesh = Mesh(vertices=np.array(box.vertices), triangles=np.array(box.faces))
-    found = doubts(problem.replace(meshes=(*problem.meshes, mesh)))
+    found = warnings(problem.replace(meshes=(*problem.meshes, mesh)))
     expected = [] if words is None else [f"meshes[1] {words}"]
-    assert [doubt for doubt in found if doubt.startswith("meshes[1]")] == expected
+    assert [warning for warning in found if warning.startswith("meshes[1]")] == expected
 
 
 def test_a_scene_without_people_is_doubted() -> None:
-    """A scene without people has J = 0, which raises a doubt."""
-    assert "no people" in doubts(load_scene("corridor", 0).replace(actors=()))[0]
+    """A scene without people has J = 0, which raises a warning."""
+    assert "no people" in warnings(load_scene("corridor", 0).replace(actors=()))[0]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in SCENES if not name.startswith("tiny")])
-def test_built_in_scenes_leave_no_doubt(name: str) -> None:
-    """Nobody is in a wall, off the map or of a wrong size; narrow ways are meant, and no doubt."""
+def test_built_in_scenes_leave_no_warning(name: str) -> None:
+    """Nobody is in a wall, off the map or of a wrong size; narrow ways are meant."""
     narrow = {
         "passage": "(8, 15)",
         "bottleneck": "(17, 14), (17, 15)",
@@ -971,7 +971,7 @@ def test_built_in_scenes_leave_no_doubt(name: str) -> None:
         "corridor-tight": "(8, 15)",
     }
     problem = load_scene(name, 1)
-    assert doubts(problem) == []
+    assert warnings(problem) == []
     found = narrow_way(problem)
     assert bool(found) == (name in narrow)
     if found:

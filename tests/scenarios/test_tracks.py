@@ -310,7 +310,7 @@ def test_rows_in_any_order_and_among_words(
         assert same(read(folder, text, unit="m", fps=4, **options), tracks)
 
 
-# -- doubts -------------------------------------------------------------------------------
+# -- warnings -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -330,7 +330,7 @@ def test_rows_in_any_order_and_among_words(
         ([(0, 0, -1.7), (1, 0, -1.7)], "m", ["z of 1 of 1 people is below 0, -1.7 m of 1: does z"]),
     ],
 )  # fmt: skip
-def test_doubts_are_said(
+def test_odd_tracks_are_warned_of(
     tmp_path: Path,
     caplog: pytest.LogCaptureFixture,
     rows: list[tuple[float, float, float]],
@@ -365,7 +365,9 @@ def test_a_single_bad_row_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixt
     assert "line 31: 1 is 1e+06 m from where it was 0.04 s before, the first of 2" in message
 
 
-def test_people_in_one_place_raise_doubts(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_people_in_one_place_raise_warnings(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     """Nobody stands in another: metres read as centimetres are seen, though the room is long."""
     text = "".join(f"{k} {t} {2 * k + 0.1 * t} {k}\n" for k in range(60) for t in range(20))
     read(tmp_path, text, unit="m", fps=25)
@@ -601,7 +603,7 @@ def test_their_files(
     largest: float,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """People of human height walk at human speed through rooms of human size, without doubts."""
+    """People of human height walk at human speed through rooms of human size, without warnings."""
     tracks = Track.read_all(data(f"pedestrians/{name}"), **options)
     assert len(tracks) == people and not caplog.messages
     assert max(t.times[-1] for t in tracks) == pytest.approx(end)
@@ -617,7 +619,7 @@ def test_their_files(
 
 
 def test_their_units_are_held_against_ours(caplog: pytest.LogCaptureFixture) -> None:
-    """A file that states its unit is not read in another; one that does not raises doubts."""
+    """A file that states its unit is not read in another; one that does not raises warnings."""
     stated, silent = (
         data(f"pedestrians/{name}") for name in ("040_c_56_h-.txt", "uo-050-180-180.txt")
     )

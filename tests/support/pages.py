@@ -15,9 +15,9 @@ def pages() -> list[Path]:
 
 
 def blocks(page: str) -> Iterator[tuple[str, str]]:
-    """Yields language and text of each block of code of a page."""
+    """Yields language and text of each block of code of a page, continued commands on one line."""
     for found in re.finditer(BLOCK, page):
-        yield found[1], found[2]
+        yield found[1], re.sub(r" \\\n +", " ", found[2])
 
 
 def words(page: str) -> int:

@@ -3,6 +3,7 @@
 const FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
 const LONGEST = 18; // characters beside a person
 const ROOMY = 14, FAR = 36; // px between numbers, and from where a number should be
+const DISC = 7.5; // px, radius of a number
 
 class Labels {
   constructor(view) {
@@ -21,12 +22,17 @@ class Labels {
     this.conflicts(time);
   }
 
+  // A number above each person, with the name where it covers nobody else's.
   people(time) {
     const { context, view } = this;
     context.font = `600 10px ${FONT}`;
+    this.tags = [];
     view.data.people.forEach((person, j) => {
       const [x, y, z] = view.bodies.person(j, time), [px, py] = view.at([x, y, z + person.height]);
-      const label = labelOf(person), wide = context.measureText(label).width + 7;
+      const tagOf = (label) => ({ x: px, y: py - 12.5, wide: context.measureText(label).width + 7, high: 13 });
+      const hasRoom = isClear(tagOf(labelOf(person)), this.tags);
+      const label = hasRoom ? labelOf(person) : String(j), tag = tagOf(label), { wide } = tag;
+      this.tags.push(tag);
       context.fillStyle = words.halo;
       context.strokeStyle = words.soft;
       context.lineWidth = 1;
@@ -39,7 +45,8 @@ class Labels {
     });
   }
 
-  // Numbers in discs above the drones, or near there, where there is room for them.
+  // Numbers in discs above the drones, or near there, where there is room for them. They cover
+  // people's labels only where there is no room elsewhere.
   drones(time, { picked, alone }) {
     const { context, view } = this, put = [];
     const order = view.plan.paths.map((_, i) => i).sort((a, b) => (b === picked) - (a === picked));
@@ -49,7 +56,7 @@ class Labels {
       this.places.push([i, x, y]);
       if (i === picked) circle(context, x, y, 15, words.ink, 1.6);
       if ((alone && i !== picked) || !this.isInside(x, y)) continue;
-      const place = freePlace(x, y - 18, put);
+      const place = freePlace(x, y - 18, put, this.tags) ?? freePlace(x, y - 18, put, []);
       if (!place) continue;
       put.push(place);
       this.places.push([i, ...place]);
@@ -67,7 +74,7 @@ class Labels {
 
   number(i, [x, y], colour, isPicked) {
     const { context } = this;
-    disc(context, x, y, isPicked ? 10 : 7.5, colour, isPicked ? words.ink : "#fff");
+    disc(context, x, y, isPicked ? 10 : DISC, colour, isPicked ? words.ink : "#fff");
     context.font = `600 ${isPicked ? 12 : 10}px ${FONT}`;
     context.fillStyle = "#fff";
     context.fillText(String(i), x, y + 0.5);
@@ -146,13 +153,21 @@ function labelOf({ called }) {
   return label.length > LONGEST ? `${label.slice(0, LONGEST - 2)}…)` : label;
 }
 
-// The nearest place to (x, y), to the right if it can, that is apart from others; or nothing.
-function freePlace(x, y, others) {
+// True if a rectangle around its middle meets none of others.
+function isClear(tag, others) {
+  return others.every((other) => 2 * Math.abs(other.x - tag.x) > other.wide + tag.wide
+    || 2 * Math.abs(other.y - tag.y) > other.high + tag.high);
+}
+
+// The nearest place to (x, y), to the right if it can, that is apart from others and clear of
+// tags; or nothing.
+function freePlace(x, y, others, tags) {
   for (let radius = 0; radius <= FAR; radius += 4) {
     for (const turn of [0, 4, 6, 7, 5, 1, 3, 2]) {
       const angle = (turn * Math.PI) / 4;
       const [px, py] = [x + radius * Math.cos(angle), y + radius * Math.sin(angle)];
-      if (others.every(([qx, qy]) => Math.hypot(qx - px, qy - py) >= ROOMY)) return [px, py];
+      const isApart = others.every(([qx, qy]) => Math.hypot(qx - px, qy - py) >= ROOMY);
+      if (isApart && isClear({ x: px, y: py, wide: 2 * DISC, high: 2 * DISC }, tags)) return [px, py];
     }
   }
   return undefined;

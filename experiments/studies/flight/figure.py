@@ -26,8 +26,8 @@ _ASIDE = {SMOOTH: -0.17, STRAIGHT: 0.17}
 
 def flight_figure(runs: Sequence[Run]) -> Figure:
     """Draws the mean and the largest error, the least distances, and the share of J filmed."""
-    figure = new_figure(12, 4.6)
-    error, apart, kept = figure.subplots(1, 3)
+    figure = new_figure(8, 9)
+    error, apart, kept = figure.subplots(3, 1)
     _draw(error, runs, lambda run: run.error_mean, lambda run: run.error_most)
     error.set_title("off the flight, mean (bar) and largest (dot)", fontsize=TITLE)
     error.set_ylabel("m")

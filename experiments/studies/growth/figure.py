@@ -35,6 +35,7 @@ _STYLES = {  # of each measure: its name, colour and mark
     "gap_percent": ("certified gap at the end or the limit", RED, "D"),
     "gap_of_cuts_percent": ("certified gap without step envelopes", FADED, "v"),
 }
+_NOUNS = {"robots": "drones", "actors": "people"}
 _SECONDS = ("seconds", "seconds_to_gap")
 _GAPS = ("gap_of_cuts_percent", "gap_percent")
 
@@ -46,7 +47,7 @@ def growth_figure(points: Sequence[Point], limit: float) -> Figure:
     ----------
     limit : s, of each run
     """
-    figure = new_figure(12, 6.4)
+    figure = new_figure(9.5, 6.8)
     panels = figure.subplots(2, 3, sharex="col", sharey="row", height_ratios=[1.25, 1])
     for (top, bottom), axis in zip(panels.T, SIZES, strict=True):
         some = [point for point in points if point.axis == axis]
@@ -57,8 +58,9 @@ def growth_figure(points: Sequence[Point], limit: float) -> Figure:
             set_plain_log(ax, "x")
             set_plain_log(ax, "y")
             set_frame(ax)
-        others = [f"{n} {what}" for what, n in BASES[axis]._asdict().items() if what != axis]
-        top.set_title(f"{axis}  ({', '.join(others)})", fontsize=TITLE)
+        fixed = BASES[axis]._asdict().items()
+        others = [f"{n} {_NOUNS.get(what, what)}" for what, n in fixed if what != axis]
+        top.set_title(", ".join(others), fontsize=TITLE)
         bottom.set_xlabel(_LABELS[axis])
         _set_sizes(bottom, some)
     panels[0, 0].set_ylabel("time (s)")
@@ -69,7 +71,7 @@ def growth_figure(points: Sequence[Point], limit: float) -> Figure:
         names.plot([], [], mark, color=colour, ms=6, ls="-", lw=1, label=label)
     names.plot([], [], "o", mfc="white", mec="grey", ms=6, ls="none",
                label="hollow: the limit stopped a seed")  # fmt: skip
-    add_legend(figure, names)
+    add_legend(figure, names, columns=3)
     return figure
 
 

@@ -249,7 +249,9 @@ def _above(value: float | None, other: float | None) -> float | None:
 
 
 def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{value:+.2f} %"
+    if value is None:
+        return "-"
+    return f"{value:+.2f} %" if round(value, 2) else "0.00 %"
 
 
 def _sum(values: Sequence[float] | None) -> float | None:

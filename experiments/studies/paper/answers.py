@@ -99,10 +99,11 @@ class SceneAnswers:
         least, most = self._prices()
         if not least:
             return f"{self.scene}: no price of collisions is certified."
+        low, high = f"{fmean(least):.2f} %", f"{fmean(most):.2f} %"
         return (
-            f"{self.scene}: avoiding collisions costs the best plan between {fmean(least):.2f} % "
-            f"and {fmean(most):.2f} % on average over {len(least)} seeds, certified, and "
-            f"{max(most):.2f} % at most on any."
+            f"{self.scene}: avoiding collisions costs the best plan "
+            f"{low if low == high else f'between {low} and {high}'} on average over {len(least)} "
+            f"seeds, certified, and {max(most):.2f} % at most on any."
         )
 
     def price_row(self) -> dict[str, str]:
@@ -226,8 +227,8 @@ class SceneAnswers:
         limit = max(Row.values(own, "time_limit"), default=0.0)
         verdict = FAILS if late else HOLDS
         return Answer(
-            f"{self.scene}: the limit of {limit:g} s stops CoCap on {late} of {len(own)} seeds. "
-            f"That its tree ends in time {verdict}.",
+            f"{self.scene}: the limit of {limit:g} s stops CoCap on {late or 'none'} of {len(own)} "
+            f"seeds. That its tree ends in time {verdict}.",
             verdict,
         )
 

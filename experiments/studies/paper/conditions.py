@@ -316,11 +316,15 @@ def sentences(trials: Sequence[Trial]) -> list[str]:
     said = [
         f"Of {len(gains)} corridors drawn at random CoCap gains {PUBLISHED:g} % or more over "
         f"sequential planning on {many}, on average {Mean.of(gains).text(2, ' %')}, at most "
-        f"{max(gains):.1f} %; on {len(drawn) - len(gains)} more one of the two has no plan. On "
+        f"{max(gains):.1f} %.{_without_plan(len(drawn) - len(gains))} On "
         f"{_stopped(drawn)} its tree was stopped after {_NODES} nodes, on {_fallen_back(drawn)} of "
         "these with the plan of sequential planning."
     ]
     return said + _of_the_best(fresh) + _of_its_neighbours(trials, fresh)
+
+
+def _without_plan(corridors: int) -> str:
+    return f" On {corridors} more one of the two has no plan." if corridors else ""
 
 
 def _stopped(trials: Sequence[Trial]) -> int:

@@ -1,5 +1,6 @@
 """Figures of the paper's experiments."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -50,26 +51,29 @@ _NAMES = {
 
 
 def curves_figure(curves: Mapping[str, Curves]) -> Figure:
-    """Draws mean rewards over seeds, a column per scene.
+    """Draws mean rewards over seeds, a row per scene.
 
-    Above is the reward at each step, one standard deviation shaded; below the reward up to a step
-    beside that of sequential planning on the same seeds, its bootstrap interval shaded.
+    On the left is the reward at each step, one standard deviation shaded; on the right the reward
+    up to a step beside that of sequential planning on the same seeds, its bootstrap interval
+    shaded.
     """
-    figure = new_figure(3.9 * max(len(curves), 2), 6.4)
-    axes = figure.subplots(2, len(curves), squeeze=False)
-    for (above, below), (scene, planners) in zip(axes.T, curves.items(), strict=True):
-        _draw_curves(above, planners)
-        _draw_gains(below, planners)
+    figure = new_figure(9, 1 + 2.5 * len(curves))
+    axes = figure.subplots(len(curves), 2, squeeze=False)
+    for (left, right), (scene, planners) in zip(axes, curves.items(), strict=True):
+        _draw_curves(left, planners)
+        _draw_gains(right, planners)
         counts = sorted({len(rewards) for rewards in planners.values()})
         words = " to ".join(map(str, dict.fromkeys((counts[0], counts[-1]))))
-        above.set_title(f"{scene} ({words} seeds)", fontsize=TITLE)
-        for ax in (above, below):
+        left.set_title(f"{scene} ({words} seeds)", fontsize=TITLE)
+        left.set_ylabel("reward of a step")
+        right.set_ylabel("reward so far (%)")
+        for ax in (left, right):
             ax.xaxis.set_major_locator(MaxNLocator(integer=True))
             set_frame(ax)
-        below.set_xlabel("step")
-    axes[0, 0].set_ylabel("view reward (mean, ± 1 sd shaded)")
-    axes[1, 0].set_ylabel("reward up to the step,\nbeside sequential planning (%)")
-    add_legend(figure, axes[0, 0])
+    axes[0, 1].set_title("beside sequential planning", fontsize=TITLE)
+    for ax in axes[-1]:
+        ax.set_xlabel("step")
+    add_legend(figure, axes[0, 0], columns=3)
     return figure
 
 
@@ -137,9 +141,11 @@ def conditions_figure(trials: Sequence[Trial]) -> Figure:
     """Draws CoCap's gain over sequential planning on random corridors by each parameter."""
     drawn = planned([trial for trial in trials if trial.stage == DRAWN])
     names = Corridor._fields
-    figure = new_figure(2.1 * len(names), 3.4)
-    panels = np.ravel(figure.subplots(1, len(names), sharey=True))
-    for ax, name in zip(panels, names, strict=True):
+    figure = new_figure(9, 6)
+    panels = np.ravel(figure.subplots(2, math.ceil(len(names) / 2), sharey=True))
+    for ax in panels[len(names) :]:
+        ax.set_axis_off()
+    for ax, name in zip(panels, names, strict=False):
         values = [getattr(trial.corridor, name) for trial in drawn]
         levels = sorted(set(values))
         gains = np.array([trial.gain() for trial in drawn])
@@ -156,7 +162,8 @@ def conditions_figure(trials: Sequence[Trial]) -> Figure:
     panels[0].set_yscale("symlog", linthresh=1)
     panels[0].set_ylim(min(0.0, *gains.tolist()) - 0.2, 2 * max(PUBLISHED, *gains.tolist()))
     panels[0].yaxis.set_major_formatter("{x:g}")
-    panels[0].set_ylabel("CoCap above sequential planning (%)")
+    for ax in panels[:: len(panels) // 2]:
+        ax.set_ylabel("CoCap above sequential (%)")
     return figure
 
 

@@ -21,8 +21,8 @@ from cocap_opt.experiments.studies.separation.points import Point
 
 def separation_figure(points: Sequence[Point]) -> Figure:
     """Draws the price of separation, and processor seconds relative to the papers' rules."""
-    figure = new_figure(14, 4.6)
-    price, plan, lns, proof = figure.subplots(1, 4)
+    figure = new_figure(9, 8)
+    (price, plan), (lns, proof) = figure.subplots(2, 2)
     scenes = list(dict.fromkeys(point.scene for point in points))
     for scene, colour in zip(scenes, cycle(SERIES), strict=False):
         some = [point for point in points if point.scene == scene]
@@ -39,7 +39,8 @@ def separation_figure(points: Sequence[Point]) -> Figure:
         ax.set_title(title, fontsize=TITLE)
         set_plain_log(ax, "y")
         draw_level(ax, 2, "goal: 2")
-    plan.set_ylabel("times that under the papers' rules")
+    for ax in (plan, lns, proof):
+        ax.set_ylabel("times that under the papers' rules")
     for ax in (price, plan, lns, proof):
         ax.set_xlabel("separation (m)")
         ax.set_xticks(sorted({point.separation for point in points if point.separation}))
@@ -47,7 +48,7 @@ def separation_figure(points: Sequence[Point]) -> Figure:
     most = max(20, plan.get_ylim()[1])
     for ax in (plan, lns, proof):
         ax.set_ylim(0.2, most)
-    add_legend(figure, price)
+    add_legend(figure, price, columns=4)
     return figure
 
 

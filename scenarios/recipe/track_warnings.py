@@ -56,7 +56,7 @@ class _Moves(NamedTuple):
         return float(np.median([np.median(part) for part in np.split(speeds, others)]))
 
 
-def track_doubts(table: TrackTable) -> Iterator[str]:
+def track_warnings(table: TrackTable) -> Iterator[str]:
     """Yields the signs that a file is misread, each in words."""
     moves, heights = _Moves.of(table), _heights(table)
     jumps = np.flatnonzero(moves.ways > _FASTEST * moves.seconds + _BLUR)
@@ -95,7 +95,7 @@ def _heights(table: TrackTable) -> FloatArray:
 
 
 def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
-    """Yields doubts about the heights of people [n], m; 0 throughout is none."""
+    """Yields warnings about the heights of people [n], m; 0 throughout is none."""
     names = np.unique(table.ids)
     below, known = np.flatnonzero(heights < 0), np.flatnonzero(heights > 0)
     if len(below):
@@ -114,7 +114,7 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
 
 
 def _about_room(table: TrackTable) -> Iterator[str]:
-    """Yields a doubt if all points lie too near each other, or too far apart."""
+    """Yields a warning if all points lie too near each other, or too far apart."""
     extent = float(np.ptp(table.points, axis=0).max())
     if extent > 0 and not EXTENTS[0] <= extent <= EXTENTS[1]:  # who stands is in one place
         yield f"all points lie within {extent:.3g} m: is the unit {table.unit} right?"
