@@ -276,7 +276,7 @@ def _node_rewards(model: Model, number: int, payment: _Payment) -> FloatArray:
     """Returns the payment to a robot of class `number` for being in a state [T+1, S]."""
     robot_class = model.classes[number]
     table = model.coverage(robot_class)
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused below
         paid = (
             payment.pay(number, table.view_sums, table.pixels)
             * model.problem.view_sum_weights[table.view_sums]
