@@ -33,7 +33,7 @@ def dive(search: Search, master: Master, solution: Solution) -> Incumbent | None
     found = search.local_search.from_integral(solution.mixture)
     if found is not None:
         return found
-    return search.local_search.from_mixture(solution.mixture, master.arcs)
+    return search.local_search.from_mixture(solution.mixture, master.arcs, search.incumbent)
 
 
 def _dived(search: Search, master: Master, solution: Solution) -> tuple[Master, Solution]:

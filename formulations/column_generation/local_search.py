@@ -1,14 +1,15 @@
 """Local search: plans from fractional mixtures by rounding, best responses and best pairs.
 
 All of it obeys the collision rules. Rounding fixes the most used columns that do not
-conflict. A best response is one robot's best path against all others. A best pair
+conflict; then local optima of a pool of columns are taken up, one after the other
+(`column_pool`). A best response is one robot's best path against all others. A best pair
 is that of two robots over the arcs of the restricted master: local search on the restricted
 integer master, two robots changed at a time. Over these arcs a step has some dozens of states
 per robot, so that all pairs of them fit into a small array for value iteration. A perturbation
 plans some robots anew, from where local search starts again.
 """
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -18,6 +19,7 @@ import numpy as np
 from cocap_opt.coordination.best_response import best_response
 from cocap_opt.coordination.pair_iteration import PairIteration, Successors
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.column_generation.column_pool import ColumnPool, LocalOptimum, PlanKey
 from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.mixture import Mixture
@@ -31,6 +33,9 @@ MOST_PAIRS = 250_000  # of states at one step, for best pairs
 MOST_PARTNERS = 5  # robots with which each is paired
 PERTURBED = 3  # robots that are planned anew at a time
 PROMISING = 0.01  # relative loss up to which a local optimum is worth best pairs
+LEAST_AMOUNT = 1e-6  # of a robot, from which on a column of a mixture is used
+FOUND_AMOUNT = 0.05  # of a robot, that the columns of each plan that was found add to a pool
+MOST_IN_VAIN = 8  # plans one after the other, that are improved without a better one
 
 
 class Allowance(Stop):
@@ -55,36 +60,89 @@ class Allowance(Stop):
         self.left -= 1
 
 
+def _nothing() -> None:
+    """Tells nobody."""
+
+
 @dataclass(frozen=True)
 class LocalSearch:
-    """Improves plans of a model; where it is stopped, it returns the best plan so far."""
+    """Improves plans of a model; where it is stopped, it returns the best plan so far.
+
+    Attributes
+    ----------
+    rng : of roundings and perturbations
+    tell : called before each best response and each best pair
+    taken_up : the plans from which it has started, and those where it has ended
+    """
 
     model: Model
     stop: Stop = never
     allowance: Allowance = field(default_factory=Allowance)
+    rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+    tell: Callable[[], None] = _nothing
+    taken_up: set[PlanKey] = field(default_factory=set)
 
-    def from_mixture(self, mixture: Mixture, arcs: Collection[Arc]) -> Incumbent | None:
+    def from_mixture(
+        self, mixture: Mixture, arcs: Collection[Arc], known: Incumbent | None = None
+    ) -> Incumbent | None:
         """Returns the best plan found from a mixture; None if none was found.
 
         Parameters
         ----------
         arcs : of the restricted master, for best pairs
+        known : a plan whose columns may be taken, too
         """
-        try:
+        pool, best, in_vain = ColumnPool(self.model), None, 0
+        for column, amount in mixture.used(LEAST_AMOUNT):
+            pool.add(column, amount)
+        for column in () if known is None else known.columns:
+            pool.add(column, FOUND_AMOUNT)
+        for start in self._starts(mixture, pool):
+            found = self._improved(start, pool, arcs)
+            if found is not None and (best is None or found.clearly_better_than(best)):
+                best, in_vain = found, 0
+            in_vain += 1
+            if in_vain > MOST_IN_VAIN:
+                break
+        return best
+
+    def _starts(self, mixture: Mixture, pool: ColumnPool) -> Iterator[LocalOptimum]:
+        """Yields local optima of a pool that are not taken up yet, until no more are allowed."""
+        with suppress(LimitReached):
             rounded = self._rounded(mixture)
-        except LimitReached:
+            if rounded is None:
+                return
+            first = pool.ascended(rounded)
+            if first.key not in self.taken_up:
+                yield first
+            while True:
+                self._check()
+                drawn = (one for one in pool.drawn(self.rng) if one.key not in self.taken_up)
+                best = max(drawn, key=lambda one: one.value, default=None)
+                if best is None:
+                    return
+                yield best
+
+    def _improved(
+        self, start: LocalOptimum, pool: ColumnPool, arcs: Collection[Arc]
+    ) -> Incumbent | None:
+        """Returns what best responses and best pairs make of a plan; its columns join the pool."""
+        self.taken_up.add(start.key)
+        settled = self.with_best_responses(start.columns)
+        if settled is None:
             return None
-        plan = None if rounded is None else self.with_best_responses(rounded)
-        return None if plan is None else self._with_best_pairs(plan, arcs)
+        best = self._with_best_pairs(settled, arcs)
+        self.taken_up.add(best.paths)
+        for column in (*settled.columns, *best.columns):
+            pool.add(column, FOUND_AMOUNT)
+        return best
 
     def from_integral(self, mixture: Mixture) -> Incumbent | None:
         """Returns the plan of an integral mixture after best responses; None if fractional."""
         plan = Incumbent.of_integral(self.model, mixture)
         return None if plan is None else self.with_best_responses(plan.columns)
 
-    def perturbed(
-        self, plan: Incumbent, arcs: Collection[Arc], rng: np.random.Generator
-    ) -> Incumbent | None:
+    def perturbed(self, plan: Incumbent, arcs: Collection[Arc]) -> Incumbent | None:
         """Returns the local optimum found after some robots are planned anew, one by one.
 
         Iterated local search: best responses lead to another local optimum, best pairs on from
@@ -93,7 +151,7 @@ class LocalSearch:
         robots = len(plan.columns)
         if robots < 2:
             return None
-        anew = rng.permutation(robots)[: min(PERTURBED, robots - 1)].tolist()
+        anew = self.rng.permutation(robots)[: min(PERTURBED, robots - 1)].tolist()
         columns = plan.without(*anew)
         for robot in anew:
             answer = self.best_response(robot, columns)
@@ -107,6 +165,7 @@ class LocalSearch:
 
     def _check(self) -> None:
         """Raises LimitReached where it is stopped, or no more responses are allowed."""
+        self.tell()
         self.stop.check()
         self.allowance.check()
 
@@ -202,7 +261,7 @@ class LocalSearch:
         chosen: dict[int, Column] = {}
         for n in np.argsort(-amounts, kind="stable").tolist():
             column = columns[n]
-            if amounts[n] < 1e-6 or len(chosen) == len(problem.robots):
+            if amounts[n] < LEAST_AMOUNT or len(chosen) == len(problem.robots):
                 break
             if column.robot not in chosen and not any(
                 column.conflicts_with(other, problem) for other in chosen.values()

@@ -164,10 +164,8 @@ class Relaxation:
 
     def look_for_plans(self) -> None:
         """Offers the plan that rounding and local search make of the last mixture."""
-        search = self.search
         if self.solution is not None:
-            mixture = self.solution.mixture
-            search.offer(search.local_search.from_mixture(mixture, self.master.arcs))
+            self.search.look_for_plans(self.solution.mixture, self.master.arcs)
 
     def _enlarge_master(self, iteration: _Iteration, wanted: float) -> int:
         """Adds broken conflict rows and, unless converged, columns; returns how many are new."""
@@ -213,6 +211,7 @@ class Relaxation:
         self.master.drop_cuts(solution.duals)
         for broken in self._broken(solution.mixture)[:MOST_CUTS]:
             search.stop.check()
+            search.report_again()
             cut = broken.seen.best_cut(
                 broken.view_sum, search.largest[:, broken.view_sum], search.model.class_sizes,
                 broken.height, self._least_cut(broken.view_sum),

@@ -19,7 +19,7 @@ LEAST_AMOUNT = 0.01  # of a robot, from which on a column is in the first master
 MOST_DISAGGREGATED = 20_000_000  # robots x steps x states up to which robots are disaggregated
 LEAST_GAIN = 0.12  # of what is open, that the first cuts of disaggregated robots must close,
 # times by how much they make the master larger
-LAST_LOOK = 10  # iterations' worth of best responses, for plans once the root is solved
+LAST_LOOK = 60  # iterations' worth of best responses, for plans once the root is solved
 FAR = 0.003  # gap that no tree closes soon: any gain is welcome, if it is more than
 LEAST_GAIN_FAR = 0.02  # of what is open
 
@@ -77,7 +77,7 @@ class Root:
         """Puts a mixture's columns and the best plan found from it into the master."""
         search, master = self.search, self.relaxation.master
         search.columns += sum(master.add(column) for column, _ in mixture.used(LEAST_AMOUNT))
-        search.offer(search.local_search.from_mixture(mixture, master.arcs))
+        search.look_for_plans(mixture, master.arcs)
         search.report(search.snapshot(self.relaxation.best.bound))
         for column in () if search.incumbent is None else search.incumbent.columns:
             master.add(column)

@@ -10,6 +10,7 @@ from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.column_generation.columns import Arc
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.local_search import Allowance, LocalSearch
+from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.pricing import Pricer
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import (
@@ -31,6 +32,7 @@ EXACT = 2e-8  # of what all robots see alone: no solver is more accurate than th
 # class, which take about a quarter of its time (field-long 0.2, measured).
 FIRST_RESPONSES = 2
 RESPONSES_PER_CLASS = 4
+OFTEN = 1.0  # seconds after which it is told that the search goes on
 INFEASIBLE = 1e-6  # of what all robots see alone: a bound so far below 0 proves it
 
 
@@ -49,7 +51,7 @@ class Search:
     pricer : prices multipliers for the model
     local_search : improves plans of the model
     allowance : best responses that it may still ask for
-    rng : of perturbations
+    rng : of local search
     largest : [C, Z] largest root of the pixels of one robot, px^0.5/m
     weights : [Z] of view sums
     alone : the multipliers, priced, of the bound in which every robot is alone
@@ -67,10 +69,13 @@ class Search:
 
     def __post_init__(self) -> None:
         """Compiles the parts of the model that pricing needs, and prices; raises LimitReached."""
+        self._nodes, self._told = 0, 0.0
         self.pricer = Pricer(self.model, self.stop)
         self.allowance = Allowance(FIRST_RESPONSES * len(self.model.problem.robots))
-        self.local_search = LocalSearch(self.model, self.stop, self.allowance)
         self.rng = np.random.default_rng(0)
+        self.local_search = LocalSearch(
+            self.model, self.stop, self.allowance, self.rng, self.report_again
+        )
         self.largest = self.model.largest_roots()
         self.weights = self.model.problem.view_sum_weights
         self.alone = self.pricer(Duals.alone(self.model.problem))
@@ -123,7 +128,17 @@ class Search:
         if self.spare is not None:
             bound = min(bound, self.spare.proved)
         bound = self.lowest = min(bound, max(self.lowest, self.value))
-        return Snapshot(self.value, bound, self.clock.seconds, self.columns, nodes)
+        self._nodes, self._told = nodes, self.clock.seconds
+        return Snapshot(self.value, bound, self._told, self.columns, nodes)
+
+    def report_again(self) -> None:
+        """Reports that the search goes on, if nothing was told for a while."""
+        if self.clock.seconds - self._told > OFTEN:
+            self.report(self.snapshot(np.inf, self._nodes))
+
+    def look_for_plans(self, mixture: Mixture, arcs: Collection[Arc]) -> None:
+        """Offers the plan that local search makes of a mixture."""
+        self.offer(self.local_search.from_mixture(mixture, arcs, self.incumbent))
 
     def allow_responses(self, times: int = 1) -> None:
         """Allows local search what belongs to an iteration of a relaxation, or several times it."""
@@ -133,7 +148,7 @@ class Search:
     def perturb(self, arcs: Collection[Arc]) -> None:
         """Offers the plan that local search finds from a perturbation of the incumbent."""
         if self.incumbent is not None:
-            self.offer(self.local_search.perturbed(self.incumbent, arcs, self.rng))
+            self.offer(self.local_search.perturbed(self.incumbent, arcs))
 
     def disaggregated(self) -> "Search":
         """Returns the same search with every robot as a class of its own."""

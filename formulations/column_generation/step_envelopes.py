@@ -209,6 +209,7 @@ class _Envelopes:
         constants: list[StepConstant] = []
         try:
             for t in self.steps:
+                self.search.report_again()
                 joint, before = self.narrowing.joint_states(t), float(self.narrowing.constants[t])
                 least = self.known.highest(joint)
                 higher = self.narrowing.joint_states(t, least)

@@ -1,0 +1,178 @@
+"""A pool of columns: many plans that take one of its columns for each robot.
+
+New paths are what costs time in local search; plans of known paths cost next to nothing. So a
+mixture is rounded at random again and again. Each rounding is raised by coordinate ascent:
+robot after robot takes the best of its columns beside those of all others. What comes out is a
+local optimum of the restricted integer master, and there are many different ones, of which some
+lead on to much better plans than the best of them.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.formulations.column_generation.columns import Column
+from cocap_opt.graph.move_rewards import Bonuses
+from cocap_opt.model import Model, Path
+
+DRAWS = 60  # random roundings of which local search takes up the best
+LEAST_AMOUNT = 1e-3  # of a robot, with which every column is drawn now and then
+_GAIN = 1e-9  # relative, from which on a column counts as better
+
+PlanKey = tuple[Path, ...]
+
+
+class LocalOptimum(NamedTuple):
+    """A plan of columns that no robot can raise alone with another column of the pool."""
+
+    value: float  # J
+    columns: tuple[Column, ...]  # robot by robot
+
+    @property
+    def key(self) -> PlanKey:
+        """The paths, by which plans are told apart."""
+        return tuple(column.path for column in self.columns)
+
+
+class _Choice(NamedTuple):
+    """The columns of one robot, for quick comparison."""
+
+    columns: list[Column]
+    number_of: dict[Path, int]
+    amounts: FloatArray  # [n] how much of the robot takes each column, at least LEAST_AMOUNT
+    view_sums: IntArray  # [z] of which any column sees anything, increasing
+    pixels: FloatArray  # [n, z] px/m2
+    bonus: FloatArray  # [n] rewards for moves
+
+    @classmethod
+    def of(cls, model: Model, columns: dict[Path, Column], amounts: dict[Path, float]) -> "_Choice":
+        """Returns the columns of one robot, by their paths, with their amounts."""
+        own = [*columns.values()]
+        view_sums = np.unique(np.concatenate([column.view_sums for column in own]))
+        pixels = np.zeros((len(own), len(view_sums)))
+        for row, column in zip(pixels, own, strict=True):
+            row[np.searchsorted(view_sums, column.view_sums)] = column.pixels
+        shares = np.maximum([amounts[path] for path in columns], LEAST_AMOUNT)
+        bonus = np.array([_bonus(model, column) for column in own])
+        numbers = {path: k for k, path in enumerate(columns)}
+        return cls(own, numbers, shares, view_sums, pixels, bonus)
+
+    def worth(self, seen: FloatArray, weights: FloatArray) -> FloatArray:
+        """Returns what each column [n] is worth beside what others see [Z], but for a constant."""
+        together: FloatArray = np.sqrt(seen[self.view_sums] + self.pixels)
+        worth: FloatArray = together @ weights[self.view_sums] + self.bonus
+        return worth
+
+    def shuffled(self, rng: np.random.Generator) -> Iterator[Column]:
+        """Yields the columns in a random order, each the next in proportion to its amount."""
+        for k in np.argsort(rng.exponential(size=len(self.columns)) / self.amounts).tolist():
+            yield self.columns[k]
+
+
+class ColumnPool:
+    """Columns of all robots, each with how much of its robot takes it."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self._columns: list[dict[Path, Column]] = [{} for _ in model.problem.robots]
+        self._amounts: list[dict[Path, float]] = [{} for _ in model.problem.robots]
+        self._conflicts: dict[tuple[int, Path, int, Path], bool] = {}
+
+    def add(self, column: Column, amount: float) -> None:
+        """Adds a column; of one that is known, the amount grows."""
+        self._columns[column.robot][column.path] = column
+        amounts = self._amounts[column.robot]
+        amounts[column.path] = amounts.get(column.path, 0.0) + amount
+
+    def ascended(self, columns: Sequence[Column]) -> LocalOptimum:
+        """Returns the local optimum above columns without conflicts, which come into the pool."""
+        for column in columns:
+            self.add(column, 0.0)
+        return self._ascended([*columns], self._choices(), range(len(columns)))
+
+    def drawn(self, rng: np.random.Generator) -> Iterator[LocalOptimum]:
+        """Yields the local optima above random roundings; fewer where these end in conflicts."""
+        choices = self._choices()
+        for _ in range(DRAWS):
+            order = rng.permutation(len(choices)).tolist()
+            if columns := self._rounded(choices, order, rng):
+                yield self._ascended(columns, choices, order)
+
+    def _choices(self) -> list[_Choice]:
+        """Returns what each robot can choose from; it must have a column."""
+        both = zip(self._columns, self._amounts, strict=True)
+        return [_Choice.of(self.model, columns, amounts) for columns, amounts in both]
+
+    def _rounded(
+        self, choices: list[_Choice], order: Sequence[int], rng: np.random.Generator
+    ) -> list[Column]:
+        """Returns a random column of each robot, none in conflict; none at all if one is left out.
+
+        Robots choose in turn among the columns that earlier ones leave, in proportion to amounts.
+        """
+        chosen: dict[int, Column] = {}
+        for robot in order:
+            columns = choices[robot].shuffled(rng)
+            free = (one for one in columns if not self._is_in_conflict(one, chosen.values()))
+            if (column := next(free, None)) is None:
+                return []
+            chosen[robot] = column
+        return [chosen[robot] for robot in sorted(chosen)]
+
+    def _ascended(
+        self, columns: list[Column], choices: list[_Choice], order: Sequence[int]
+    ) -> LocalOptimum:
+        """Returns the plan after coordinate ascent, robot after robot, until none gains."""
+        problem = self.model.problem
+        seen, weights = problem.no_pixels(), problem.view_sum_weights
+        for column in columns:
+            seen[column.view_sums] += column.pixels
+        quiet, n = 0, 0  # robots in a row that could gain nothing; turns
+        while quiet < len(columns):
+            robot = order[n % len(columns)]
+            own = columns[robot]
+            seen[own.view_sums] = np.maximum(seen[own.view_sums] - own.pixels, 0.0)
+            best = self._best_column(choices[robot], columns, seen, own)
+            quiet, n = (quiet + 1, n + 1) if best is own else (0, n + 1)
+            seen[best.view_sums] += best.pixels
+            columns[robot] = best
+        bonus = sum(_bonus(self.model, column) for column in columns)
+        return LocalOptimum(float(weights @ np.sqrt(seen)) + bonus, tuple(columns))
+
+    def _best_column(
+        self, choice: _Choice, columns: Sequence[Column], seen: FloatArray, own: Column
+    ) -> Column:
+        """Returns a robot's best column beside all others'; its own unless one is better."""
+        worth = choice.worth(seen, self.model.problem.view_sum_weights)
+        others = [column for column in columns if column is not own]
+        least = worth[choice.number_of[own.path]]
+        least += _GAIN * abs(least)
+        for k in np.argsort(-worth, kind="stable").tolist():
+            if worth[k] <= least:
+                break
+            column: Column = choice.columns[k]
+            if not self._is_in_conflict(column, others):
+                return column
+        return own
+
+    def _is_in_conflict(self, column: Column, others: Iterable[Column]) -> bool:
+        """Returns True if a column breaks a rule with one of others."""
+        return any(self._conflict(column, other) for other in others)
+
+    def _conflict(self, one: Column, other: Column) -> bool:
+        """Returns True if two columns break a rule; each pair is looked at once."""
+        if one.robot > other.robot:
+            one, other = other, one
+        key = *one.key, *other.key
+        known = self._conflicts.get(key)
+        if known is None:
+            known = self._conflicts[key] = one.conflicts_with(other, self.model.problem)
+        return known
+
+
+def _bonus(model: Model, column: Column) -> float:
+    """Returns the rewards for the moves of a column."""
+    bonuses = Bonuses.of(model.problem.objective)
+    return bonuses.of_path(model.class_of[column.robot].graph.shape, column.path)

@@ -1,0 +1,107 @@
+"""Pools of columns: plans of known paths, and local search that starts from them."""
+
+from itertools import chain, islice, product
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from brute_force import optimum
+from hypothesis import given
+from pool import meetings, problems
+from strategies import examples
+
+from cocap_opt.formulations.column_generation.column_pool import ColumnPool
+from cocap_opt.formulations.column_generation.columns import Column
+from cocap_opt.formulations.column_generation.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.local_search import Allowance, LocalSearch
+from cocap_opt.formulations.column_generation.mixture import Mixture
+from cocap_opt.formulations.column_generation.mixture_ascent import mixture_ascent
+from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.model import Model, compiled
+from cocap_opt.objective import objective
+from cocap_opt.problem import Problem
+from cocap_opt.referee import check
+from cocap_opt.scenarios import load_scene
+
+some_problems = st.one_of(meetings(), problems(robots=[2, 3], goals=False))
+
+
+def pooled(model: Model) -> tuple[ColumnPool, list[list[Column]]]:
+    """A pool of the first columns that pricing brings, and these columns robot by robot."""
+    search = Search(model)
+    pool, own = ColumnPool(model), [{} for _ in model.problem.robots]
+    if search.alone.bound > -np.inf:
+        steps = islice(mixture_ascent(model, search.pricer, search.alone), 3)
+        for column, amount in chain.from_iterable(step.mixture.used() for step in steps):
+            pool.add(column, amount)
+            own[column.robot][column.path] = column
+    return pool, [[*columns.values()] for columns in own]
+
+
+@examples(15)
+@given(problem=some_problems)
+def test_plans_of_a_pool_obey_the_rules_and_no_column_raises_them(problem: Problem) -> None:
+    """Every draw is a plan that the referee accepts, whose J no robot can raise in the pool."""
+    model = compiled(problem)
+    pool, own = pooled(model)
+    if not all(own):
+        return
+    for found in islice(pool.drawn(np.random.default_rng(0)), 5):
+        verdict = check(problem, model.plan(found.key))
+        assert verdict.valid
+        assert verdict.reward == pytest.approx(found.value, rel=1e-9, abs=1e-9)
+        assert found.value <= optimum(problem).value * (1 + 1e-9) + 1e-9
+        for column in chain.from_iterable(own):
+            paths = [*found.key]
+            paths[column.robot] = column.path
+            if check(problem, model.plan(paths)).valid:
+                assert objective(model, paths) <= found.value * (1 + 1e-8) + 1e-9
+
+
+@examples(15)
+@given(problem=some_problems)
+def test_ascent_never_lowers_a_plan(problem: Problem) -> None:
+    """From any plan of a pool's columns it goes up, if anywhere, and stays within the rules."""
+    model = compiled(problem)
+    pool, own = pooled(model)
+    for columns in islice(product(*own), 8):
+        before = Incumbent.of(model, columns)
+        if before is None:
+            continue
+        after = Incumbent.of(model, pool.ascended(columns).columns)
+        assert after is not None
+        assert after.value >= before.value * (1 - 1e-9)
+
+
+@examples(10)
+@given(problem=some_problems)
+def test_local_search_from_a_mixture_is_a_plan_below_the_optimum(problem: Problem) -> None:
+    """Its plan obeys the rules, is worth what it says, and no more than the optimum."""
+    model = compiled(problem)
+    _, own = pooled(model)
+    columns = list(chain.from_iterable(own))
+    amounts = np.array([1 / len(own[column.robot]) for column in columns])
+    found = LocalSearch(model).from_mixture(Mixture(columns, amounts), [])
+    if found is None:
+        return
+    verdict = check(problem, model.plan(found.paths))
+    assert verdict.valid
+    assert verdict.reward == pytest.approx(found.value, rel=1e-9, abs=1e-9)
+    assert found.value <= optimum(problem).value * (1 + 1e-9) + 1e-9
+
+
+@pytest.mark.slow
+def test_more_responses_find_no_worse_plans_and_each_is_told() -> None:
+    """The course of local search does not depend on how long it may go on; it is never silent."""
+    model = compiled(load_scene("bottleneck", 1))
+    search = Search(model)
+    *_, last = islice(mixture_ascent(model, search.pricer, search.alone), 6)
+    values = []
+    for allowed in (1, 20, 60):
+        allowance, told = Allowance(allowed), []
+        local = LocalSearch(model, allowance=allowance, tell=lambda told=told: told.append(1))
+        found = local.from_mixture(last.mixture, [])
+        assert found is not None
+        values.append(found.value)
+        assert len(told) >= allowed - max(allowance.left, 0)
+    assert values == sorted(values)
