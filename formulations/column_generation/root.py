@@ -19,7 +19,8 @@ LEAST_AMOUNT = 0.01  # of a robot, from which on a column is in the first master
 MOST_DISAGGREGATED = 20_000_000  # robots x steps x states up to which robots are disaggregated
 LEAST_GAIN = 0.12  # of what is open, that the first cuts of disaggregated robots must close,
 # times by how much they make the master larger
-LAST_LOOK = 60  # iterations' worth of best responses, for plans once the root is solved
+LAST_LOOK = 10  # iterations' worth of best responses, for plans once the root is solved
+LAST_LOOK_FAR = 60  # as many where the root is far from proved: fixing needs a good plan
 FAR = 0.003  # gap that no tree closes soon: any gain is welcome, if it is more than
 LEAST_GAIN_FAR = 0.02  # of what is open
 
@@ -96,7 +97,7 @@ class Root:
         self.solve_aggregated()
         if self.relaxation.is_stuck or self.relaxation.best.bound <= self.cutoff():
             return
-        self.search.allow_responses(LAST_LOOK)
+        self.search.allow_responses(LAST_LOOK_FAR if self._is_far() else LAST_LOOK)
         self.relaxation.look_for_plans()
         columns = self.relaxation.master.used_columns(MOST_IDLE)
         step_envelopes(self.search, self.relaxation.best.duals, self.cutoff, columns)
@@ -116,6 +117,11 @@ class Root:
         if self.relaxation.best.bound < aggregated.best.bound:
             aggregated.search.offer_spare(self.relaxation.certificate("column-generation"))
         self.relaxation = aggregated
+
+    def _is_far(self) -> bool:
+        """Returns True if the root leaves more open than a tree closes soon."""
+        bound = self.relaxation.best.bound
+        return bound - self.cutoff() >= FAR * bound
 
     def _can_disaggregate(self) -> bool:
         """Returns True if the root is still open, and its robots can be disaggregated."""
