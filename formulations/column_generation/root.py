@@ -20,7 +20,7 @@ MOST_DISAGGREGATED = 20_000_000  # robots x steps x states up to which robots ar
 LEAST_GAIN = 0.12  # of what is open, that the first cuts of disaggregated robots must close,
 # times by how much they make the master larger
 LAST_LOOK = 10  # iterations' worth of best responses, for plans once the root is solved
-LAST_LOOK_FAR = 60  # as many where the root is far from proved: fixing needs a good plan
+LAST_LOOK_FAR = 35  # as many where the root is far from proved: fixing needs a good plan
 FAR = 0.003  # gap that no tree closes soon: any gain is welcome, if it is more than
 LEAST_GAIN_FAR = 0.02  # of what is open
 
