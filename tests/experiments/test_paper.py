@@ -94,6 +94,7 @@ def test_stopped_runs_are_told_apart_from_those_that_ended() -> None:
     better = [*rows[:4], row("cocap", 4, 95.0, limit="time", **FINE), *rows[5:]]
     assert "on 1 of which its plan is" in closeness(better)
     assert "That is" not in closeness(rows[:3])
+    assert "stopped it on all of these seeds, where its plan is that" in closeness(rows[3:])
 
 
 def test_low_levels_are_compared_with_the_coverage_that_one_needs() -> None:
