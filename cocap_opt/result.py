@@ -41,8 +41,8 @@ class Result:
     reason : why the method stopped
     limit : the limit that stopped it; None if none did
     bound : upper bound on J that is proved; inf without one
-    seconds : s, wall-clock time of the method; coverage is apart
-    coverage_seconds : s, spent on the coverage of all states, where it was not there
+    seconds : s, wall-clock time of the search; the coverage of all states is apart
+    coverage_seconds : s, wall-clock time of that coverage; 0 where it was there already
     message : why there is no plan, in words
     statistics : counts and times of the method's own, by name
     problem : that it is a result of; None: it does not know

@@ -75,11 +75,12 @@ def cocap(problem: Problem, stop: Stop = never, low_level: LowLevel = value_iter
     -------
     Result
         The first conflict-free node popped. At a limit, of the last node popped the paths
-        that do not collide, and the other robots stay at their starts; or, after many nodes, the
-        plan of `sequential` where that is better. `statistics` holds the nodes `generated` and
-        `expanded`, the `depth` of the last one popped, and the states `evaluated` by a lazy
-        low level. If the tree is exhausted, no plan obeys the rules: a low level fails only where
-        there is no path, and every plan meets at least one of the two constraints of a conflict.
+        that do not collide, and the other robots stay at their starts; or, after many nodes or
+        late, the plan of sequential planning by the same low level, where that is better.
+        `statistics` holds the nodes `generated` and `expanded`, the `depth` of the last one
+        popped, and the states `evaluated` by a lazy low level. If the tree is exhausted, no plan
+        obeys the rules: a low level fails only where there is no path, and every plan meets at
+        least one of the two constraints of a conflict.
     """
     return _searched(problem, stop, low_level, BestNodes())
 

@@ -30,7 +30,8 @@ def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
     Parameters
     ----------
     scene : a name, such as "bottleneck" (`SCENES` has them all), or a file
-    seed : >= 0, chooses the drones' starts; files of some formats have none
+    seed : >= 0; of a built-in scene it chooses where drones start and how people walk (none of
+        this where its name begins with `tiny`); what it chooses in a file depends on the format
     options : conventions of the file's format, such as ``triangles="no"``; a hyphen in the name of
         an option is an underscore here, as in ``start_set="yaml"``
 

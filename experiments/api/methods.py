@@ -45,8 +45,9 @@ def plan(
     -------
     Result
         With the plan, its J in `value` as the planner claims it (`verify` computes it anew), and
-        why the planner stopped. Its `seconds` include the coverage, unless that has been computed
-        before in this process; those of `cocap-opt plan` and of `gap` do not.
+        why the planner stopped. Its `seconds` are the wall-clock time of the search; the coverage
+        of all states is apart, in `coverage_seconds`. A callable that does not say how long it
+        took is timed as a whole.
 
     Raises
     ------

@@ -105,11 +105,17 @@ def _costliest() -> str:
     return f"drone {robot} leaves step {step} in a way that costs {share:.2f} % of the bound"
 
 
+def _second() -> str:
+    second = float(np.sort(worked.explained().explanation.losses(), axis=None)[-2])
+    return f"{100 * worked.explained().explanation.share(second):.2f} %"
+
+
 def _replan() -> str:
     best = max(worked.explained().replans, key=lambda one: one.gain)
     return (
         f"If drone {best.robot} alone is planned again, given all others, "
-        f"J grows by {number(best.gain)}."
+        f"J grows by {number(best.gain)}, which is "
+        f"{100 * best.gain / worked.explained().explanation.gap:.0f} % of the gap."
     )
 
 
@@ -147,6 +153,8 @@ WORKED: dict[str, Callable[[], str]] = {
     "doorway_moves": lambda: str(worked.doorway_graph().number_of_edges()),
     "doorway_bound": lambda: f"{worked.doorway_bound().proved:.4f}",
     "doorway_certificate": _certificate_table,
+    "doorway_alpha": lambda: f"{worked.doorway_multipliers().alpha[1][0]:.4f}",
+    "doorway_beta": lambda: f"{worked.doorway_multipliers().beta[1][0]:.5f}",
     "trap_in_turn": lambda: number(worked.planned(worked.trap(), "sequential").value),
     "trap_best": lambda: number(worked.compared()[-1][1][0]),
     "bounds_compared": _bounds_table,
@@ -162,6 +170,7 @@ WORKED: dict[str, Callable[[], str]] = {
     "gap_reward": lambda: number(worked.bottleneck().plan.value),
     "gap_parts": _parts_table,
     "gap_costliest": _costliest,
+    "gap_second": _second,
     "gap_replan": _replan,
     "proof_value": lambda: number(worked.proof().value),
     "proof_bound": lambda: number(worked.proof().file.proved),

@@ -9,7 +9,7 @@ from cocap_opt.experiments.results.printing import Listing
 from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.model import compiled
 from cocap_opt.planners.cocap import cocap
-from cocap_opt.planners.view_search import Compounded, Undiscounted, ViewSearch
+from cocap_opt.planners.view_search import GAMMA, Compounded, Undiscounted, ViewSearch
 from cocap_opt.problem import Problem
 from cocap_opt.result import Result
 from cocap_opt.scenarios import load_scene
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _TABLE = "gamma.csv"
+_KEPT = (0.95, 0.98)  # shares of J for which it is asked what needs the fewest views
 _GAMMAS = (0.6, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995, 1.0)
 _ORDERS: dict[str, type[Compounded | Undiscounted]] = {
     "cocap-vs": Compounded,
@@ -109,6 +110,24 @@ def gammas_in_markdown() -> str:
         for gamma in _GAMMAS
     ]
     return Listing("", rows).markdown
+
+
+def chosen_in_words() -> str:
+    """Says which gamma `cocap-vs` takes, and which stored runs keep much of J for few views."""
+    import pandas as pd
+
+    means = _means(pd.read_csv(STORED / _TABLE))
+    said = [_fewest_views(means[means["reward"] >= kept], kept) for kept in _KEPT]
+    most, nearly_all = said
+    return f"`cocap-vs` takes {GAMMA:g}. Of all rows that keep {most}; of those with {nearly_all}."
+
+
+def _fewest_views(means: "pd.DataFrame", kept: float) -> str:
+    best = means.loc[means["views"].idxmin()]
+    return (
+        f"{100 * kept:g} % of J, that of `{best['planner']}` with {best['gamma']:g} looks at the "
+        f"fewest views, {100 * best['views']:.0f} %"
+    )
 
 
 def _run(problem: Problem, discount: Compounded | Undiscounted, seconds: float) -> Result:

@@ -17,7 +17,8 @@ from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.experiments.studies.flight.flight import TABLE as FLIGHTS
 from cocap_opt.experiments.studies.flight.runs import Run as FlightRun
 from cocap_opt.experiments.studies.flight.tables import flights_in_markdown, sentences
-from cocap_opt.experiments.studies.gamma import gammas_in_markdown
+from cocap_opt.experiments.studies.gamma import chosen_in_words, gammas_in_markdown
+from cocap_opt.experiments.studies.paper.answers import lines
 from cocap_opt.experiments.studies.paper.conditions import PUBLISHED, read_trials
 from cocap_opt.experiments.studies.paper.measured import read_rows
 from cocap_opt.experiments.studies.paper.page import Page
@@ -36,12 +37,12 @@ from cocap_opt.experiments.studies.stored_tables import (
     lazy_in_markdown,
     published_in_markdown,
     solver_figures_in_markdown,
+    speed_in_markdown,
     start_sets_in_markdown,
     views_in_markdown,
 )
 from cocap_opt.files.documents import FileError
 from cocap_opt.planners import RECOMMENDED
-from cocap_opt.planners.view_search import GAMMA
 
 _MARKED = re.compile(r"(<!-- quote: (\S+) -->\n).*?(<!-- end of quote -->)", re.DOTALL)
 
@@ -90,7 +91,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "flights": lambda: flights_in_markdown(FlightRun.read(STORED / FLIGHTS)),
     "flights_in_sentences": lambda: _listed(sentences(FlightRun.read(STORED / FLIGHTS))),
     "gammas": gammas_in_markdown,
-    "gamma": lambda: f"{GAMMA:g}",
+    "gamma_chosen": chosen_in_words,
     "lazy": lazy_in_markdown,
     "greedy_perspectives": start_sets_in_markdown,
     "greedy_perspectives_plans": partial(published_in_markdown, "greedy-perspectives-plans.csv"),
@@ -100,8 +101,10 @@ QUOTES: dict[str, Callable[[], str]] = {
     "growth": growth_in_markdown,
     "views": views_in_markdown,
     "solver_figures": solver_figures_in_markdown,
+    "speed": speed_in_markdown,
     "paper_in_short": lambda: _listed(_paper().summary()),
     "paper_settings": _settings,
+    "paper_lines": lines,
     "paper_for": partial(_side, "For CoCap"),
     "paper_against": partial(_side, "Against it"),
     "paper_left_open": partial(_side, "Left open"),

@@ -10,10 +10,12 @@ from cocap_opt.experiments.results.printing import Listing, Record, counted
 from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.experiments.studies.growth.points import GAP, MEASURES, Point, Sample
 from cocap_opt.experiments.studies.lazy import means
+from cocap_opt.experiments.studies.others.tables import BETWEEN, PLAN, WORD
 
 _Rows = list[dict[str, str]]
 _LEAST_PERCENT = 0.0001  # which optimal means; less is rounding
 _PROSE = {"robots": "drones"}
+_JUDGED = {PLAN: "the plan", BETWEEN: "between cells", WORD: "their word"}
 _MET = {"must": "target", "moonshot": "ambitious", "missed": "missed", "open": "not yet"}
 
 
@@ -35,7 +37,7 @@ def start_sets_in_markdown() -> str:
 
 
 def published_in_markdown(name: str) -> str:
-    """Returns plans that others have published beside ours, all judged by one referee.
+    """Returns plans that others have published beside ours, and of what their J is.
 
     Parameters
     ----------
@@ -47,6 +49,7 @@ def published_in_markdown(name: str) -> str:
             "plan of": "them" if row["by"] == "them" else "us",
             "planner": row["planner"],
             "J": f"{float(row['reward']):,.1f}",
+            "J of": _JUDGED[row["of"]],
             "below the bound": _percent(row["gap"]),
             "conflicts": row["conflicts"] or "-",
             "above their best": f"{float(row['above theirs (%)']):+.2f} %",
@@ -113,6 +116,18 @@ def solver_figures_in_markdown() -> str:
             "note": row["note"],
         }
         for row in _stored("solver-figures.csv")
+    ])  # fmt: skip
+
+
+def speed_in_markdown() -> str:
+    """Returns processor times and ratios beside what is promised."""
+    return _table([
+        {
+            "figure": row["figure"],
+            "measured": _number(row["measured"], row["unit"]),
+            "promised": row["target"] or "-",
+        }
+        for row in _stored("speed.csv")
     ])  # fmt: skip
 
 

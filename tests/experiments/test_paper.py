@@ -81,6 +81,22 @@ def test_what_is_open_is_not_judged() -> None:
     assert "cannot be tried" in closeness(lost[-1:])
 
 
+def test_stopped_runs_are_told_apart_from_those_that_ended() -> None:
+    """What a limit stopped has the plan of another planner, and says little of CoCap's own."""
+    rows = [row("cocap", s, 99.0, **FINE) for s in range(3)]
+    rows += [row("cocap", s, 90.0, limit="time", **FINE | {"gap_free": 0.1}) for s in (3, 4)]
+    rows += [row("sequential", s, 90.0) for s in range(5)]
+    said = answers.SceneAnswers("a", rows)
+    assert "0.20 % on the 3 seeds on which it ended, and 10.00 % on the 2" in closeness(rows)
+    assert "on 2 of 5 seeds, where its plan is that of sequential" in said.stopped().words
+    assert "10.00 % on the 3 seeds on which it ended, and 0.00 %" in said.against_sequential().words
+    assert [one.stopped for one in ablation.Effect.all_of(rows, ablation.TREE_ALONE)] == [2, 2]
+    better = [*rows[:4], row("cocap", 4, 95.0, limit="time", **FINE), *rows[5:]]
+    assert "on 1 of which its plan is" in closeness(better)
+    assert "That is" not in closeness(rows[:3])
+    assert "stopped it on all of these seeds, where its plan is that" in closeness(rows[3:])
+
+
 def test_low_levels_are_compared_with_the_coverage_that_one_needs() -> None:
     """Value iteration's time has the coverage of all states in it, on the same seeds."""
 

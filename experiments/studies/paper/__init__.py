@@ -1,6 +1,7 @@
 """The experiments of the CoCap paper, made again over many seeds and answered with bounds."""
 
 __all__ = [
+    "answers",
     "conditions",
     "curves",
     "figures",

@@ -13,6 +13,7 @@ from cocap_opt.experiments.results.statistics import NONE, Mean
 from cocap_opt.experiments.results.tables import Table
 from cocap_opt.experiments.studies.paper.answers import FAILS, HOLDS, OPEN, Answer
 from cocap_opt.experiments.studies.paper.measured import POLISHED
+from cocap_opt.experiments.studies.paper.stopped import StoppedRuns
 
 ALL = "all scenes alike"
 _ALIKE = 0.1  # % of the bound within which two planners are called as good as each other
@@ -57,6 +58,7 @@ class Effect(NamedTuple):
     differences: tuple[tuple[float, ...], ...]  # % of the bound, by scene and seed
     lost: int  # seeds on which one of the planners has no plan
     ratios: tuple[float, ...]  # of the seconds with it to those without, where both were timed
+    stopped: int  # pairs of which a limit stopped the planner with it
 
     @classmethod
     def all_of(cls, rows: Sequence[Row], contrast: Contrast) -> list[Self]:
@@ -77,10 +79,14 @@ class Effect(NamedTuple):
             ratios = tuple(
                 one.seconds / other.seconds for one, other in pairs if one.seconds and other.seconds
             )
-            effects.append(cls(scene, contrast, (differences,), len(seeds) - len(pairs), ratios))
-        lost, ratios = sum(one.lost for one in effects), sum((e.ratios for e in effects), ())
+            late = StoppedRuns.of(some, contrast.with_it).seeds
+            stopped = sum(one.seed in late for one, _ in pairs)
+            lost = len(seeds) - len(pairs)
+            effects.append(cls(scene, contrast, (differences,), lost, ratios, stopped))
+        lost, stopped = (sum(getattr(one, n) for one in effects) for n in ("lost", "stopped"))
+        ratios = sum((one.ratios for one in effects), ())
         everything = tuple(one.differences[0] for one in effects if one.differences[0])
-        return [*effects, cls(ALL, contrast, everything, lost, ratios)]
+        return [*effects, cls(ALL, contrast, everything, lost, ratios, stopped)]
 
     @classmethod
     def over_all(cls, rows: Sequence[Row], contrast: Contrast) -> Self:
@@ -113,6 +119,7 @@ class Effect(NamedTuple):
             "equal": str(sum(value == 0 for value in values)),
             "worse": str(sum(value < 0 for value in values)),
             "no plan": str(self.lost),
+            "stopped": str(self.stopped),
             "times as long": self.longer,
         }
 
@@ -133,9 +140,13 @@ class Effect(NamedTuple):
         long = f" in {self.longer} times the time" if self.ratios else ""
         return Answer(
             f"{_capital(what)} adds {found.text(3, ' %')} of the bound{long} ({contrast.with_it} "
-            f"against {contrast.without}, {self.scene}, {found.size} seeds). {words}.",
+            f"against {contrast.without}, {self.scene}, {found.size} seeds{self._cut_short()}). "
+            f"{words}.",
             verdict,
         )
+
+    def _cut_short(self) -> str:
+        return f"; a limit stopped the tree on {self.stopped} of them" if self.stopped else ""
 
 
 def table(rows: Sequence[Row]) -> Table:

@@ -17,6 +17,7 @@ from cocap_opt.experiments.studies.paper.answers import (
 )
 from cocap_opt.experiments.studies.paper.conditions import Trial
 from cocap_opt.experiments.studies.paper.giving_way import Encounter
+from cocap_opt.experiments.studies.paper.stopped import StoppedRuns
 
 _SIDES = {HOLDS: "For CoCap", FAILS: "Against it", OPEN: "Left open"}
 _FIGURES = {
@@ -67,6 +68,20 @@ class Page(NamedTuple):
             f"Over all scenes it gains {tree} of the bound over sequential planning; rounds of "
             f"best responses gain {rounds}, the best of ten orders {orders}.",
             f"Its tree adds {beside} to rounds, neighbourhood search {search}.",
+            *self._stopped_runs(),
+        ]
+
+    def _stopped_runs(self) -> list[str]:
+        """Says how many of CoCap's runs a limit stopped, if it stopped some."""
+        runs = sum(row.planner == "cocap" for row in self.rows)
+        found = [StoppedRuns.of(some, "cocap") for some in Row.grouped(self.rows, "scene").values()]
+        late, fallen = (sum(len(one[k]) for one in found) for k in (0, 1))
+        if not late:
+            return []
+        return [
+            f"A limit stopped its tree in {late} of {runs} runs; in "
+            f"{'all' if fallen == late else fallen} of these its plan is that of sequential "
+            "planning. The means above count these runs; below they are told apart."
         ]
 
     def _added(self, contrast: ablation.Contrast) -> str:

@@ -10,6 +10,7 @@ from cocap_opt.experiments.results.statistics import NONE
 from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.experiments.results.tables import Table
 from cocap_opt.experiments.studies.paper.measured import read_rows
+from cocap_opt.experiments.studies.paper.stopped import StoppedRuns
 from cocap_opt.files.documents import FileError
 from cocap_opt.planners import LAZY, PLANNERS, RECOMMENDED
 from cocap_opt.stop import NO_LIMIT
@@ -144,11 +145,32 @@ def _with_note(table: Table, rows: Sequence[Row]) -> str:
     """Returns a table in Markdown, and what its numbers are."""
     seeds = len({row.seed for row in rows})
     limit = max(Row.values(rows, "time_limit"), default=0.0)
+    joint = any("`joint`" in row["planner"] for row in table)
+    without = ", or it takes no such teams" if joint else ""
     return (
         f"{_lines(table)}\n\n"
-        f"Gaps: means over {seeds} seeds below the certified bound, in %; in brackets how many "
-        "plans obey the rules, where not all do; \\* where the limit of "
-        f"{limit:g} s stopped some. Time: of the processor, for the search, as a multiple of that "
-        "of `sequential` on the same scenes (geometric mean); coverage is apart, but for planners "
-        "that take single views.\n"
+        "Gaps: below the certified bound, in %, means over those seeds on which the planner's plan "
+        f"obeys the rules: {seeds}, or as many as the brackets say; - where there is no such "
+        f"plan{without}; \\* where the limit of {limit:g} s stopped some.{_fallen_back(rows)} "
+        "Time: of the processor, for the search, as a multiple of that of `sequential` on the same "
+        "scenes (geometric mean); coverage is apart, but for planners that take single views.\n"
     )
+
+
+def _fallen_back(rows: Sequence[Row]) -> str:
+    """Says where stopped runs of `cocap` have the plans of `sequential`, if some have."""
+    said = ""
+    for (scene,), some in Row.grouped(rows, "scene").items():
+        fallen = StoppedRuns.of(some, "cocap").fallen_back
+        own = [row for row in some if row.planner == "cocap" and row.valid]
+        ended, stopped = (
+            Row.percent([row for row in own if (row.seed in fallen) == late], "gap")
+            for late in (False, True)
+        )
+        if stopped:
+            others = f"; the others are {fmean(ended):.2f} % below" if ended else ""
+            said += (
+                f" On the {scene} {len(stopped)} of {len(own)} plans of `cocap`, which was "
+                f"stopped, are those of `sequential`, {fmean(stopped):.2f} % below{others}."
+            )
+    return said
