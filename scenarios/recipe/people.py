@@ -10,6 +10,7 @@ from msgspec import Meta
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem import Actor, Shape
+from cocap_opt.scenarios.recipe.earth import Projection
 from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE, pace_warning
 from cocap_opt.scenarios.recipe.tables import Count, Heading, Point, Size, Table, Unit
 from cocap_opt.scenarios.recipe.terrain import Terrain
@@ -35,7 +36,9 @@ class TracksTable(Table):
     shape: Shape = BODY
     still: Size = STILL
 
-    def actors(self, folder: Path, terrain: Terrain, step: float, steps: int) -> list[Actor]:
+    def actors(
+        self, folder: Path, terrain: Terrain, step: float, steps: int, projection: Projection
+    ) -> list[Actor]:
         """Reads the people of the file who are there at all steps, standing on the ground.
 
         Parameters
@@ -44,6 +47,7 @@ class TracksTable(Table):
         terrain : the ground
         step : seconds between steps
         steps : horizon T
+        projection : makes metres of latitudes and longitudes
 
         Raises
         ------
@@ -52,7 +56,7 @@ class TracksTable(Table):
         """
         tracks = Track.read_all(
             folder / self.file, columns=self.columns, unit=self.unit, fps=self.fps,
-            delimiter=self.delimiter,
+            delimiter=self.delimiter, projection=projection,
         )  # fmt: skip
         begin, chosen = self._chosen(tracks, step, steps)
         actors = [

@@ -18,7 +18,7 @@ from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Actor, Earth, Objective, Problem, Robot
 from cocap_opt.scenarios.recipe.airspace import AirspaceTable, NoFlyTable
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings
-from cocap_opt.scenarios.recipe.earth import EarthTable
+from cocap_opt.scenarios.recipe.earth import EarthTable, Projection, require_likely
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import RulesTable
@@ -29,6 +29,7 @@ from cocap_opt.scenarios.text import naming, read_text
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 MOST_DIGITS = 4300  # of a whole number, that Python reads
+_ROUND = 5.0  # m, to which the corner of a map is rounded that a message proposes
 
 EXAMPLE = """\
 name = "example"            # left out: that of the file
@@ -186,10 +187,15 @@ def read(path: Path, seed: int = 0) -> Problem:
         recipe = _decode(path)
         with naming("map"):
             terrain = recipe.map.terrain(path.parent, recipe.flight)
-        solid = tuple(_meshes(recipe, path.parent, terrain))
-        actors = tuple(_actors(recipe, path.parent, terrain))
+        earth = _earth(recipe, terrain)
+        projection = Projection(earth, terrain.height_map.centre(0, 0))
+        solid = tuple(_meshes(recipe, path.parent, terrain, projection))
+        actors = tuple(_actors(recipe, path.parent, terrain, projection))
         with naming("rules"):
             rules = recipe.rules.rules()
+        if recipe.earth is not None and earth is not None and terrain.crs is None:
+            with naming("earth"):  # walls or tracks off the map say first where it should be
+                require_likely(earth, terrain.height_map)
         airspace = recipe.airspace.airspace(recipe.no_fly)
         for k, zone in enumerate(airspace.no_fly):
             with naming(f"no_fly[{k}]"), naming("polygon"):
@@ -210,7 +216,7 @@ def read(path: Path, seed: int = 0) -> Problem:
             objective=recipe.objective,
             face_samples=recipe.face_samples,
             step=recipe.step,
-            earth=_earth(recipe, terrain),
+            earth=earth,
         )
 
 
@@ -264,18 +270,31 @@ def _earth(recipe: _Recipe, terrain: Terrain) -> Earth | None:
         return recipe.earth.earth(terrain.crs, terrain.height_map)
 
 
-def _meshes(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:
+def _meshes(
+    recipe: _Recipe, folder: Path, terrain: Terrain, projection: Projection
+) -> Iterator[Mesh]:
     for k, given in enumerate(recipe.mesh):
         with naming(f"mesh[{k}]"):
             mesh = given.mesh(folder)
             _require_on_map([mesh], terrain.height_map)
         yield mesh
-    system = terrain.crs or (recipe.earth.crs if recipe.earth else None)
     for k, plan in enumerate(recipe.walls):
         with naming(f"walls[{k}]"):
-            walls = plan.meshes(folder, float(terrain.ground.min()), system)
-            _require_on_map(walls, terrain.height_map)
+            walls = plan.meshes(folder, float(terrain.ground.min()), projection)
+            _require_on_map(walls, terrain.height_map, _ways_to_walls(recipe, walls))
         yield from walls
+
+
+def _ways_to_walls(recipe: _Recipe, walls: list[Mesh]) -> str:
+    """Returns how a map and walls that do not lie on it can come together."""
+    if recipe.map.file is not None:
+        return "`at` moves them, `unit` scales them"
+    low = np.concatenate([wall.vertices for wall in walls]).min(axis=0)
+    x, y = np.floor(low[:2] / _ROUND) * _ROUND
+    return (
+        f"origin = [{x:.10g}, {y:.10g}] in [map] begins the map there, so that all keep their "
+        "coordinates; `at` moves these walls alone, `unit` scales them"
+    )
 
 
 def _require_on_map(
@@ -290,10 +309,12 @@ def _require_on_map(
         )
 
 
-def _actors(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Actor]:
+def _actors(
+    recipe: _Recipe, folder: Path, terrain: Terrain, projection: Projection
+) -> Iterator[Actor]:
     for k, given in enumerate(recipe.tracks):
         with naming(f"tracks[{k}]"):
-            actors = given.actors(folder, terrain, recipe.step, recipe.steps)
+            actors = given.actors(folder, terrain, recipe.step, recipe.steps, projection)
         yield from actors
     for k, walk in enumerate(recipe.walk):
         with naming(f"walk[{k}]"):

@@ -8,6 +8,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.scenarios.recipe.earth import NOWHERE, Projection
 from cocap_opt.scenarios.recipe.ground_plans import Meaning, ground_plan
 from cocap_opt.scenarios.recipe.tables import (
     Coordinate,
@@ -37,14 +38,14 @@ class WallsTable(Table):
     at: Point = (0.0, 0.0)  # m, where the plan's origin comes to lie
     base: Coordinate | None = None  # m, altitude of the walls' foot; None: the lowest ground
 
-    def meshes(self, folder: Path, lowest: float, system: str | None = None) -> list[Mesh]:
+    def meshes(self, folder: Path, lowest: float, projection: Projection = NOWHERE) -> list[Mesh]:
         """Reads the ground plan and returns its walls.
 
         Parameters
         ----------
         folder : of the file that the table names
         lowest : altitude (m) of the lowest ground
-        system : reference system of the scene, if it is known
+        projection : makes metres of longitudes and latitudes
 
         Raises
         ------
@@ -55,7 +56,7 @@ class WallsTable(Table):
         base = lowest if self.base is None else self.base
         with naming(folder / self.file):
             text = read_text(folder / self.file)
-            plan = ground_plan(text, self.name, self.unit, self.polygons, system)
+            plan = ground_plan(text, self.name, self.unit, self.polygons, projection)
             areas = list(plan.obstacles)
             if self.border > 0:
                 if not plan.walkable:

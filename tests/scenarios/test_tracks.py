@@ -194,16 +194,15 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("1 0 1 2\n1 0.5 1 2\n", {}, "line 2, frame: must be a whole number"),
         ("Bob,0,1,2\nBob,1,1,inf\n", {}, "line 2, y: must be a number within"),
         ("id frame x y\n1 3 1 2\n2 3 1 2\n#\n1 3 1 2\n", {}, "line 5: must not be a second row"),
-        ("id,frame,x\n1,0,1\n", {}, "header: must name the columns id, frame or time, x and y"),
+        ("id,frame,x\n1,0,1\n", {}, "header: must name the columns id, frame or time, and x and y"),
         ("id,x,y\n1,0,1\n", {}, "header: must name the columns"),
         ("id,frame,x,X,y\n1,0,1,1,1\n", {}, "header: must name one column x, not two"),
         ("id,time [min],x,y\n1,0,1,1\n", {}, "time: must be in s or ms, not min"),
         (
             "id,t,lat,lon\n1,0,-34.6,-58.4\n",
-            {},
-            "header: must name the columns id, frame or time, "
-            "x and y, not id, t, lat, lon; x and y must be metres of a projection, not degrees: "
-            "cs2cs EPSG:4326 EPSG:32721 makes",
+            {"fps": None},
+            "latitude, longitude: must have [earth] of the recipe, which makes metres of degrees: "
+            'crs = "EPSG:32721", latitude = -34.6000 and longitude = -58.4000',
         ),
         (
             "id,time,x,y\n1,2026-05-01T10:00,1,1\n1,1,1,1\n",
