@@ -16,6 +16,7 @@ from cocap_opt.flight.pace import Demand, demands, tightest
 from cocap_opt.flight.safety import Danger, dangers
 from cocap_opt.flight.smooth import Smooth, spare
 from cocap_opt.flight.smooth import smooth as smoothed
+from cocap_opt.flight.strain import sufficient_step
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import Airspace, Plan, Problem
 from cocap_opt.referee import Verdict, check
@@ -36,10 +37,11 @@ class LimitError(ProblemError):
     Attributes
     ----------
     step : s, duration of a step with which the same plan could be flown
+    any_plan : s, with which another plan could be flown, too
     """
 
-    def __init__(self, words: str, step: float) -> None:
-        self.words, self.step = words, step
+    def __init__(self, words: str, step: float, any_plan: float) -> None:
+        self.words, self.step, self.any_plan = words, step, any_plan
         super().__init__(f"{words}; steps of {step:g} s would do for the same plan")
 
 
@@ -91,7 +93,7 @@ class Flight(NamedTuple):
         if found:
             raise ProblemError(f"{found[0]}{_way_out(found[0], straight) if smooth else ''}")
         asked = demands(flown, smooth)
-        _require_limits(asked, flown.step, shortened)
+        _require_limits(problem, asked, flown.step, shortened)
         return cls(flown, straight, plan, verdict, _geodesy(problem), asked, slowed, shortened)
 
     @property
@@ -279,8 +281,8 @@ def _up(metres: float) -> str:
     return f"{math.ceil(100 * metres - _TOUCH) / 100:.2f}".rstrip("0").rstrip(".")
 
 
-def _require_limits(found: list[Demand], step: float, shortened: int) -> None:
-    """Refuses flights that a drone cannot fly, with the duration of a step that would do."""
+def _require_limits(problem: Problem, found: list[Demand], step: float, shortened: int) -> None:
+    """Refuses flights that a drone cannot fly, with the durations of a step that would do."""
     broken = [demand for demand in found if not demand.is_kept]
     if not broken:
         return
@@ -290,9 +292,13 @@ def _require_limits(found: list[Demand], step: float, shortened: int) -> None:
     shorter = ""
     if shortened and worst.kind == "acceleration":
         shorter = ", where it changes its speed so fast to keep away from people"
+    same = math.ceil(100 * step * worst.slower) / 100
+    usual = sufficient_step(problem, shortened=False)
+    enough = usual if step < usual else sufficient_step(problem, shortened=True)
     raise LimitError(
         f"drone {worst.drone} cannot fly this: {worst.kind.replace('_', ' ')} "
         f"{worst.most * scale:.4g} {_UNITS[worst.kind]} at {worst.t:.4g} s, more than its "
         f"{limit:.4g}{shorter}",
-        math.ceil(100 * step * worst.slower) / 100,
+        same,
+        max(same, enough),
     )
