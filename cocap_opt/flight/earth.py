@@ -4,6 +4,7 @@ An operation that pyproj only guesses (a ballpark transformation), or that is no
 because a grid is not installed, is refused. Heights are not converted.
 """
 
+import math
 from functools import cached_property
 from typing import Any
 
@@ -82,6 +83,12 @@ class Geodesy:
         aside = self.degrees(x + _AHEAD * np.cos(yaw), y + _AHEAD * np.sin(yaw))
         azimuth, _, _ = self._ellipsoid.inv(longitude, latitude, aside[1], aside[0])
         return np.asarray(azimuth) % 360.0
+
+    def convergence(self, x: float, y: float) -> float:
+        """Returns the degrees from true north, clockwise, in which +y goes at a point (m)."""
+        here, there = np.array([x]), np.array([y])
+        turned = float(self.compass(here, there, np.array([math.pi / 2]))[0])
+        return (turned + 180.0) % 360.0 - 180.0
 
     def lengths(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Returns the metres [n-1] on the ground from each point [n] of the scene to the next."""

@@ -57,7 +57,7 @@ class Flight(NamedTuple):
     demands : the largest of each kind on each drone
     slowed : steps of drones at which they pass more slowly than they could
     shortened : steps of drones at which they change speed in less time than they could
-    start : when step 0 is, in UTC; None: nobody says
+    start : when step 0 is, with its offset from UTC; None: nobody says
     asked : the scene's airspace, where drones fly nearer to people than it says; else None
     """
 
@@ -219,8 +219,19 @@ class Flight(NamedTuple):
             most = max((d.most for d in self.demands if d.kind == "acceleration"), default=0.0)
             asked = f"; the flight asks for {most:.3g} m/s2" if self.is_smooth else ""
             yield f"no limits of these drones are known, and none were checked{asked}"
+        if self.geodesy is not None:
+            yield self.geodesy_note(self.geodesy)
         if problem.earth is not None and problem.earth.heights is None:
             yield "nobody says if z is above the sea or the ellipsoid; [earth] of a recipe does"
+
+    def geodesy_note(self, geodesy: Geodesy) -> str:
+        """Says that y goes to the grid's north, and how far that is from the true one."""
+        turned = geodesy.convergence(*self.flown.problem.height_map.centre(0, 0))
+        side = "clockwise" if turned > 0 else "counter-clockwise"
+        return (
+            f"x goes to the east and y to the north of {geodesy.name}, {abs(turned):.2f} degrees "
+            f"{side} of true north here"
+        )
 
     def _moments(self, every: float | None) -> FloatArray:
         """Returns the times (s) of rows."""

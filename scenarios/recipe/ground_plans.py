@@ -51,6 +51,14 @@ class GroundPlan(NamedTuple):
     walkable: tuple[BaseGeometry, ...]
     obstacles: tuple[BaseGeometry, ...]
     heights: tuple[float | None, ...] = ()  # m, those that the file says, of the first obstacles
+    properties: tuple[str, ...] = ()  # of the features of GeoJSON that these obstacles are in
+
+    def told(self, k: int) -> str:
+        """Says why an obstacle or a border of this number has no height of its own."""
+        if k >= len(self.properties):
+            return "the file has none"
+        own = self.properties[k] or "none"
+        return f"polygon {k + 1} has no property `height` of metres, but {own}"
 
 
 class _Stated(NamedTuple):
@@ -216,8 +224,8 @@ def _of_polygons(
         metres = shapely.transform(given, lambda points: points / PER_METRE[unit or "m"])
     polygons = [sound(part, f"polygon {k}") for k, part in enumerate(metres.geoms, start=1)]
     if meaning == "obstacles":
-        heights = _heights(text, geometry) if kind == GEOJSON else ()
-        return GroundPlan((), tuple(polygons), tuple(heights))
+        own = list(_heights(text, geometry)) if kind == GEOJSON else []
+        return GroundPlan((), tuple(polygons), *(zip(*own, strict=True) if own else ((), ())))
     parts = [part for polygon in polygons for part in _polygons(polygon)]
     holes = [Polygon(ring) for part in parts for ring in part.interiors]
     return GroundPlan(tuple(Polygon(part.exterior) for part in parts), tuple(holes))
@@ -234,27 +242,29 @@ def _geometry(text: str, kind: str) -> BaseGeometry:
         raise ProblemError(f"cannot be read as {kind}, which is such as {_SOUND[kind]}") from error
 
 
-def _heights(text: str, geometry: BaseGeometry) -> Iterator[float | None]:
-    """Yields the property `height` (m) of each polygon of GeoJSON; None: it has none.
+def _heights(text: str, geometry: BaseGeometry) -> Iterator[tuple[float | None, str]]:
+    """Yields the property `height` (m) of each polygon of GeoJSON, or None, and all properties.
 
     Raises
     ------
     ProblemError
-        If one is no number above 0, also not in quotation marks, as OpenStreetMap's are.
+        If one is no number above 0, also not as text, "6" or "6 m", as OpenStreetMap has them.
     """
     content = decode_json(text, dict[str, Any])
     is_one = content.get("type") != "FeatureCollection"
     features = [content] if is_one else content["features"]
     parts = [geometry] if is_one else getattr(geometry, "geoms", ())
     for k, (feature, part) in enumerate(zip(features, parts, strict=True)):
-        given = (feature.get("properties") or {}).get("height")
+        properties = feature.get("properties") or {}
+        given = properties.get("height")
         own = None if given in (None, "") else _metres(given, f"features[{k}].properties.height")
-        yield from (own for _ in _polygons(part))
+        shown = ", ".join(f"{name} = {value!r:.20}" for name, value in properties.items())
+        yield from ((own, shown) for _ in _polygons(part))
 
 
 def _metres(value: Any, field: str) -> float:
     try:
-        metres = float(value)
+        metres = float(value.removesuffix("m") if isinstance(value, str) else value)
     except (TypeError, ValueError):
         metres = math.nan
     if isinstance(value, bool) or not 0 < metres <= LARGEST:

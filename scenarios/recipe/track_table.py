@@ -51,6 +51,7 @@ class TrackTable(NamedTuple):
     heights: FloatArray | None  # [n] m, the column z
     where: Callable[[int], str]  # names a row's place, such as "line 7"; slow, for messages
     unit: str  # of the file
+    rate: float | None  # frames/s; None: the file has times
 
     @classmethod
     def read(
@@ -144,6 +145,7 @@ class TrackTable(NamedTuple):
             heights=values["z"] / per_metre if "z" in values else None,
             where=where,
             unit=unit,
+            rate=rate,
         )
 
 

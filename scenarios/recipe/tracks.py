@@ -163,6 +163,7 @@ class Track(NamedTuple):
             poses=np.column_stack([points, floor, Track.headings(points, still * step)]),
             shape=shape if self.height is None else shape.replace(height=self.height),
             name=self.id if isinstance(self.id, str) else f"id {self.id}",
+            begin=begin,
         )
 
     @staticmethod

@@ -9,7 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.recipe.earth import NOWHERE, Projection
-from cocap_opt.scenarios.recipe.ground_plans import Meaning, ground_plan
+from cocap_opt.scenarios.recipe.ground_plans import GroundPlan, Meaning, ground_plan
 from cocap_opt.scenarios.recipe.tables import (
     Coordinate,
     Length,
@@ -30,7 +30,7 @@ class WallsTable(Table):
     """
 
     file: str
-    height: Length  # of what has none in GeoJSON
+    height: Length | None = None  # of what has none in GeoJSON
     name: str | None = None  # of a ground plan in the file; None: the only one
     polygons: Meaning | None = None  # what those of GeoJSON and WKT are
     unit: Unit | None = None  # None: as the file says, else m
@@ -67,13 +67,19 @@ class WallsTable(Table):
                 raise ProblemError(
                     "it has no obstacles: border must say how thick its outer walls are"
                 )
-            heights = [own or self.height for own in plan.heights]
-            heights += [self.height] * (len(areas) - len(heights))
+            heights = [*plan.heights, *[None] * (len(areas) - len(plan.heights))]
             walls = [
-                extruded(area, base + height, base)
-                for area, height in zip(areas, heights, strict=True)
+                extruded(area, base + self._height(own, k, plan), base)
+                for k, (area, own) in enumerate(zip(areas, heights, strict=True))
             ]
         return [wall.replace(vertices=wall.vertices + np.array([*self.at, 0.0])) for wall in walls]
+
+    def _height(self, own: float | None, k: int, plan: GroundPlan) -> float:
+        """Returns the height (m) of the wall of this number, its own or that of the table."""
+        if own is None and self.height is None:
+            found = plan.told(k)
+            raise ProblemError(f"height: must be given in [[walls]], for {found}")
+        return own or self.height or 0.0
 
 
 def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:

@@ -820,12 +820,34 @@ def test_walls_are_as_high_as_geojson_says(tmp_path: Path) -> None:
         "type": "MultiPolygon",
         "coordinates": [square, [[[20, 0], [21, 0], [21, 1], [20, 0]]]],
     }
-    assert tops(house(0, 3), house(3, None), house(6, "33.5"), two) == [4, 9, 34.5, 6, 6]
-    for odd in (0, -3, "8 m", True, [3]):
+    assert tops(house(0, 3), house(3, None), house(6, "33.5 m"), two) == [4, 9, 34.5, 6, 6]
+    for odd in (0, -3, "8 ft", True, [3]):
         with pytest.raises(
             ProblemError, match=r"features\[1\].properties.height: must be a number"
         ):
             tops(house(0, 3), house(3, odd))
+
+
+def test_walls_without_any_height_are_told_what_their_file_has(tmp_path: Path) -> None:
+    """The recipe needs none where all polygons have one, else the message says what they have."""
+    ring = [[0, 0], [2, 0], [2, 2], [0, 0]]
+    shape = {"type": "Polygon", "coordinates": [ring]}
+    houses = [
+        {"type": "Feature", "properties": own, "geometry": shape}
+        for own in ({"height": 3}, {"name": "inn", "storeys": 2})
+    ]
+    table = WallsTable(file="houses.geojson", polygons="obstacles")
+    for count in (1, 2):
+        content = {"type": "FeatureCollection", "features": houses[:count]}
+        (tmp_path / "houses.geojson").write_text(json.dumps(content))
+        if count == 1:
+            assert table.meshes(tmp_path, lowest=0.0)[0].vertices[:, 2].max() == 3
+    words = "height: must be given .* polygon 2 has no property `height` .* 'inn', storeys = 2$"
+    with pytest.raises(ProblemError, match=words):
+        table.meshes(tmp_path, lowest=0.0)
+    (tmp_path / "houses.geojson").write_text("POLYGON ((0 0, 2 0, 2 2, 0 0))")
+    with pytest.raises(ProblemError, match=r"height: must be given .* the file has none"):
+        table.meshes(tmp_path, lowest=0.0)
 
 
 @pytest.mark.parametrize(
