@@ -58,21 +58,24 @@ turn = 90                   # counter-clockwise about its origin
 at = [35, 20, 0]            # where its origin comes to lie
 
 [[walls]]
-file = "geometry.json"      # polygons of the walkable area and of obstacles: JSON, GeoJSON, WKT
+file = "geometry.json"      # polygons of the walkable area and of obstacles: JSON, GeoJSON, WKT;
+                            # the last two also in longitudes and latitudes, where [earth] is known
 unit = "m"                  # "m", "cm", "mm" or "ft"; left out: as the file says, else m
 name = "bottleneck"         # which of them
 # polygons = "obstacles"    # or "walkable": what those of GeoJSON and WKT are
-height = 2.0                # of GeoJSON's polygons those without a property "height", in m
+height = 2.0                # m; of GeoJSON's polygons those without a property "height"
 border = 0.2                # thickness of walls around the walkable area; left out: none
 at = [30, 10]               # added to their points
 base = 50.0                 # altitude of their foot; left out: the lowest ground
 
 [[tracks]]
 file = "people.txt"         # or a database of JuPedSim
-columns = ["id", "frame", "x", "y", "z"]   # left out: as the file says
+columns = ["id", "frame", "x", "y", "z"]   # left out: as the file says; in place of x and y:
+                            # latitude and longitude, where [earth] is known
 unit = "cm"                 # "m", "cm", "mm" or "ft"; left out, as fps: as the file says
 fps = 16
-begin = 37.0                # time of step 0; left out: the first from which all are there
+begin = 37.0                # s of the tracks at step 0; left out: the first from which all are
+                            # there at all steps, which a gap of more than 1 s may make late
 ids = [12, 15, 16]          # or: count = 3, the first that are there at all steps
 at = [40, 20]               # added to their points
 delimiter = " "             # left out: what the first row looks like
@@ -88,7 +91,8 @@ first = 0.5                 # m of the way that are walked before step 0
 shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
 
 [[drones]]
-count = 3                   # in random cells, chosen by the seed, within 15 m of someone
+count = 3                   # in random cells, chosen by the seed, within 15 m of someone; other
+                            # steps or people choose others, `starts` keeps them
 near = 15
 camera = "dji-mavic-pro"
 tilts = [10, 40]            # below the horizon; several make a gimbal
@@ -129,7 +133,7 @@ people = 3.0                # m from people, seen from above, at every moment; 0
 over_people = 5.0           # m above heads from which on drones may fly over; left out: never
 
 [earth]
-crs = "EPSG:25830"          # of x and y, in metres; left out: that of the map's file
+crs = "EPSG:25830"          # x goes to its east, y to its grid's north; left out: the map's file's
 # latitude = 43.263         # of the point x = 0, y = 0 (WGS 84), where no file says the place
 # longitude = -2.935
 height = 20.0               # m, of z = 0
