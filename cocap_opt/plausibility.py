@@ -12,7 +12,7 @@ import numpy as np
 from cocap_opt.graph.choke_points import MOST_CELLS, choke_point
 from cocap_opt.graph.encounters import NEAR, Encounters, Outing
 from cocap_opt.graph.motion import Window
-from cocap_opt.problem import Actor, Cell, Limits, Motion, Problem, Robot
+from cocap_opt.problem import Actor, Cell, Motion, Problem, Robot
 from cocap_opt.world.columns import Spans
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
@@ -58,26 +58,6 @@ def warnings(problem: Problem) -> list[str]:
     around = _around_robots(problem)
     outings = [around[robot.motion].outing(robot.start) for robot in problem.robots]
     return [*found, *_in_the_way(problem), *_shut_in(problem, outings)]
-
-
-def strains(problem: Problem) -> list[str]:
-    """Returns which robots cannot stop at each step, in words, one line for each kind of them.
-
-    It matters to smooth flights only, which are checked as they are.
-    """
-    found = []
-    kinds = dict[tuple[Motion, Limits | None], list[str]]()
-    for i, robot in enumerate(problem.robots):
-        kinds.setdefault((robot.motion, robot.limits), []).append(str(i))
-    for (motion, limits), numbers in kinds.items():
-        if limits is None or problem.step is None:
-            continue
-        words = limits.strained_by(motion, problem.height_map.resolution, problem.step)
-        if words:
-            *most, last = numbers
-            who = f"drones {', '.join(most)} and" if most else "drone"
-            found.append(f"{who} {last} {words}")
-    return found
 
 
 def narrow_way(problem: Problem) -> str:

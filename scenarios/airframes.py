@@ -35,3 +35,12 @@ AIRFRAMES: dict[str, Limits] = {
         gimbal_rate=math.radians(90.0), endurance=30 * 60.0,
     ),
 }  # fmt: skip
+
+
+def airframe_name(limits: Limits | None) -> str | None:
+    """Returns the name of an airframe that has these limits, of those known of it; None: none."""
+    for name, airframe in AIRFRAMES.items():
+        known = ((field, getattr(airframe, field)) for field in airframe.__struct_fields__)
+        if all(value in (None, getattr(limits, field, None)) for field, value in known):
+            return name
+    return None

@@ -7,7 +7,7 @@ left out, and the principal point is put in the middle of the image.
 import math
 
 from cocap_opt.data import ProblemError
-from cocap_opt.problem import Camera, Problem, Robot
+from cocap_opt.problem import AnyCamera, Camera, Problem, Robot
 
 CAMERAS: dict[str, Camera] = {
     # PX4-gazebo-models, mono_cam/model.sdf (BSD-3): horizontal angle of view 1.74 rad
@@ -30,6 +30,12 @@ CAMERAS: dict[str, Camera] = {
     # Suresh et al., "Greedy Perspectives", 2024: the camera of its scenes and of the built-in ones
     "greedy-perspectives": Camera(width=4000, height=3000, focal=2500.0),
 }
+
+
+def camera_name(camera: AnyCamera) -> str | None:
+    """Returns the name of a camera, whatever its tilts; None if it is none of these."""
+    known = (name for name, own in CAMERAS.items() if own.replace(tilts=camera.tilts) == camera)
+    return next(known, None)
 
 
 def with_cameras(

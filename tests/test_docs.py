@@ -83,10 +83,26 @@ def told(**tags: Any) -> Callable[[], None]:
     return tell
 
 
+def walled(x: float, y: float, side: float) -> Callable[[], None]:
+    """Returns what puts a recipe without a place in the scene's place: a wall on a flat map."""
+
+    def wall() -> None:
+        ring = f"{x} {y}, {x + side} {y}, {x + side} {y + side}, {x} {y}"
+        Path("walls.wkt").write_text(f"POLYGON (({ring}))")
+        Path("scene.toml").write_text(
+            'steps = 2\n[map]\nsize = [9, 9]\n[[walls]]\nfile = "walls.wkt"\nheight = 2\n'
+            'polygons = "obstacles"\n[[drones]]\nstarts = [{ x = 2, y = 2 }]\n'
+        )
+
+    return wall
+
+
 INPUTS = ("scene.toml", "houses.tif", "people.csv", "plan.json")
 # For each message of the page's table: the last of these commands says it when this is wrong.
 WRONG: dict[str, tuple[str, Callable[[], None]]] = {
     "must be metres of a projection, not degrees": (SHOW, told(crs="EPSG:4326")),
+    "must have [earth] of the recipe": (SHOW, walled(13.059, 52.401, 0.0001)),
+    "origin = ": (SHOW, walled(505000, 4790000, 5)),
     "coordinates: must be metres, not US survey foot": (SHOW, told(crs="EPSG:2263")),
     'heights: must be metres, not ft; unit = "ft" reads them': (SHOW, told(units=("ft",))),
     "unit: must be given, for the file does not state it": (

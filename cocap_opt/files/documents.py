@@ -201,11 +201,11 @@ def read_bytes(path: Path) -> bytes:
 
 @lru_cache(maxsize=8)
 def problem_digest(problem: Problem) -> str:
-    """Digest of everything in a problem but names and where it is on the Earth.
+    """Digest of everything in a problem but names, when tracks begin and where it is on the Earth.
 
     None of them has a part in what a plan may do and what it is worth.
     """
-    actors = tuple(actor.replace(name=None) for actor in problem.actors)
+    actors = tuple(actor.replace(name=None, begin=None) for actor in problem.actors)
     nameless = problem.replace(name="", actors=actors, earth=None)
     content = msgspec.json.encode(nameless, enc_hook=_encode_array)
     # Read back once: numbers given as 5 and 5.0 are the same.
@@ -218,6 +218,6 @@ def problem_digest(problem: Problem) -> str:
 
 def _drop_unused(fields: dict[str, Any]) -> None:
     """Drops fields that are newer than files whose digests hold, where nothing is in them."""
-    for name in ("step", "earth", "limits", "name"):
+    for name in ("step", "earth", "limits", "name", "begin"):
         if name in fields and fields[name] is None:
             del fields[name]

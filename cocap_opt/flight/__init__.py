@@ -2,10 +2,11 @@
 
 `trajectory` has the flights, straight from step to step or `smooth`; `safety` checks them against
 the scene at every moment, on the polynomials themselves; `pace` against the drones' limits;
-`nearest` says when drones are nearest to each other and to people; `filming` computes J between the
-steps, too; `footprint` gives the ground in the images; `earth` gives latitudes and longitudes;
-`delays` says how far drones may be apart in time, `robustness` what becomes of a flight that is not
-as planned. `bernstein` has the polynomials of them all.
+`strain` says what any smooth flight may ask; `nearest` says when drones are nearest to each other
+and to people; `filming` computes J between the steps, too; `footprint` gives the ground in the
+images; `earth` gives latitudes and longitudes; `delays` says how far drones may be apart in time,
+`robustness` what becomes of a flight that is not as planned. `bernstein` has the polynomials of
+them all.
 """
 
 __all__ = [
@@ -19,5 +20,6 @@ __all__ = [
     "robustness",
     "safety",
     "smooth",
+    "strain",
     "trajectory",
 ]

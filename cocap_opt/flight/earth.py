@@ -4,6 +4,7 @@ An operation that pyproj only guesses (a ballpark transformation), or that is no
 because a grid is not installed, is refused. Heights are not converted.
 """
 
+import math
 from functools import cached_property
 from typing import Any
 
@@ -20,6 +21,8 @@ STRETCH = 0.02
 _AHEAD = 10.0  # m, so far ahead is the point that shows a direction
 _SHOWN = 60  # letters of a system's name in a message
 _AROUND = 0.01  # degrees around a point, for which pyproj chooses an operation
+
+Place = tuple[float, float]  # latitude and longitude, degrees
 
 
 class Geodesy:
@@ -40,9 +43,11 @@ class Geodesy:
     def __init__(self, earth: Earth, point: tuple[float, float]) -> None:
         self._earth = earth
         self._pyproj = _pyproj()
-        self._crs = self._system()
+        self._crs = _system(earth.crs)
         self._to_earth = self._best(self._near(point))
-        self._corner = (0.0, 0.0) if earth.origin is None else self._from_earth(earth.origin)
+        self._corner = (0.0, 0.0)
+        if earth.origin is not None:
+            self._corner = self._from_earth(earth.origin)
         x, y = (np.array([value]) for value in point)
         self._require_true(*(float(value[0]) for value in self.degrees(x, y)))
 
@@ -52,6 +57,17 @@ class Geodesy:
         longitude, latitude = self._to_earth.transform(east, north)
         self._require_defined(longitude, latitude, (east[0], north[0]))
         return np.asarray(latitude), np.asarray(longitude)
+
+    def metres(self, latitude: FloatArray, longitude: FloatArray) -> FloatArray:
+        """Returns the points [n, 2] (m) of the scene at latitudes and longitudes [n] (degrees).
+
+        They are not finite where the system is not defined.
+        """
+        east, north = self._to_earth.transform(
+            longitude, latitude, direction=self._pyproj.enums.TransformDirection.INVERSE
+        )
+        points: FloatArray = np.column_stack([east, north]) - np.array(self._corner)
+        return points
 
     def compass(self, x: FloatArray, y: FloatArray, yaw: FloatArray) -> FloatArray:
         """Returns directions [n] in degrees from true north, clockwise, 0..360.
@@ -67,6 +83,12 @@ class Geodesy:
         aside = self.degrees(x + _AHEAD * np.cos(yaw), y + _AHEAD * np.sin(yaw))
         azimuth, _, _ = self._ellipsoid.inv(longitude, latitude, aside[1], aside[0])
         return np.asarray(azimuth) % 360.0
+
+    def convergence(self, x: float, y: float) -> float:
+        """Returns the degrees from true north, clockwise, in which +y goes at a point (m)."""
+        here, there = np.array([x]), np.array([y])
+        turned = float(self.compass(here, there, np.array([math.pi / 2]))[0])
+        return (turned + 180.0) % 360.0 - 180.0
 
     def lengths(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Returns the metres [n-1] on the ground from each point [n] of the scene to the next."""
@@ -97,35 +119,7 @@ class Geodesy:
         """The ellipsoid of WGS 84."""
         return self._pyproj.Geod(ellps="WGS84")
 
-    def _system(self) -> Any:
-        """Returns the projection, without the heights of a compound system."""
-        text = self._earth.crs
-        try:
-            crs = self._pyproj.CRS.from_user_input(text)
-        except self._pyproj.exceptions.CRSError as error:
-            shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}.."
-            raise FieldError(
-                "crs",
-                f"must be a reference system that is known, such as EPSG:25830, not {shown!r}",
-            ) from error
-        crs = crs.sub_crs_list[0] if crs.is_compound else crs
-        units = {axis.unit_name for axis in crs.axis_info}
-        if crs.is_geographic or not crs.is_projected:
-            raise FieldError("crs", f"must be a projection in metres, not {crs.name}")
-        if units != {"metre"}:
-            raise FieldError(
-                "crs", f"must be in metres, not {', '.join(sorted(units))}: {crs.name}"
-            )
-        ways = {axis.direction for axis in crs.axis_info}
-        if ways != {"east", "north"}:
-            raise FieldError(
-                "crs",
-                f"must have axes to the east and to the north, not {', '.join(sorted(ways))}: "
-                f"{crs.name}",
-            )
-        return crs
-
-    def _near(self, point: tuple[float, float]) -> tuple[float, float]:
+    def _near(self, point: tuple[float, float]) -> Place:
         """Returns about the latitude and longitude of a point, by the system's own datum."""
         if self._earth.origin is not None:
             return self._earth.origin
@@ -145,7 +139,7 @@ class Geodesy:
                 f"{at[1]:.7g}), not {self.name}",
             )
 
-    def _best(self, near: tuple[float, float]) -> Any:
+    def _best(self, near: Place) -> Any:
         """Returns the best operation to WGS 84 around a latitude and longitude."""
         import warnings
 
@@ -166,31 +160,26 @@ class Geodesy:
             )
         return group.transformers[0]
 
-    def _obstacle(self, near: tuple[float, float], unavailable: list[Any]) -> str:
+    def _obstacle(self, near: Place, unavailable: list[Any]) -> str:
         """Says why there is no good operation around a latitude and longitude."""
         latitude, longitude = near
-        area = self._crs.area_of_use
-        if area is not None and not (
-            area.south <= latitude <= area.north and area.west <= longitude <= area.east
-        ):
+        if _holds(self._crs.area_of_use, near) is False:
             return f"is for another place than latitude {latitude:.5g}, longitude {longitude:.5g}"
         grids = sorted(grid.short_name for one in unavailable[:1] for grid in one.grids)
         if grids:
             return f"needs {' and '.join(grids)}, not installed here; `pyproj sync` gets such grids"
         return "has a datum of which nobody says how it lies to that"
 
-    def _from_earth(self, place: tuple[float, float]) -> tuple[float, float]:
+    def _from_earth(self, place: Place) -> tuple[float, float]:
         """Returns the coordinates (m) in the system of a latitude and longitude."""
-        east, north = self._to_earth.transform(
-            place[1], place[0], direction=self._pyproj.enums.TransformDirection.INVERSE
-        )
+        east, north = self.metres(*np.array(place)[:, None])[0].tolist()
         if not (np.isfinite(east) and np.isfinite(north)):
             raise FieldError(
                 "origin",
                 f"must lie where {self.name} is defined, not at latitude {place[0]:g} and "
                 f"longitude {place[1]:g}",
             )
-        return float(east), float(north)
+        return east, north
 
     def _require_true(self, latitude: float, longitude: float) -> None:
         """Refuses a projection whose metres are none on the ground, such as web Mercator."""
@@ -203,6 +192,56 @@ class Geodesy:
                 f"must have true metres, but those of {self.name} are {1 / max(scales):.3g} m "
                 f"long at latitude {latitude:.1f}; EPSG:{zone} has true ones there",
             )
+
+
+def is_meant_for(crs: str, place: Place) -> bool | None:
+    """Returns True if a place is in the area for which a reference system is made.
+
+    None: nobody says for which it is.
+
+    Raises
+    ------
+    ProblemError
+        If the system is none that `Geodesy` takes.
+    """
+    return _holds(_system(crs).area_of_use, place)
+
+
+def _holds(area: Any, place: Place) -> bool | None:
+    """Returns True if a place is in an area of pyproj, which may reach over longitude 180."""
+    if area is None:
+        return None
+    latitude, longitude = place
+    east_of, west_of = area.west <= longitude, longitude <= area.east
+    within = east_of and west_of if area.west <= area.east else east_of or west_of
+    return bool(within and area.south <= latitude <= area.north)
+
+
+def _system(text: str) -> Any:
+    """Returns the projection, without the heights of a compound system."""
+    pyproj = _pyproj()
+    try:
+        crs = pyproj.CRS.from_user_input(text)
+    except pyproj.exceptions.CRSError as error:
+        shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}.."
+        raise FieldError(
+            "crs",
+            f"must be a reference system that is known, such as EPSG:25830, not {shown!r}",
+        ) from error
+    crs = crs.sub_crs_list[0] if crs.is_compound else crs
+    units = {axis.unit_name for axis in crs.axis_info}
+    if crs.is_geographic or not crs.is_projected:
+        raise FieldError("crs", f"must be a projection in metres, not {crs.name}")
+    if units != {"metre"}:
+        raise FieldError("crs", f"must be in metres, not {', '.join(sorted(units))}: {crs.name}")
+    ways = {axis.direction for axis in crs.axis_info}
+    if ways != {"east", "north"}:
+        raise FieldError(
+            "crs",
+            f"must have axes to the east and to the north, not {', '.join(sorted(ways))}: "
+            f"{crs.name}",
+        )
+    return crs
 
 
 def _pyproj() -> Any:

@@ -20,7 +20,6 @@ move in space, always has a smooth flight (`spare`). In one that does not, drone
 people where they start, land, or change their speed at two steps in a row.
 """
 
-import math
 from collections import defaultdict
 from collections.abc import Iterator
 from typing import NamedTuple, Self
@@ -30,8 +29,9 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray, read_only
 from cocap_opt.flight.bernstein import largest
 from cocap_opt.flight.safety import Danger, dangers
+from cocap_opt.flight.strain import longest_move
 from cocap_opt.flight.trajectory import DEGREE, Trajectory, evenly, split, waypoints
-from cocap_opt.problem import Motion, Plan, Problem, Robot
+from cocap_opt.problem import Plan, Problem, Robot
 
 SHORTEST = 8  # the shortest blend takes one in so many parts of a step
 _SLOWER = 0.5
@@ -89,25 +89,7 @@ def spare(problem: Problem, robot: Robot) -> float:
 
     It takes the shortest blends. With so much to spare to people, each plan has a smooth flight.
     """
-    return _longest_move(problem, robot.motion) * largest(_SPEED[None]).value / SHORTEST
-
-
-def _longest_move(problem: Problem, motion: Motion) -> float:
-    """Returns the length (m) of a motion's longest move, up or down the ground that layers follow.
-
-    It may be one that nobody makes: down where the layer is the lowest, or into a wall.
-    """
-    edge, ground = problem.height_map.resolution, problem.height_map.datum
-    if ground is None:
-        return motion.longest_move(edge)
-    longest, (width, depth) = 0.0, ground.shape
-    for i in range(min(motion.radius, width - 1) + 1):
-        for j in range(min(motion.radius, depth - 1) + 1):
-            ahead = ground[i:, j:] - ground[: width - i, : depth - j]
-            across = ground[i:, : depth - j] - ground[: width - i, j:]
-            slope = max(float(np.abs(ahead).max()), float(np.abs(across).max()))
-            longest = max(longest, math.hypot(i * edge, j * edge, slope + motion.largest_climb))
-    return longest
+    return longest_move(problem, robot.motion) * largest(_SPEED[None]).value / SHORTEST
 
 
 class _Blends(NamedTuple):

@@ -9,6 +9,8 @@ from cocap_opt.data import MOST_WEIGHT, Data, FloatArray, frozen, read_only, req
 from cocap_opt.problem.shapes import Cuboid, Shape
 from cocap_opt.text import printable, shortened
 
+_LATEST = 1e12  # s, of times that may count from 1970
+
 
 class Actor(Data, frozen=True, eq=False, dict=True):
     """A moving person: a shape, its pose at every step, and a weight for each face.
@@ -20,6 +22,7 @@ class Actor(Data, frozen=True, eq=False, dict=True):
     weights : one per face of the shape; None: all 1
     importance : [>= T+1] factor of the weights; None: all 1
     name : as people call the person; None: nobody says it
+    begin : s, the time at step 0 in the track that the person walks; None: there is no track
 
     Raises
     ------
@@ -33,6 +36,7 @@ class Actor(Data, frozen=True, eq=False, dict=True):
     weights: tuple[float, ...] | None = None
     importance: tuple[float, ...] | None = None
     name: str | None = None
+    begin: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -50,6 +54,8 @@ class Actor(Data, frozen=True, eq=False, dict=True):
                 within(weight, 0, MOST_WEIGHT, "weights")
         if self.name is not None:
             msgspec.structs.force_setattr(self, "name", shortened(printable(self.name)))
+        if self.begin is not None:
+            within(self.begin, -_LATEST, _LATEST, "begin")
         for value in self.importance or ():
             within(value, 0, MOST_WEIGHT, "importance")
 

@@ -65,40 +65,9 @@ class Limits(Data, frozen=True):
                 return (
                     f"motion.{field}: must allow at most {limit:.4g} {unit}, but {words} in a "
                     f"step of {step:g} s is {most / step:.4g} {unit}; a step of "
-                    f"{_up(most / limit):g} s{way_out} would do"
+                    f"{rounded_up(most / limit):g} s{way_out} would do"
                 )
         return ""
-
-    def strained_by(self, motion: Motion, resolution: float, step: float) -> str:
-        """Says which moves, at rest before or after, take longer than a step, if there are any.
-
-        It is no proof that nothing can be flown: drones need not stop at each step, one that goes
-        straight on accelerates no more, and one that stays for a step can take a run-up in it. A
-        smooth flight is checked as it is. The best law from rest speeds up for all of the step;
-        that from rest to rest speeds up for half of it and slows down for the other half.
-
-        Parameters
-        ----------
-        resolution : m, edge of a cell
-        step : s
-        """
-        if self.acceleration is None:
-            return ""
-        most = self.acceleration * step**2 * (1 + ROUNDING)
-        shortest, longest = motion.shortest_move(resolution), motion.longest_move(resolution)
-        if math.isfinite(shortest) and 2 * shortest > most:
-            ask, flights = 2 * shortest, "smooth flights"
-            words = f"can make no move in a step from rest: the shortest, {shortest:.4g} m"
-        elif 4 * longest > most:
-            ask, flights = 4 * longest, "smooth flights with sharp turns"
-            words = f"cannot stop at each step: from rest to rest the longest move, {longest:.4g} m"
-        else:
-            return ""
-        return (
-            f"{words}, in a step of {step:g} s asks for {ask / step**2:.4g} m/s2, more than its "
-            f"{self.acceleration:.4g}, so that {flights} may be refused; a step of "
-            f"{_up(math.sqrt(ask / self.acceleration)):g} s would do"
-        )
 
     def _demands(
         self, motion: Motion, tilts: Sequence[float], resolution: float, step: float
@@ -119,18 +88,13 @@ class Limits(Data, frozen=True):
         turn = min(motion.turn, motion.headings // 2) * 360 / motion.headings
         rate = None if self.yaw_rate is None else math.degrees(self.yaw_rate)
         yield "turn", f"a turn by {turn:g} degrees", turn, rate, ", or smaller turns", "deg/s"
-        tilt = math.degrees(_largest(tilts, motion.pitch_turn))
+        tilt = math.degrees(motion.largest_tilt(tilts))
         rate = None if self.gimbal_rate is None else math.degrees(self.gimbal_rate)
         words = f"a tilt of the gimbal by {tilt:g} degrees"
         yield "pitch_turn", words, tilt, rate, ", or nearer tilts", "deg/s"
 
 
-def _largest(values: Sequence[float], reach: int) -> float:
-    """Returns the largest difference of two values that are at most so many places apart."""
-    return max(abs(a - b) for k, a in enumerate(values) for b in values[k : k + reach + 1])
-
-
-def _up(value: float) -> float:
+def rounded_up(value: float) -> float:
     """Returns a number >= 0, rounded up to three digits."""
     if value <= 0:
         return 0.0

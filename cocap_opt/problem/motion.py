@@ -1,6 +1,7 @@
 """Motion of a robot: its states, and the steps that it can take."""
 
 import math
+from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -90,9 +91,10 @@ class Motion(Data, frozen=True):
         layers, reach = self.layers, self.climb
         return max(b - a for k, a in enumerate(layers) for b in layers[k : k + reach + 1])
 
-    def longest_move(self, resolution: float) -> float:
-        """Returns the length (m) of the longest move, among cells with edges of so many metres."""
-        return math.hypot(self.radius * resolution * math.sqrt(2), self.largest_climb)
+    def largest_tilt(self, tilts: Sequence[float]) -> float:
+        """Returns the largest tilt (rad) of one step among those of a camera."""
+        reach = self.pitch_turn
+        return max(abs(a - b) for k, a in enumerate(tilts) for b in tilts[k : k + reach + 1])
 
     def shortest_move(self, resolution: float) -> float:
         """Returns the length (m) of the shortest move but to stay; inf if there is none."""

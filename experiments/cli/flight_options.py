@@ -1,5 +1,6 @@
 """Options of the commands that fly a plan, and the flight that they ask for."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
@@ -55,7 +56,7 @@ class FlightOptions:
             return (flown_in.without_earth if is_local else flown_in).flight(plan, self.smooth)
         except LimitError as error:
             ways = [
-                f"set step = {error.step:g} in the scene's recipe and plan again"
+                f"set {_longer(problem, error.any_plan)} in the scene's recipe and plan again"
                 if self.step is None
                 else f"--step {error.step:g} would do"
             ]
@@ -76,6 +77,12 @@ class FlightOptions:
 
 
 AS_PLANNED = FlightOptions()
+
+
+def _longer(problem: Problem, step: float) -> str:
+    """Says which step a recipe must have, and how many of them last as long as those of before."""
+    steps = math.floor(problem.horizon * (problem.step or 0.0) / step)
+    return f"step = {step:g}" + (f" and steps = {steps}" if steps > 1 else "")
 
 
 def _margins_that_do(problem: Problem, plan: Plan) -> Iterator[str]:

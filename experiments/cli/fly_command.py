@@ -157,13 +157,14 @@ def _in_words(
 
 
 def _start(text: str, suffix: str, is_dated: bool) -> datetime:
-    """Returns the time (UTC) at which a flight starts, for a file of some ending."""
+    """Returns the time at which a flight starts, for a file of some ending."""
     if not is_dated:
         raise UsageError(f"--start: must be left out for {suffix}, whose times are seconds")
     try:
         found = datetime.fromisoformat(text)
         if found.tzinfo is not None:
-            return found.astimezone(UTC)
+            found.astimezone(UTC)  # which may be out of range
+            return found
     except (ValueError, OverflowError):
         pass
     raise UsageError(

@@ -13,7 +13,8 @@ from cyclopts import Parameter, Token
 from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
-from cocap_opt.plausibility import narrow_way, strains, warnings
+from cocap_opt.flight.strain import strains
+from cocap_opt.plausibility import narrow_way, warnings
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import NOTHING, SCENES, load_scene
 
@@ -97,7 +98,7 @@ def _without_warnings(package: str) -> Iterator[None]:
 
 
 def say_strains(scene: str, seed: int, problem: Problem) -> None:
-    """Logs which drones cannot stop at each step, where a scene is first looked at or planned."""
+    """Logs which drones smooth flights may ask too much of, where a scene is first looked at."""
     for words in strains(problem):
         _say_once(scene, seed, words)
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from datetime import UTC
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,8 @@ from cocap_opt.experiments.results.robustness import (
 )
 from cocap_opt.flight.nearest import nearest_drones, nearest_people
 from cocap_opt.problem import Problem
+from cocap_opt.scenarios.airframes import airframe_name
+from cocap_opt.scenarios.cameras import camera_name
 
 ROWS = 12  # of a drone's table, at most, where nobody asked for others
 _MOST_ROWS = 10_000
@@ -44,8 +47,10 @@ def briefing(flight: Flight, every: float | None) -> list[Section]:
     ----------
     every : s between rows of the tables of places
     """
+    problem = flight.flown.problem
     return [
         Section("Flight", list(_summary(flight))),
+        Section("Drones", list(_drones(problem))),
         Section("Distances and limits", [*_distances(flight), "", *_limits(flight)]),
         Section("Late drones and people", list(_delays(flight))),
         Section("Take-off and landing (a suggestion)", list(_legs(flight))),
@@ -58,19 +63,17 @@ def briefing(flight: Flight, every: float | None) -> list[Section]:
 def _summary(flight: Flight) -> Iterator[str]:
     problem, flown = flight.flown.problem, flight.flown
     drones, people = len(problem.robots), len(problem.actors)
-    start = f"{flight.start:%Y-%m-%d %H:%M:%S} UTC" if flight.start else _BLANK
     yield (
         f"{drones} {'drones' if drones > 1 else 'drone'}, {people} "
         f"{'person' if people == 1 else 'people'}; {flown.seconds:g} s, in {problem.horizon} steps "
         f"of {flown.step:g} s; {'smooth' if flight.is_smooth else 'straight from step to step'}"
     )
-    yield f"Step 0, t = 0, is at {start}. All drones start their flights together."
+    yield f"Step 0, t = 0, is at {_start(flight)}. All drones start their flights together."
     if people:
         yield f"People set out at t = 0. {_signal(flight)}"
-    yield (
-        f"Battery: {_battery(problem)}; the flight takes {flown.seconds / 60:.1f} min, and the "
-        "legs below"
-    )
+    yield from _tracks(problem)
+    if flight.is_smooth:
+        yield "Missions of waypoints fly straight: their sheet is made without --smooth."
     if flight.geodesy is None:
         yield "Places: x and y of the map (m); where it is on the Earth is not known, or left out."
     else:
@@ -78,6 +81,7 @@ def _summary(flight: Flight) -> Iterator[str]:
         known = "nobody says how far off" if off is None else f"off by {off:g} m at most"
         name = flight.geodesy.name
         yield f"Places: x and y in {name}; latitudes and longitudes in WGS 84, {known}."
+        yield f"{flight.geodesy_note(flight.geodesy)}."
     yield f"z is {_altitude(flight)}."
 
 
@@ -91,13 +95,35 @@ def _signal(flight: Flight) -> str:
     )
 
 
-def _battery(problem: Problem) -> str:
-    """Says how long batteries last: the shortest time, where all of them are known."""
-    known = [robot.limits.endurance if robot.limits else None for robot in problem.robots]
-    lasting = [seconds for seconds in known if seconds is not None]
-    if len(lasting) < len(known):
-        return f"lasts {_BLANK} min (to be filled in)"
-    return f"lasts {min(lasting) / 60:.1f} min (by the maker, in calm air; less in wind and cold)"
+def _start(flight: Flight) -> str:
+    """Returns the time of step 0 by the clock that was asked for, and in UTC."""
+    if flight.start is None:
+        return _BLANK
+    utc = f"{flight.start.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
+    if not flight.start.utcoffset():
+        return utc
+    return f"{flight.start.isoformat(' ', 'seconds')}, which is {utc}"
+
+
+def _tracks(problem: Problem) -> Iterator[str]:
+    """Yields at which times of their tracks people are at step 0."""
+    begins = dict[float, list[str]]()
+    for j, actor in enumerate(problem.actors):
+        if actor.begin is not None:
+            begins.setdefault(actor.begin, []).append(problem.person(j))
+    for begin, people in begins.items():
+        yield f"Step 0 is at {begin:.6g} s of the tracks of {', '.join(people)}."
+
+
+def _drones(problem: Problem) -> Iterator[str]:
+    """Yields the camera, the airframe and the battery of each drone, or a blank for the crew."""
+    yield f"drone  {'camera':<22}{'airframe':<22}battery"
+    for i, robot in enumerate(problem.robots):
+        lasts = robot.limits.endurance if robot.limits else None
+        battery = _BLANK if lasts is None else f"{lasts / 60:.1f}"
+        airframe = airframe_name(robot.limits) or _BLANK
+        yield (f"{i:>5}  {camera_name(robot.camera) or _BLANK:<22}{airframe:<22}{battery} min")
+    yield "Batteries last so long by the maker, in calm air; less in wind and cold."
 
 
 def _altitude(flight: Flight) -> str:
@@ -162,8 +188,8 @@ def _legs(flight: Flight) -> Iterator[str]:
     """Yields the legs straight up to the first places and straight down from the last."""
     problem, flown = flight.flown.problem, flight.flown
     yield (
-        "Straight up from the surface below the first place, and straight down at the last; one "
-        "drone after the other. The flight begins when all are at their first places."
+        f"Straight up from the surface below the first place. {_order(flight)} Straight down at "
+        "the last place, one drone after the other."
     )
     yield ""
     head = "drone              x (m)        y (m)   surface z    place z     leg (m)"
@@ -179,6 +205,16 @@ def _legs(flight: Flight) -> Iterator[str]:
             f"{ends.drone[k]:>5} {words:<8}{x:>10.1f} {y:>12.1f} {surface:>11.2f} {z:>10.2f} "
             f"{z - surface:>11.2f}{_degrees(flight, x, y)}"
         )
+
+
+def _order(flight: Flight) -> str:
+    """Says when drones rise, and when the flight begins."""
+    if flight.is_smooth:
+        return "The flight begins when all drones are at their first places."
+    return (
+        "Start missions of waypoints all at once: each drone waits at its first place until "
+        f"{seconds_to_step_0(flight):.3g} s."
+    )
 
 
 def _angles(flight: Flight) -> str:

@@ -217,7 +217,7 @@ class Clock(NamedTuple):
         ProblemError
             If the flight ends after the year 9999.
         """
-        start = flight.start or EPOCH
+        start = (flight.start or EPOCH).astimezone(UTC)
         try:
             start + timedelta(seconds=2 * flight.flown.seconds)
         except OverflowError as error:

@@ -17,6 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Wedge
+from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.transforms import ScaledTranslation
 from PIL import Image
@@ -43,7 +44,8 @@ VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras
 _SPACES = "\n\u00a0\u2009\u202f"
 _FRAME_MILLISECONDS = 500
 _AROUND, _LEAST_SIDE = 3.0, 12.0  # m, around the action, and of the part that is drawn
-_COLUMNS, _STRIP = 4, 3.2  # panels beside each other in a strip, and the width of each (inches)
+_COLUMNS, _STRIP = 2, 3.2  # panels beside each other in a strip, and the width of each (inches)
+_DISC, _BEHIND = 11, 9  # points: the width of a drone, and how far behind a person the number is
 _TO_COME = "#c9d6df"
 PICTURES = (".png", ".pdf", ".svg")
 
@@ -122,16 +124,20 @@ def _draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
         ax.add_patch(
             Polygon(corners, facecolor=drawing.PERSON, edgecolor="black", lw=0.6, zorder=5)
         )
+        ax.plot(x, y, marker="o", color=drawing.PERSON, ms=5, zorder=4)  # of small outlines
         tip = (x + 0.9 * c, y + 0.9 * s)
         arrow = ax.annotate(
-            "", xy=tip, xytext=(x, y), arrowprops={"arrowstyle": "-|>", "lw": 0.8}, zorder=6,
-            annotation_clip=False,
+            "", xy=tip, xytext=(x, y), zorder=6, annotation_clip=False,
+            arrowprops={"arrowstyle": "-|>", "lw": 0.8, "mutation_scale": 7},
         )  # fmt: skip
         arrow.set_in_layout(False)  # people may be far off the map
-        ax.text(
-            x, y, str(j), color="white", fontsize=6, ha="center", va="center", zorder=7,
-            clip_on=True,
+        number = ax.annotate(
+            str(j), xy=(x, y), xytext=(-_BEHIND * c, -_BEHIND * s), textcoords="offset points",
+            color=drawing.PERSON, fontsize=SMALL, weight="bold", ha="center", va="center",
+            zorder=7, clip_on=True, annotation_clip=True,
+            path_effects=[withStroke(linewidth=2, foreground="white")],
         )  # fmt: skip
+        number.set_in_layout(False)
     return ax
 
 
@@ -147,22 +153,23 @@ def _draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int, length: float) 
         track = np.array([problem.height_map.centre(state.x, state.y) for state in path])
         ax.plot(*track.T, color=colour, lw=0.8, alpha=0.35, zorder=2)
         ax.plot(*track[: t + 1].T, color=colour, lw=1.8, zorder=4)
-        ax.plot(*track[0], marker="o", mfc="none", mec=colour, ms=8, zorder=4)
+        ax.plot(*track[0], marker="o", mfc="none", mec=colour, ms=_DISC, zorder=4)
         yaw = 360 * path[t].heading / robot.motion.headings
         half = np.degrees(robot.camera.half_angle)
         cone = Wedge(
             tuple(track[t]), length, yaw - half, yaw + half, color=colour, alpha=0.18, zorder=1
         )
         ax.add_patch(cone)
-        ax.plot(*track[t], marker="o", color=colour, mec="black", mew=0.6, ms=7, zorder=8)
+        ax.plot(*track[t], marker="o", color=colour, mec="black", mew=0.6, ms=_DISC, zorder=8)
         ax.text(
             track[t, 0],
             track[t, 1],
             str(i),
             color="white",
-            fontsize=6,
+            fontsize=SMALL,
+            weight="bold",
             ha="center",
-            va="center",
+            va="center_baseline",
             zorder=9,
         )
     return ax
@@ -207,6 +214,9 @@ def _strip_figure(problem: Problem, plan: Plan, verdict: Verdict, steps: Sequenc
         ax.label_outer()
     for ax in panels[len(steps) :]:
         ax.set_axis_off()
+    for ax in panels[: len(steps) - 1]:  # one legend is enough for all
+        if (legend := ax.get_legend()) is not None:
+            legend.remove()
     figure.suptitle(f"{_name(problem)} ({_told(verdict)})", fontsize=TITLE)
     return figure
 

@@ -16,6 +16,7 @@ from cocap_opt.flight.pace import Demand, demands, tightest
 from cocap_opt.flight.safety import Danger, dangers
 from cocap_opt.flight.smooth import Smooth, spare
 from cocap_opt.flight.smooth import smooth as smoothed
+from cocap_opt.flight.strain import sufficient_step
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import Airspace, Plan, Problem
 from cocap_opt.referee import Verdict, check
@@ -36,10 +37,11 @@ class LimitError(ProblemError):
     Attributes
     ----------
     step : s, duration of a step with which the same plan could be flown
+    any_plan : s, with which another plan could be flown, too
     """
 
-    def __init__(self, words: str, step: float) -> None:
-        self.words, self.step = words, step
+    def __init__(self, words: str, step: float, any_plan: float) -> None:
+        self.words, self.step, self.any_plan = words, step, any_plan
         super().__init__(f"{words}; steps of {step:g} s would do for the same plan")
 
 
@@ -55,7 +57,7 @@ class Flight(NamedTuple):
     demands : the largest of each kind on each drone
     slowed : steps of drones at which they pass more slowly than they could
     shortened : steps of drones at which they change speed in less time than they could
-    start : when step 0 is, in UTC; None: nobody says
+    start : when step 0 is, with its offset from UTC; None: nobody says
     asked : the scene's airspace, where drones fly nearer to people than it says; else None
     """
 
@@ -91,7 +93,7 @@ class Flight(NamedTuple):
         if found:
             raise ProblemError(f"{found[0]}{_way_out(found[0], straight) if smooth else ''}")
         asked = demands(flown, smooth)
-        _require_limits(asked, flown.step, shortened)
+        _require_limits(problem, asked, flown.step, shortened)
         return cls(flown, straight, plan, verdict, _geodesy(problem), asked, slowed, shortened)
 
     @property
@@ -217,8 +219,19 @@ class Flight(NamedTuple):
             most = max((d.most for d in self.demands if d.kind == "acceleration"), default=0.0)
             asked = f"; the flight asks for {most:.3g} m/s2" if self.is_smooth else ""
             yield f"no limits of these drones are known, and none were checked{asked}"
+        if self.geodesy is not None:
+            yield self.geodesy_note(self.geodesy)
         if problem.earth is not None and problem.earth.heights is None:
             yield "nobody says if z is above the sea or the ellipsoid; [earth] of a recipe does"
+
+    def geodesy_note(self, geodesy: Geodesy) -> str:
+        """Says that y goes to the grid's north, and how far that is from the true one."""
+        turned = geodesy.convergence(*self.flown.problem.height_map.centre(0, 0))
+        side = "clockwise" if turned > 0 else "counter-clockwise"
+        return (
+            f"x goes to the east and y to the north of {geodesy.name}, {abs(turned):.2f} degrees "
+            f"{side} of true north here"
+        )
 
     def _moments(self, every: float | None) -> FloatArray:
         """Returns the times (s) of rows."""
@@ -279,8 +292,8 @@ def _up(metres: float) -> str:
     return f"{math.ceil(100 * metres - _TOUCH) / 100:.2f}".rstrip("0").rstrip(".")
 
 
-def _require_limits(found: list[Demand], step: float, shortened: int) -> None:
-    """Refuses flights that a drone cannot fly, with the duration of a step that would do."""
+def _require_limits(problem: Problem, found: list[Demand], step: float, shortened: int) -> None:
+    """Refuses flights that a drone cannot fly, with the durations of a step that would do."""
     broken = [demand for demand in found if not demand.is_kept]
     if not broken:
         return
@@ -290,9 +303,13 @@ def _require_limits(found: list[Demand], step: float, shortened: int) -> None:
     shorter = ""
     if shortened and worst.kind == "acceleration":
         shorter = ", where it changes its speed so fast to keep away from people"
+    same = math.ceil(100 * step * worst.slower) / 100
+    usual = sufficient_step(problem, shortened=False)
+    enough = usual if step < usual else sufficient_step(problem, shortened=True)
     raise LimitError(
         f"drone {worst.drone} cannot fly this: {worst.kind.replace('_', ' ')} "
         f"{worst.most * scale:.4g} {_UNITS[worst.kind]} at {worst.t:.4g} s, more than its "
         f"{limit:.4g}{shorter}",
-        math.ceil(100 * step * worst.slower) / 100,
+        same,
+        max(same, enough),
     )

@@ -49,7 +49,7 @@ _LABELS = {
     "shortened": "steps at which a drone changes speed in less time, to be safe",
     "reward_straight": "J, straight, between the steps too",
     "reward_smooth": "J, smooth, between the steps too",
-    "smoothing_cost": "share of J that smoothness costs",
+    "smoothing_cost": "J of the smooth flight against that of the straight one",
     "accuracy": "latitudes and longitudes may be off by (m)",
 }
 # Methods of bounds whose names say little; JSON has the names.
@@ -63,7 +63,7 @@ _SERIES = {"reward_per_step": ("step", 1), "reward_per_person": ("person", 0)}
 _FEW = 12  # rewards that are listed; of more there is a summary, and JSON has them
 # Values that say nothing, by their keys; JSON has them.
 _SILENT = {"limit": NO_LIMIT, "evaluated": 0, "reward_at_start": 0.0}
-_SHARES = ("gap", "gap_free", "largest gap", "largest gap_free", "smoothing_cost")  # printed in %
+_SHARES = ("gap", "gap_free", "largest gap", "largest gap_free")  # printed in %
 
 
 class _Output(Console):
@@ -106,6 +106,8 @@ def print_result(row: Record, json: bool) -> None:
 
 def _shown(key: str, value: Any) -> str:
     """Returns a value as people read it: conflicts in groups, and long lists summed up."""
+    if key == "smoothing_cost":  # which is below 0 where smoothness gains
+        return f"{-100 * value:+.3f} %"
     if key == "violations":
         return _text(key, grouped_conflicts(value))
     if key in _SERIES and len(value) > _FEW:

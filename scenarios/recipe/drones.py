@@ -256,8 +256,8 @@ def _require_people_on_map(around: Surroundings) -> None:
     if not ((first <= points) & (points < last)).all(axis=1).any():
         raise ProblemError(
             f"all people are off the map, at {area(points.min(axis=0), points.max(axis=0))}, so "
-            f"that no drone can start near them; the map is {area(first, last)}; `at` of the "
-            "tracks moves people"
+            f"that no drone can start near them; the map is {area(first, last)}; origin "
+            "of [map] moves the map, `at` of the tracks people"
         )
 
 

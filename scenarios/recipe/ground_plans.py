@@ -1,12 +1,13 @@
 """Ground plans in files: polygons of the walkable area and of the obstacles in it.
 
 They are JSON of PedPy's kind, {name: {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}},
-or GeoJSON or WKT, whose polygons are obstacles or walkable areas as the recipe says.
+or GeoJSON or WKT, whose polygons are obstacles or walkable areas as the recipe says. GeoJSON and
+WKT may be in longitudes and latitudes of WGS 84, as GeoJSON is by its standard.
 """
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
@@ -20,6 +21,7 @@ from cocap_opt.data import LARGEST, ProblemError
 from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
 from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WAYS_OUT, WKT, kind_of
+from cocap_opt.scenarios.recipe.earth import NOWHERE, Projection
 from cocap_opt.scenarios.recipe.geotiff import is_geographic
 from cocap_opt.scenarios.recipe.systems import same_system, short_name, utm
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Point
@@ -29,7 +31,8 @@ Meaning = Literal["obstacles", "walkable"]
 
 SLIVER = 0.01  # m2, which rings may enclose twice by rounding
 _SCHEME = '{"name": {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}'
-DEGREES = ("4326", "CRS84", "4258", "4269")  # names of systems of longitude and latitude
+DEGREES = ("4326", "CRS84")  # names of systems of longitude and latitude that become metres
+OTHER_DEGREES = ("4258", "4269")  # such systems of another datum
 MERCATOR = ("3857", "900913")
 _GEOGRAPHIC = range(4000, 5000)  # codes, of which most are; newer ones are elsewhere
 _LARGEST_ANGLE = 360.0  # degrees
@@ -48,6 +51,43 @@ class GroundPlan(NamedTuple):
     walkable: tuple[BaseGeometry, ...]
     obstacles: tuple[BaseGeometry, ...]
     heights: tuple[float | None, ...] = ()  # m, those that the file says, of the first obstacles
+    properties: tuple[str, ...] = ()  # of the features of GeoJSON that these obstacles are in
+
+    def told(self, k: int) -> str:
+        """Says why an obstacle or a border of this number has no height of its own."""
+        if k >= len(self.properties):
+            return "the file has none"
+        own = self.properties[k] or "none"
+        return f"polygon {k + 1} has no property `height` of metres, but {own}"
+
+
+class _Stated(NamedTuple):
+    """The reference system that a file of GeoJSON or WKT states, if it does."""
+
+    field: str
+    name: str = ""  # as GeoJSON has it
+    code: int | None = None  # of EPSG
+
+    @classmethod
+    def of(cls, text: str, kind: str) -> "_Stated":
+        """Returns what a text says."""
+        if kind != GEOJSON:
+            found = _SYSTEM.match(text)
+            return cls("SRID", code=int(found[1][:_DIGITS]) if found else None)
+        name = str(decode_json(text, dict[str, Any]).get("crs") or "")
+        found = _NAMED_SYSTEM.search(name)
+        return cls("crs", name, int(found[1][:_DIGITS]) if found else None)
+
+    def is_one_of(self, systems: Sequence[str]) -> bool:
+        """Returns True if the name or the code is one of some."""
+        return str(self.code) in systems or any(name in self.name for name in systems)
+
+    def is_degrees(self, geometry: BaseGeometry) -> bool:
+        """Returns True for longitudes and latitudes of WGS 84, as it says or as they look."""
+        if self.name or self.code is not None:
+            return self.is_one_of(DEGREES)
+        x0, y0, x1, y1 = geometry.bounds
+        return bool(max(x1 - x0, y1 - y0) < 1 and max(-x0, x1) <= 180 and max(-y0, y1) <= 90)
 
 
 class _Plan(msgspec.Struct):
@@ -72,7 +112,7 @@ def ground_plan(
     name: str | None,
     unit: str | None,
     meaning: Meaning | None,
-    scene: str | None = None,
+    projection: Projection = NOWHERE,
 ) -> GroundPlan:
     """Reads a ground plan.
 
@@ -82,13 +122,13 @@ def ground_plan(
     name : of a ground plan in JSON; None: the only one
     unit : of the coordinates; None: as the file says, else m
     meaning : of the polygons of GeoJSON and WKT
-    scene : reference system of the scene, which is that of the file if it states one; None: unknown
+    projection : makes metres of degrees; its system is that of the file if it states another
 
     Raises
     ------
     ProblemError
         If the text is of another kind or has no such ground plan, a polygon crosses itself, or
-        coordinates are degrees or in another system.
+        coordinates are in another system, or degrees of a scene whose place nobody says.
     """
     if text.lstrip().startswith("<"):
         raise ProblemError(
@@ -99,9 +139,7 @@ def ground_plan(
     if kind == CITYJSON:
         raise ProblemError(f"is CityJSON: {WAYS_OUT[CITYJSON]}")
     if kind in (GEOJSON, WKT):
-        plan = _of_polygons(text, kind, name, PER_METRE[unit or "m"], meaning)
-        _require_system(text, kind, scene)
-        return plan
+        return _of_polygons(text, kind, name, unit, meaning, projection)
     own = _named(text, name)
     if meaning is not None:
         raise ProblemError("polygons: must be left out where the file says which are obstacles")
@@ -158,7 +196,12 @@ def _named(text: str, name: str | None) -> _Plan:
 
 
 def _of_polygons(
-    text: str, kind: str, name: str | None, per_metre: float, meaning: Meaning | None
+    text: str,
+    kind: str,
+    name: str | None,
+    unit: str | None,
+    meaning: Meaning | None,
+    projection: Projection,
 ) -> GroundPlan:
     """Returns the ground plan of GeoJSON or WKT, all of whose polygons mean the same."""
     if name is not None:
@@ -168,18 +211,21 @@ def _of_polygons(
             f'polygons: must be "obstacles" or "walkable", whose holes are obstacles, for the '
             f"file is {kind} and does not say it"
         )
-    named = _named_system(text) if kind == GEOJSON else ""
+    stated = _Stated.of(text, kind)
     geometry = shapely.force_2d(_geometry(text, kind))
-    _refuse_degrees(named, geometry)
     given = shapely.MultiPolygon(list(_polygons(geometry)))
-    _require_metres(given)
-    if (code := _stated_code(text, kind)) is not None:
-        _refuse_system("crs" if named else "SRID", code, given)
-    metres = shapely.transform(given, lambda points: points / per_metre)
+    _require_points(given)
+    if stated.is_degrees(given):
+        if unit is not None:
+            raise ProblemError("unit: must be left out, for the coordinates are degrees")
+        metres = shapely.transform(given, lambda points: projection.metres(*points.T[::-1]))
+    else:
+        _require_system(stated, given, projection)
+        metres = shapely.transform(given, lambda points: points / PER_METRE[unit or "m"])
     polygons = [sound(part, f"polygon {k}") for k, part in enumerate(metres.geoms, start=1)]
     if meaning == "obstacles":
-        heights = _heights(text, geometry) if kind == GEOJSON else ()
-        return GroundPlan((), tuple(polygons), tuple(heights))
+        own = list(_heights(text, geometry)) if kind == GEOJSON else []
+        return GroundPlan((), tuple(polygons), *(zip(*own, strict=True) if own else ((), ())))
     parts = [part for polygon in polygons for part in _polygons(polygon)]
     holes = [Polygon(ring) for part in parts for ring in part.interiors]
     return GroundPlan(tuple(Polygon(part.exterior) for part in parts), tuple(holes))
@@ -196,27 +242,29 @@ def _geometry(text: str, kind: str) -> BaseGeometry:
         raise ProblemError(f"cannot be read as {kind}, which is such as {_SOUND[kind]}") from error
 
 
-def _heights(text: str, geometry: BaseGeometry) -> Iterator[float | None]:
-    """Yields the property `height` (m) of each polygon of GeoJSON; None: it has none.
+def _heights(text: str, geometry: BaseGeometry) -> Iterator[tuple[float | None, str]]:
+    """Yields the property `height` (m) of each polygon of GeoJSON, or None, and all properties.
 
     Raises
     ------
     ProblemError
-        If one is no number above 0, also not in quotation marks, as OpenStreetMap's are.
+        If one is no number above 0, also not as text, "6" or "6 m", as OpenStreetMap has them.
     """
     content = decode_json(text, dict[str, Any])
     is_one = content.get("type") != "FeatureCollection"
     features = [content] if is_one else content["features"]
     parts = [geometry] if is_one else getattr(geometry, "geoms", ())
     for k, (feature, part) in enumerate(zip(features, parts, strict=True)):
-        given = (feature.get("properties") or {}).get("height")
+        properties = feature.get("properties") or {}
+        given = properties.get("height")
         own = None if given in (None, "") else _metres(given, f"features[{k}].properties.height")
-        yield from (own for _ in _polygons(part))
+        shown = ", ".join(f"{name} = {value!r:.20}" for name, value in properties.items())
+        yield from ((own, shown) for _ in _polygons(part))
 
 
 def _metres(value: Any, field: str) -> float:
     try:
-        metres = float(value)
+        metres = float(value.removesuffix("m") if isinstance(value, str) else value)
     except (TypeError, ValueError):
         metres = math.nan
     if isinstance(value, bool) or not 0 < metres <= LARGEST:
@@ -226,61 +274,44 @@ def _metres(value: Any, field: str) -> float:
     return metres
 
 
-def _named_system(text: str) -> str:
-    """Returns what GeoJSON says of the system of its coordinates; it may say nothing."""
-    content = decode_json(text, dict[str, Any])
-    return str(content.get("crs") or "")
-
-
-def _stated_code(text: str, kind: str) -> int | None:
-    """Returns the EPSG code of the system that GeoJSON or WKT states; None if there is none."""
-    pattern = _NAMED_SYSTEM.search(_named_system(text)) if kind == GEOJSON else _SYSTEM.match(text)
-    return int(pattern[1][:_DIGITS]) if pattern else None
-
-
-def _require_system(text: str, kind: str, scene: str | None) -> None:
-    """Raises a ProblemError if a file states another reference system than the scene's."""
-    code = _stated_code(text, kind)
-    if code is None and kind == GEOJSON and _named_system(text):
-        raise ProblemError("crs: must name an EPSG code, or be left out")
-    if code is None or scene is None or same_system(scene, f"EPSG:{code}"):
-        return
-    raise ProblemError(
-        f"{'crs' if kind == GEOJSON else 'SRID'}: must be the reference system of the scene, "
-        f"{short_name(scene)}, not EPSG:{code}; ogr2ogr -t_srs writes the file in that"
-    )
-
-
-def _refuse_degrees(system: str, geometry: BaseGeometry) -> None:
-    """Raises a ProblemError if GeoJSON names a system whose coordinates are no metres."""
-    if any(name in system for name in (*DEGREES, *MERCATOR)):
-        raise ProblemError(
-            "coordinates: must be metres of a projection, not degrees or web Mercator; "
-            + _way_out(geometry)
-        )
-
-
-def _way_out(geometry: BaseGeometry) -> str:
-    """Returns the command that makes metres of a geometry in degrees."""
-    x0, y0, x1, y1 = geometry.bounds
-    system = "EPSG:326ZZ, in the south 327ZZ, with ZZ the zone of UTM,"
-    if x0 >= -180 and x1 <= 180 and y0 >= -90 and y1 <= 90:  # false for nan, too
-        system = utm((x0 + x1) / 2, (y0 + y1) / 2)
-    return f"ogr2ogr -t_srs {system} makes them so"
-
-
-def _refuse_system(field: str, code: int, geometry: BaseGeometry) -> None:
-    """Raises a ProblemError if an EPSG code is of a system that has no metres.
+def _require_system(stated: _Stated, geometry: BaseGeometry, projection: Projection) -> None:
+    """Raises a ProblemError if a file states a system without metres, or not the scene's.
 
     Without rasterio, which knows them all, systems of longitude and latitude are those with codes
     of 4000 to 4999, as have a few in metres, whose coordinates are larger.
     """
+    field, code = stated.field, stated.code
+    scene = projection.earth.crs if projection.earth else None
     small = bool(np.abs(shapely.get_coordinates(geometry)).max() <= _LARGEST_ANGLE)
-    if str(code) in (*DEGREES, *MERCATOR) or (small and _is_geographic(code)):
-        what = "web Mercator" if str(code) in MERCATOR else "degrees"
+    is_mercator = stated.is_one_of(MERCATOR)
+    has_degrees = stated.is_one_of(OTHER_DEGREES) or (
+        code is not None and small and _is_geographic(code)
+    )
+    if is_mercator or has_degrees:
         raise ProblemError(
-            f"{field}: must be of a projection in metres, not {code}, {what}; {_way_out(geometry)}"
+            f"{field}: must be of a projection in metres, or of 4326, not {code or stated.name}, "
+            f"{'web Mercator' if is_mercator else 'degrees'}; {_way_out(geometry, scene)}"
         )
+    if code is None and stated.name:
+        raise ProblemError("crs: must name an EPSG code, or be left out")
+    if code is not None and scene is not None and not same_system(scene, f"EPSG:{code}"):
+        raise ProblemError(
+            f"{field}: must be the reference system of the scene, {short_name(scene)}, not "
+            f"EPSG:{code}; {_way_out(geometry, scene)}"
+        )
+
+
+def _way_out(geometry: BaseGeometry, scene: str | None) -> str:
+    """Returns the command of GDAL that writes a geometry in the scene's system, or in UTM."""
+    x0, y0, x1, y1 = geometry.bounds
+    system = scene
+    if system is None and x0 >= -180 and x1 <= 180 and y0 >= -90 and y1 <= 90:
+        system = utm((x0 + x1) / 2, (y0 + y1) / 2)
+    zone = "" if system else ", ZZ the zone of UTM, in the south EPSG:327ZZ"
+    return (
+        f"`ogr2ogr -t_srs {short_name(system or 'EPSG:326ZZ')} NEW.geojson OLD.geojson` writes "
+        f"the file OLD.geojson in metres{zone}"
+    )
 
 
 def _is_geographic(code: int) -> bool:
@@ -288,18 +319,12 @@ def _is_geographic(code: int) -> bool:
     return code in _GEOGRAPHIC if known is None else known
 
 
-def _require_metres(geometry: BaseGeometry) -> None:
-    """Raises a ProblemError if all is within a metre near 0, and so must be in degrees."""
+def _require_points(geometry: BaseGeometry) -> None:
+    """Raises a ProblemError if there are no polygons, or endless ones."""
     if geometry.is_empty:
         raise ProblemError("must hold at least one polygon")
-    x0, y0, x1, y1 = geometry.bounds
     if not np.abs(shapely.get_coordinates(geometry)).max() <= LARGEST:  # true for nan, too
         raise ProblemError(f"coordinates: must be finite numbers within +-{LARGEST:g} m")
-    if max(x1 - x0, y1 - y0) < 1 and max(-x0, x1) <= 180 and max(-y0, y1) <= 90:
-        raise ProblemError(
-            f"coordinates: must be metres of a projection, but all lie at x {x0:.6g}..{x1:.6g} and "
-            f"y {y0:.6g}..{y1:.6g}, as degrees do; {_way_out(geometry)}"
-        )
 
 
 def _polygons(geometry: BaseGeometry) -> Iterator[Polygon]:

@@ -10,6 +10,7 @@ from msgspec import Meta
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem import Actor, Shape
+from cocap_opt.scenarios.recipe.earth import Projection
 from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE, pace_warning
 from cocap_opt.scenarios.recipe.tables import Count, Heading, Point, Size, Table, Unit
 from cocap_opt.scenarios.recipe.terrain import Terrain
@@ -35,7 +36,9 @@ class TracksTable(Table):
     shape: Shape = BODY
     still: Size = STILL
 
-    def actors(self, folder: Path, terrain: Terrain, step: float, steps: int) -> list[Actor]:
+    def actors(
+        self, folder: Path, terrain: Terrain, step: float, steps: int, projection: Projection
+    ) -> list[Actor]:
         """Reads the people of the file who are there at all steps, standing on the ground.
 
         Parameters
@@ -44,6 +47,7 @@ class TracksTable(Table):
         terrain : the ground
         step : seconds between steps
         steps : horizon T
+        projection : makes metres of latitudes and longitudes
 
         Raises
         ------
@@ -52,7 +56,7 @@ class TracksTable(Table):
         """
         tracks = Track.read_all(
             folder / self.file, columns=self.columns, unit=self.unit, fps=self.fps,
-            delimiter=self.delimiter,
+            delimiter=self.delimiter, projection=projection,
         )  # fmt: skip
         begin, chosen = self._chosen(tracks, step, steps)
         actors = [
@@ -79,6 +83,8 @@ class TracksTable(Table):
         for begin in moments if self.begin is None else [self.begin]:
             there = [track for track in candidates if track.is_there(begin, step, steps)]
             if len(there) >= wanted:
+                if self.begin is None:
+                    self._say_begin(candidates, wanted, begin, step * steps)
                 return begin, there[:wanted]
             most = max(most, len(there))
         when = "at no time" if self.begin is None else f"not from {self.begin:g} s on"
@@ -91,6 +97,19 @@ class TracksTable(Table):
             f"begin: must be a time from which on all of {wanted} are there for {steps * step:g} "
             f"s, which they are {when}; at most {most} are; {who}"
         )
+
+    def _say_begin(self, tracks: list[Track], wanted: int, begin: float, seconds: float) -> None:
+        """Says that step 0 is not where the tracks begin, and why, if it is so."""
+        first = min(float(track.times[0]) for track in tracks)
+        if begin <= first + SLACK:
+            return
+        late = next((track for track in tracks if not _is_there(track, first, seconds)), tracks[0])
+        own = f", at their {begin:.12g} s" if abs(first) > SLACK else ""
+        log.warning(
+            "%s: step 0 is %.6g s into the tracks%s, because %d people are there for %.6g s only "
+            "from then on; %s is there %s; begin names another time",
+            self.file, begin - first, own, wanted, seconds, late.id, late.presence(),
+        )  # fmt: skip
 
     def _require_lasting(
         self, tracks: list[Track], wanted: int, step: float, steps: int, who: str
@@ -111,9 +130,11 @@ class TracksTable(Table):
             if fitting
             else "who stands may be a [[walk]] with one point and a heading"
         )
+        since = "" if self.begin is None else f" from begin = {self.begin:g} s on"
         raise ProblemError(
             f"must have people for {steps} steps of {step:g} s, {steps * step:g} s, but the tracks "
-            f"of {wanted} last {most:.6g} s at most; {way_out}; {who}"
+            f"of {wanted} last {most:.6g} s at most{since}; {way_out}"
+            f"{'' if self.begin is None else ', or another begin'}; {who}"
         )
 
     def _require_dense(self, tracks: list[Track]) -> None:
@@ -235,6 +256,11 @@ def _present(tracks: list[Track], seconds: float, begin: float | None) -> str:
     ]
     listed = f"{len(there)} ({_listed(there)})" if len(there) < len(tracks) else "all"
     return f"{words}; {listed} are there for {seconds:g} s from {best:.12g} s on"
+
+
+def _is_there(track: Track, begin: float, seconds: float) -> bool:
+    """Returns True if a person is there without a gap for some seconds."""
+    return any(a <= begin + SLACK and begin + seconds <= b + SLACK for a, b in track.spans())
 
 
 def _listed(tracks: list[Track]) -> str:

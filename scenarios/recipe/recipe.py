@@ -18,7 +18,7 @@ from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Actor, Earth, Objective, Problem, Robot
 from cocap_opt.scenarios.recipe.airspace import AirspaceTable, NoFlyTable
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings
-from cocap_opt.scenarios.recipe.earth import EarthTable
+from cocap_opt.scenarios.recipe.earth import EarthTable, Projection, require_likely
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import RulesTable
@@ -29,6 +29,7 @@ from cocap_opt.scenarios.text import naming, read_text
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 MOST_DIGITS = 4300  # of a whole number, that Python reads
+_ROUND = 5.0  # m, to which the corner of a map is rounded that a message proposes
 
 EXAMPLE = """\
 name = "example"            # left out: that of the file
@@ -57,21 +58,24 @@ turn = 90                   # counter-clockwise about its origin
 at = [35, 20, 0]            # where its origin comes to lie
 
 [[walls]]
-file = "geometry.json"      # polygons of the walkable area and of obstacles: JSON, GeoJSON, WKT
+file = "geometry.json"      # polygons of the walkable area and of obstacles: JSON, GeoJSON, WKT;
+                            # the last two also in longitudes and latitudes, where [earth] is known
 unit = "m"                  # "m", "cm", "mm" or "ft"; left out: as the file says, else m
 name = "bottleneck"         # which of them
 # polygons = "obstacles"    # or "walkable": what those of GeoJSON and WKT are
-height = 2.0                # of GeoJSON's polygons those without a property "height", in m
+height = 2.0                # m; of GeoJSON's polygons those without a property "height"
 border = 0.2                # thickness of walls around the walkable area; left out: none
 at = [30, 10]               # added to their points
 base = 50.0                 # altitude of their foot; left out: the lowest ground
 
 [[tracks]]
 file = "people.txt"         # or a database of JuPedSim
-columns = ["id", "frame", "x", "y", "z"]   # left out: as the file says
+columns = ["id", "frame", "x", "y", "z"]   # left out: as the file says; in place of x and y:
+                            # latitude and longitude, where [earth] is known
 unit = "cm"                 # "m", "cm", "mm" or "ft"; left out, as fps: as the file says
 fps = 16
-begin = 37.0                # time of step 0; left out: the first from which all are there
+begin = 37.0                # s of the tracks at step 0; left out: the first from which all are
+                            # there at all steps, which a gap of more than 1 s may make late
 ids = [12, 15, 16]          # or: count = 3, the first that are there at all steps
 at = [40, 20]               # added to their points
 delimiter = " "             # left out: what the first row looks like
@@ -87,7 +91,8 @@ first = 0.5                 # m of the way that are walked before step 0
 shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
 
 [[drones]]
-count = 3                   # in random cells, chosen by the seed, within 15 m of someone
+count = 3                   # in random cells, chosen by the seed, within 15 m of someone; other
+                            # steps or people choose others, `starts` keeps them
 near = 15
 camera = "dji-mavic-pro"
 tilts = [10, 40]            # below the horizon; several make a gimbal
@@ -128,7 +133,7 @@ people = 3.0                # m from people, seen from above, at every moment; 0
 over_people = 5.0           # m above heads from which on drones may fly over; left out: never
 
 [earth]
-crs = "EPSG:25830"          # of x and y, in metres; left out: that of the map's file
+crs = "EPSG:25830"          # x goes to its east, y to its grid's north; left out: the map's file's
 # latitude = 43.263         # of the point x = 0, y = 0 (WGS 84), where no file says the place
 # longitude = -2.935
 height = 20.0               # m, of z = 0
@@ -186,10 +191,15 @@ def read(path: Path, seed: int = 0) -> Problem:
         recipe = _decode(path)
         with naming("map"):
             terrain = recipe.map.terrain(path.parent, recipe.flight)
-        solid = tuple(_meshes(recipe, path.parent, terrain))
-        actors = tuple(_actors(recipe, path.parent, terrain))
+        earth = _earth(recipe, terrain)
+        projection = Projection(earth, terrain.height_map.centre(0, 0))
+        solid = tuple(_meshes(recipe, path.parent, terrain, projection))
+        actors = tuple(_actors(recipe, path.parent, terrain, projection))
         with naming("rules"):
             rules = recipe.rules.rules()
+        if recipe.earth is not None and earth is not None and terrain.crs is None:
+            with naming("earth"):  # walls or tracks off the map say first where it should be
+                require_likely(earth, terrain.height_map)
         airspace = recipe.airspace.airspace(recipe.no_fly)
         for k, zone in enumerate(airspace.no_fly):
             with naming(f"no_fly[{k}]"), naming("polygon"):
@@ -210,7 +220,7 @@ def read(path: Path, seed: int = 0) -> Problem:
             objective=recipe.objective,
             face_samples=recipe.face_samples,
             step=recipe.step,
-            earth=_earth(recipe, terrain),
+            earth=earth,
         )
 
 
@@ -264,18 +274,31 @@ def _earth(recipe: _Recipe, terrain: Terrain) -> Earth | None:
         return recipe.earth.earth(terrain.crs, terrain.height_map)
 
 
-def _meshes(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Mesh]:
+def _meshes(
+    recipe: _Recipe, folder: Path, terrain: Terrain, projection: Projection
+) -> Iterator[Mesh]:
     for k, given in enumerate(recipe.mesh):
         with naming(f"mesh[{k}]"):
             mesh = given.mesh(folder)
             _require_on_map([mesh], terrain.height_map)
         yield mesh
-    system = terrain.crs or (recipe.earth.crs if recipe.earth else None)
     for k, plan in enumerate(recipe.walls):
         with naming(f"walls[{k}]"):
-            walls = plan.meshes(folder, float(terrain.ground.min()), system)
-            _require_on_map(walls, terrain.height_map)
+            walls = plan.meshes(folder, float(terrain.ground.min()), projection)
+            _require_on_map(walls, terrain.height_map, _ways_to_walls(recipe, walls))
         yield from walls
+
+
+def _ways_to_walls(recipe: _Recipe, walls: list[Mesh]) -> str:
+    """Returns how a map and walls that do not lie on it can come together."""
+    if recipe.map.file is not None:
+        return "`at` moves them, `unit` scales them"
+    low = np.concatenate([wall.vertices for wall in walls]).min(axis=0)
+    x, y = np.floor(low[:2] / _ROUND) * _ROUND
+    return (
+        f"origin = [{x:.10g}, {y:.10g}] in [map] begins the map there, so that all keep their "
+        "coordinates; `at` moves these walls alone, `unit` scales them"
+    )
 
 
 def _require_on_map(
@@ -290,10 +313,12 @@ def _require_on_map(
         )
 
 
-def _actors(recipe: _Recipe, folder: Path, terrain: Terrain) -> Iterator[Actor]:
+def _actors(
+    recipe: _Recipe, folder: Path, terrain: Terrain, projection: Projection
+) -> Iterator[Actor]:
     for k, given in enumerate(recipe.tracks):
         with naming(f"tracks[{k}]"):
-            actors = given.actors(folder, terrain, recipe.step, recipe.steps)
+            actors = given.actors(folder, terrain, recipe.step, recipe.steps, projection)
         yield from actors
     for k, walk in enumerate(recipe.walk):
         with naming(f"walk[{k}]"):

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.recipe.systems import utm
 from cocap_opt.scenarios.recipe.tables import PER_METRE
 
 MOST_FPS = 1e6
@@ -23,9 +22,11 @@ _SPELLINGS = {
     "x": "x posx positionx",
     "y": "y posy positiony",
     "z": "z posz positionz height",
+    "latitude": "lat latitude",
+    "longitude": "lon lng long longitude",
 }
 _ROLES = {word: role for role, words in _SPELLINGS.items() for word in words.split()}
-_DEGREES = {"lat": ("lat", "latitude"), "lon": ("lon", "lng", "long", "longitude")}
+_AXES = {"x", "y"}, {"latitude", "longitude"}  # of which a file has one pair
 _ORDER = ("id", "frame", "x", "y", "z")  # where nothing names the columns; z may be missing
 
 _ANNOTATIONS = 10  # values in a row of annotations.txt; the last is a word
@@ -122,7 +123,8 @@ class Layout(NamedTuple):
         for comment in reversed(self.comments):
             for delimiter in (self.delimiter, None):
                 names = fields_of(comment, delimiter)
-                if {"id", "x", "y"} <= {_role(name) for name in names}:
+                roles = {_role(name) for name in names}
+                if "id" in roles and any(axes <= roles for axes in _AXES):
                     return names
         return None
 
@@ -163,12 +165,8 @@ class Layout(NamedTuple):
         return {float(rate) for rate in rates if is_number(rate)}
 
 
-def places_of(names: Sequence[str], field: str, row: Sequence[str]) -> Columns:
-    """Returns the places of the columns that are used, by role.
-
-    Parameters
-    ----------
-    row : the first one, which shows where on the Earth coordinates in degrees are
+def places_of(names: Sequence[str], field: str) -> Columns:
+    """Returns the places of the columns that are used, by role: x and y, or else degrees.
 
     Raises
     ------
@@ -182,30 +180,17 @@ def places_of(names: Sequence[str], field: str, row: Sequence[str]) -> Columns:
             raise ProblemError(f"{field}: must name one column {role}, not two")
         if role is not None:
             places[role] = place
-    if not {"id", "x", "y"} <= places.keys() or not places.keys() & {"frame", "time"}:
+    metres, degrees = (axes <= places.keys() for axes in _AXES)
+    if "id" not in places or not (metres or degrees) or not places.keys() & {"frame", "time"}:
         raise ProblemError(
-            f"{field}: must name the columns id, frame or time, x and y, not {', '.join(names)}"
-            f"{_about_degrees(names, row)}"
+            f"{field}: must name the columns id, frame or time, and x and y or latitude and "
+            f"longitude, not {', '.join(names)}"
         )
+    for axis in _AXES[metres]:  # that are not used, or not both there
+        places.pop(axis, None)
     if "time" in places:
         per_second(names[places["time"]])
     return places
-
-
-def _about_degrees(names: Sequence[str], row: Sequence[str]) -> str:
-    """Returns how to make metres of latitudes and longitudes, if columns are named so."""
-    values = {
-        axis: float(value)
-        for name, value in zip(names, row, strict=False)
-        for axis in ("lat", "lon")
-        if name.strip().lower() in _DEGREES[axis] and is_number(value)
-    }
-    if not {"lat", "lon"} <= values.keys():
-        return ""
-    return (
-        "; x and y must be metres of a projection, not degrees: cs2cs EPSG:4326 "
-        f"{utm(values['lon'], values['lat'])} makes them so"
-    )
 
 
 def settled(field: str, stated: set[T], given: T | None) -> T:

@@ -18,6 +18,7 @@ from cocap_opt.scenarios.recipe.track_layout import (
 )
 
 Values = dict[str, FloatArray]  # role -> [n]; ids that are words are kept apart
+_A_DATE = "a date with a time such as 2026-05-01T10:00:00.25"
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
 
@@ -47,7 +48,8 @@ def values_of(
     table = np.fromiter(numbers, np.float64).reshape(-1, len(columns))
     values = dict(zip(columns, table.T, strict=True))
     if is_dated:
-        values["time"] = values["time"] - values["time"].min()
+        # Seconds since 1970 have no digits left for what is smaller.
+        values["time"] = np.round(values["time"] - values["time"].min(), 6)
     if not words:
         return values, None
     return values, np.array(
@@ -77,7 +79,8 @@ def _number(text: str, line: int, role: str) -> float:
         raise ProblemError(
             f"line {line}, {role}: must have a decimal point, not a comma: {text[:40]!r}"
         )
-    raise ProblemError(f"line {line}, {role}: must be a number, not {text[:40]!r}")
+    allowed = f"seconds, or {_A_DATE}" if role == "time" else "a number"
+    raise ProblemError(f"line {line}, {role}: must be {allowed}, not {text[:40]!r}")
 
 
 def _moment(text: str, line: int, role: str) -> float:
@@ -86,8 +89,7 @@ def _moment(text: str, line: int, role: str) -> float:
         found = datetime.fromisoformat(text)
     except ValueError:
         raise ProblemError(
-            f"line {line}, {role}: must be a date with a time such as 2026-05-01T10:00:00.25, as "
-            f"in the first row, not {text[:40]!r}"
+            f"line {line}, {role}: must be {_A_DATE}, as in the first row, not {text[:40]!r}"
         ) from None
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cocap_opt.data import LARGEST, FloatArray, IntArray, ProblemError
+from cocap_opt.scenarios.recipe.earth import Projection
 from cocap_opt.scenarios.recipe.tables import PER_METRE
 from cocap_opt.scenarios.recipe.track_database import Database
 from cocap_opt.scenarios.recipe.track_layout import (
@@ -38,6 +39,9 @@ DELIMITERS = (" ", "\t", ",", ";")
 MOST = 1e12  # of ids, frames and times, which may count seconds since 1970
 
 
+_MOST = {"x": LARGEST, "y": LARGEST, "z": LARGEST, "latitude": 90.0, "longitude": 180.0}
+
+
 class TrackTable(NamedTuple):
     """The rows of a file, in its order."""
 
@@ -47,6 +51,7 @@ class TrackTable(NamedTuple):
     heights: FloatArray | None  # [n] m, the column z
     where: Callable[[int], str]  # names a row's place, such as "line 7"; slow, for messages
     unit: str  # of the file
+    rate: float | None  # frames/s; None: the file has times
 
     @classmethod
     def read(
@@ -56,6 +61,7 @@ class TrackTable(NamedTuple):
         unit: str | None,
         fps: float | None,
         delimiter: str | None,
+        projection: Projection,
     ) -> "TrackTable":
         """Reads the rows of a file; the parameters are those of `Track.read_all`.
 
@@ -67,7 +73,7 @@ class TrackTable(NamedTuple):
         """
         _check_options(unit, fps, delimiter)
         if not Database.is_one(path):
-            return cls._of_text(read_text(path), columns, unit, fps, delimiter)
+            return cls._of_text(read_text(path), columns, unit, fps, delimiter, projection)
         for field, value in {"columns": columns, "delimiter": delimiter}.items():
             if value is not None:
                 raise ProblemError(f"{field}: must be left out for a database of JuPedSim")
@@ -85,11 +91,12 @@ class TrackTable(NamedTuple):
         unit: str | None,
         fps: float | None,
         delimiter: str | None,
+        projection: Projection,
     ) -> "TrackTable":
         layout = Layout.of(text, delimiter)
         names = layout.names(columns)
         with _in_guessed_order(columns is None and layout.names_nothing()):
-            return cls._of_layout(text, layout, columns, names, unit, fps)
+            return cls._of_layout(text, layout, columns, names, unit, fps, projection)
 
     @classmethod
     def _of_layout(
@@ -100,9 +107,11 @@ class TrackTable(NamedTuple):
         names: Sequence[str],
         unit: str | None,
         fps: float | None,
+        projection: Projection,
     ) -> "TrackTable":
-        places = places_of(names, "columns" if columns else "header", layout.row)
-        unit = settled("unit", layout.units(names), unit)
+        places = places_of(names, "columns" if columns else "header")
+        is_in_degrees = "latitude" in places
+        unit = settled("unit", layout.units(names), "m" if is_in_degrees and not unit else unit)
         rate = layout.rate(places, fps)
         values, words = values_of(text, layout, places, len(names))
 
@@ -110,6 +119,9 @@ class TrackTable(NamedTuple):
             return f"line {next(islice(row_lines(text, layout), row, None))[0]}"
 
         _check(values, where)
+        if is_in_degrees:
+            points = projection.metres(values.pop("latitude"), values.pop("longitude"))
+            values["x"], values["y"] = PER_METRE[unit] * points.T
         if "time" in places:
             values["time"] = values["time"] / per_second(names[places["time"]])
         if columns is None and layout.names_nothing():
@@ -133,6 +145,7 @@ class TrackTable(NamedTuple):
             heights=values["z"] / per_metre if "z" in values else None,
             where=where,
             unit=unit,
+            rate=rate,
         )
 
 
@@ -163,7 +176,7 @@ def _check_options(unit: str | None, fps: float | None, delimiter: str | None) -
 def _check(values: Values, where: Callable[[int], str]) -> None:
     """Raises unless all numbers are finite and within limits, ids and frames whole."""
     for role, column in values.items():
-        most = LARGEST if role in ("x", "y", "z") else MOST
+        most = _MOST.get(role, MOST)
         whole = role in ("id", "frame")
         wrong = ~(np.abs(column) <= most)  # true for nan, too
         if whole:

@@ -68,7 +68,9 @@ def track_warnings(table: TrackTable) -> Iterator[str]:
         known = heights[heights > 0]
         fits = len(known) > 0 and bool(_within(known, HEIGHTS).all())
         unit_of = None if fits else _likely(speed, table.unit, SPEEDS)
-        yield f"median speed {speed:.3g} m/s: is {unit_of or 'fps right'}?"
+        clock = "are the times right" if table.rate is None else f"is fps = {table.rate:g} right"
+        asked = f"is {unit_of}, or {clock}?" if unit_of else f"{clock}?"
+        yield f"median speed {speed:.4g} m/s: {asked}"
     yield from _about_heights(table, heights)
     if not single:
         yield from _about_room(table)
@@ -116,11 +118,23 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
 def _about_room(table: TrackTable) -> Iterator[str]:
     """Yields a warning if all points lie too near each other, or too far apart."""
     extent = float(np.ptp(table.points, axis=0).max())
-    if extent > 0 and not EXTENTS[0] <= extent <= EXTENTS[1]:  # who stands is in one place
+    if 0 < extent < EXTENTS[0] and _may_be_degrees(table):
+        x, y = table.points[0].tolist()
+        yield (
+            f"all points lie within {extent:.3g} m, at x {x:.6g}, y {y:.6g}: are they degrees? "
+            "Columns named longitude and latitude become metres, by [earth] of the recipe"
+        )
+    elif extent > 0 and not EXTENTS[0] <= extent <= EXTENTS[1]:  # who stands is in one place
         yield f"all points lie within {extent:.3g} m: is the unit {table.unit} right?"
     elif (apart := _apart(table)) < APART[0]:
         unit_of = _likely(apart, table.unit, APART) or f"the unit {table.unit} right"
         yield f"people are {apart:.2g} m from the next, on the median: is {unit_of}?"
+
+
+def _may_be_degrees(table: TrackTable) -> bool:
+    """Returns True if points lie where a longitude and a latitude would, and not around 0."""
+    x, y = np.abs(table.points * PER_METRE[table.unit]).T
+    return bool(x.max() <= 180 and y.max() <= 90 and max(x.min(), y.min()) > 1)
 
 
 def _apart(table: TrackTable) -> float:

@@ -23,6 +23,7 @@ import numpy as np
 
 from cocap_opt.data import LARGEST, MOST_STEPS, BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.problem import Actor, Prism, Shape
+from cocap_opt.scenarios.recipe.earth import NOWHERE, Projection
 from cocap_opt.scenarios.recipe.tables import Unit
 from cocap_opt.scenarios.recipe.track_table import TrackTable
 from cocap_opt.scenarios.recipe.track_warnings import track_warnings
@@ -53,6 +54,7 @@ class Track(NamedTuple):
         unit: Unit | None = None,
         fps: float | None = None,
         delimiter: str | None = None,
+        projection: Projection = NOWHERE,
     ) -> list["Track"]:
         """Reads the tracks of a file, in the order of their ids; rows may have any order.
 
@@ -73,6 +75,8 @@ class Track(NamedTuple):
             Frames per second. None: as the file states; not needed where there are times.
         delimiter
             " " (any blanks), tabulator, "," or ";". None: as in the first row.
+        projection
+            Makes metres of latitudes and longitudes, where columns are named so.
 
         Raises
         ------
@@ -82,7 +86,7 @@ class Track(NamedTuple):
             moment; one line, naming the file.
         """
         with naming(path):
-            table = TrackTable.read(path, columns, unit, fps, delimiter)
+            table = TrackTable.read(path, columns, unit, fps, delimiter, projection)
             tracks = _tracks(table)
         for warning in track_warnings(table):
             log.warning("%s: %s", path, warning)
@@ -159,6 +163,7 @@ class Track(NamedTuple):
             poses=np.column_stack([points, floor, Track.headings(points, still * step)]),
             shape=shape if self.height is None else shape.replace(height=self.height),
             name=self.id if isinstance(self.id, str) else f"id {self.id}",
+            begin=begin,
         )
 
     @staticmethod

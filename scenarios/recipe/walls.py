@@ -8,7 +8,8 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.recipe.ground_plans import Meaning, ground_plan
+from cocap_opt.scenarios.recipe.earth import NOWHERE, Projection
+from cocap_opt.scenarios.recipe.ground_plans import GroundPlan, Meaning, ground_plan
 from cocap_opt.scenarios.recipe.tables import (
     Coordinate,
     Length,
@@ -29,7 +30,7 @@ class WallsTable(Table):
     """
 
     file: str
-    height: Length  # of what has none in GeoJSON
+    height: Length | None = None  # of what has none in GeoJSON
     name: str | None = None  # of a ground plan in the file; None: the only one
     polygons: Meaning | None = None  # what those of GeoJSON and WKT are
     unit: Unit | None = None  # None: as the file says, else m
@@ -37,14 +38,14 @@ class WallsTable(Table):
     at: Point = (0.0, 0.0)  # m, where the plan's origin comes to lie
     base: Coordinate | None = None  # m, altitude of the walls' foot; None: the lowest ground
 
-    def meshes(self, folder: Path, lowest: float, system: str | None = None) -> list[Mesh]:
+    def meshes(self, folder: Path, lowest: float, projection: Projection = NOWHERE) -> list[Mesh]:
         """Reads the ground plan and returns its walls.
 
         Parameters
         ----------
         folder : of the file that the table names
         lowest : altitude (m) of the lowest ground
-        system : reference system of the scene, if it is known
+        projection : makes metres of longitudes and latitudes
 
         Raises
         ------
@@ -55,7 +56,7 @@ class WallsTable(Table):
         base = lowest if self.base is None else self.base
         with naming(folder / self.file):
             text = read_text(folder / self.file)
-            plan = ground_plan(text, self.name, self.unit, self.polygons, system)
+            plan = ground_plan(text, self.name, self.unit, self.polygons, projection)
             areas = list(plan.obstacles)
             if self.border > 0:
                 if not plan.walkable:
@@ -66,13 +67,19 @@ class WallsTable(Table):
                 raise ProblemError(
                     "it has no obstacles: border must say how thick its outer walls are"
                 )
-            heights = [own or self.height for own in plan.heights]
-            heights += [self.height] * (len(areas) - len(heights))
+            heights = [*plan.heights, *[None] * (len(areas) - len(plan.heights))]
             walls = [
-                extruded(area, base + height, base)
-                for area, height in zip(areas, heights, strict=True)
+                extruded(area, base + self._height(own, k, plan), base)
+                for k, (area, own) in enumerate(zip(areas, heights, strict=True))
             ]
         return [wall.replace(vertices=wall.vertices + np.array([*self.at, 0.0])) for wall in walls]
+
+    def _height(self, own: float | None, k: int, plan: GroundPlan) -> float:
+        """Returns the height (m) of the wall of this number, its own or that of the table."""
+        if own is None and self.height is None:
+            found = plan.told(k)
+            raise ProblemError(f"height: must be given in [[walls]], for {found}")
+        return own or self.height or 0.0
 
 
 def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 from cocap_opt.data import BoolArray, FloatArray, ProblemError
-from cocap_opt.flight.bernstein import elevated, ever_positive, largest, product, values
+from cocap_opt.flight.bernstein import derivative, elevated, ever_positive, largest, product, values
 from cocap_opt.flight.delays import bearable_delay
 from cocap_opt.flight.filming import view_reward
 from cocap_opt.flight.nearest import nearest_people
 from cocap_opt.flight.pace import demands, tightest
 from cocap_opt.flight.robustness import Robustness
 from cocap_opt.flight.safety import dangers
-from cocap_opt.flight.smooth import Smooth, smooth, spare
+from cocap_opt.flight.smooth import Smooth, _Blends, smooth, spare
+from cocap_opt.flight.strain import SHORTENED, longest_move, strains, sufficient_step
 from cocap_opt.flight.trajectory import Trajectory, split
-from cocap_opt.plausibility import strains
 from cocap_opt.problem import (
+    NO_RULES,
     Actor,
     Airspace,
     Camera,
@@ -423,7 +424,7 @@ def test_the_longest_move_climbs_with_the_ground(radius: int) -> None:
         if (b.layer - a.layer, b.x - a.x, b.y - a.y) in motion.moves
     )
     level = problem.replace(height_map=HeightMap(heights=np.zeros((5, 4)), resolution=1.5))
-    share = spare(level, robot) / motion.longest_move(1.5)
+    share = spare(level, robot) / longest_move(level, motion)
     assert spare(problem, robot) == pytest.approx(share * longest, rel=1e-9)
 
 
@@ -540,8 +541,8 @@ def test_a_shortest_move_that_takes_long_from_rest_is_doubted(motion: Motion) ->
         name="heavy", height_map=HeightMap(heights=np.zeros((3, 3))), robots=(robot,), actors=(),
         horizon=2, step=1.249,
     )  # fmt: skip
-    (words,) = [words for words in strains(problem) if "from rest: the shortest, 1 m" in words]
-    assert words.startswith("drone 0 ") and words.endswith("a step of 1.25 s would do")
+    (words,) = strains(problem)
+    assert words.startswith("drone 0 can make no move in a step from rest: the shortest, 1 m, asks")
     still = robot.replace(motion=motion.replace(radius=0, layers=(4.0,)))
     for other in (problem.replace(step=1.25), problem.replace(robots=(still,), step=0.01)):
         assert not any("the shortest" in words for words in strains(other))
@@ -561,17 +562,49 @@ def test_a_run_up_makes_moves_that_none_can_make_from_rest() -> None:
         assert all(one.is_kept for one in asked) == kept
 
 
-def test_drones_that_cannot_stop_at_each_step_are_doubted_once() -> None:
-    """From rest to rest the longest move asks for four times its length by the squared step."""
-    limits = Limits(acceleration=4 * 2**0.5)
+def test_drones_that_may_be_refused_smooth_flights_are_told_once() -> None:
+    """From rest to rest the longest move asks for 5.77 times its length by the squared step."""
+    limits = Limits(acceleration=10 / 3**0.5 * 2**0.5)
     robots = tuple(Robot(start=State(x, 1), limits=limits) for x in (1, 2))
     problem = Problem(
         name="doubted", height_map=HeightMap(heights=np.zeros((9, 9))), robots=robots, actors=(),
         horizon=2, step=0.99,
     )  # fmt: skip
-    found = [[words for words in strains(problem.replace(step=step)) if "cannot stop" in words]
-             for step in (0.99, 1.0)]  # fmt: skip
-    assert [len(words) for words in found] == [1, 0]
-    assert found[0][0].startswith("drones 0 and 1 ") and found[0][0].endswith(
-        "a step of 1 s would do"
-    )
+    (words,) = strains(problem)
+    assert words.startswith("drones 0 and 1 may be refused smooth flights, which ask for up to acc")
+    assert "; steps of 1 s would do" in words
+    assert not strains(problem.replace(step=1.0)) and not strains(problem.replace(step=None))
+
+
+def test_smooth_flights_of_any_plan_keep_limits_with_steps_that_suffice() -> None:
+    """Drones that dart to and fro, up and down, are as fast as can be; no plan asks for more."""
+    rng, motion = np.random.default_rng(1), Motion(layers=(4.0, 7.0))
+    limits = Limits(speed=2.0, climb=2.0, descent=1.0, acceleration=3.0, yaw_rate=1.0)
+    paths = rng.integers(0, 2, size=(20, 9, 3))
+    robots = tuple(Robot(start=State(*path[0]), motion=motion, limits=limits)
+                   for path in paths.tolist())  # fmt: skip
+    problem = Problem(name="darting", height_map=HeightMap(heights=np.zeros((2, 2))),
+                      robots=robots, actors=(), horizon=8, step=9.0, rules=NO_RULES)  # fmt: skip
+    plan = Plan(paths=tuple(tuple(State(*at) for at in path) for path in paths.tolist()))
+    step = sufficient_step(problem, shortened=False)
+    assert step == 5.63  # of 3 m downwards
+    made = smooth(problem.replace(step=step), plan)
+    assert not made.shortened
+    found = demands(made.trajectory, True)
+    assert all(one.is_kept for one in found) and max(one.share for one in found) > 0.9
+    assert sufficient_step(problem, shortened=True) == 8.82
+
+
+def test_shortened_blends_are_no_faster_than_said() -> None:
+    """Whatever blends come of mending, rates are at most 2.94 times those of the longest move."""
+    rng = np.random.default_rng(2)
+    moves = rng.choice([-1.0, 1.0], size=(3000, 6, 1)) * np.ones(5)
+    points = np.concatenate([np.zeros((3000, 1, 5)), np.cumsum(moves, axis=1)], axis=1)
+    shape = points.shape[:2]
+    shares = rng.choice([0.0, 0.25, 0.5, 1.0], size=shape)
+    shares[:, [0, -1]] = 0.0
+    sides = np.where(shares < 1, 0, rng.choice([-1, 0, 1], size=shape))
+    cuts = rng.choice([1, 2, 4, 8], size=shape)
+    blends = _Blends(shares, cuts, sides, np.ones(shape, dtype=np.bool_))
+    rates = derivative(blends.pieces(points)) * cuts.max()
+    assert 2.75 < largest(rates[:, :, 0].reshape(-1, rates.shape[-1])).value <= SHORTENED

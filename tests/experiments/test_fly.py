@@ -260,13 +260,14 @@ def test_limits_hold_for_scenes_and_for_flights(
         run = Run(capsys, "plan", scene)
         assert run.code == 2
         assert re.search(words, run.err), run.err
-    for most, code in ((2.0, 2), (100.0, 0)):
-        scene.write_text(RECIPE.format(step="", limits=f"limits = {{ acceleration = {most} }}"))
+    for step, most, code in (("1", 2.0, 2), ("2.03", 2.0, 0), ("1", 100.0, 0)):
+        limits = f"limits = {{ acceleration = {most} }}"
+        scene.write_text(RECIPE.format(step=f"step = {step}", limits=limits))
         co.save(plan, co.plan(co.load(scene), "sequential"))
         run = Run(capsys, "fly", scene, plan, "--smooth", "-o", tmp_path / "f.csv", "--json")
         assert run.code == code
         assert (tmp_path / "f.csv").exists() == (code == 0)
-        words = r"cannot fly this: acceleration .*; set step = [0-9.]+ in the scene's recipe and"
+        words = r"cannot fly this: acceleration .*; set step = 2.03 in the scene's recipe and"
         assert code == 0 or re.search(words, run.err)
     assert run.json["step"] == 1.0
     assert [row["tightest"] for row in run.json["drones"]] == ["acceleration"] * 2

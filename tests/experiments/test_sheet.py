@@ -1,6 +1,6 @@
 import re
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import datetime, timedelta, timezone
 from importlib import import_module
 from pathlib import Path
 
@@ -20,6 +20,8 @@ from cocap_opt.experiments.missions import WRITERS
 from cocap_opt.experiments.missions.briefing import briefing
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.problem import Limits
+from cocap_opt.scenarios.airframes import AIRFRAMES
+from cocap_opt.scenarios.cameras import CAMERAS
 
 # The package's name `sheet` is the writer.
 sheet_module = import_module("cocap_opt.experiments.missions.sheet")
@@ -36,18 +38,31 @@ def numbers(line: str) -> list[float]:
 
 
 def test_a_battery_is_what_the_scene_knows() -> None:
-    """The shortest time, where it is known of all drones; else a blank to be filled in."""
+    """Each drone has its own row, with what it is; what nobody knows is a blank to be filled in."""
     problem, plan = scene()
-    for minutes, words in (
-        ((20, 25), "lasts 20.0 min (by the maker"),
-        ((20, None), "to be filled in"),
-    ):
-        robots = tuple(
-            robot.replace(limits=Limits(endurance=None if last is None else 60.0 * last))
-            for robot, last in zip(problem.robots, minutes, strict=True)
+    kinds = (
+        (CAMERAS["skydio-2"], AIRFRAMES["skydio-2"]),
+        (co.Camera(width=640), Limits(endurance=1200.0)),
+    )
+    robots = tuple(
+        robot.replace(camera=camera.replace(tilts=robot.camera.tilts), limits=limits)
+        for robot, (camera, limits) in zip(problem.robots, kinds, strict=True)
+    )
+    lines = text_of(Flight.of(problem.replace(robots=robots), plan, False))["Drones"]
+    assert lines[1].split() == ["0", "skydio-2", "skydio-2", "23.0", "min"]
+    assert lines[2].split() == ["1", "__________", "__________", "20.0", "min"]
+
+
+def test_the_crew_reads_where_in_their_tracks_people_begin() -> None:
+    """Step 0 need not be the first moment of a track."""
+    problem, plan = scene()
+    (actor,) = problem.actors
+    for begin, count in ((None, 0), (15.5, 1)):
+        own = problem.replace(actors=(actor.replace(begin=begin),))
+        lines = text_of(Flight.of(own, plan, False))["Flight"]
+        assert (
+            sum("Step 0 is at 15.5 s of the tracks of person 0." in line for line in lines) == count
         )
-        flight = Flight.of(problem.replace(robots=robots), plan, False)
-        assert any(words in line for line in text_of(flight)["Flight"])
 
 
 def test_a_margin_is_told_beside_what_the_scene_asks_for() -> None:
@@ -165,12 +180,15 @@ def test_the_sheet_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert run.code == 0, run.err
     page = (tmp_path / "sheet.pdf").read_bytes()
     flight = Flight.of(problem, plan, False)
-    start = datetime(2026, 5, 1, 8, tzinfo=UTC)
+    start = datetime(2026, 5, 1, 10, tzinfo=timezone(timedelta(hours=2)))
     for base, words in ((0.0, "z is the height above the sea"), (-7.5, "z + -7.5 m is the height")):
         above = problem.replace(earth=co.Earth(crs="EPSG:2154", heights="sea", base=base))
         other = flight._replace(flown=replace(flight.flown, problem=above))
         assert words in text_of(other)["Flight"][-1]
-    assert "2026-05-01 08:00:00 UTC" in text_of(flight._replace(start=start))["Flight"][1]
+    assert (
+        "2026-05-01 10:00:00+02:00, which is 2026-05-01 08:00:00 UTC"
+        in text_of(flight._replace(start=start))["Flight"][1]
+    )
     assert WRITERS[".pdf"](flight._replace(start=start), None).files[""] == page
     (box,) = set(re.findall(rb"/MediaBox \[([\d. ]+)\]", page))
     assert [float(side) for side in box.split()] == pytest.approx([0, 0, 595.28, 841.89], abs=0.01)

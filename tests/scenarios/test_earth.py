@@ -1,3 +1,4 @@
+import json
 import math
 from pathlib import Path
 from types import SimpleNamespace
@@ -36,9 +37,12 @@ def write_tif(path: Path, crs: str, east: float, north: float) -> None:
         file.write(np.zeros((6, 8), dtype=np.float32), 1)
 
 
-def recipe(folder: Path, *, crs: str = "", more: str = "", flat: str = "size = [8, 6]") -> Problem:
+def recipe(
+    folder: Path, *, crs: str = "", more: str = "", corner: tuple[float, float] = (0.0, 0.0)
+) -> Problem:
     """The scene of a recipe; with `crs` its map is a GeoTIFF in that system."""
-    east, north = PLACES.get(crs, (0.0, 0.0))
+    east, north = PLACES.get(crs, corner)
+    flat = f"size = [8, 6]\norigin = [{east}, {north}]"
     if crs:
         write_tif(folder / "map.tif", crs, east, north)
         flat = 'file = "map.tif"'
@@ -165,6 +169,52 @@ def test_a_point_far_from_the_map_is_none_of_its_own(tmp_path: Path) -> None:
     path.write_text(RECIPE.format(map=flat, x=505002, y=4790002, more=where))
     with pytest.raises(ProblemError, match=r"earth: latitude, longitude: .* 4817 km from the map"):
         read(path)
+
+
+def test_files_in_degrees_are_read_in_metres(tmp_path: Path) -> None:
+    """Columns of latitude and longitude, and GeoJSON as its standard has it, are projected."""
+    metres = np.array([[1.0, 2.0], [6.0, 2.0], [6.0, 5.0], [1.0, 2.0]])
+    projection = pyproj.Proj("EPSG:32633")
+    corner = projection(13.059, 52.401)
+    degrees = [projection(*(corner + point), inverse=True) for point in metres]
+    wall = {"type": "Polygon", "coordinates": [[list(place) for place in degrees]]}
+    (tmp_path / "walls.geojson").write_text(json.dumps(wall))
+    rows = [f"{t},{north!r},{east!r}" for t, (east, north) in enumerate(degrees[:3])]
+    (tmp_path / "people.csv").write_text("\n".join(["id,t,lat,lon", *(f"1,{r}" for r in rows)]))
+    files = (
+        '[[walls]]\nfile = "walls.geojson"\npolygons = "obstacles"\nheight = 2\n'
+        '[[tracks]]\nfile = "people.csv"\nids = [1]\n'
+    )
+    place = '[earth]\ncrs = "EPSG:32633"\nlatitude = 52.401\nlongitude = 13.059'
+    problem = recipe(tmp_path, more=files + place)
+    np.testing.assert_allclose(problem.actors[0].poses[:, :2], metres[:3], atol=1e-6)
+    (walls,) = problem.meshes
+    np.testing.assert_allclose(walls.vertices.min(axis=0), [1, 2, 0], atol=1e-6)
+    np.testing.assert_allclose(walls.vertices.max(axis=0), [6, 5, 2], atol=1e-6)
+    with pytest.raises(ProblemError, match=r"walls\[0\]: .*: must have \[earth\] of the recipe"):
+        recipe(tmp_path, more=files)
+    swapped = {"type": "Polygon", "coordinates": [[place[::-1] for place in degrees]]}
+    (tmp_path / "walls.geojson").write_text(json.dumps(swapped))
+    with pytest.raises(ProblemError, match=r"are they swapped\? They must be near the map, at"):
+        recipe(tmp_path, more=files + place)
+
+
+def test_degrees_that_are_swapped_are_asked_about(tmp_path: Path) -> None:
+    """A system is made for one place only of the two."""
+    place = '[earth]\ncrs = "EPSG:32633"\nlatitude = 13.059\nlongitude = 52.401'
+    with pytest.raises(ProblemError, match=r"earth: latitude, longitude: are they swapped\?"):
+        recipe(tmp_path, more=place)
+
+
+def test_a_map_at_the_origin_of_its_system_is_in_none(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Coordinates of the scene's own would lie at latitude 0; a map there is doubted at least."""
+    with pytest.raises(ProblemError, match=r"must be given, or origin of \[map\] .*latitude 0\.0"):
+        recipe(tmp_path, more='[earth]\ncrs = "EPSG:32633"')
+    assert not caplog.text
+    recipe(tmp_path, more='[earth]\ncrs = "EPSG:32633"', corner=(5e5, 9.0))
+    assert "latitude 0.0001, longitude 15.0000: is that right?" in caplog.text
 
 
 def test_maps_of_different_systems_are_refused(tmp_path: Path) -> None:

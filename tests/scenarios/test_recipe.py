@@ -19,10 +19,21 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.formulations import EXACT
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.plausibility import narrow_way, warnings
-from cocap_opt.problem import NO_RULES, Actor, Airspace, Cuboid, Motion, Plan, Problem, State
+from cocap_opt.problem import (
+    NO_RULES,
+    Actor,
+    Airspace,
+    Cuboid,
+    Earth,
+    Motion,
+    Plan,
+    Problem,
+    State,
+)
 from cocap_opt.referee import check
 from cocap_opt.scenarios import SCENES, load_scene
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings
+from cocap_opt.scenarios.recipe.earth import Projection
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.recipe import EXAMPLE, read
 from cocap_opt.scenarios.recipe.tables import Table
@@ -612,6 +623,16 @@ def test_a_mesh_elsewhere_is_refused(tmp_path: Path) -> None:
         read(write(tmp_path, text))
 
 
+def test_walls_in_coordinates_of_a_zone_ask_for_the_origin_of_the_map(tmp_path: Path) -> None:
+    """`at` would take walls, tracks and drones from their place on the Earth."""
+    (tmp_path / "walls.wkt").write_text(
+        "POLYGON ((367958 5807421, 367970 5807421, 367970 5807431, 367958 5807421))"
+    )
+    wall = '[[walls]]\nfile = "walls.wkt"\npolygons = "obstacles"\nheight = 2\n'
+    with pytest.raises(ProblemError, match=r"; origin = \[367955, 5807420\] in \[map\] begins the"):
+        read(write(tmp_path, FLAT + wall + DRONE))
+
+
 def test_a_zone_elsewhere_is_refused(tmp_path: Path) -> None:
     """A zone that lies wholly off the map closes nothing, and must be in other coordinates."""
     zone = "[[no_fly]]\npolygon = [[500, 5], [510, 5], [510, 9]]\n"
@@ -645,10 +666,10 @@ def test_numbers_of_too_many_digits_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("code", "size", "message"),
     [
-        (4326, 40, "SRID: must be of a projection in metres, not 4326, degrees; ogr2ogr"),
-        (4674, 40, "SRID: must be of a projection in metres, not 4674, degrees; ogr2ogr"),
-        (6318, 40, "SRID: must be of a projection in metres, not 6318, degrees; ogr2ogr"),
-        (3857, 4e5, "SRID: must be of a projection in metres, not 3857, web Mercator; ogr2ogr"),
+        (4326, 40, r"latitude, longitude: must have \[earth\] of the recipe"),
+        (4674, 40, "SRID: must be of a projection in metres, or of 4326, not 4674, degrees; `ogr2"),
+        (6318, 40, "SRID: must be of a projection in metres, or of 4326, not 6318, degrees; `ogr2"),
+        (3857, 4e5, "SRID: must be of a projection in metres, or of 4326, not 3857, web Mercator"),
         (4647, 4e5, None),  # UTM, with the zone before the easting
         (25830, 40, None),
     ],
@@ -676,7 +697,7 @@ def test_systems_of_geojson_are_in_metres(tmp_path: Path, system: str) -> None:
     plan = {"type": "Polygon", "crs": crs, "coordinates": [ring]}
     (tmp_path / "walls.geojson").write_text(json.dumps(plan))
     table = WallsTable(file="walls.geojson", height=2.0, polygons="obstacles")
-    with pytest.raises(ProblemError, match="crs: must be of a projection in metres, not 7844"):
+    with pytest.raises(ProblemError, match=r"crs: must be of a projection in metres, .* not 7844"):
         table.meshes(tmp_path, 0.0)
 
 
@@ -698,11 +719,12 @@ def test_walls_are_in_the_system_of_the_scene(
     plan = {"type": "Polygon", "crs": crs, "coordinates": [ring]}
     (tmp_path / "walls.geojson").write_text(json.dumps(plan))
     table = WallsTable(file="walls.geojson", height=2.0, polygons="obstacles")
+    projection = Projection(None if scene is None else Earth(crs=scene))
     if not words:
-        assert len(table.meshes(tmp_path, 0.0, scene)) == 1
+        assert len(table.meshes(tmp_path, 0.0, projection)) == 1
         return
     with pytest.raises(ProblemError, match=words):
-        table.meshes(tmp_path, 0.0, scene)
+        table.meshes(tmp_path, 0.0, projection)
 
 
 def test_what_is_no_number_in_wkt_is_said_once(
@@ -798,20 +820,42 @@ def test_walls_are_as_high_as_geojson_says(tmp_path: Path) -> None:
         "type": "MultiPolygon",
         "coordinates": [square, [[[20, 0], [21, 0], [21, 1], [20, 0]]]],
     }
-    assert tops(house(0, 3), house(3, None), house(6, "33.5"), two) == [4, 9, 34.5, 6, 6]
-    for odd in (0, -3, "8 m", True, [3]):
+    assert tops(house(0, 3), house(3, None), house(6, "33.5 m"), two) == [4, 9, 34.5, 6, 6]
+    for odd in (0, -3, "8 ft", True, [3]):
         with pytest.raises(
             ProblemError, match=r"features\[1\].properties.height: must be a number"
         ):
             tops(house(0, 3), house(3, odd))
 
 
+def test_walls_without_any_height_are_told_what_their_file_has(tmp_path: Path) -> None:
+    """The recipe needs none where all polygons have one, else the message says what they have."""
+    ring = [[0, 0], [2, 0], [2, 2], [0, 0]]
+    shape = {"type": "Polygon", "coordinates": [ring]}
+    houses = [
+        {"type": "Feature", "properties": own, "geometry": shape}
+        for own in ({"height": 3}, {"name": "inn", "storeys": 2})
+    ]
+    table = WallsTable(file="houses.geojson", polygons="obstacles")
+    for count in (1, 2):
+        content = {"type": "FeatureCollection", "features": houses[:count]}
+        (tmp_path / "houses.geojson").write_text(json.dumps(content))
+        if count == 1:
+            assert table.meshes(tmp_path, lowest=0.0)[0].vertices[:, 2].max() == 3
+    words = "height: must be given .* polygon 2 has no property `height` .* 'inn', storeys = 2$"
+    with pytest.raises(ProblemError, match=words):
+        table.meshes(tmp_path, lowest=0.0)
+    (tmp_path / "houses.geojson").write_text("POLYGON ((0 0, 2 0, 2 2, 0 0))")
+    with pytest.raises(ProblemError, match=r"height: must be given .* the file has none"):
+        table.meshes(tmp_path, lowest=0.0)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("POLYGON ((1 1, 3 3, 3 1, 1 3, 1 1))", r"polygon 1: must not cross itself, .* \(2, 2\) m"),
-        ("POLYGON ((2.1 48.1, 2.2 48.1, 2.2 48.2, 2.1 48.1))", "all lie at x 2.1.*, as degrees do"),
-        ('{"type": "Polygon", "crs": "EPSG:4326", "coordinates": []}', "must be metres of a proj"),
+        ("POLYGON ((2.1 48.1, 2.2 48.1, 2.2 48.2, 2.1 48.1))", r"latitude = 48.1000 and"),
+        ('{"type": "Polygon", "crs": "EPSG:4326", "coordinates": []}', "at least one polygon"),
         ('{"type": "Polygon", "coordinates": [], "type": "Polygon"}', "type: must be given once"),
         ('{"a": {"walkable": [[0, 0], [2, 0], [2, 2]]}, "a": {"walkable": []}}', "must"),
         ('{"a": {"unit": "m", "walkable": [[0, 0], [2, 0], [2, 2]], "unit": "cm"}}',

@@ -18,6 +18,9 @@ from strategies import examples
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.problem import Cuboid, Prism, TriangulatedCuboid
+from cocap_opt.scenarios.recipe.earth import NOWHERE
+from cocap_opt.scenarios.recipe.people import TracksTable
+from cocap_opt.scenarios.recipe.terrain import MapTable
 from cocap_opt.scenarios.recipe.tracks import Track
 
 ROWS = [(1, 0, 100.0, 250.0), (1, 1, 112.5, 250.0), (2, 1, -30.0, 0.5), (2, 2, -30.0, 1.5)]
@@ -194,16 +197,15 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("1 0 1 2\n1 0.5 1 2\n", {}, "line 2, frame: must be a whole number"),
         ("Bob,0,1,2\nBob,1,1,inf\n", {}, "line 2, y: must be a number within"),
         ("id frame x y\n1 3 1 2\n2 3 1 2\n#\n1 3 1 2\n", {}, "line 5: must not be a second row"),
-        ("id,frame,x\n1,0,1\n", {}, "header: must name the columns id, frame or time, x and y"),
+        ("id,frame,x\n1,0,1\n", {}, "header: must name the columns id, frame or time, and x and y"),
         ("id,x,y\n1,0,1\n", {}, "header: must name the columns"),
         ("id,frame,x,X,y\n1,0,1,1,1\n", {}, "header: must name one column x, not two"),
         ("id,time [min],x,y\n1,0,1,1\n", {}, "time: must be in s or ms, not min"),
         (
             "id,t,lat,lon\n1,0,-34.6,-58.4\n",
-            {},
-            "header: must name the columns id, frame or time, "
-            "x and y, not id, t, lat, lon; x and y must be metres of a projection, not degrees: "
-            "cs2cs EPSG:4326 EPSG:32721 makes",
+            {"fps": None},
+            "latitude, longitude: must have [earth] of the recipe, which makes metres of degrees: "
+            'crs = "EPSG:32721", latitude = -34.6000 and longitude = -58.4000',
         ),
         (
             "id,time,x,y\n1,2026-05-01T10:00,1,1\n1,1,1,1\n",
@@ -317,16 +319,17 @@ def test_rows_in_any_order_and_among_words(
     ("rows", "unit", "words"),
     [
         ([(0, 0, 170), (130, 0, 170)], "cm", []),
-        ([(0, 0, 170), (130, 0, 170)], "m", ["median speed 130 m/s: is the unit cm?",
+        ([(0, 0, 170), (130, 0, 170)], "m", ["130 m/s: is the unit cm, or is fps = 1 right?",
                                              "height of 1 of 1 people outside 0.4..2.6 m, 170 m "
                                              "of 1: is the unit cm?"]),
         ([(0, 0, 1.7), (1.3, 0, 1.7)], "cm", ["is the unit m?", "within 0.013 m"]),
         ([(0, 0, 1.7), (1.3, 0, 1.7)], "m", []),
         ([(0, 0, 1.7), (0, 0, 1.7)], "m", []),  # somebody stands
-        ([(0, 0, 1.7), (30, 0, 1.7)], "m", ["median speed 30 m/s: is fps right?"]),
-        ([(0, 0, 1.7), (15, 0, 1.7)], "m", ["median speed 15 m/s: is fps right?"]),
+        ([(0, 0, 1.7), (30, 0, 1.7)], "m", ["median speed 30 m/s: is fps = 1 right?"]),
+        ([(0, 0, 1.7), (15, 0, 1.7)], "m", ["median speed 15 m/s: is fps = 1 right?"]),
         ([(0, 0, 12.0), (1, 0, 12.0)], "m", ["is z a height above the floor?"]),
         ([(0, 0, 0), (5e5, 0, 0)], "m", ["median speed", "all points lie within 5e+05 m"]),
+        ([(13.059, 52.4, 1.7), (13.06, 52.4, 1.7)], "m", ["are they degrees?"]),
         ([(0, 0, -1.7), (1, 0, -1.7)], "m", ["z of 1 of 1 people is below 0, -1.7 m of 1: does z"]),
     ],
 )  # fmt: skip
@@ -344,6 +347,29 @@ def test_odd_tracks_are_warned_of(
     assert len(caplog.messages) == len(words)
     for message, word in zip(caplog.messages, words, strict=True):
         assert message.startswith(f"{tmp_path / 'walk.txt'}: ") and word in message
+
+
+def test_when_step_0_is_is_said_if_tracks_begin_before(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A gap in a track puts step 0 behind it, and the actor keeps the time of its track."""
+    rows = [f"ann,2026-05-01T10:00:{t:02d}.1,{t},1" for t in range(20)]
+    rows += [f"bob,2026-05-01T10:00:{t:02d}.1,{t},3" for t in range(20) if not 3 < t < 7]
+    (tmp_path / "walk.csv").write_text("\n".join(["id,time,x [m],y [m]", *rows]))
+    table = TracksTable(file="walk.csv", count=2)
+    terrain = MapTable(size=(20.0, 4.0)).terrain(tmp_path, "above-ground")
+    for steps, begin in ((3, 0.0), (9, 7.0)):
+        caplog.clear()
+        actors = table.actors(tmp_path, terrain, 1.0, steps, NOWHERE)
+        assert [actor.begin for actor in actors] == [begin, begin]
+        assert actors[0].poses[0, 0] == begin
+        assert ("step 0 is 7 s into the tracks, because 2 people are there for 9 s only from then "
+                "on; bob is there from 0 to 3 s and from 7 to 19 s; begin" in caplog.text) == (
+            steps == 9
+        )  # fmt: skip
+    words = r"last 3 s at most from begin = 0 s on; steps = 3 would do, or another begin"
+    with pytest.raises(ProblemError, match=words):
+        TracksTable(file="walk.csv", count=2, begin=0.0).actors(tmp_path, terrain, 1.0, 9, NOWHERE)
 
 
 def test_who_stands_does_not_make_the_rest_fast(
@@ -628,7 +654,7 @@ def test_their_units_are_held_against_ours(caplog: pytest.LogCaptureFixture) -> 
     with pytest.raises(ProblemError, match=r"fps: must be 25\.0, as the file states, not 16"):
         Track.read_all(stated, fps=16)
     Track.read_all(silent, unit="m", fps=16)
-    assert "median speed 140 m/s: is the unit cm?" in caplog.text
+    assert "is the unit cm, or is fps = " in caplog.text
 
 
 WALKERS = [

@@ -96,13 +96,22 @@ class Camera {
 }
 
 // Where drones, the ground below them and people are at the steps of all plans, not too far off
-// the map; the whole map, too, where no drone moves or it is not much larger than that.
+// the map, and the obstacles beside them, wholly; the whole map, too, where no drone moves or it is
+// not much larger than that.
 function happenings({ plans, people, terrain, meshes, scope: [low, high] }) {
   const within = (point) => point.map((v, k) => Math.min(Math.max(v, low[k]), k < 2 ? high[k] : Infinity));
   const drones = plans.flatMap((plan) => plan.paths.flat()).flatMap((place) => aboveGround(terrain, place));
   const inside = [...drones, ...people.flatMap(walked)].map(within), [width, depth] = terrain.size;
   const isSmall = width * depth < MOST_AROUND * (high[0] - low[0]) * (high[1] - low[1]);
-  return isSmall || plans.every(isStill) ? [...inside, ...wholeMap(terrain, meshes)] : inside;
+  return isSmall || plans.every(isStill) ? [...inside, ...wholeMap(terrain, meshes)] : [...inside, ...beside(meshes, low, high)];
+}
+
+// The corners of meshes that reach into the area where things happen, no farther off than it is wide.
+function beside(meshes, low, high) {
+  const edge = [0, 1].map((k) => high[k] - low[k]), axes = [0, 1];
+  const near = (points) => axes.every((k) => points.some((p) => p[k] > low[k]) && points.some((p) => p[k] < high[k]));
+  const clamped = (point) => point.map((v, k) => (k < 2 ? Math.min(Math.max(v, low[k] - edge[k]), high[k] + edge[k]) : v));
+  return meshes.map(({ vertices }) => triples(vertices)).filter(near).flat().map(clamped);
 }
 
 // What is the same for all plans of a scene: starts and people.

@@ -1,0 +1,173 @@
+"""The pace that smooth flights may ask of drones, whichever plan they fly.
+
+The coefficients of a smooth flight (`smooth`) between two steps are linear in the moves before, in
+and after that step. So its rates are the largest where each of the three is as long as can be, and
+then the same for all drones, but for that length. A drone that stops at both ends of its longest
+move asks for the most: 15/8 of the even rate, and an acceleration of 10 / sqrt(3) moves per squared
+step. Where blends are shorter, beside people who walk, rates grow further, and accelerations
+without a bound that would help anybody.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.problem import Limits, Motion, Problem, Robot
+from cocap_opt.problem.limits import ROUNDING, rounded_up
+
+RATE, ACCELERATION = 15 / 8, 10 / math.sqrt(3)  # of rests at both ends
+SHORTENED = 2.94  # times the even rate, between a stop and a sharp turn, one of them shortened
+_ANGLES = "yaw_rate", "gimbal_rate"
+
+
+class Strain(NamedTuple):
+    """The most that any smooth flight asks of a drone.
+
+    Attributes
+    ----------
+    kind : a field of `Limits`
+    reach : the longest move in a step, m or rad
+    limit : of its rate, in m, rad and s
+    """
+
+    kind: str
+    reach: float
+    limit: float
+
+    def most(self, step: float) -> float:
+        """Returns the largest rate or acceleration in steps of so many seconds."""
+        if self.kind == "acceleration":
+            return ACCELERATION * self.reach / step**2
+        return RATE * self.reach / step
+
+    @property
+    def step(self) -> float:
+        """Seconds of a step from which on the limit is kept."""
+        if self.kind == "acceleration":
+            return math.sqrt(ACCELERATION * self.reach / self.limit)
+        return RATE * self.reach / self.limit
+
+
+def sufficient_step(problem: Problem, shortened: bool) -> float:
+    """Returns the seconds of a step with which smooth flights of any plan keep all limits.
+
+    Parameters
+    ----------
+    shortened : True: those whose blends are shortened, too, but for accelerations
+    """
+    found = [own for robot in problem.robots for own in _strains(problem, robot)]
+    steps = [own.step for own in found]
+    if shortened:
+        rates = (own for own in found if own.kind != "acceleration")
+        steps += [SHORTENED * own.reach / own.limit for own in rates]
+    return rounded_up(max(steps, default=0.0))
+
+
+def strains(problem: Problem) -> list[str]:
+    """Returns which drones may be refused a smooth flight, in words, one line for each kind.
+
+    It is no proof that a plan cannot be flown: smooth flights are checked as they are.
+    """
+    if problem.step is None:
+        return []
+    kinds = dict[tuple[Motion, Limits | None, tuple[float, ...]], list[int]]()
+    for i, robot in enumerate(problem.robots):
+        kinds.setdefault((robot.motion, robot.limits, robot.camera.tilts), []).append(i)
+    words = ((_words(problem, problem.robots[who[0]]), who) for who in kinds.values())
+    return [f"{_who(who)} {told}" for told, who in words if told]
+
+
+def _strains(problem: Problem, robot: Robot) -> Iterator[Strain]:
+    """Yields the strain of each kind of which a limit is known."""
+    motion, tilts = robot.motion, robot.camera.tilts
+    rise = _highest_move(problem, motion)
+    reaches = {
+        "speed": motion.radius * problem.height_map.resolution * math.sqrt(2),
+        "climb": rise,
+        "descent": rise,
+        "acceleration": longest_move(problem, motion),
+        "yaw_rate": min(motion.turn, motion.headings // 2) * math.tau / motion.headings,
+        "gimbal_rate": motion.largest_tilt(tilts),
+    }
+    for kind, reach in reaches.items():
+        limit = getattr(robot.limits, kind, None)
+        if limit is not None and reach > 0:
+            yield Strain(kind, reach, limit)
+
+
+def _words(problem: Problem, robot: Robot) -> str:
+    """Says what smooth flights may ask of a drone beyond its limits, and what would do."""
+    step = problem.step or 0.0
+    beyond = [
+        own for own in _strains(problem, robot) if own.most(step) > own.limit * (1 + ROUNDING)
+    ]
+    if not beyond:
+        return ""
+    asks = " and ".join(_ask(own, step) for own in beyond)
+    motion, limits = robot.motion, robot.limits or Limits()
+    acceleration = limits.acceleration
+    shortest = motion.shortest_move(problem.height_map.resolution)
+    heavy = acceleration is not None and 2 * shortest > acceleration * step**2 * (1 + ROUNDING)
+    start = (
+        f"can make no move in a step from rest: the shortest, {shortest:.4g} m, asks for "
+        f"{2 * shortest / step**2:.4g} m/s2; "
+        if heavy and math.isfinite(shortest)
+        else ""
+    )
+    return (
+        f"{start}may be refused smooth flights, which ask for up to {asks}; steps of "
+        f"{rounded_up(max(own.step for own in beyond)):g} s{_nearer_layers(beyond, step)} would do "
+        "for all but those that change speed faster beside people"
+    )
+
+
+def _ask(own: Strain, step: float) -> str:
+    scale, unit = (180 / math.pi, "deg/s") if own.kind in _ANGLES else (1.0, "m/s")
+    unit = "m/s2" if own.kind == "acceleration" else unit
+    kind = own.kind.replace("_", " ")
+    return f"{kind} {own.most(step) * scale:.3g} {unit} (limit {own.limit * scale:.3g})"
+
+
+def _nearer_layers(beyond: list[Strain], step: float) -> str:
+    """Returns how near layers must be, where only climbs and descents are too fast."""
+    if any(own.kind not in ("climb", "descent") for own in beyond):
+        return ""
+    apart = min(own.limit for own in beyond) * step / RATE
+    return f", or layers at most {math.floor(100 * apart) / 100:g} m apart,"
+
+
+def _who(drones: list[int]) -> str:
+    *most, last = map(str, drones)
+    return f"drones {', '.join(most)} and {last}" if most else f"drone {last}"
+
+
+def longest_move(problem: Problem, motion: Motion) -> float:
+    """Returns the length (m) in space of the longest move of a motion.
+
+    It may be one that nobody makes: down where the layer is the lowest, or into a wall. Layers
+    above the ground follow it.
+    """
+    return max(math.hypot(aside, rise) for aside, rise in _moves(problem, motion))
+
+
+def _highest_move(problem: Problem, motion: Motion) -> float:
+    """Returns the height (m) by which a motion's moves lead up or down at most."""
+    return max(rise for _, rise in _moves(problem, motion))
+
+
+def _moves(problem: Problem, motion: Motion) -> Iterator[tuple[float, float]]:
+    """Yields the length (m) of moves seen from above, and the most by which they rise or fall."""
+    edge, ground = problem.height_map.resolution, problem.height_map.datum
+    climb = motion.largest_climb
+    if ground is None:
+        yield motion.radius * edge * math.sqrt(2), climb
+        return
+    width, depth = ground.shape
+    for i in range(min(motion.radius, width - 1) + 1):
+        for j in range(min(motion.radius, depth - 1) + 1):
+            ahead = ground[i:, j:] - ground[: width - i, : depth - j]
+            across = ground[i:, : depth - j] - ground[: width - i, j:]
+            slope = max(float(np.abs(ahead).max()), float(np.abs(across).max()))
+            yield math.hypot(i * edge, j * edge), slope + climb
