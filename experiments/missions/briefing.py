@@ -112,7 +112,9 @@ def _tracks(problem: Problem) -> Iterator[str]:
         if actor.begin is not None:
             begins.setdefault(actor.begin, []).append(problem.person(j))
     for begin, people in begins.items():
-        yield f"Step 0 is at {begin:.6g} s of the tracks of {', '.join(people)}."
+        everybody = 1 < len(people) == len(problem.actors)
+        who = "all people" if everybody else ", ".join(people)
+        yield f"Step 0 is at {begin:.6g} s of the tracks of {who}."
 
 
 def _drones(problem: Problem) -> Iterator[str]:

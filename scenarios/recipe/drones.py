@@ -115,7 +115,6 @@ class DronesTable(Table):
         for start in self.starts or ():
             state = _stated(start, self.motion, around.height_map)
             team.append(Robot(start=state, **parts))
-        _say_moved(self.starts or (), around.height_map)
         states = iter(self._candidates(around, rng) if self.count else ())
         for k in range(self.count or 0):
             apart = (
@@ -286,8 +285,9 @@ def _stated(start: _StartTable, motion: Motion, height_map: HeightMap) -> State:
     return State(x, y, layer, heading)
 
 
-def _say_moved(starts: Sequence[_StartTable], height_map: HeightMap) -> None:
+def say_moved(tables: Sequence[DronesTable], height_map: HeightMap) -> None:
     """Says in one line how far drones start from where they are stated, if it is far."""
+    starts = [start for table in tables for start in table.starts or ()]
     if not starts:
         return
     stated = np.array([(start.x, start.y) for start in starts])
@@ -298,7 +298,8 @@ def _say_moved(starts: Sequence[_StartTable], height_map: HeightMap) -> None:
     if not len(moved):
         return
     (x, y), (to_x, to_y) = stated[moved[0]].tolist(), middles[moved[0]].tolist()
-    more = f"; so are {len(moved) - 1} more" if len(moved) > 1 else ""
+    others = len(moved) - 1
+    more = f"; so {'are' if others > 1 else 'is'} {others} more" if others else ""
     log.warning(
         "a drone starts in the middle of its cell: the start at (%.10g, %.10g) m is moved by "
         "%.2g m to (%.10g, %.10g) m%s", x, y, away[moved[0]], to_x, to_y, more,

@@ -17,7 +17,7 @@ from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Actor, Earth, Objective, Problem, Robot
 from cocap_opt.scenarios.recipe.airspace import AirspaceTable, NoFlyTable
-from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings
+from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings, say_moved
 from cocap_opt.scenarios.recipe.earth import EarthTable, Projection, require_likely
 from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
@@ -231,6 +231,7 @@ def _team(recipe: _Recipe, around: Surroundings, rng: np.random.Generator) -> li
         with naming(f"drones[{k}]"):
             given.require_pace(around.height_map.resolution, recipe.step)
             team = given.added_to(team, around, rng)
+    say_moved(recipe.drones, around.height_map)
     return team
 
 

@@ -595,6 +595,7 @@ def test_smooth_flights_of_any_plan_keep_limits_with_steps_that_suffice() -> Non
     assert sufficient_step(problem, shortened=True) == 8.82
 
 
+@pytest.mark.slow
 def test_shortened_blends_are_no_faster_than_said() -> None:
     """Whatever blends come of mending, rates are at most 2.94 times those of the longest move."""
     rng = np.random.default_rng(2)

@@ -527,6 +527,19 @@ def test_two_plans_stand_side_by_side(player: Any) -> None:
 
 
 @pytest.mark.slow
+def test_obstacles_beside_the_action_are_shown_wholly(player: Any) -> None:
+    """A house that reaches in is framed with its far corners, but for those very far away."""
+    house, off = (9, 2, 0, 14, 2, 7, 9, 8, 0), (21, 2, 0, 24, 2, 7)
+    wide = 8, 2, 0, 80, 2, 7, 8, 9, 0
+    given = json.dumps([{"vertices": vertices} for vertices in (house, off, wide)])
+    folder = ROOT / "experiments" / "report" / "page"
+    scripts = ((folder / f"{name}.js").read_text("utf-8") for name in ("geometry", "camera"))
+    call = f"return beside({given}, [0, 0, 0], [10, 10, 5])"
+    found = value(player, f"(() => {{ {' '.join(scripts)}\n{call} }})()")
+    assert found == [[9, 2, 0], [14, 2, 7], [9, 8, 0], [8, 2, 0], [20, 2, 7], [8, 9, 0]]
+
+
+@pytest.mark.slow
 def test_the_slider_sets_the_step(player: Any, plans: Path) -> None:
     """The reward shown is the referee's for that step, and so are the conflicts."""
     problem = load_scene("bottleneck", 0)
