@@ -19,6 +19,7 @@ __all__ = [
     "Report",
     "Snapshot",
     "StartPlan",
+    "proved_reason",
     "silent",
 ]
 
@@ -106,6 +107,15 @@ class StartPlan(NamedTuple):
         if verdict.valid:
             return cls(plan, "")
         return cls(None, f"start rejected: {(*verdict.violations, *verdict.conflicts)[0]}")
+
+
+def proved_reason(own: Reason, bound: float, gap: float) -> Reason:
+    """Returns why a method stopped; "finished" where it says "optimal" and its bound leaves more.
+
+    A generic solver calls a plan optimal by its own word; only a bound that is proved counts.
+    """
+    is_open = math.isfinite(bound) and gap > OPTIMALITY
+    return Reason.FINISHED if own is Reason.OPTIMAL and is_open else own
 
 
 class Snapshot(NamedTuple):

@@ -460,6 +460,17 @@ def test_verify_compares_what_a_result_claims(changes: dict[str, float], field: 
         co.verify(problem, dataclasses.replace(best, **changes))
 
 
+def test_optimal_is_what_the_bound_proves() -> None:
+    """A method that calls its plan optimal by its own word has finished where its bound is open."""
+    problem = co.load("tiny-share")
+    proved = co.solve(problem)
+
+    def claims(*_: Any, **__: Any) -> co.Result:
+        return dataclasses.replace(proved, bound=1.01 * proved.value, method="claims")
+
+    assert (proved.reason, co.solve(problem, claims).reason) == ("optimal", "finished")
+
+
 @pytest.mark.slow
 def test_workers_need_a_guard(tmp_path: Path) -> None:
     """A script that every worker would run from its first line on is refused in a sentence."""

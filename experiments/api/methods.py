@@ -14,6 +14,7 @@ from cocap_opt.formulations.result import (
     CertifiedResult,
     ExactMethod,
     Report,
+    proved_reason,
     silent,
 )
 from cocap_opt.planners import PLANNERS, RECOMMENDED, Planner
@@ -134,7 +135,8 @@ def solve(
     Returns
     -------
     CertifiedResult
-        With plan, value, bound, gap and `certificate`, which is None for brute force.
+        With plan, value, bound, gap and `certificate`, which is None for brute force. It is called
+        optimal only where the bound proves it; a solver's own word for it is in the message.
 
     Raises
     ------
@@ -154,7 +156,8 @@ def solve(
     call, clock = _named("method", method, EXACT), Clock()
     stop = _limits(time_limit, stop)
     result = call(problem, stop, plan_of(start), report, gap=max(gap, OPTIMALITY))
-    return _whole(result, problem, method, clock)
+    result = _whole(result, problem, method, clock)
+    return replace(result, reason=proved_reason(result.reason, result.bound, result.gap))
 
 
 def _named(kind: str, given: str | M, known: Mapping[str, M]) -> M:

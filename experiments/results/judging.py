@@ -7,7 +7,13 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
-from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
+from cocap_opt.formulations.result import (
+    OPTIMALITY,
+    CertifiedResult,
+    Report,
+    proved_reason,
+    silent,
+)
 from cocap_opt.model import compiled
 from cocap_opt.planners import LAZY, PLANNERS, Planner
 from cocap_opt.problem import Plan, Problem
@@ -157,9 +163,7 @@ class Judged(NamedTuple, Generic[_R_co]):
     @property
     def reason(self) -> Reason:
         """Why the method stopped; not "optimal" where its certificate leaves something open."""
-        own, bound = self.result.reason, self.result.bound
-        is_open = math.isfinite(bound) and self.gap > OPTIMALITY
-        return Reason.FINISHED if own is Reason.OPTIMAL and is_open else own
+        return proved_reason(self.result.reason, self.result.bound, self.gap)
 
     def remarks(self, problem: Problem) -> list[str]:
         """Returns what is to be said of the result and its plan, each in a few words."""
