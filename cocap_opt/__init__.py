@@ -107,5 +107,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """List all names, loaded or not."""
-    return sorted({*globals(), *_HOME})
+    """List all public names, loaded or not."""
+    return sorted({"__version__", "__doc__", *_HOME})

@@ -4,7 +4,9 @@ This front imports nothing of its package: whoever imports the certificates load
 """
 
 import inspect
+from collections.abc import Mapping
 from importlib import import_module
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
@@ -74,44 +76,52 @@ class _LazyMethod:
         return _LazyMethod, (module, self.__name__, self.summary)
 
 
-BOUNDS: "dict[str, BoundMethod]" = {
-    "alone": _LazyMethod("simple_bounds", "alone", "every drone as if it were alone"),
-    "online": _LazyMethod("simple_bounds", "online", "J of a plan and what each drone could add"),
-    "concave": _LazyMethod(
-        "relaxations.cone_program", "concave", "concave relaxation over the aggregated flow"
-    ),
-    "single-view": _LazyMethod(
-        "relaxations.cone_program", "single_view", "concave relaxation with single-view cuts"
-    ),
-    "envelope": _LazyMethod(
-        "relaxations.cone_program", "envelope", "concave relaxation with envelope cuts"
-    ),
-    "column-generation": _LazyMethod(
-        "column_generation.column_generation",
-        "column_generation",
-        "relaxation over paths with all cuts, any size, and a plan",
-    ),
-}
+BOUNDS: "Mapping[str, BoundMethod]" = MappingProxyType(
+    {
+        "alone": _LazyMethod("simple_bounds", "alone", "every drone as if it were alone"),
+        "online": _LazyMethod(
+            "simple_bounds", "online", "J of a plan and what each drone could add"
+        ),
+        "concave": _LazyMethod(
+            "relaxations.cone_program", "concave", "concave relaxation over the aggregated flow"
+        ),
+        "single-view": _LazyMethod(
+            "relaxations.cone_program", "single_view", "concave relaxation with single-view cuts"
+        ),
+        "envelope": _LazyMethod(
+            "relaxations.cone_program", "envelope", "concave relaxation with envelope cuts"
+        ),
+        "column-generation": _LazyMethod(
+            "column_generation.column_generation",
+            "column_generation",
+            "relaxation over paths with all cuts, any size, and a plan",
+        ),
+    }
+)
 
-EXACT: "dict[str, ExactMethod]" = {
-    "brute-force": _LazyMethod("brute_force", "brute_force", "all plans, one by one"),
-    "branch-and-price": _LazyMethod(
-        "column_generation.branch_and_price",
-        "branch_and_price",
-        "proved optima: a tree over column generation",
-    ),
-    "highs": _LazyMethod(
-        "integer_programs.mathopt", "highs", "integer program by outer approximation with HiGHS"
-    ),
-    "scip": _LazyMethod(
-        "integer_programs.mathopt", "scip", "integer program by outer approximation with SCIP"
-    ),
-    "cp-sat": _LazyMethod(
-        "integer_programs.cp_sat", "cp_sat", "integer program by outer approximation with CP-SAT"
-    ),
-    "scip-nonlinear": _LazyMethod(
-        "integer_programs.scip_nonlinear",
-        "scip_nonlinear",
-        "nonlinear integer program with SCIP; needs PySCIPOpt",
-    ),
-}
+EXACT: "Mapping[str, ExactMethod]" = MappingProxyType(
+    {
+        "brute-force": _LazyMethod("brute_force", "brute_force", "all plans, one by one"),
+        "branch-and-price": _LazyMethod(
+            "column_generation.branch_and_price",
+            "branch_and_price",
+            "proved optima: a tree over column generation",
+        ),
+        "highs": _LazyMethod(
+            "integer_programs.mathopt", "highs", "integer program by outer approximation with HiGHS"
+        ),
+        "scip": _LazyMethod(
+            "integer_programs.mathopt", "scip", "integer program by outer approximation with SCIP"
+        ),
+        "cp-sat": _LazyMethod(
+            "integer_programs.cp_sat",
+            "cp_sat",
+            "integer program by outer approximation with CP-SAT",
+        ),
+        "scip-nonlinear": _LazyMethod(
+            "integer_programs.scip_nonlinear",
+            "scip_nonlinear",
+            "nonlinear integer program with SCIP; needs PySCIPOpt",
+        ),
+    }
+)

@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from cocap_opt.data import ProblemError
@@ -20,14 +21,16 @@ from cocap_opt.scenarios.formats.options import NOTHING, Options
 __all__ = ["FORMATS", "NOTHING", "SCENES", "has_seed", "load_scene", "read_foreign_plan",
            "scene_of_plan"]  # fmt: skip
 
-SCENES: dict[str, Callable[[int], Problem]] = {
-    **corridor.SCENES,  # corridor, corridor-tight
-    **bottleneck.SCENES,  # bottleneck, bottleneck-tight
-    **passage.SCENES,
-    **bridge.SCENES,
-    **field.SCENES,  # field, field-long, field-large
-    **tiny.SCENES,  # tiny-approach and eight others
-}
+SCENES: Mapping[str, Callable[[int], Problem]] = MappingProxyType(
+    {
+        **corridor.SCENES,  # corridor, corridor-tight
+        **bottleneck.SCENES,  # bottleneck, bottleneck-tight
+        **passage.SCENES,
+        **bridge.SCENES,
+        **field.SCENES,  # field, field-long, field-large
+        **tiny.SCENES,  # tiny-approach and eight others
+    }
+)
 
 
 class _Files(NamedTuple):
@@ -83,42 +86,44 @@ class _Format(NamedTuple):
         return import_module(f"{__name__}.{self.reader}")
 
 
-FORMATS: dict[str, _Format] = {
-    "recipe": _Format(
-        "*.toml, a scene of maps, meshes, tracks and drones (the seed places the drones)",
-        scenes=_Files((".toml",)),
-        reader="recipe.recipe",
-    ),
-    "hughes": _Format(
-        "*.json, a scene of Hughes et al. with a solution beside it, or a solution (no seed)",
-        scenes=_Files((".json",), (hughes.SCENE, hughes.SOLUTION)),
-        reader="formats.hughes",
-        plans=_Files((".json",), (hughes.SOLUTION,)),
-        is_evaluated=True,
-        is_seeded=False,
-        options=hughes.OPTIONS,
-    ),
-    "cocap-opt": _Format(
-        "*.json, cocap-opt's own scene file (no seed)",
-        scenes=_Files((".json",)),
-        reader="formats.own",
-        is_seeded=False,
-    ),
-    "greedy-perspectives": _Format(
-        "*.yaml, *.yml, a seq.yaml of Greedy Perspectives (the seed is the start set)",
-        scenes=_Files((".yaml", ".yml")),
-        reader="formats.greedy_perspectives",
-        plans=_Files((".csv",)),
-        options=conventions.OPTIONS,
-        own_starts={"start-set": "yaml"},
-    ),
-    "movingai": _Format(
-        "*.scen, a scenario of the MovingAI benchmark (the seed orders its rows)",
-        scenes=_Files((".scen",)),
-        reader="formats.movingai",
-        options=movingai.OPTIONS,
-    ),
-}
+FORMATS = MappingProxyType(
+    {
+        "recipe": _Format(
+            "*.toml, a scene of maps, meshes, tracks and drones (the seed places the drones)",
+            scenes=_Files((".toml",)),
+            reader="recipe.recipe",
+        ),
+        "hughes": _Format(
+            "*.json, a scene of Hughes et al. with a solution beside it, or a solution (no seed)",
+            scenes=_Files((".json",), (hughes.SCENE, hughes.SOLUTION)),
+            reader="formats.hughes",
+            plans=_Files((".json",), (hughes.SOLUTION,)),
+            is_evaluated=True,
+            is_seeded=False,
+            options=hughes.OPTIONS,
+        ),
+        "cocap-opt": _Format(
+            "*.json, cocap-opt's own scene file (no seed)",
+            scenes=_Files((".json",)),
+            reader="formats.own",
+            is_seeded=False,
+        ),
+        "greedy-perspectives": _Format(
+            "*.yaml, *.yml, a seq.yaml of Greedy Perspectives (the seed is the start set)",
+            scenes=_Files((".yaml", ".yml")),
+            reader="formats.greedy_perspectives",
+            plans=_Files((".csv",)),
+            options=conventions.OPTIONS,
+            own_starts={"start-set": "yaml"},
+        ),
+        "movingai": _Format(
+            "*.scen, a scenario of the MovingAI benchmark (the seed orders its rows)",
+            scenes=_Files((".scen",)),
+            reader="formats.movingai",
+            options=movingai.OPTIONS,
+        ),
+    }
+)
 
 
 _SMALL = 1000  # bytes

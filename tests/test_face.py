@@ -270,6 +270,34 @@ def test_the_gap_table_measures_functions() -> None:
     assert table.reason["_boasting"] == "error" and "claims J" in table.message["_boasting"]
 
 
+def _short_queue(seed: int) -> co.Problem:
+    """Makes a scene of one's own; seeds 1 and 2 make the same."""
+    return co.load("tiny-queue").replace(name="short-queue", horizon=2 + min(seed, 1))
+
+
+def test_the_gap_table_makes_scenes_of_ones_own() -> None:
+    """A function of the seed is a scene: each problem that it makes is taken once."""
+    table = co.gap([_short_queue, "tiny-share"], ["greedy"], seeds=(0, 1, 2))
+    assert list(zip(table.scene, table.seed, strict=True)) == [
+        ("short-queue", 0), ("short-queue", 1), ("tiny-share", 0)
+    ]  # fmt: skip
+    with pytest.raises(TypeError, match="_waiting_scene: must be a function that returns a Prob"):
+        co.gap(_waiting_scene, ["greedy"])
+    with pytest.raises(ValueError, match="scenes: two are called _short_queue"):
+        co.gap([_short_queue, _short_queue], ["greedy"])
+
+
+def _waiting_scene(seed: int) -> None:
+    """Makes nothing."""
+
+
+def test_registries_are_read_only() -> None:
+    """What is stored knows planners and scenes by name, so no name means another thing later."""
+    for registry in (co.PLANNERS, co.SCENES, co.BOUNDS, co.EXACT, co.FORMATS):
+        with pytest.raises(TypeError, match="item assignment"):
+            registry["mine"] = None  # type: ignore[index]
+
+
 def test_played_plans_have_titles() -> None:
     """A result is called by its J; a plan, whose J is not known before it is checked, is not."""
     problem = co.load("bottleneck")

@@ -1,5 +1,7 @@
 """Planners: callables from a problem to a result. To add one: one file, one line below."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Protocol
 
 from cocap_opt.planners.cocap import (
@@ -36,26 +38,28 @@ class Planner(Protocol):
         """Plan a problem; at a limit, return the best plan so far."""
 
 
-PLANNERS: dict[str, Planner] = {
-    "greedy": greedy,
-    "greedy-rounds": greedy_rounds,
-    "sequential": sequential,
-    "sequential-rounds": sequential_rounds,
-    "best-of-orders": best_of_orders,
-    "cocap": cocap,
-    "greedy-lazy": greedy_lazy,
-    "sequential-lazy": sequential_lazy,
-    "cocap-lazy": cocap_lazy,
-    "cocap-vs": cocap_vs,
-    "cocap-vs-undiscounted": cocap_vs_undiscounted,
-    "cocap-rounds": cocap_rounds,
-    "cocap-focal": cocap_focal,
-    "cocap-lns": cocap_lns,
-    "joint": joint,
-    "formation": formation,
-    "myopic": myopic,
-    "one-step": one_step,
-}
+PLANNERS: Mapping[str, Planner] = MappingProxyType(
+    {
+        "greedy": greedy,
+        "greedy-rounds": greedy_rounds,
+        "sequential": sequential,
+        "sequential-rounds": sequential_rounds,
+        "best-of-orders": best_of_orders,
+        "cocap": cocap,
+        "greedy-lazy": greedy_lazy,
+        "sequential-lazy": sequential_lazy,
+        "cocap-lazy": cocap_lazy,
+        "cocap-vs": cocap_vs,
+        "cocap-vs-undiscounted": cocap_vs_undiscounted,
+        "cocap-rounds": cocap_rounds,
+        "cocap-focal": cocap_focal,
+        "cocap-lns": cocap_lns,
+        "joint": joint,
+        "formation": formation,
+        "myopic": myopic,
+        "one-step": one_step,
+    }
+)
 
 # The nearest to the optimum of those that take problems of any size, and what commands use if no
 # planner is named.

@@ -1,21 +1,24 @@
 """The face's measurements: the gap table, and the stored runs of exact methods."""
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cocap_opt.experiments.api.arguments import require
 from cocap_opt.experiments.results.stored import STORED
 from cocap_opt.formulations import EXACT
 from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.problem import Problem
+from cocap_opt.scenarios import SCENES, load_scene
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from cocap_opt.experiments.report.benchmark import Benchmark
 
-_Scene = str | Path | Problem  # a name, a file, or the problem itself
+_Build = Callable[[int], Problem]  # makes the problem of a seed
+_Scene = str | Path | Problem | _Build  # a name, a file, the problem itself, or what makes it
 
 
 def gap(
@@ -36,7 +39,7 @@ def gap(
 
     Parameters
     ----------
-    scenes : names, files or problems; one, or several
+    scenes : names, files, problems, or functions that make the problem of a seed; one, or several
     planners : names in `PLANNERS` or `EXACT`, or callables that take a problem and a stop and
         return a `Result`, as `plan` takes them; if not given greedy, sequential, cocap, cocap-vs,
         cocap-lns, and with one or two drones joint
@@ -68,6 +71,7 @@ def gap(
     --------
     >>> co.gap(["corridor", "bottleneck"], ["sequential", "cocap"], seeds=range(3))
     >>> co.gap("bottleneck", ["cocap", my_planner])
+    >>> co.gap(my_scene, ["sequential", "cocap"], seeds=range(10))
     """
     from pandas import DataFrame
 
@@ -89,8 +93,8 @@ def gap(
     if hired.workers is not None:
         _require_guard()
     whole, given = _whole_seeds(seeds), _several_scenes(scenes)
-    words = [str(scene) for scene in given if not isinstance(scene, Problem)]
-    named = Scenes(words, whole, tell=_nobody)
+    words, load = _words_of_scenes(given)
+    named = Scenes(words, whole, load, tell=_nobody)
     problems = [(problem, seed) for (_, seed), problem in named.problems.items()]
     problems += [(scene, 0) for scene in given if isinstance(scene, Problem)]
     _require_told_apart([(problem.name, seed) for problem, seed in problems])
@@ -144,13 +148,11 @@ def _own(planners: Sequence[str | Planner], kept: bool) -> dict[str, Planner]:
     return {_name(planner): planner for planner in own}
 
 
-def _name(planner: str | Planner) -> str:
-    """Returns what a planner is called in the table."""
-    return (
-        planner
-        if isinstance(planner, str)
-        else str(getattr(planner, "__name__", type(planner).__name__))
-    )
+def _name(given: str | Callable[..., object]) -> str:
+    """Returns what a planner or a scene is called in the table."""
+    if isinstance(given, str):
+        return given
+    return str(getattr(given, "__name__", type(given).__name__))
 
 
 def _require_sweep(names: Sequence[str], own: Mapping[str, Planner]) -> None:
@@ -176,10 +178,29 @@ def _whole_seeds(seeds: Iterable[int]) -> tuple[int, ...]:
 
 def _several_scenes(scenes: _Scene | Sequence[_Scene]) -> list[_Scene]:
     """Returns one scene or several as a list."""
-    given = [scenes] if isinstance(scenes, str | Path | Problem) else scenes
+    given = [scenes] if isinstance(scenes, str | Path | Problem) or callable(scenes) else scenes
     if not isinstance(given, Iterable):
-        raise ValueError(f"scenes: must be names, files or problems, not {scenes!r}")
+        raise ValueError(f"scenes: must be names, files, problems or functions, not {scenes!r}")
     return list(given)
+
+
+def _words_of_scenes(scenes: Sequence[_Scene]) -> tuple[list[str], Callable[[str, int], Problem]]:
+    """Returns what scenes are called that have seeds, and what makes a problem of word and seed."""
+    functions = {_name(scene): scene for scene in scenes if callable(scene)}
+    seeded = [scene for scene in scenes if not isinstance(scene, Problem)]
+    words = [_name(scene) if callable(scene) else str(scene) for scene in seeded]
+    for word in functions:
+        if words.count(word) > 1 or word in SCENES:
+            raise ValueError(f"scenes: two are called {word}; give the function another name")
+
+    def load(word: str, seed: int) -> Problem:
+        if word not in functions:
+            return load_scene(word, seed)
+        problem = functions[word](seed)
+        require(problem, word, "a function that returns a Problem", Problem)
+        return problem
+
+    return words, load
 
 
 def _require_told_apart(names: Sequence[tuple[str, int]]) -> None:

@@ -18,6 +18,7 @@ from cyclopts import App
 from scene_files import SMALL_SEQUENCE
 
 import cocap_opt as co
+from cocap_opt import scenarios
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.cli.solver_commands import AT_THE_ROOT
@@ -263,7 +264,7 @@ def test_plans_for_several_seeds_are_rows_of_one_planner(
     mine: list[Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each plan is at the seed whose digest it has, below our planners, by its planner's name."""
-    monkeypatch.setitem(SCENES, "small", small)
+    monkeypatch.setattr(scenarios, "SCENES", {**SCENES, "small": small})
     words = ("gap", "small", "--seeds", "0-1", "--planner", "greedy", "--time-limit", 10, "--json")
     rows = Run(capsys, *words, "--plan", mine[1], "--plan", mine[0]).json["rows"]
     assert [(row["seed"], row["planner"]) for row in rows] == [
@@ -279,7 +280,7 @@ def test_plans_for_none_of_the_seeds_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     """So are certificates, and plans of formats that do not say their seed: a line has the file."""
-    monkeypatch.setitem(SCENES, "small", small)
+    monkeypatch.setattr(scenarios, "SCENES", {**SCENES, "small": small})
     foreign, bound = tmp_path / "paths.csv", tmp_path / "bound.json"
     states = (f"{robot},{step},1,0,0\n" for robot in (0, 1) for step in (0, 1, 2))
     foreign.write_text("robot,t,x_cell,y_cell,heading_idx\n" + "".join(states))
