@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cocap_opt.data import ProblemError
+    from cocap_opt.experiments.api.covering import coverage
     from cocap_opt.experiments.api.explaining import explain, replans
     from cocap_opt.experiments.api.files import load, read, save
     from cocap_opt.experiments.api.flying import robustness, trajectory
@@ -66,6 +67,7 @@ _MODULES = {
     "cocap_opt.referee": ("Verdict",),
     "cocap_opt.data": ("ProblemError",),
     "cocap_opt.experiments.results.verification": ("Verified",),
+    "cocap_opt.experiments.api.covering": ("coverage",),
     "cocap_opt.experiments.api.explaining": ("explain", "replans"),
     "cocap_opt.experiments.api.files": ("load", "read", "save"),
     "cocap_opt.experiments.api.flying": ("robustness", "trajectory"),

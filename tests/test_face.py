@@ -291,6 +291,27 @@ def _waiting_scene(seed: int) -> None:
     """Makes nothing."""
 
 
+@pytest.mark.parametrize("over_time", [False, True])
+def test_j_is_made_of_the_coverage(over_time: bool) -> None:
+    """Sums of the table's pixels along a plan, their roots weighed, are the referee's J."""
+    problem = co.load("tiny-give-way").replace(objective=co.Objective(over_time=over_time))
+    plan = co.plan(problem, "greedy").plan
+    assert plan is not None
+    seen: dict[tuple[int, ...], float] = {}
+    for robot, path in enumerate(plan.paths):
+        table = co.coverage(problem, robot)
+        at = table[["step", *co.State._fields]].itertuples(index=False, name=None)
+        own = table[[path[step] == tuple(state) for step, *state in at]]
+        for row in own.itertuples():
+            key = (0 if over_time else row.step, row.actor, row.face, row.weight)
+            seen[key] = seen.get(key, 0.0) + row.pixels
+    reward = sum(key[-1] * pixels**0.5 for key, pixels in seen.items())
+    verdict = co.check(problem, plan)
+    assert reward == pytest.approx(verdict.reward - verdict.reward_moves, rel=1e-12)
+    with pytest.raises(ValueError, match=r"robot: must be a number from 0 to \d, not -1"):
+        co.coverage(problem, -1)
+
+
 def test_registries_are_read_only() -> None:
     """What is stored knows planners and scenes by name, so no name means another thing later."""
     for registry in (co.PLANNERS, co.SCENES, co.BOUNDS, co.EXACT, co.FORMATS):

@@ -1,8 +1,9 @@
 """The functions of the face, `import cocap_opt as co`, a module for each of its subjects.
 
 `methods` has those that plan, bound and solve; `judging` those that check and verify, `explaining`
-those that tell what a gap is made of; `measuring` has the gap table, `flying` the flights of plans,
-`showing` the player, and `files` what is read and written. `arguments` judges what they are given.
+those that tell what a gap is made of; `covering` has what drones see, `measuring` the gap table,
+`flying` the flights of plans, `showing` the player, and `files` what is read and written.
+`arguments` judges what they are given.
 """
 
-__all__ = ["explaining", "files", "flying", "judging", "measuring", "methods", "showing"]
+__all__ = ["covering", "explaining", "files", "flying", "judging", "measuring", "methods", "showing"]
