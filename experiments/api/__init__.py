@@ -6,4 +6,13 @@ those that tell what a gap is made of; `covering` has what drones see, `measurin
 `arguments` judges what they are given.
 """
 
-__all__ = ["covering", "explaining", "files", "flying", "judging", "measuring", "methods", "showing"]
+__all__ = [
+    "covering",
+    "explaining",
+    "files",
+    "flying",
+    "judging",
+    "measuring",
+    "methods",
+    "showing",
+]

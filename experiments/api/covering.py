@@ -6,7 +6,7 @@ import numpy as np
 
 from cocap_opt.experiments.api.arguments import require_problem
 from cocap_opt.model import compiled
-from cocap_opt.problem import Problem, State
+from cocap_opt.problem import Problem
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,15 +54,14 @@ def coverage(problem: Problem, robot: int = 0) -> "pd.DataFrame":
     start = graph.index(problem.robots[robot].start)
     can_be_in = graph.reachable([start], problem.horizon).reshape(-1)[table.nodes]
     position, entries = table.entries(table.nodes[can_be_in])
-    steps, states = np.divmod(table.nodes[can_be_in], graph.n_states)
+    steps, states = np.divmod(table.nodes[can_be_in][position], graph.n_states)
+    orientations, places = np.divmod(states, graph.n_places)
+    headings, pitches = np.divmod(orientations, graph.shape[1])
+    layers, x, y = graph.coordinates(places)
     view_sums = table.view_sums[entries]
     faces = view_sums % len(owner)
-    own_states = np.array([graph.state(int(state)) for state in states]).reshape(-1, 5)
-    frame = DataFrame(own_states[position], columns=list(State._fields))
-    frame.insert(0, "step", steps[position])
-    return frame.assign(
-        actor=owner[faces],
-        face=faces - np.searchsorted(owner, owner[faces]),
-        pixels=table.pixels[entries],
-        weight=problem.view_sum_weights[view_sums],
-    )
+    return DataFrame({
+        "step": steps, "x": x, "y": y, "layer": layers, "heading": headings, "pitch": pitches,
+        "actor": owner[faces], "face": faces - np.searchsorted(owner, owner[faces]),
+        "pixels": table.pixels[entries], "weight": problem.view_sum_weights[view_sums],
+    })  # fmt: skip

@@ -45,6 +45,7 @@ from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.stop import Interrupt, Stop
 
@@ -120,6 +121,7 @@ def _bound(
     with Interrupt.caught() as interrupt:
         judged = task.certified(seed, method, allowance.begin(interrupt), OPTIMALITY, trace)
         answer = task.answer(seed, method, judged)
+        _say(answer, task.surpassed(judged))
         _save(answer, "certificate", {"file": (output, judged.result.certificate)})
     print_result({**answer, **judged.result.statistics}, json)
     return 0
@@ -232,6 +234,18 @@ class _Task(NamedTuple):
             save_bytes(path, trace.text.encode())
         return judged
 
+    def surpassed(self, judged: Judged[CertifiedResult]) -> str:
+        """Says that the search has a better plan than the start, which a bound does not write."""
+        if self.start is None or not judged.valid:
+            return ""
+        given = check(self.problem, self.start).reward
+        if judged.reward <= given + OPTIMALITY * abs(given):
+            return ""
+        return (
+            f"reward and gap are those of a better plan than the start, whose J is {given:,.2f}: "
+            "`solve --start` with -o writes it"
+        )
+
     def answer(self, seed: int, method: str, judged: Judged[CertifiedResult]) -> Record:
         """Returns what the command prints."""
         judged.warn(self.problem, seed, method)
@@ -251,6 +265,11 @@ def _check_outputs(paths: Mapping[str, Path | None], *inputs: str | Path | None)
             raise UsageError(f"{option}: must be another file than {other}, not {path}")
 
 
+def _say(answer: Record, words: str) -> None:
+    """Adds words to the message of an answer."""
+    answer["message"] = "; ".join(filter(None, (answer["message"], words)))
+
+
 _Wanted = tuple[Path | None, msgspec.Struct | None]  # a file, and its content if there is one
 
 
@@ -264,8 +283,7 @@ def _save(answer: Record, noun: str, files: Mapping[str, _Wanted]) -> None:
             answer[key] = path
         elif path is not None:
             kind = noun if key == "file" else key
-            said = f"{path} was not written: there is no {kind}"
-            answer["message"] = "; ".join(filter(None, (answer["message"], said)))
+            _say(answer, f"{path} was not written: there is no {kind}")
     try:
         write_atomically(contents)
     except OSError as error:

@@ -215,6 +215,8 @@ class _Claims(NamedTuple):
         if self.bounds:
             proved = math.isfinite(verified.bound)
             found |= {"method": verified.method, "bound": verified.bound if proved else None}
+            if verified.understated:
+                found["bound_proved"] = verified.proved_bound
             if verified.proved is not None and verified.proved.second_opinion is not None:
                 found |= {
                     "bound_by_sweep": _finite(verified.proved.pricing.bound),

@@ -129,6 +129,16 @@ class Verified:
         return math.inf if self.proved is None else self.proved.file.proved
 
     @property
+    def proved_bound(self) -> float:
+        """What the numbers of the lowest bound's file prove, which may be less than it claims."""
+        return math.inf if self.proved is None else self.proved.pricing.bound
+
+    @property
+    def understated(self) -> bool:
+        """Returns True if the numbers prove clearly less than the file claims."""
+        return self.bound - self.proved_bound > OPTIMALITY * abs(self.bound)
+
+    @property
     def method(self) -> str | None:
         """The method that made the bound."""
         return None if self.proved is None else self.proved.file.method

@@ -690,6 +690,32 @@ def test_a_start_is_used_or_rejected_with_the_reason(
         assert str(wrong) in run.err
 
 
+def test_a_bound_says_that_it_has_a_better_plan_than_the_start(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its gap is that of the plan it has found, which `bound` does not write."""
+    start = tmp_path / "start.json"
+    Run(capsys, "plan", "tiny-queue", "--planner", "sequential", "-o", start)
+    run = Run(capsys, "bound", "tiny-queue", "--start", start, "--json")
+    best = Run(capsys, "solve", "tiny-queue", "--json").json["reward"]
+    assert run.json["reward"] == pytest.approx(best)
+    assert "a better plan than the start" in run.json["message"]
+
+
+def test_verify_says_what_the_numbers_of_a_cautious_claim_prove(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A claim may be higher than what is proved; then both are told."""
+    path = tmp_path / "bound.json"
+    Run(capsys, "bound", "tiny-queue", "-o", path)
+    assert "bound_proved" not in Run(capsys, "verify", "tiny-queue", path, "--json").json
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps(content | {"bound": 1.5 * content["bound"]}))
+    found = Run(capsys, "verify", "tiny-queue", path, "--json").json
+    assert found["bound"] == pytest.approx(1.5 * content["bound"])
+    assert found["bound_proved"] == pytest.approx(content["bound"], rel=1e-6)
+
+
 def test_a_foreign_start_brings_its_own_scene(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
