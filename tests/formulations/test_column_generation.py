@@ -425,6 +425,7 @@ def test_no_report_has_a_bound_below_its_plan() -> None:
     assert all(snapshot.bound >= snapshot.value for snapshot in seen)
 
 
+@pytest.mark.slow
 def test_a_class_too_large_for_envelope_cuts_is_bounded_without() -> None:
     """The separation of envelopes once failed where its only class had too many robots."""
     starts = [State(x, y) for x in range(7) for y in range(7)]
