@@ -5,6 +5,7 @@ rows whose values are already text, so that all formats show the same.
 """
 
 import math
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 from typing import TYPE_CHECKING
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Table = list[dict[str, str]]
+_HEADING = 12  # characters of a line of a heading in LaTeX
 _LARGE = 1000  # rewards from which on no decimals are shown
 AGAINST = "sequential"  # what the paper compares itself with
 PLANNERS, DIFFERENCES, PRICE, TIME = (
@@ -68,16 +70,9 @@ class Tables(dict[str, Table]):
         return "\n".join(f"## {title}\n\n{text}\n" for title, text in texts.items())
 
     def latex(self) -> str:
-        """Returns them in LaTeX (package booktabs) with their titles as captions."""
+        """Returns them in LaTeX (package booktabs), as wide as two columns, with captions."""
         return "% \\usepackage{booktabs}\n" + "\n".join(
-            _frame(table).to_latex(
-                index=False,
-                escape=True,
-                caption=title,
-                position="ht",
-                column_format="ll" + "r" * (len(table[0]) - 2),
-            )
-            for title, table in self.items()
+            _latex_table(title, _frame(table)) for title, table in self.items()
         )
 
     def html(self, level: int = 2) -> str:
@@ -95,6 +90,29 @@ DOCUMENTS: Mapping[str, Callable[[Tables], str]] = {
     "latex": Tables.latex,
     "html": Tables.html,
 }
+
+
+def _latex_table(title: str, frame: "pd.DataFrame") -> str:
+    """Returns a table in small type whose headings are stacked, so that it fits across a page."""
+    text: str = frame.to_latex(
+        index=False,
+        escape=True,
+        caption=title,
+        label="tab:" + title.lower().replace(" ", "-"),
+        position="ht",
+        column_format="ll" + "r" * (len(frame.columns) - 2),
+    )
+    header = text.split("\\toprule\n")[1].splitlines()[0]
+    cells = header.removesuffix(" \\\\").split(" & ")
+    text = text.replace(header, " & ".join(map(_stacked, cells)) + " \\\\", 1)
+    small = "\\begin{table*}[ht]\n\\centering\\footnotesize\\setlength{\\tabcolsep}{3pt}"
+    return text.replace("\\begin{table}[ht]", small).replace("\\end{table}", "\\end{table*}")
+
+
+def _stacked(heading: str) -> str:
+    """Returns a heading with a line for every few words."""
+    lines = textwrap.wrap(heading, _HEADING, break_long_words=False)
+    return heading if len(lines) < 2 else "\\shortstack{" + r"\\".join(lines) + "}"
 
 
 def _frame(table: Table) -> "pd.DataFrame":

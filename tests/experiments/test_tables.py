@@ -201,6 +201,23 @@ def test_names_are_escaped(style: str, name: str) -> None:
     assert all(title in text for title in ("Planners", "Paired differences", "Price", "Time"))
 
 
+def test_latex_tables_fit_across_a_page() -> None:
+    """Headings are stacked, so that eleven columns take no more than some 120 small letters."""
+    text = DOCUMENTS["latex"](Tables.of(ROWS))
+    assert (
+        text.count(r"\begin{table*}") == text.count(r"\end{table*}") == text.count(r"\label{tab:")
+    )
+    for body in text.split(r"\toprule")[1:]:
+        lines = [line for line in body.split(r"\bottomrule")[0].splitlines() if " & " in line]
+        cells = [line.removesuffix(r" \\").split(" & ") for line in lines]
+        assert len({len(row) for row in cells}) == 1
+        parts = [
+            [re.split(r"\\\\", cell.removeprefix(r"\shortstack{")) for cell in row] for row in cells
+        ]
+        widths = [max(len(part) for row in parts for part in row[k]) for k in range(len(parts[0]))]
+        assert sum(widths) <= 125, widths
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a small sweep."""
