@@ -3,12 +3,11 @@
 from pathlib import Path
 
 from cocap_opt.experiments.report.player import Player
-from cocap_opt.planners import PLANNERS, RECOMMENDED
-from cocap_opt.scenarios import SCENES, load_scene
-from cocap_opt.stop import TimeLimit
+from cocap_opt.experiments.studies.drawings import recommended
+from cocap_opt.planners import RECOMMENDED
+from cocap_opt.scenarios import SCENES
 
 SHOWN = ("corridor", "bottleneck", "passage", "bridge", "field")
-_SECONDS = 20.0  # for each plan; they take a second
 
 
 def gallery_in_markdown() -> str:
@@ -29,7 +28,5 @@ def write_players(folder: Path) -> None:
     """Plans each scene of the gallery, and writes its player into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in SHOWN:
-        problem = load_scene(name, 0)
-        plan = PLANNERS[RECOMMENDED](problem, TimeLimit(_SECONDS)).plan
-        assert plan is not None, f"{name}: has no plan"
+        problem, plan = recommended(name)
         Player(problem, [(RECOMMENDED, plan)]).save(folder / f"{name}.html")

@@ -264,7 +264,7 @@ def picture(figure: Figure, suffix: str) -> bytes:
     suffix : one of PICTURES; text in a PDF stays text
     """
     content = io.BytesIO()
-    FigureCanvasAgg(figure)
+    canvas = FigureCanvasAgg(figure)
     for text in figure.findobj(Text):  # names of scenes and files may hold dollar signs
         text.set_parse_math(False)
         text.set_text(printable(text.get_text(), _SPACES))
@@ -274,7 +274,10 @@ def picture(figure: Figure, suffix: str) -> bytes:
         warnings.catch_warnings(),
     ):
         warnings.filterwarnings("ignore", "Glyph")  # names may have any letters
-        figure.savefig(content, format=suffix[1:])
+        if suffix == ".png":
+            canvas.print_png(content)  # `savefig` would draw twice, first for the layout alone
+        else:
+            figure.savefig(content, format=suffix[1:])
     return content.getvalue()
 
 

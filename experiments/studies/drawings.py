@@ -87,15 +87,16 @@ def _giving_way() -> bytes:
 
 
 def _top_view(scene: str, *steps: int) -> bytes:
-    return plan_picture(*_recommended(scene), _SUFFIX, steps)
+    return plan_picture(*recommended(scene), _SUFFIX, steps)
 
 
 def _view() -> bytes:
-    return drone_view(*_recommended("bottleneck"), robot=0, t=5, width=500)
+    return drone_view(*recommended("bottleneck"), robot=0, t=5, width=500)
 
 
-@cache
-def _recommended(scene: str) -> tuple[Problem, Plan]:
+@cache  # the gallery shows the plans of pictures, too
+def recommended(scene: str) -> tuple[Problem, Plan]:
+    """Returns a scene, with seed 0, and its plan by the recommended planner."""
     problem = load_scene(scene, 0)
     return problem, _plan(problem, RECOMMENDED)
 

@@ -953,7 +953,10 @@ EXTREMES: dict[str, Callable[[], Problem]] = {
 }
 
 
-@pytest.mark.parametrize("case", EXTREMES)
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(c, marks=[pytest.mark.slow] if c == "long horizon" else []) for c in EXTREMES],
+)
 def test_extreme_problems(case: str) -> None:
     """Problems at the edge of what is allowed keep the contract, for every planner."""
     problem = EXTREMES[case]()

@@ -217,6 +217,7 @@ def test_what_bounds_all_plans_bounds_those_that_obey_the_rules(
         assert Run(capsys, "verify", "tiny-share", tmp_path / path, *option).code == 0
 
 
+@pytest.mark.slow
 def test_a_scene_without_rules_is_bounded_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

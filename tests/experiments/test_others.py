@@ -350,6 +350,7 @@ def test_stored_rewards_are_held_against_stored_plans(meeting: Path, frame: int 
         assert "rewards of assignment, formation are those" in text
 
 
+@pytest.mark.slow
 def test_drones_in_one_cell_are_counted_where_no_rule_forbids_it(meeting: Path) -> None:
     """Their plans and ours have the same column, which asks for no rule of the scene."""
     paths = [[(1, 1, "NE")] * 3, [(1, 1, "NE"), (1, 1, "NE"), (2, 1, "NE")]]

@@ -779,6 +779,7 @@ def test_seeds_that_change_nothing_are_one(
     assert found == {("tiny-share", 0), ("corridor", 0), ("corridor", 1), ("corridor", 2)}
 
 
+@pytest.mark.slow
 def test_an_error_is_no_success(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -241,6 +241,14 @@ def test_the_best_cut_is_valid_and_no_weaker_than_single_view(seed: int, robots:
         assert math.sqrt(float((at**2).sum())) <= above * (1 + 1e-12)
 
 
+def test_a_class_too_large_for_any_breakpoints_has_no_cut() -> None:
+    """With 49 drones even two breakpoints are too many; the separation once failed there."""
+    seen = Seen(np.zeros(2, dtype=np.int64), np.array([2.0, 8.0]), np.array([20.0, 20.0]))
+    largest = np.array([10.0])
+    assert seen.best_cut(0, largest, (40,)) is not None
+    assert seen.best_cut(0, largest, (49,)) is None
+
+
 @examples(30)
 @given(seed=st.integers(0, 10_000))
 def test_the_best_cut_of_disaggregated_robots_is_the_best_coupling(seed: int) -> None:

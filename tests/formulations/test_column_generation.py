@@ -1,7 +1,5 @@
 """The parts of column generation and branch-and-price one by one."""
 
-import math
-
 import numpy as np
 import pytest
 from brute_force import optimum
@@ -42,12 +40,11 @@ from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import objective
-from cocap_opt.problem import Actor, Plan, Problem, Robot, State
+from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import FirstOf, Limit, LimitReached, WorkLimit, never
-from cocap_opt.world.workspace import HeightMap
 
 
 def obeying(model: Model) -> list[Column]:
@@ -423,26 +420,3 @@ def test_no_report_has_a_bound_below_its_plan() -> None:
     branch_and_price(load_scene("corridor-tight", 0), report=seen.append)
     assert len(seen) > 2
     assert all(snapshot.bound >= snapshot.value for snapshot in seen)
-
-
-@pytest.mark.slow
-def test_a_class_too_large_for_envelope_cuts_is_bounded_without() -> None:
-    """The separation of envelopes once failed where its only class had too many robots."""
-    starts = [State(x, y) for x in range(7) for y in range(7)]
-    poses = np.array([[4.5, 4.5, 0.0, 0.3], [4.6, 4.5, 0.0, 0.5]])
-    problem = Problem(
-        name="crowd",
-        height_map=HeightMap(heights=np.zeros((8, 8))),
-        robots=tuple(Robot(start=start) for start in starts),
-        actors=(Actor(poses=poses),),
-        horizon=1,
-    )
-    result = column_generation(problem, WorkLimit(20))
-    assert result.certificate is not None
-    assert check(problem, stay(problem)).reward <= result.bound < math.inf
-    assert verify(problem, result.certificate).bound == result.bound
-
-
-def stay(problem: Problem) -> Plan:
-    """The plan in which nobody moves."""
-    return Plan(paths=tuple((robot.start,) * (problem.horizon + 1) for robot in problem.robots))

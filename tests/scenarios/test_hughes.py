@@ -208,7 +208,7 @@ def test_their_greedy_paths_are_optima_of_their_planning_reward(name: str) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", THEIRS)
+@pytest.mark.parametrize("name", THEIRS[:2])
 def test_their_myopic_plans_are_found_again(name: str) -> None:
     """Our myopic planner has the reward of theirs at every step, to 12 digits."""
     place = data(f"hughes/{name}")
