@@ -275,7 +275,8 @@ def picture(figure: Figure, suffix: str) -> bytes:
     ):
         warnings.filterwarnings("ignore", "Glyph")  # names may have any letters
         if suffix == ".png":
-            canvas.print_png(content)  # `savefig` would draw twice, first for the layout alone
+            # `savefig` would draw twice, first for the layout alone.
+            canvas.print_png(content)  # type: ignore[no-untyped-call]
         else:
             figure.savefig(content, format=suffix[1:])
     return content.getvalue()
