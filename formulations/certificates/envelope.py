@@ -25,7 +25,8 @@ from cocap_opt.data import FloatArray, IntArray
 
 MOST_CORNERS = 20_000  # partial corners that are kept apart where a cut's constant is found
 STAGE_CHOICES = 10_000  # multisets of breakpoints of a class that are gone through at once
-TANGENTS = 16  # tangents of the root, from which bounds on completions are taken
+# Pixels, as shares of the most, at which tangents of the root bound completions.
+_TANGENTS = np.geomspace(1e-4, 1.0, 16)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +149,9 @@ class Corners:
         ----------
         thin : drops more of the partial corners after each stage
         """
-        thetas = 0.5 / np.sqrt(max(self._most_pixels, 1e-300) * np.geomspace(1e-4, 1.0, TANGENTS))
+        thetas = 0.5 / np.sqrt(max(self._most_pixels, 1e-300) * _TANGENTS)
         gains = [(s.pixels * thetas[:, None] - s.values).max(axis=1) for s in self._stages]
-        rest = np.cumsum([np.zeros(TANGENTS), *gains[::-1]], axis=0)[::-1] + 0.25 / thetas
+        rest = np.cumsum([np.zeros(len(thetas)), *gains[::-1]], axis=0)[::-1] + 0.25 / thetas
         pixels, values = np.zeros(1), np.zeros(1)
         steps: list[tuple[IntArray, IntArray]] = []
         for k, stage in enumerate(self._stages):

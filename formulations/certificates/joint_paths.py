@@ -140,11 +140,13 @@ class _Ways:
         self, t: int, tails: Sequence[Placed], heads: Sequence[Placed]
     ) -> tuple[Placed, ...] | None:
         """Returns where each robot goes so that together they are in `heads`; None if it fails."""
-        options = [
-            [k for k, (n, state) in enumerate(heads)
-             if n == number and state in self._heads(t, number, tail)]
-            for number, tail in tails
-        ]  # fmt: skip
+        options: list[list[int]] = []
+        for number, tail in tails:
+            ahead = self._heads(t, number, tail)
+            own = [k for k, (n, state) in enumerate(heads) if n == number and state in ahead]
+            if not own:
+                return None
+            options.append(own)
         order = sorted(range(len(tails)), key=lambda robot: len(options[robot]))
         chosen: dict[int, int] = {}
 

@@ -160,6 +160,16 @@ class Narrowing:
         left: IntArray = np.sum([some.sum(axis=1) for some in self.left], axis=0)
         return left
 
+    @property
+    def joint_states_left(self) -> float:
+        """Number of joint states of all steps, conflicts included."""
+        first, sizes = self.model.problem.first_step, self.model.class_sizes
+        per_step = np.array([some.sum(axis=1) for some in self.left]).T[first:].tolist()
+        return sum(
+            math.prod(float(math.comb(n + k - 1, k)) for n, k in zip(left, sizes, strict=True))
+            for left in per_step
+        )
+
     def rest(self, t: int, states: Iterable[tuple[int, int]]) -> float:
         """Returns what plans above the target can still be worth after a step, at most.
 

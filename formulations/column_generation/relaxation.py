@@ -83,6 +83,7 @@ class Relaxation:
         others: float = -np.inf,
         nodes: int = 0,
         rounds: int = MOST_CUT_ROUNDS,
+        until_cuts: bool = False,
     ) -> None:
         """Solves and prices in turn until the bound is at most the cutoff, or has converged.
 
@@ -93,6 +94,7 @@ class Relaxation:
         others, nodes : largest bound of the other nodes and how many have been solved, for
             the report
         rounds : most rounds of cuts
+        until_cuts : return where cuts would be looked for
 
         Raises
         ------
@@ -122,7 +124,7 @@ class Relaxation:
                     return
                 self._raise_penalty()
                 continue
-            if not may_cut:
+            if not may_cut or until_cuts:
                 return
             gain, before = before - self.best.bound, self.best.bound
             tailing = self.cut_rounds > 0 and self._is_tailing(gain, open_)

@@ -19,6 +19,9 @@ LEAST_AMOUNT = 0.01  # of a robot, from which on a column is in the first master
 MOST_DISAGGREGATED = 20_000_000  # robots x steps x states up to which robots are disaggregated
 LEAST_GAIN = 0.12  # of what is open, that the first cuts of disaggregated robots must close,
 # times by how much they make the master larger
+# Joint states of all steps, up to which step envelopes are tried before any cuts. The bottleneck
+# has fewer, and is proved in half of the time; the passage has more, and would take longer.
+FEW_JOINT_STATES = 2e7
 LAST_LOOK = 10  # iterations' worth of best responses, for plans once the root is solved
 LAST_LOOK_FAR = 35  # as many where the root is far from proved: fixing needs a good plan
 FAR = 0.003  # gap that no tree closes soon: any gain is welcome, if it is more than
@@ -61,7 +64,10 @@ class Root:
         if self.relaxation.best.bound > -np.inf:
             mixture = self._ascend()
             self._begin(mixture)
-            self.relaxation.solve(self.cutoff, self.rough)
+            self.relaxation.solve(self.cutoff, self.rough, until_cuts=True)
+            self._try_step_envelopes(FEW_JOINT_STATES)
+            if not self.search.is_proved(self.cutoff()):
+                self.relaxation.solve(self.cutoff, self.rough)
 
     def _ascend(self) -> Mixture:
         """Raises a mixture until it is within ENOUGH of the best bound; raises LimitReached."""
@@ -95,12 +101,11 @@ class Root:
             At a limit; `relaxation` is then the one that was being solved.
         """
         self.solve_aggregated()
-        if self.relaxation.is_stuck or self.relaxation.best.bound <= self.cutoff():
+        if self.relaxation.is_stuck or self._is_closed():
             return
         self.search.allow_responses(LAST_LOOK_FAR if self._is_far() else LAST_LOOK)
         self.relaxation.look_for_plans()
-        columns = self.relaxation.master.used_columns(MOST_IDLE)
-        step_envelopes(self.search, self.relaxation.best.duals, self.cutoff, columns)
+        self._try_step_envelopes()
         if self.search.is_proved(self.cutoff()) or not self._can_disaggregate():
             return
         aggregated = self.relaxation
@@ -117,6 +122,18 @@ class Root:
         if self.relaxation.best.bound < aggregated.best.bound:
             aggregated.search.offer_spare(self.relaxation.certificate("column-generation"))
         self.relaxation = aggregated
+
+    def _try_step_envelopes(self, most_joint: float = np.inf) -> None:
+        """Looks for a lower bound by step envelopes, unless too many joint states are left."""
+        if not self.relaxation.is_stuck and not self._is_closed():
+            columns = self.relaxation.master.used_columns(MOST_IDLE)
+            duals = self.relaxation.best.duals
+            step_envelopes(self.search, duals, self.cutoff, columns, most_joint)
+
+    def _is_closed(self) -> bool:
+        """Returns True if nothing is open."""
+        cutoff = self.cutoff()
+        return self.relaxation.best.bound <= cutoff or self.search.is_proved(cutoff)
 
     def _is_far(self) -> bool:
         """Returns True if the root leaves more open than a tree closes soon."""

@@ -15,6 +15,7 @@ in a joint state above the new constant (`certificates.narrowing`); so the searc
 alone. The next round's lists are those of the new payments.
 """
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
@@ -71,7 +72,11 @@ STALLED = 0.2  # likewise, for lists at all where there is another way
 
 
 def step_envelopes(
-    search: Search, duals: Duals, cutoff: Callable[[], float], columns: Iterable[Column] = ()
+    search: Search,
+    duals: Duals,
+    cutoff: Callable[[], float],
+    columns: Iterable[Column] = (),
+    most_joint: float = math.inf,
 ) -> None:
     """Offers the search a staged certificate of a lower bound, if it finds one.
 
@@ -81,6 +86,7 @@ def step_envelopes(
     duals : of the relaxation without decisions
     columns : good paths
     cutoff : bound at which nothing is open
+    most_joint : joint states of all steps, conflicts included; where more are left, nothing is done
 
     Raises
     ------
@@ -94,6 +100,9 @@ def step_envelopes(
     if states * (model.problem.horizon + 1) > MOST_STATES:
         return
     narrowing = Narrowing(model, duals.certificate(model), search.value)
+    narrowing.close_states()
+    if narrowing.joint_states_left > most_joint:
+        return
     steps = range(model.problem.first_step, model.problem.horizon + 1)
     known = Known.of(search.incumbent, steps, search.rng)
     for column in columns:
@@ -105,6 +114,7 @@ def step_envelopes(
     finally:
         if envelopes.stages and (file := envelopes.file()).proved < before - CLEARLY * abs(before):
             search.offer_spare(file)
+            search.report(search.snapshot(file.proved))
 
 
 @dataclass
@@ -137,7 +147,6 @@ class _Envelopes:
     def run(self, cutoff: Callable[[], float]) -> None:
         """Adds stages as long as they close something; raises LimitReached."""
         narrowing = self.narrowing
-        narrowing.close_states()
         for _ in range(MOST_ROUNDS):
             before = narrowing.pricing.bound
             open_ = before - cutoff()

@@ -53,7 +53,7 @@ from cocap_opt.formulations.certificates import (
 )
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
-from cocap_opt.formulations.relaxations.separation import Seen
+from cocap_opt.formulations.relaxations.separation import MOST_BREAKPOINTS, Seen
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State
@@ -247,6 +247,20 @@ def test_a_class_too_large_for_any_breakpoints_has_no_cut() -> None:
     largest = np.array([10.0])
     assert seen.best_cut(0, largest, (40,)) is not None
     assert seen.best_cut(0, largest, (49,)) is None
+
+
+def test_cuts_of_robots_that_are_a_class_each_have_few_breakpoints() -> None:
+    """Of 36 different roots; the cut is valid and lower than what is known all the same."""
+    rng = np.random.default_rng(0)
+    classes, amounts = np.repeat(np.arange(3), 12), np.full(36, 0.04)
+    seen = Seen(classes, rng.uniform(1.0, 10.0, 36), amounts)
+    known = min(float(amounts @ seen.roots), math.sqrt(amounts @ seen.roots**2))
+    cut = seen.best_cut(0, np.full(3, 10.0), (1, 1, 1), known)
+    assert cut is not None and seen.height(cut) < known
+    assert sum(len(curve.roots) for curve in cut.curves.values()) <= MOST_BREAKPOINTS
+    for _ in range(200):
+        views = rng.uniform(0.0, 12.0, 3) * (rng.random(3) < 0.5)
+        assert np.linalg.norm(views) <= cut.constant + cut.phi_of(np.arange(3), views).sum() + 1e-9
 
 
 @examples(30)

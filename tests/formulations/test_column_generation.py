@@ -333,13 +333,23 @@ def test_a_mixture_is_split_by_view_sum() -> None:
 @pytest.mark.parametrize("units", [0, 1, pytest.param(5, marks=pytest.mark.slow)])
 def test_a_work_limit_makes_the_same_search_every_time(units: int) -> None:
     """Pricing rounds are counted, not seconds: plan, bound and statistics are the same again."""
-    problem = load_scene("bottleneck", 0)
+    problem = load_scene("passage", 0)
     one, other = (column_generation(problem, WorkLimit(units)) for _ in range(2))
     assert (one.reason, one.limit) == (Reason.STOPPED, Limit.WORK)
     assert one.statistics["iterations"] == units
     assert (one.plan, one.bound, one.statistics) == (other.plan, other.bound, other.statistics)
     composed = column_generation(problem, FirstOf(never, WorkLimit(units)))
     assert (composed.plan, composed.bound) == (one.plan, one.bound)
+
+
+def test_few_joint_states_are_tried_before_any_cuts() -> None:
+    """The bottleneck is proved by step envelopes, so that its relaxation needs no cuts."""
+    problem = load_scene("bottleneck", 1)
+    search = Search(compiled(problem))
+    root = Root.of(search, 1e-6)
+    root.solve()
+    assert search.is_proved(root.cutoff())
+    assert root.relaxation.cut_rounds == 0 and not root.relaxation.master.cuts
 
 
 @pytest.mark.parametrize("asked", [1, 3, 20, 60])

@@ -292,6 +292,27 @@ def optimum_of_tiny() -> float:
     return optimum(tiny()).value
 
 
+def test_step_envelopes_can_be_asked_for_few_joint_states_only() -> None:
+    """As many as multisets of the states that are left; where there are more, nothing is done."""
+    problem = load_scene("bottleneck", 0).replace(horizon=5)
+    search = Search(compiled(problem))
+    search.use_start(branch_and_price(problem).plan)
+    root = Root.of(search, OPTIMALITY)
+    for column in search.alone.columns:
+        root.relaxation.master.add(column)
+    root.relaxation.solve(root.cutoff, until_cuts=True)
+    duals = root.relaxation.best.duals
+    narrowing = Narrowing(search.model, duals.certificate(search.model), search.value)
+    narrowing.close_states()
+    (robots,) = search.model.class_sizes
+    joint = sum(math.comb(int(n) + robots - 1, robots) for n in narrowing.states_left[1:])
+    assert narrowing.joint_states_left == joint > 0
+    step_envelopes(search, duals, root.cutoff, (), joint - 1)
+    assert search.spare is None
+    step_envelopes(search, duals, root.cutoff, (), joint)
+    assert search.spare is not None and search.spare.proved < root.relaxation.best.bound
+
+
 def replace_stages(staged: Staged, model: Model, rng: np.random.Generator) -> Staged:
     """The same certificate with two stages, of payments and constants."""
     steps = range(model.problem.first_step, model.problem.horizon + 1)
