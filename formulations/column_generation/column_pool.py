@@ -37,38 +37,74 @@ class LocalOptimum(NamedTuple):
 
 
 class _Choice(NamedTuple):
-    """The columns of one robot, for quick comparison."""
+    """The columns of one robot, for quick comparison.
+
+    Its columns have most of their states in common, so that gains are computed state by state, once
+    for all columns. Where pixels add up over time, a column has only one part: all of it.
+    """
 
     columns: list[Column]
     number_of: dict[Path, int]
     amounts: FloatArray  # [n] how much of the robot takes each column, at least LEAST_AMOUNT
-    view_sums: IntArray  # [z] of which any column sees anything, increasing
-    pixels: FloatArray  # [n, z] px/m2
     bonus: FloatArray  # [n] rewards for moves
+    parts: IntArray  # [n, k] numbers of the parts of which each column is made
+    entries: "_Entries"
 
     @classmethod
     def of(cls, model: Model, columns: dict[Path, Column], amounts: dict[Path, float]) -> "_Choice":
         """Returns the columns of one robot, by their paths, with their amounts."""
         own = [*columns.values()]
-        view_sums = np.unique(np.concatenate([column.view_sums for column in own]))
-        pixels = np.zeros((len(own), len(view_sums)))
-        for row, column in zip(pixels, own, strict=True):
-            row[np.searchsorted(view_sums, column.view_sums)] = column.pixels
         shares = np.maximum([amounts[path] for path in columns], LEAST_AMOUNT)
         bonus = np.array([_bonus(model, column) for column in own])
         numbers = {path: k for k, path in enumerate(columns)}
-        return cls(own, numbers, shares, view_sums, pixels, bonus)
+        over_time = model.problem.objective.over_time
+        parts, entries = (_whole if over_time else _states)(model, own)
+        return cls(own, numbers, shares, bonus, parts, entries)
 
-    def worth(self, seen: FloatArray, weights: FloatArray) -> FloatArray:
-        """Returns what each column [n] is worth beside what others see [Z], but for a constant."""
-        together: FloatArray = np.sqrt(seen[self.view_sums] + self.pixels)
-        worth: FloatArray = together @ weights[self.view_sums] + self.bonus
+    def worth(self, seen: FloatArray) -> FloatArray:
+        """Returns what each column [n] gains beside what others see [Z]."""
+        of, view_sums, pixels, weights = self.entries
+        others = seen[view_sums]
+        gains = weights * (np.sqrt(others + pixels) - np.sqrt(others))
+        by_part = np.bincount(of, gains, minlength=int(self.parts.max()) + 1)
+        worth: FloatArray = by_part[self.parts].sum(axis=1) + self.bonus
         return worth
 
     def shuffled(self, rng: np.random.Generator) -> Iterator[Column]:
         """Yields the columns in a random order, each the next in proportion to its amount."""
         for k in np.argsort(rng.exponential(size=len(self.columns)) / self.amounts).tolist():
             yield self.columns[k]
+
+
+class _Entries(NamedTuple):
+    """What the parts of columns see, entry by entry."""
+
+    of: IntArray  # number of the part
+    view_sums: IntArray
+    pixels: FloatArray  # px/m2
+    weights: FloatArray  # of the view sum
+
+
+def _states(model: Model, columns: Sequence[Column]) -> tuple[IntArray, _Entries]:
+    """Returns the numbers [n, T+1] of the states on each robot's columns, and what they see."""
+    robot_class = model.class_of[columns[0].robot]
+    table, n_states = model.coverage(robot_class), robot_class.graph.n_states
+    paths = np.array([column.path for column in columns])
+    nodes, numbers = np.unique(paths + np.arange(paths.shape[1]) * n_states, return_inverse=True)
+    of, at = table.entries(nodes)
+    view_sums = table.view_sums[at]
+    weights = model.problem.view_sum_weights[view_sums]
+    return numbers.reshape(paths.shape), _Entries(of, view_sums, table.pixels[at], weights)
+
+
+def _whole(model: Model, columns: Sequence[Column]) -> tuple[IntArray, _Entries]:
+    """Returns the numbers [n, 1] of columns, and what they see."""
+    numbers = np.arange(len(columns))
+    view_sums = np.concatenate([column.view_sums for column in columns])
+    of = np.repeat(numbers, [len(column.view_sums) for column in columns])
+    pixels = np.concatenate([column.pixels for column in columns])
+    weights = model.problem.view_sum_weights[view_sums]
+    return numbers[:, None], _Entries(of, view_sums, pixels, weights)
 
 
 class ColumnPool:
@@ -145,7 +181,7 @@ class ColumnPool:
         self, choice: _Choice, columns: Sequence[Column], seen: FloatArray, own: Column
     ) -> Column:
         """Returns a robot's best column beside all others'; its own unless one is better."""
-        worth = choice.worth(seen, self.model.problem.view_sum_weights)
+        worth = choice.worth(seen)
         others = [column for column in columns if column is not own]
         least = worth[choice.number_of[own.path]]
         least += _GAIN * abs(least)
