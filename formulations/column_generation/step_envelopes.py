@@ -51,7 +51,7 @@ METHOD = "step-envelopes"
 MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
 MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
 MOST_AT_A_STEP = 1_000
-FEW_STATES_LEFT = 4_000  # over all steps: beyond it, lists are faster, where there can be any
+FEW_STATES_LEFT = 6_000  # over all steps: beyond it, lists are faster, where there can be any
 LISTED_SLACK = 1.4  # of what is open per step: of states that are listed where more are left
 MOST_LISTED = 600  # at a step
 # A search of so many nodes is long. The next list of its step is shorter, by this power of how many
@@ -75,7 +75,6 @@ FEW_TRIED, MANY_TRIED = 20_000, 200_000  # pairs of joint states
 CLEARLY = 1e-9  # of the bound, that stages must take off it
 LEAST_ROUND = 0.05  # of what is open, that a round must close for another one
 LEAST_LISTED = 0.1  # likewise, for lists that stay as long as they are
-STALLED = 0.2  # likewise, for lists at all where there is another way
 
 
 def step_envelopes(
@@ -127,7 +126,7 @@ class _Envelopes:
     long_search : number of nodes from which on a search is long
     most_listed : at the steps whose searches took long
     is_far : true if much was open at first
-    lists_stall : true once a round with long lists has closed little
+    lists_stall : true once a round with the longest lists has closed little
     """
 
     search: Search
@@ -167,9 +166,9 @@ class _Envelopes:
             listed = not self._is_small()
             self._pay(cutoff)
             closed = (before - narrowing.pricing.bound) / open_
-            self.lists_stall |= listed and self.longer > LONGER and closed < STALLED
             may_be_longer = listed and self.long_search <= LONGEST_SEARCH
             if listed and closed < LEAST_LISTED:
+                self.lists_stall |= not may_be_longer
                 self._lengthen()
             if closed < LEAST_ROUND and not may_be_longer:
                 break
