@@ -6,6 +6,7 @@ interrupted; the tests hold it to the plain one. Without numba (extra `fast`) th
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -19,11 +20,18 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 if TYPE_CHECKING:
     from cocap_opt.formulations.certificates.search_kernel import Data, Memory
 
+_KERNEL = "cocap_opt.formulations.certificates.search_kernel"
+
 
 @cache
 def is_there() -> bool:
     """Returns True if numba is installed."""
     return find_spec("numba") is not None
+
+
+def is_loaded() -> bool:
+    """Returns True if the compiled search has been used, so that it is loaded."""
+    return _KERNEL in sys.modules
 
 
 @dataclass(eq=False)
@@ -110,6 +118,13 @@ class Running:
         return bool(self.memory.progress[IS_DONE])
 
     @property
+    def nodes(self) -> int:
+        """Number of nodes of the tree so far."""
+        from cocap_opt.formulations.certificates.search_kernel import NODES
+
+        return int(self.memory.progress[NODES])
+
+    @property
     def _n_found(self) -> int:
         from cocap_opt.formulations.certificates.search_kernel import FOUND
 
@@ -123,7 +138,7 @@ def _beginning(data: Data, highest: FloatArray, most_found: int) -> Memory:
     depths, n_classes = data.counts.shape
     robots, n, n_faces = depths - 1, len(data.class_of), len(data.weights)
     return Memory(
-        progress=np.array([0, 1, 0, 0]),
+        progress=np.array([0, 1, 0, 0, 0]),
         states=np.tile(np.arange(n), (depths, 1)),
         numbers=np.tile([n, 0], (depths, 1)),
         child=np.zeros(depths, dtype=np.int64),

@@ -54,6 +54,7 @@ class Highest(NamedTuple):
 
     height: float  # or the least one wanted, if none is higher
     positions: tuple[int, ...] = ()  # of its states; none if none is higher
+    nodes: int = 0  # of the tree
 
 
 class Ceiling(NamedTuple):
@@ -201,7 +202,7 @@ class JointStates:
             At a limit.
         """
         search = self._searched(wanted, stop)
-        return Highest(search.best, search.positions)
+        return Highest(search.best, search.positions, search.nodes)
 
     def all_that_count(self, most_nodes: int, stop: Stop = never) -> list[tuple[int, ...]]:
         """Returns the positions of the states of all joint states that count.
@@ -216,7 +217,13 @@ class JointStates:
     def _searched(
         self, wanted: Wanted, stop: Stop, collects: bool = False
     ) -> "_PlainSearch | compiled_search.Running":
-        """Returns a search that has ended: a long one is begun again, compiled, where it can be."""
+        """Returns a search that has ended; a long one is begun again, compiled, where it can be.
+
+        Once the compiled search has been loaded, which takes longer than most searches, all are
+        compiled.
+        """
+        if compiled_search.is_loaded():
+            return self._run_compiled(wanted, stop, _MOST_FOUND if collects else 0)
         plain_nodes = _FEW_NODES if sum(self.sizes) >= _LARGE else _PLAIN_NODES
         is_long = (
             wanted.most_nodes > plain_nodes
@@ -237,7 +244,7 @@ class JointStates:
         self, wanted: Wanted, stop: Stop, most_found: int = 0
     ) -> compiled_search.Running:
         """Returns a compiled search that has ended."""
-        first, faces, pixels = self._sparse
+        first, faces, pixels = self.sparse
         running = compiled_search.Running.of(
             (first, faces, pixels, self.weights, self.payment, self.charge),
             self.class_of, self.sizes, self.conflict, self.ceilings, self.limits,
@@ -253,7 +260,7 @@ class JointStates:
         raise NotEndedError
 
     @cached_property
-    def _sparse(self) -> tuple[IntArray, IntArray, FloatArray]:
+    def sparse(self) -> tuple[IntArray, IntArray, FloatArray]:
         """The pixels in compressed sparse rows: first entry of each state [n+1], faces, pixels."""
         rows, faces = np.nonzero(self.pixels)
         return (
@@ -307,6 +314,7 @@ class _PlainSearch:
     best : largest height found, at first the least one wanted
     positions : of the states of the highest joint state; none if none is higher
     found : positions of the joint states that were collected
+    nodes : number of nodes of the tree so far
     """
 
     def __init__(self, joint: JointStates, wanted: Wanted, collects: bool = False) -> None:
@@ -315,7 +323,7 @@ class _PlainSearch:
         self.positions: tuple[int, ...] = ()
         self.found: list[tuple[int, ...]] = []
         self._floor = joint.floor - joint.margin
-        self._nodes = 0
+        self.nodes = 0
 
     def run(self, stop: Stop = never) -> None:
         """Goes through the tree; raises NotEndedError and LimitReached."""
@@ -326,10 +334,10 @@ class _PlainSearch:
 
     def _explore(self, node: _Node, stop: Stop) -> None:
         """Goes through all completions of a partial joint state that count and may be higher."""
-        self._nodes += 1
-        if self._nodes > self._most_nodes:
+        self.nodes += 1
+        if self.nodes > self._most_nodes:
             raise NotEndedError
-        if not self._nodes % 500:
+        if not self.nodes % 500:
             stop.check()
         own = next((c for c, n in enumerate(node.counts) if n), None)
         if own is None:

@@ -14,7 +14,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 
 # What each entry of `Memory.progress` is.
-DEPTH, IS_NEW, IS_DONE, FOUND = range(4)
+DEPTH, IS_NEW, IS_DONE, FOUND, NODES = range(5)
 
 # The rows of `Memory.values`, and the first two of `Memory.heights` and `Memory.largest`.
 PAID, CHARGED, MOST = range(3)
@@ -43,7 +43,7 @@ class Data(NamedTuple):
 class Memory(NamedTuple):
     """The arrays that a search writes: at each depth of R + 1, of n states, F faces, B bounds."""
 
-    progress: IntArray  # depth, is its node new, is all done, how many are found
+    progress: IntArray  # depth, is its node new, is all done, found so far, nodes so far
     states: IntArray  # [R+1, n] positions of states that may be taken
     numbers: IntArray  # [R+1, 2] how many, and how many of them of the next robot's class
     child: IntArray  # [R+1] the next one
@@ -233,6 +233,7 @@ def advance(data: Data, memory: Memory, best: float, floor: float, nodes: int) -
         if memory.progress[IS_NEW]:
             memory.progress[IS_NEW] = 0
             nodes -= 1
+            memory.progress[NODES] += 1
             if depth == len(data.own):
                 best = _end(memory, depth, best)
                 depth -= 1

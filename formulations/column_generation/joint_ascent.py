@@ -1,15 +1,83 @@
-"""Local search for high joint states of one step: robot after robot, as high as can be."""
+"""Local search for high joint states of one step: robot after robot, as high as can be.
+
+Once the compiled search of joint states has been loaded, this one is compiled, too
+(`ascent_kernel`), and begins at more joint states.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from cocap_opt.formulations.certificates import JointStates
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.certificates import JointStates, compiled_search
 
 _GAIN = 1e-9  # relative, from which on a height counts as higher
 
 
-def greedy(joint: JointStates) -> tuple[int, ...]:
+def ascended(joint: JointStates, starts: Sequence[Sequence[int]]) -> IntArray:
+    """Returns joint states that count and that no robot can raise alone, without repetition.
+
+    Parameters
+    ----------
+    starts : positions of the states to start with; the greedy joint state is one more start
+
+    Returns
+    -------
+    [K, R] positions of the states.
+    """
+    if compiled_search.is_loaded():
+        found = _compiled(joint, starts)
+    else:
+        every = [*starts, first] if (first := _greedy(joint)) else starts
+        found = _teams(joint, [_ascended(joint, start) for start in every])
+    found = np.unique(np.sort(found, axis=1), axis=0)
+    return found[that_count(joint, found)]
+
+
+def that_count(joint: JointStates, teams: IntArray) -> BoolArray:
+    """Returns which of some joint states [K, R] count, that is, obey `JointStates.counts`."""
+    low = worths(joint, teams) - joint.charge[teams].sum(axis=1)
+    able: BoolArray = low >= joint.floor - joint.margin
+    for k in range(teams.shape[1]):
+        for other in range(k):
+            able &= ~joint.conflict[teams[:, k], teams[:, other]]
+    return able
+
+
+def worths(joint: JointStates, teams: IntArray) -> FloatArray:
+    """Returns the worth of each of some joint states [K, R], whose states are all there."""
+    seen = np.zeros((len(teams), len(joint.weights)))
+    for k in range(teams.shape[1]):
+        seen += joint.pixels[teams[:, k]]
+    worth: FloatArray = np.sqrt(seen) @ joint.weights
+    return worth
+
+
+def heights(joint: JointStates, teams: IntArray) -> FloatArray:
+    """Returns the height of each of some joint states [K, R]."""
+    height: FloatArray = worths(joint, teams) - joint.payment[teams].sum(axis=1)
+    return height
+
+
+def _teams(joint: JointStates, found: Sequence[Sequence[int]]) -> IntArray:
+    """Returns positions [K, R] of joint states as one array."""
+    return np.array(found, dtype=np.int64).reshape(len(found), sum(joint.sizes))
+
+
+def _compiled(joint: JointStates, starts: Sequence[Sequence[int]]) -> IntArray:
+    """Returns what compiled local search makes of joint states and of the greedy one."""
+    from cocap_opt.formulations.column_generation.ascent_kernel import Views, ascend
+
+    nowhere = [-1] * sum(joint.sizes)
+    teams = _teams(joint, [*starts, nowhere])
+    ends = np.searchsorted(joint.class_of, np.arange(len(joint.sizes) + 1))
+    ranges = np.repeat(np.column_stack([ends[:-1], ends[1:]]), joint.sizes, axis=0)
+    views = Views(*joint.sparse, joint.weights, joint.payment, joint.charge, ranges, joint.conflict)
+    ascend(views, joint.floor - joint.margin, teams)
+    return teams[(teams >= 0).all(axis=1)]
+
+
+def _greedy(joint: JointStates) -> tuple[int, ...]:
     """Returns the joint state in which each robot takes the best state that earlier ones leave.
 
     Returns
@@ -25,7 +93,7 @@ def greedy(joint: JointStates) -> tuple[int, ...]:
     return tuple(chosen)
 
 
-def ascended(joint: JointStates, start: Sequence[int]) -> tuple[int, ...]:
+def _ascended(joint: JointStates, start: Sequence[int]) -> tuple[int, ...]:
     """Returns a joint state that no robot can raise alone, from positions to start with.
 
     Where the start has conflicts, so may the result.

@@ -5,12 +5,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cocap_opt.formulations.certificates import JointStates
+from cocap_opt.formulations.certificates import JointStates, compiled_search
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.joint_ascent import ascended, greedy
+from cocap_opt.formulations.column_generation.joint_ascent import (
+    ascended,
+    heights,
+    that_count,
+)
 from cocap_opt.model import Path
 
 KNOWN_STARTS, RANDOM_STARTS = 6, 3  # of local searches of one step
+HIGHEST_STARTS, MANY_RANDOM_STARTS = 4, 10  # where they are compiled
 
 JointKey = tuple[tuple[int, int], ...]  # class and state number of each robot, sorted
 
@@ -62,23 +67,28 @@ class Known:
         at = {one: k for k, one in enumerate(joint.keys)}
         keys = self._joint.get(joint.t, {})
         found = [[at[one] for one in key] for key in keys if all(one in at for one in key)]
-        return [positions for positions in found if joint.counts(positions)]
+        if not found:
+            return []
+        teams = np.array(found, dtype=np.int64)
+        counts = that_count(joint, teams).tolist()
+        return [team for team, one_counts in zip(found, counts, strict=True) if one_counts]
 
     def ascended(self, joint: JointStates) -> list[tuple[int, ...]]:
         """Returns joint states that count and that no robot can raise alone."""
         robots, known = sum(joint.sizes), self.at(joint)
         self.rng.shuffle(known)
         starts: list[Sequence[int]] = [*known[:KNOWN_STARTS]]
-        if first := greedy(joint):
-            starts.append(first)
-        for start in starts[:RANDOM_STARTS]:
+        if compiled_search.is_loaded() and known:
+            highest = np.argsort(-heights(joint, np.array(known)), kind="stable")
+            starts = [known[k] for k in highest[:HIGHEST_STARTS]] + starts
+        for start in starts[: MANY_RANDOM_STARTS if compiled_search.is_loaded() else RANDOM_STARTS]:
             changed = list(start)
             for k in self.rng.integers(robots, size=robots // 2 + 1).tolist():
-                same = np.flatnonzero(joint.class_of == joint.class_of[changed[k]])
-                changed[k] = int(self.rng.choice(same))
+                own = joint.class_of[changed[k]]
+                first, end = np.searchsorted(joint.class_of, [own, own + 1])
+                changed[k] = int(self.rng.integers(first, end))
             starts.append(changed)
-        found = dict.fromkeys(ascended(joint, start) for start in starts)
-        return [positions for positions in found if positions and joint.counts(positions)]
+        return [tuple(team) for team in ascended(joint, starts).tolist()]
 
     def highest(self, joint: JointStates) -> float:
         """Returns the largest height that local search finds."""

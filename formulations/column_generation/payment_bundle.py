@@ -91,6 +91,11 @@ class PaymentBundle:
                 place = (number, 0, start)
                 starts[place] = starts.get(place, 0) + 1
         self._master = StepMaster(self._paid, starts, ceilings, least)
+        self._best, self._payments = np.inf, self.centre
+        self._weight = FIRST_WEIGHT / max(float(np.abs(self.centre).mean()), 1e-9)
+        for t, joint in joints.items():
+            for positions in known.at(joint) or known.ascended(joint):
+                self.remember(t, positions)
 
     def span(self, t: int) -> slice:
         """Returns the positions of a step's payments."""
@@ -109,38 +114,38 @@ class PaymentBundle:
         LimitReached
             At a limit.
         """
-        best, payments = np.inf, None
-        centre, rho = self.centre, FIRST_WEIGHT / max(float(np.abs(self.centre).mean()), 1e-9)
-        latest = centre
-        for t, joint in self.joints.items():
-            found = self._known.at(joint) or self._known.ascended(joint)
-            for positions in found:
-                self._remember(t, positions)
+        open_ = self._narrowing.bound - cutoff()
+        latest = self._payments
         for iteration in range(MOST_LISTED_ITERATIONS if self._ceilings else MOST_ITERATIONS):
             self._stop.check()
-            arcs, heights = self._arcs(), self._heights(centre, latest)
+            arcs, heights = self._arcs(), self._heights(self._payments, latest)
             if {height.t for height in heights} != set(self.joints):
                 return None  # at some step no joint state is known that counts
             known = KnownPart(arcs, heights, self._unpaid_of(arcs))
-            solved = self._master.solve(Centre(centre, rho), known, self._stop)
+            solved = self._master.solve(Centre(self._payments, self._weight), known, self._stop)
             solved = solved._replace(payments=self._at_least(solved.payments))
             latest = solved.payments
             value, new = self._judged(solved)
-            promised = best - solved.value - self.rest
-            if value < best - CLEARLY * abs(value) and (
-                best == np.inf or best - value >= SERIOUS * promised
+            promised = self._best - solved.value - self.rest
+            gained = self._best - value
+            if gained > CLEARLY * abs(value) and (
+                promised == np.inf or gained >= SERIOUS * promised
             ):
-                rho /= 3 if best < np.inf and best - value > GOOD * promised else 1
-                best, centre, payments = value, solved.payments, solved.payments
-            elif iteration % 4 == 3:
-                rho *= 1.5
-            open_ = self._narrowing.bound - cutoff()
-            if not new or best - cutoff() < CONVERGED * open_:
+                self._weight /= 3 if promised < np.inf and gained > GOOD * promised else 1
+                self._best, self._payments = value, solved.payments
+            elif gained < -promised or iteration % 4 == 3:
+                self._weight *= 1.5
+            least_gain = CONVERGED * open_
+            if not new or self._best - cutoff() < least_gain:
                 break
-            if best - solved.value - self.rest < CONVERGED * open_:
+            if self._best - solved.value - self.rest < least_gain:
                 break
             report()
-        return payments if best < self._narrowing.bound else None
+        return self._payments if self._best < self._narrowing.bound else None
+
+    def correct(self, value: float) -> None:
+        """Takes down the bound that the latest payments prove, if local search told a lower one."""
+        self._best = max(value, self._best)
 
     def _at_least(self, payments: FloatArray) -> FloatArray:
         """Returns payments of which none is less than allowed, by a solver's inaccuracy."""
@@ -158,7 +163,7 @@ class PaymentBundle:
             clearly = solved.constants[t] + CLEARLY * abs(self._narrowing.bound)
             for found in known.ascended(paid):
                 if (height := paid.height(found)) > clearly:
-                    new += self._remember(t, found)
+                    new += self.remember(t, found)
                     constants[t] = max(constants[t], height)
         total, paths = self.best_paths(solved.payments, constants)
         new += sum(known.add_path(number, path) for number, path in paths)
@@ -235,7 +240,7 @@ class PaymentBundle:
             if place not in self._paid
         }
 
-    def _remember(self, t: int, positions: Sequence[int]) -> bool:
+    def remember(self, t: int, positions: Sequence[int]) -> bool:
         """Remembers a joint state that counts; returns True if it is new."""
         joint, first = self.joints[t], self._spans[t].start
         is_new = self._known.add(joint, positions)

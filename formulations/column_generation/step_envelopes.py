@@ -52,23 +52,30 @@ METHOD = "step-envelopes"
 MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
 MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
 MOST_AT_A_STEP = 1_000
-FEW_STATES_LEFT = 4_000  # over all steps: beyond it, lists are faster, where there can be any
+FEW_STATES_LEFT = 6_000  # over all steps: beyond it, lists are faster, where there can be any
 LISTED_SLACK = 1.4  # of what is open per step: of states that are listed where more are left
 MOST_LISTED = 600  # at a step
-# Searches of more robots take too long; of fewer, a tree closes what is open in less time: the
-# bridge as a solid block, 3 robots, in 0.3 s instead of 5 s.
-LISTED_ROBOTS = range(5, 9)
-LONGER, LONGEST = 1.5, 6.0  # times as much slack after a round that closes little, and the most
+# A search of so many nodes is long. The next list of its step is shorter, by this power of how many
+# times longer it was; one that has not ended counts as so many times.
+LONG_SEARCH, SHORTER, NOT_ENDED = 200_000, 0.2, 20.0
+LEAST_LISTED_STATES, LESS_SHORT = 60, 1.2
+MORE_WORK, LONGEST_SEARCH = 1.7, 2_000_000  # likewise, of nodes after a round that closes little
+MEAN_LISTED = 120  # of the steps, at least
+MOST_LISTED_ROBOTS = 8  # searches of more robots take too long
+# Of fewer robots than these, a tree closes little in less time (the bridge as a solid block, 3
+# robots, in 0.3 s instead of 5 s), so that lists are for what is far from closed.
+MANY_ROBOTS, FAR = 5, 0.003  # of the bound, that is open
+LONGER, LONGEST = 1.5, 12.0  # times as much slack after a round that closes little, and the most
 MOST_ROUNDS = 40
 MANY_NODES, MANY_PLAIN_NODES = 2_000_000, 50_000  # of a step's search, compiled or not
 FEW_WORK, FEW_PLAIN_WORK = 500_000, 50_000  # nodes times states, of a search that is worth a try
 FEW_NODES = 10_000
+MOST_CORRECTIONS = 4  # of payments, by joint states that only the exact search finds
 FEW_COLLECTING = 2_000  # nodes of a step's search for all joint states that count
 FEW_TRIED, MANY_TRIED = 20_000, 200_000  # pairs of joint states
 CLEARLY = 1e-9  # of the bound, that stages must take off it
 LEAST_ROUND = 0.05  # of what is open, that a round must close for another one
 LEAST_LISTED = 0.1  # likewise, for lists that stay as long as they are
-STALLED = 0.2  # likewise, for lists at all where there is another way
 
 
 def step_envelopes(
@@ -126,7 +133,10 @@ class _Envelopes:
     steps : at which views count
     tried : the best of all joint states that are left, where all were tried
     longer : times the first lists' slack: that of the present ones
-    lists_stall : true once a round with long lists has closed little
+    long_search : number of nodes from which on a search is long
+    most_listed : at the steps whose searches took long
+    is_far : true if much was open at first
+    lists_stall : true once a round with the longest lists has closed little
     """
 
     search: Search
@@ -138,6 +148,9 @@ class _Envelopes:
     tried: BestPlan | None = None
     longer: float = 1.0
     lists_stall: bool = False
+    is_far: bool = False
+    long_search: float = LONG_SEARCH
+    most_listed: dict[int, int] = field(default_factory=dict)
 
     @property
     def model(self) -> Model:
@@ -147,6 +160,7 @@ class _Envelopes:
     def run(self, cutoff: Callable[[], float]) -> None:
         """Adds stages as long as they close something; raises LimitReached."""
         narrowing = self.narrowing
+        self.is_far = narrowing.bound - cutoff() >= FAR * narrowing.bound
         for _ in range(MOST_ROUNDS):
             before = narrowing.pricing.bound
             open_ = before - cutoff()
@@ -161,10 +175,11 @@ class _Envelopes:
             listed = not self._is_small()
             self._pay(cutoff)
             closed = (before - narrowing.pricing.bound) / open_
-            self.lists_stall |= listed and self.longer > LONGER and closed < STALLED
+            may_be_longer = listed and self.long_search <= LONGEST_SEARCH
             if listed and closed < LEAST_LISTED:
-                self.longer *= LONGER
-            if closed < LEAST_ROUND and not (listed and self.longer <= LONGEST):
+                self.lists_stall |= not may_be_longer
+                self._lengthen()
+            if closed < LEAST_ROUND and not may_be_longer:
                 break
         if narrowing.pricing.bound > cutoff() and self._is_small():
             self._tried_all(_many_nodes(), MANY_TRIED)
@@ -211,7 +226,12 @@ class _Envelopes:
 
     def _can_be_listed(self) -> bool:
         """Returns True if searches of lists may end."""
-        return compiled_search.is_there() and len(self.model.problem.robots) in LISTED_ROBOTS
+        robots = len(self.model.problem.robots)
+        return (
+            compiled_search.is_there()
+            and robots <= MOST_LISTED_ROBOTS
+            and (robots >= MANY_ROBOTS or self.is_far)
+        )
 
     def _lower(self) -> None:
         """Lowers the constants of the present payments, where that takes few nodes."""
@@ -250,9 +270,13 @@ class _Envelopes:
         """Finds better payments and their constants, and adds them as a stage."""
         joints, ceilings = self._joints(cutoff)
         bundle = PaymentBundle(self.narrowing, self.known, joints, ceilings, self.search.stop)
-        payments = bundle.run(cutoff, self.report)
-        if payments is None:
-            return
+        for _ in range(MOST_CORRECTIONS):
+            payments = bundle.run(cutoff, self.report)
+            if payments is None or self._adopt(bundle, payments, self._heights(bundle, payments)):
+                return
+
+    def _heights(self, bundle: PaymentBundle, payments: FloatArray) -> dict[int, float]:
+        """Returns the height of the highest joint state of each step whose search ends."""
         heights = {}
         for t, joint in sorted(bundle.joints.items(), key=lambda item: len(item[1].states)):
             self.report()
@@ -261,10 +285,27 @@ class _Envelopes:
             try:
                 found = paid.highest(Wanted(least, _many_nodes()), self.search.stop)
             except NotEndedError:
+                self._shorten(t, len(joint.states), NOT_ENDED)
                 continue
-            self.known.add(joint, found.positions)
+            self._shorten(t, len(joint.states), found.nodes / self.long_search)
+            if found.positions:
+                bundle.remember(t, found.positions)
             heights[t] = found.height
-        self._adopt(bundle, payments, heights)
+        return heights
+
+    def _lengthen(self) -> None:
+        """Makes all lists longer, and allows their searches to take longer."""
+        self.longer = min(LONGER * self.longer, LONGEST)
+        self.long_search *= MORE_WORK
+        for t, most in self.most_listed.items():
+            self.most_listed[t] = int(most * LESS_SHORT)
+
+    def _shorten(self, t: int, listed: int, work: float) -> None:
+        """Makes the list of a step shorter where its search took long, else less short."""
+        if work > 1:
+            self.most_listed[t] = max(int(listed * work**-SHORTER), LEAST_LISTED_STATES)
+        elif t in self.most_listed and work < 0.1:
+            self.most_listed[t] = int(self.most_listed[t] * LESS_SHORT)
 
     def _joints(
         self, cutoff: Callable[[], float]
@@ -273,10 +314,29 @@ class _Envelopes:
         narrowing = self.narrowing
         if self._is_small():
             return {t: narrowing.joint_states(t) for t in self.steps}, {}
-        most = narrowing.pricing.bound - cutoff()
-        most *= LISTED_SLACK * self.longer / len(self.steps)
+        open_ = LISTED_SLACK * (narrowing.pricing.bound - cutoff()) / len(self.steps)
+        while self.longer < LONGEST and self._n_listed(open_ * self.longer) < (
+            MEAN_LISTED * len(self.steps)
+        ):
+            self.longer *= LONGER
+        most = open_ * self.longer
         joints = {t: narrowing.joint_states_of(t, self._listed(t, most)) for t in self.steps}
         return joints, {t: narrowing.ceiling(t) for t in self.steps}
+
+    def _n_listed(self, most: float) -> int:
+        """Returns the number of states up to a slack, at all steps."""
+        return sum(
+            int(np.count_nonzero(left[self.steps.start :] & (own[self.steps.start :] <= most)))
+            for own, left in zip(self.narrowing.slack, self.narrowing.left, strict=True)
+        )
+
+    def _visited(self, t: int) -> list[tuple[int, int]]:
+        """Returns class and state number of each robot at a step of the best plan."""
+        plan = self.search.incumbent
+        if plan is None:
+            return []
+        numbers = (column.along.class_number for column in plan.columns)
+        return [(number, path[t]) for number, path in zip(numbers, plan.paths, strict=True)]
 
     def _listed(self, t: int, most: float) -> list[IntArray]:
         """Returns of each class the states of a step up to a slack, not too many of the least."""
@@ -284,7 +344,11 @@ class _Envelopes:
             np.where(left[t], own[t], np.inf)
             for own, left in zip(self.narrowing.slack, self.narrowing.left, strict=True)
         ]
-        order = np.argsort(np.concatenate(slack), kind="stable")[:MOST_LISTED]
+        for number, state in self._visited(t):
+            if self.narrowing.left[number][t, state]:
+                slack[number][state] = min(slack[number][state], most)
+        order = np.argsort(np.concatenate(slack), kind="stable")
+        order = order[: min(self.most_listed.get(t, MOST_LISTED), MOST_LISTED)]
         short = np.zeros(sum(map(len, slack)), dtype=np.bool_)
         short[order] = True
         parts = np.split(short, np.cumsum([len(own) for own in slack])[:-1])
@@ -294,8 +358,8 @@ class _Envelopes:
 
     def _adopt(
         self, bundle: PaymentBundle, payments: FloatArray, heights: dict[int, float]
-    ) -> None:
-        """Makes payments a stage where they are better; steps without a height keep theirs."""
+    ) -> bool:
+        """Makes payments a stage if they are better; steps without a height keep theirs."""
         chosen = bundle.centre.copy()
         for t in heights:
             chosen[bundle.span(t)] = payments[bundle.span(t)]
@@ -303,7 +367,8 @@ class _Envelopes:
         total = exact_sum(heights[t] if t in heights else float(constants[t]) for t in self.steps)
         total += bundle.rest + bundle.best_paths(chosen, heights)[0]
         if not heights or total >= self.narrowing.bound:
-            return
+            bundle.correct(total)
+            return False
         written: list[StepPayments] = []
         for t, height in heights.items():
             written += bundle.written(t, payments[bundle.span(t)], height)
@@ -315,6 +380,7 @@ class _Envelopes:
             margin = self.narrowing.joint_states(step.t, step.constant).margin
             self.narrowing.constants[step.t] = step.constant + margin
         self._close(stage)
+        return True
 
 
 def _few_nodes(states: int) -> int:

@@ -40,6 +40,7 @@ from cocap_opt.formulations.certificates.joint_states import Ceiling, Highest
 from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.joint_ascent import ascended
 from cocap_opt.formulations.column_generation.known_states import Known
 from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.root import Root
@@ -249,6 +250,31 @@ def test_the_compiled_search_finds_the_same() -> None:
             assert joint.height(compiled_.positions) == pytest.approx(plain.height)
 
 
+@pytest.mark.parametrize("is_compiled", [False, True])
+@examples(20)
+@given(seeds)
+def test_local_search_finds_joint_states_that_count_and_are_high(
+    is_compiled: bool, seed: int
+) -> None:
+    """None is higher than the highest; where it is compiled, no robot can raise one alone."""
+    if is_compiled and not compiled_search.is_there():
+        pytest.skip("needs the extra [fast]")
+    rng = np.random.default_rng(seed)
+    joint = random_joint_states(rng)
+    every = joint_by_enumeration(joint)
+    starts = [list(every[k]) for k in rng.integers(len(every), size=3)] if every else []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiled_search, "is_loaded", lambda: is_compiled)
+        found = [tuple(team) for team in ascended(joint, starts).tolist()]
+    assert set(found) <= set(every)
+    if is_compiled and every:
+        assert found
+        for team, k, state in product(found, range(sum(joint.sizes)), range(len(joint.states))):
+            other = tuple(sorted((*team[:k], state, *team[k + 1 :])))
+            if other in every:
+                assert joint.height(other) <= joint.height(team) + 1e-6
+
+
 def test_a_search_that_is_too_long_says_so() -> None:
     """A search gives no number where it has not gone through all joint states."""
     joint = random_joint_states(np.random.default_rng(1))
@@ -423,7 +449,10 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
     """Where only states of little slack are searched, what is claimed is verified and true."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(envelopes, "MOST_STATES_LEFT", 0)
+        patch.setattr(envelopes, "FEW_STATES_LEFT", 0)
+        patch.setattr(envelopes, "MANY_ROBOTS", 0)
         patch.setattr(envelopes, "LISTED_SLACK", slack)
+        patch.setattr(envelopes, "MEAN_LISTED", 0)
         search = Search(compiled(problem))
         search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0)), []))
         step_envelopes(search, search.alone.duals, lambda: search.cutoff(OPTIMALITY))

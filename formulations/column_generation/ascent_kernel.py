@@ -1,0 +1,94 @@
+"""Local search for high joint states, compiled; only imported where numba is installed."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+
+_MOST_SWEEPS = 50  # over all robots, of one start
+_GAIN = 1e-9  # relative, from which on a height counts as higher
+
+
+class Views(NamedTuple):
+    """The arrays that local search reads: of n states, F faces, R robots."""
+
+    first: IntArray  # [n+1] first entry of each state's coverage
+    faces: IntArray  # of each entry
+    pixels: FloatArray  # of each entry
+    weights: FloatArray  # [F]
+    payment: FloatArray  # [n]
+    charge: FloatArray  # [n]
+    ranges: IntArray  # [R, 2] first state of each robot's class, and the first of the next class
+    conflict: BoolArray  # [n, n]
+
+
+def _compiled(function: Callable[..., Any]) -> Any:
+    """Returns a compiled function, kept on disk where there is a folder for it."""
+    try:
+        return numba.njit(cache=True)(function)
+    except RuntimeError:
+        return numba.njit(function)
+
+
+@_compiled
+def ascend(views: Views, floor: float, teams: IntArray) -> None:
+    """Changes each team [R] until no robot can raise its height alone.
+
+    Of the states that a robot may take, those come first with which the joint state counts: its
+    worth less its charges is at least the floor. Where there is none, it takes the one that comes
+    nearest. Robots at -1 are nowhere yet.
+    """
+    robots = teams.shape[1]
+    seen, roots = np.zeros(len(views.weights)), np.zeros(len(views.weights))
+    for team in range(len(teams)):
+        before = -np.inf
+        for _ in range(_MOST_SWEEPS):
+            height = 0.0
+            for robot in range(robots):
+                for f in range(len(seen)):
+                    seen[f] = 0.0
+                paid, charged, worth = 0.0, 0.0, 0.0
+                for other in range(robots):
+                    s = teams[team, other]
+                    if other == robot or s < 0:
+                        continue
+                    paid += views.payment[s]
+                    charged += views.charge[s]
+                    for e in range(views.first[s], views.first[s + 1]):
+                        seen[views.faces[e]] += views.pixels[e]
+                for f in range(len(seen)):
+                    roots[f] = np.sqrt(seen[f])
+                    worth += views.weights[f] * roots[f]
+                best, best_height, best_low, best_counts = -1, -np.inf, -np.inf, False
+                for s in range(views.ranges[robot, 0], views.ranges[robot, 1]):
+                    gain = 0.0
+                    for e in range(views.first[s], views.first[s + 1]):
+                        f = views.faces[e]
+                        gain += views.weights[f] * (np.sqrt(seen[f] + views.pixels[e]) - roots[f])
+                    now = worth + gain - paid - views.payment[s]
+                    low = worth + gain - charged - views.charge[s]
+                    counts = low >= floor
+                    if counts and best_counts:
+                        is_better = now > best_height
+                    elif counts != best_counts:
+                        is_better = counts
+                    else:
+                        is_better = low > best_low
+                    if not is_better:
+                        continue
+                    is_free = True
+                    for other in range(robots):
+                        taken = teams[team, other]
+                        if other != robot and taken >= 0 and views.conflict[s, taken]:
+                            is_free = False
+                    if is_free:
+                        best, best_height, best_low, best_counts = s, now, low, counts
+                if best >= 0:
+                    teams[team, robot] = best
+                    height = best_height
+            if height <= before + _GAIN * abs(height):
+                break
+            before = height
