@@ -11,6 +11,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates import JointStates, Narrowing, StepPayments
+from cocap_opt.formulations.column_generation.columns import Arc
 from cocap_opt.formulations.column_generation.known_states import Known
 from cocap_opt.formulations.column_generation.step_master import (
     Centre,
@@ -92,6 +93,7 @@ class PaymentBundle:
                 starts[place] = starts.get(place, 0) + 1
         self._master = StepMaster(self._paid, starts, ceilings, least)
         self._best, self._payments = np.inf, self.centre
+        self.flow: dict[Arc, float] = {}
         self._weight = FIRST_WEIGHT / max(float(np.abs(self.centre).mean()), 1e-9)
         for t, joint in joints.items():
             for positions in known.at(joint) or known.ascended(joint):
@@ -125,6 +127,10 @@ class PaymentBundle:
             solved = self._master.solve(Centre(self._payments, self._weight), known, self._stop)
             solved = solved._replace(payments=self._at_least(solved.payments))
             latest = solved.payments
+            self.flow = {
+                Arc(arc.tail[0], arc.tail[1], arc.tail[2], arc.head[2]): amount
+                for arc, amount in zip(arcs, solved.flow.tolist(), strict=True)
+            }
             value, new = self._judged(solved)
             promised = self._best - solved.value - self.rest
             gained = self._best - value

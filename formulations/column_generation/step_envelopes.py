@@ -12,11 +12,12 @@ are looked for by local search, and only once that finds none above the constant
 Where many states are left, each round has a short list of states for each step: those of the least
 slack. They are paid no less than before, and all other states so much more that none of these is
 in a joint state above the new constant (`certificates.narrowing`); so the search is over the list
-alone. The next round's lists are those of the new payments.
+alone. The next round's lists are those of the new payments, shorter where searches took long. The
+mixture of paths behind the payments is where local search then looks for better plans.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -38,7 +39,8 @@ from cocap_opt.formulations.certificates import (
     compiled_search,
     may_be_used,
 )
-from cocap_opt.formulations.column_generation.columns import Column
+from cocap_opt.formulations.column_generation.columns import Arc, Column
+from cocap_opt.formulations.column_generation.flow_mixture import flow_mixture
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.known_states import Known
 from cocap_opt.formulations.column_generation.payment_bundle import PaymentBundle
@@ -52,12 +54,13 @@ METHOD = "step-envelopes"
 MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
 MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
 MOST_AT_A_STEP = 1_000
-FEW_STATES_LEFT = 6_000  # over all steps: beyond it, lists are faster, where there can be any
+FEW_STATES_LEFT = 6_500  # over all steps: beyond it, lists are faster, where there can be any
 LISTED_SLACK = 1.4  # of what is open per step: of states that are listed where more are left
-MOST_LISTED = 600  # at a step
+FIRST_LISTED, MOST_LISTED = 200, 600  # at a step
 # A search of so many nodes is long. The next list of its step is shorter, by this power of how many
 # times longer it was; one that has not ended counts as so many times.
 LONG_SEARCH, SHORTER, NOT_ENDED = 200_000, 0.2, 20.0
+SHORT_SEARCH = 0.1  # of the nodes of a long one: the next list may be longer
 LEAST_LISTED_STATES, LESS_SHORT = 60, 1.2
 MORE_WORK, LONGEST_SEARCH = 1.7, 2_000_000  # likewise, of nodes after a round that closes little
 MEAN_LISTED = 120  # of the steps, at least
@@ -65,11 +68,13 @@ MOST_LISTED_ROBOTS = 8  # searches of more robots take too long
 # Of fewer robots than these, a tree closes little in less time (the bridge as a solid block, 3
 # robots, in 0.3 s instead of 5 s), so that lists are for what is far from closed.
 MANY_ROBOTS, FAR = 5, 0.003  # of the bound, that is open
-LONGER, LONGEST = 1.5, 12.0  # times as much slack after a round that closes little, and the most
+# Times as much slack: after a round that closes little, where lists are too short, and the most.
+LONGER, A_LITTLE_LONGER, LONGEST = 1.5, 1.15, 12.0
 MOST_ROUNDS = 40
 MANY_NODES, MANY_PLAIN_NODES = 2_000_000, 50_000  # of a step's search, compiled or not
 FEW_WORK, FEW_PLAIN_WORK = 500_000, 50_000  # nodes times states, of a search that is worth a try
 FEW_NODES = 10_000
+RESPONSES = 10  # iterations' worth of best responses, for plans after each bundle
 MOST_CORRECTIONS = 4  # of payments, by joint states that only the exact search finds
 FEW_COLLECTING = 2_000  # nodes of a step's search for all joint states that count
 FEW_TRIED, MANY_TRIED = 20_000, 200_000  # pairs of joint states
@@ -133,6 +138,7 @@ class _Envelopes:
     steps : at which views count
     tried : the best of all joint states that are left, where all were tried
     longer : times the first lists' slack: that of the present ones
+    responses : iterations' worth of best responses for the next look for plans
     long_search : number of nodes from which on a search is long
     most_listed : at the steps whose searches took long
     is_far : true if much was open at first
@@ -149,6 +155,7 @@ class _Envelopes:
     longer: float = 1.0
     lists_stall: bool = False
     is_far: bool = False
+    responses: int = RESPONSES
     long_search: float = LONG_SEARCH
     most_listed: dict[int, int] = field(default_factory=dict)
 
@@ -272,8 +279,17 @@ class _Envelopes:
         bundle = PaymentBundle(self.narrowing, self.known, joints, ceilings, self.search.stop)
         for _ in range(MOST_CORRECTIONS):
             payments = bundle.run(cutoff, self.report)
+            if ceilings and bundle.flow:
+                self._look_for_plans(bundle.flow)
             if payments is None or self._adopt(bundle, payments, self._heights(bundle, payments)):
                 return
+
+    def _look_for_plans(self, flow: Mapping[Arc, float]) -> None:
+        """Offers the plan that local search makes of the mixture behind the latest payments."""
+        before = self.search.value
+        self.search.allow_responses(self.responses)
+        self.search.look_for_plans(flow_mixture(self.model, flow), flow.keys())
+        self.responses = RESPONSES if self.search.value > before else max(self.responses // 2, 1)
 
     def _heights(self, bundle: PaymentBundle, payments: FloatArray) -> dict[int, float]:
         """Returns the height of the highest joint state of each step whose search ends."""
@@ -304,8 +320,12 @@ class _Envelopes:
         """Makes the list of a step shorter where its search took long, else less short."""
         if work > 1:
             self.most_listed[t] = max(int(listed * work**-SHORTER), LEAST_LISTED_STATES)
-        elif t in self.most_listed and work < 0.1:
-            self.most_listed[t] = int(self.most_listed[t] * LESS_SHORT)
+        elif work < SHORT_SEARCH:
+            self.most_listed[t] = int(self._most_listed(t) * LESS_SHORT)
+
+    def _most_listed(self, t: int) -> int:
+        """Returns how many states of a step are listed at most."""
+        return min(self.most_listed.get(t, FIRST_LISTED), MOST_LISTED)
 
     def _joints(
         self, cutoff: Callable[[], float]
@@ -318,7 +338,7 @@ class _Envelopes:
         while self.longer < LONGEST and self._n_listed(open_ * self.longer) < (
             MEAN_LISTED * len(self.steps)
         ):
-            self.longer *= LONGER
+            self.longer *= A_LITTLE_LONGER
         most = open_ * self.longer
         joints = {t: narrowing.joint_states_of(t, self._listed(t, most)) for t in self.steps}
         return joints, {t: narrowing.ceiling(t) for t in self.steps}
@@ -348,7 +368,7 @@ class _Envelopes:
             if self.narrowing.left[number][t, state]:
                 slack[number][state] = min(slack[number][state], most)
         order = np.argsort(np.concatenate(slack), kind="stable")
-        order = order[: min(self.most_listed.get(t, MOST_LISTED), MOST_LISTED)]
+        order = order[: self._most_listed(t)]
         short = np.zeros(sum(map(len, slack)), dtype=np.bool_)
         short[order] = True
         parts = np.split(short, np.cumsum([len(own) for own in slack])[:-1])

@@ -65,6 +65,7 @@ class StepSolution(NamedTuple):
     payments: FloatArray
     constants: Mapping[int, float]
     value: float
+    flow: FloatArray  # [arcs] number of robots on each known arc in the best mixture of them
 
 
 class StepMaster(NamedTuple):
@@ -113,7 +114,8 @@ class StepMaster(NamedTuple):
         payments = centre.payments.copy()
         payments[at] = found[near]
         constants = {t: float(found[k]) for t, k in columns.steps.items()}
-        return StepSolution(payments, constants, float(value_of @ found))
+        flow = np.nan_to_num(np.array(solution.z))[: len(known.arcs)]
+        return StepSolution(payments, constants, float(value_of @ found), flow)
 
     def _rows(self, known: KnownPart, columns: "_Columns") -> "_Rows":
         """Returns the inequalities of one master problem."""

@@ -1,5 +1,6 @@
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
@@ -39,6 +40,8 @@ from cocap_opt.formulations.certificates import (
 from cocap_opt.formulations.certificates.joint_states import Ceiling, Highest
 from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.column_generation.columns import Arc
+from cocap_opt.formulations.column_generation.flow_mixture import flow_mixture
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.joint_ascent import ascended
 from cocap_opt.formulations.column_generation.known_states import Known
@@ -273,6 +276,25 @@ def test_local_search_finds_joint_states_that_count_and_are_high(
             other = tuple(sorted((*team[:k], state, *team[k + 1 :])))
             if other in every:
                 assert joint.height(other) <= joint.height(team) + 1e-6
+
+
+@examples(20)
+@given(st.one_of(meetings(), meetings(team=3)))
+def test_a_flow_is_split_into_paths_with_the_same_flow(problem: Problem) -> None:
+    """The flow of two plans, each by half, is that of the paths into which it is split."""
+    model = compiled(problem)
+    best = optimum(problem).plan
+    flow: Counter[Arc] = Counter()
+    for plan in (best, Plan.hovering(problem)):
+        incumbent = Incumbent.of_plan(model, plan)
+        if incumbent is None:
+            return
+        for column in incumbent.columns:
+            flow.update(dict.fromkeys(column.arcs, 0.5))
+    mixture, again = flow_mixture(model, flow), Counter[Arc]()
+    for column, amount in mixture.used():
+        again.update(dict.fromkeys(column.arcs, amount))
+    assert dict(again) == pytest.approx(dict(flow))
 
 
 def test_a_search_that_is_too_long_says_so() -> None:
