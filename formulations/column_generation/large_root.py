@@ -22,7 +22,7 @@ from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.model import Model, Path
 
 MANY_ROBOT_STEPS = 1500  # beyond which masters take too long
-FIRST_STEPS = 20  # of the ascent, before there is any plan
+FIRST_STEPS, MOST_FIRST_STEPS = 20, 80  # of the ascent, before there is any plan
 STEPS = 5  # of the ascent in a turn
 TURNS_PER_CUTS = 3  # of the ascent
 NEARLY = 0.004  # of the bound: cuts are looked for once bound and mixture are nearer
@@ -62,6 +62,11 @@ class LargeRoot:
     def begin(self) -> None:
         """Raises the mixture until it nearly obeys the rules; raises LimitReached."""
         self._steps(FIRST_STEPS)
+        # Rows that come in at first cost more than they should: no bound is the best for a while.
+        for _ in range(FIRST_STEPS, MOST_FIRST_STEPS):
+            if self._is_near():
+                break
+            self._steps(1)
 
     def solve(self, cutoff: Callable[[], float]) -> None:
         """Raises the plan and lowers the bound until neither gains; raises LimitReached.
@@ -86,12 +91,15 @@ class LargeRoot:
 
     def _ascend(self) -> None:
         """Raises the mixture, with new cuts if it is near the bound."""
-        ascent = self.ascent
-        is_near = ascent.best.bound - ascent.value <= NEARLY * ascent.best.bound
-        if is_near and self._turns % TURNS_PER_CUTS == 0:
-            ascent.add_cuts()
-        self._turns += is_near
+        if self._is_near() and self._turns % TURNS_PER_CUTS == 0:
+            self.ascent.add_cuts()
+        self._turns += self._is_near()
         self._steps(STEPS)
+
+    def _is_near(self) -> bool:
+        """Returns True if bound and mixture are near enough for cuts."""
+        bound = self.ascent.best.bound
+        return bound - self.ascent.value <= NEARLY * bound
 
     def _steps(self, count: int) -> None:
         for _ in range(count):

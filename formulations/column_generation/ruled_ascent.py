@@ -31,7 +31,7 @@ from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.model import Path
 from cocap_opt.problem import Cell
 
-POWER = 3.0  # of the gradient
+POWER = 2.0  # of the gradient
 MOST_STEPS = 60  # in which a mixture is raised between two pricings
 ROUGH = 0.02  # of bound - value: what these steps may leave to gain
 LEAST_AMOUNT = 1e-3  # of a robot, below which a column is dropped
