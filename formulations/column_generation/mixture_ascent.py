@@ -59,8 +59,8 @@ def mixture_ascent(model: Model, pricer: Pricer, first: Priced) -> Iterator[_Rai
     mixture, priced, open_ = Mixture([], np.zeros(0)), first, np.inf
     best = first.bound
     while True:
-        mixture = _joined(mixture, priced.columns)
-        program = _Program(model, mixture.columns)
+        mixture = joined(mixture, priced.columns)
+        program = MixtureProgram(model, mixture.columns)
         amounts = program.raised(mixture.amounts, ROUGH * open_)
         value, duals = program.judged(amounts)
         priced = pricer(duals)
@@ -71,7 +71,7 @@ def mixture_ascent(model: Model, pricer: Pricer, first: Priced) -> Iterator[_Rai
         yield _Raised(mixture, value, priced)
 
 
-def _joined(mixture: Mixture, columns: list[Column]) -> Mixture:
+def joined(mixture: Mixture, columns: list[Column]) -> Mixture:
     """Returns a mixture with new columns, of which each gets as much as one of its robot's."""
     known = {column.key for column in mixture.columns}
     new = [column for column in columns if column.key not in known]
@@ -81,20 +81,20 @@ def _joined(mixture: Mixture, columns: list[Column]) -> Mixture:
     return Mixture(all_columns, amounts / np.bincount(robots, amounts)[robots])
 
 
-class _Program:
+class MixtureProgram:
     """The amounts of some columns, and what mixtures of them see."""
 
     def __init__(self, model: Model, columns: list[Column]) -> None:
-        self._weights = model.problem.view_sum_weights
+        self.weights = model.problem.view_sum_weights
         pixels = np.concatenate([column.pixels for column in columns])
         view_sums = np.concatenate([column.view_sums for column in columns])
         ends = np.cumsum([0, *(len(column.pixels) for column in columns)])
-        shape = len(columns), len(self._weights)
-        self._pixels = sparse.csr_array((pixels, view_sums, ends), shape)
-        self._roots = sparse.csr_array((np.sqrt(pixels), view_sums, ends), shape)
-        self._robots = np.array([column.robot for column in columns])
+        shape = len(columns), len(self.weights)
+        self.pixels = sparse.csr_array((pixels, view_sums, ends), shape)
+        self.roots = sparse.csr_array((np.sqrt(pixels), view_sums, ends), shape)
+        self.robots = np.array([column.robot for column in columns])
         bonuses, of = Bonuses.of(model.problem.objective), model.class_of
-        self._bonus = np.array(
+        self.bonus = np.array(
             [bonuses.of_path(of[column.robot].graph.shape, column.path) for column in columns]
         )
 
@@ -102,33 +102,33 @@ class _Program:
         """Returns amounts of a larger value, at best by all but `enough`."""
         for _ in range(MOST_STEPS):
             gradient = self._gradient(self.judged(amounts)[1])
-            mean = self._by_robot(amounts * gradient)
+            mean = self.by_robot(amounts * gradient)
             largest = np.zeros_like(mean)
-            np.maximum.at(largest, self._robots, gradient)
+            np.maximum.at(largest, self.robots, gradient)
             if (largest - mean).sum() <= enough:
                 break
-            mean = mean[self._robots]
+            mean = mean[self.robots]
             factors = np.divide(gradient, mean, out=np.ones_like(mean), where=mean > 0)
             amounts = amounts * factors**POWER
-            amounts = amounts / self._by_robot(amounts)[self._robots]
+            amounts = amounts / self.by_robot(amounts)[self.robots]
         return amounts
 
     def judged(self, amounts: FloatArray) -> tuple[float, Duals]:
         """Returns the value of a mixture, and the multipliers of its view sums."""
-        pixels, alone = amounts @ self._pixels, amounts @ self._roots
+        pixels, alone = amounts @ self.pixels, amounts @ self.roots
         together, seen = np.sqrt(pixels), pixels > _NOTHING
         ratio = np.divide(alone, together, out=np.zeros_like(alone), where=seen)
         alpha = 1 / (1 + ratio ** (SHARPNESS + 1))
         beta = np.divide(1 - alpha, 2 * together, out=np.zeros_like(alpha), where=seen)
-        value = self._weights @ np.minimum(alone, together) + amounts @ self._bonus
+        value = self.weights @ np.minimum(alone, together) + amounts @ self.bonus
         return float(value), Duals(alpha, np.maximum(beta, (1 - alpha) * _NOTHING))
 
     def _gradient(self, duals: Duals) -> FloatArray:
         """Returns what multipliers pay for each column [n]."""
-        paid = self._roots @ (self._weights * duals.alpha)
-        return np.asarray(paid + self._pixels @ (self._weights * duals.beta) + self._bonus)
+        paid = self.roots @ (self.weights * duals.alpha)
+        return np.asarray(paid + self.pixels @ (self.weights * duals.beta) + self.bonus)
 
-    def _by_robot(self, values: FloatArray) -> FloatArray:
+    def by_robot(self, values: FloatArray) -> FloatArray:
         """Returns the sums of values [n] of columns by robot [R]."""
-        sums: FloatArray = np.bincount(self._robots, values).astype(np.float64)
+        sums: FloatArray = np.bincount(self.robots, values).astype(np.float64)
         return sums

@@ -6,6 +6,7 @@ best paths, are what the master problem (`step_master`) knows at the next iterat
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,6 +39,14 @@ MOST_HEIGHTS = 30  # joint states of a step in the master: the highest at the ce
 # of the latest payments
 
 
+class _Judged(NamedTuple):
+    """What payments prove, as far as local search can tell."""
+
+    bound: float
+    constants: Mapping[int, float]  # by step
+    new: int  # joint states and paths that were not known
+
+
 class PaymentBundle:
     """The bundle method over the payments of the states that are left, or of the best of them.
 
@@ -51,6 +60,8 @@ class PaymentBundle:
     joints : of each step, the joint states
     centre : [n] the payments of all their states, step by step
     rest : what the bound has beside the steps' constants and the paths
+    constants : that the best payments are meant to have, by step; where lists are short, lower ones
+        prove less, since states that are not listed are paid more then
     """
 
     def __init__(
@@ -93,6 +104,7 @@ class PaymentBundle:
                 starts[place] = starts.get(place, 0) + 1
         self._master = StepMaster(self._paid, starts, ceilings, least)
         self._best, self._payments = np.inf, self.centre
+        self.constants: Mapping[int, float] = {}
         self.flow: dict[Arc, float] = {}
         self._weight = FIRST_WEIGHT / max(float(np.abs(self.centre).mean()), 1e-9)
         for t, joint in joints.items():
@@ -102,6 +114,11 @@ class PaymentBundle:
     def span(self, t: int) -> slice:
         """Returns the positions of a step's payments."""
         return self._spans[t]
+
+    @property
+    def has_lists(self) -> bool:
+        """True if only some of the states are paid one by one."""
+        return bool(self._ceilings)
 
     def run(self, cutoff: Callable[[], float], report: Callable[[], None]) -> FloatArray | None:
         """Returns better payments, as far as local search can tell; None if there are none.
@@ -118,7 +135,7 @@ class PaymentBundle:
         """
         open_ = self._narrowing.bound - cutoff()
         latest = self._payments
-        for iteration in range(MOST_LISTED_ITERATIONS if self._ceilings else MOST_ITERATIONS):
+        for iteration in range(MOST_LISTED_ITERATIONS if self.has_lists else MOST_ITERATIONS):
             self._stop.check()
             arcs, heights = self._arcs(), self._heights(self._payments, latest)
             if {height.t for height in heights} != set(self.joints):
@@ -131,7 +148,7 @@ class PaymentBundle:
                 Arc(arc.tail[0], arc.tail[1], arc.tail[2], arc.head[2]): amount
                 for arc, amount in zip(arcs, solved.flow.tolist(), strict=True)
             }
-            value, new = self._judged(solved)
+            value, constants, new = self._judged(solved)
             promised = self._best - solved.value - self.rest
             gained = self._best - value
             if gained > CLEARLY * abs(value) and (
@@ -139,6 +156,7 @@ class PaymentBundle:
             ):
                 self._weight /= 3 if promised < np.inf and gained > GOOD * promised else 1
                 self._best, self._payments = value, solved.payments
+                self.constants = constants
             elif gained < -promised or iteration % 4 == 3:
                 self._weight *= 1.5
             least_gain = CONVERGED * open_
@@ -160,8 +178,8 @@ class PaymentBundle:
             found[k] = max(found[k], least)
         return found
 
-    def _judged(self, solved: StepSolution) -> tuple[float, int]:
-        """Returns the bound of payments as far as local search can tell, and what is new."""
+    def _judged(self, solved: StepSolution) -> "_Judged":
+        """Returns what payments prove as far as local search can tell."""
         known = self._known
         new, constants = 0, dict(solved.constants)
         for t, joint in self.joints.items():
@@ -173,7 +191,8 @@ class PaymentBundle:
                     constants[t] = max(constants[t], height)
         total, paths = self.best_paths(solved.payments, constants)
         new += sum(known.add_path(number, path) for number, path in paths)
-        return total + exact_sum(constants.values()) + self.rest, new
+        bound = total + exact_sum(constants.values()) + self.rest
+        return _Judged(bound, constants, new)
 
     def others(self, constants: Mapping[int, float]) -> dict[int, float]:
         """Returns what states without a payment are paid more, by step, for lower constants.

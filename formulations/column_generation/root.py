@@ -6,6 +6,7 @@ from itertools import islice
 import numpy as np
 
 from cocap_opt.formulations.certificates import Cut
+from cocap_opt.formulations.column_generation.large_root import LargeRoot, is_large
 from cocap_opt.formulations.column_generation.master import Master
 from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.mixture_ascent import mixture_ascent
@@ -14,6 +15,7 @@ from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
 
 ENOUGH = 0.003  # of the bound, to which the first mixture is raised
+ENOUGH_LARGE = 0.015  # likewise, where rules come in before there is any master
 MOST_RAISES = 80
 LEAST_AMOUNT = 0.01  # of a robot, from which on a column is in the first master
 MOST_DISAGGREGATED = 20_000_000  # robots x steps x states up to which robots are disaggregated
@@ -62,21 +64,24 @@ class Root:
     def solve_aggregated(self) -> None:
         """Solves the relaxation with the robot classes as they are; raises LimitReached."""
         if self.relaxation.best.bound > -np.inf:
-            mixture = self._ascend()
-            self._begin(mixture)
-            self.relaxation.solve(self.cutoff, self.rough, until_cuts=True)
-            self._try_step_envelopes(FEW_JOINT_STATES)
-            if not self.search.is_proved(self.cutoff()):
-                self.relaxation.solve(self.cutoff, self.rough)
+            if is_large(self.search.model):
+                self._solve_large()
+            else:
+                self._begin(self._ascend(ENOUGH))
+                self.relaxation.solve(self.cutoff, self.rough, until_cuts=True)
+                self._try_step_envelopes(FEW_JOINT_STATES)
+                if self.search.is_proved(self.cutoff()):
+                    return
+            self.relaxation.solve(self.cutoff, self.rough)
 
-    def _ascend(self) -> Mixture:
-        """Raises a mixture until it is within ENOUGH of the best bound; raises LimitReached."""
+    def _ascend(self, enough: float) -> Mixture:
+        """Raises a mixture until it is within `enough` of the best bound; raises LimitReached."""
         search, relaxation = self.search, self.relaxation
         steps = mixture_ascent(search.model, search.pricer, relaxation.best)
         for step in islice(steps, MOST_RAISES):
             relaxation.best = min(relaxation.best, step.priced, key=lambda some: some.bound)
             search.report(search.snapshot(relaxation.best.bound))
-            if relaxation.best.bound - step.value <= ENOUGH * relaxation.best.bound:
+            if relaxation.best.bound - step.value <= enough * relaxation.best.bound:
                 break
         return step.mixture
 
@@ -88,6 +93,19 @@ class Root:
         search.report(search.snapshot(self.relaxation.best.bound))
         for column in () if search.incumbent is None else search.incumbent.columns:
             master.add(column)
+
+    def _solve_large(self) -> None:
+        """Lowers the bound and looks for plans without masters; raises LimitReached."""
+        relaxation = self.relaxation
+        large = LargeRoot.of(self.search, self._ascend(ENOUGH_LARGE), relaxation.best)
+        try:
+            large.begin()
+            self._begin(large.ascent.mixture)
+            large.solve(self.cutoff)
+        finally:
+            relaxation.best = large.ascent.best
+        columns = (column for column, _ in large.ascent.mixture.used(LEAST_AMOUNT))
+        relaxation.master.add_all(columns, large.ascent.rows, large.ascent.cuts)
 
     def solve(self) -> None:
         """Solves the relaxation; with every robot a class of its own where that is tighter.

@@ -1,0 +1,187 @@
+"""Separation of envelope cuts where many robots of one class share a view sum.
+
+Robots of one class may exchange their amounts, so that a corner of a cut (`certificates.envelope`)
+is a multiset of breakpoints: how many robots are at each. Only multisets of few robots matter. Let
+each robot of the highest one be taken up in turn: the root gains by each at least its phi, as it
+gains less and less. So the highest multiset is among those that grow by gains alone, in the order
+of the breakpoints, and these are few, however many robots there are. The transport problem of a
+cut (`relaxations.separation`) thus has a small program of its own, to which the highest multisets
+are added until none is above the cut.
+"""
+
+import math
+from itertools import combinations_with_replacement
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.formulations.certificates import Curve, Cut
+from cocap_opt.formulations.certificates.format import MOST_WORK
+from cocap_opt.formulations.relaxations.separation import Seen
+
+BREAKPOINTS = 5  # at most; a certificate has no more than MOST_WORK of all robots
+FIRST_MULTISETS = 400  # at most, of the first program
+MOST_ADDED = 60  # multisets at a time
+MOST_ROUNDS = 12
+MOST_GROWING = 4000  # multisets of one size that are gone through
+NEARLY = 0.02  # share of what a cut can cut off that may be left
+LEAST_MASS = 1e-6  # a little mass everywhere keeps phi low where there is none
+_ROUNDING = 1e-12  # of the largest root
+_SOLVER_OPTIONS = {"output_flag": False, "threads": 1, "presolve": "off", "solver": "simplex"}
+
+
+def alike_cut(
+    view_sum: int, seen: Seen, largest: float, robots: int, known: float, least: float
+) -> Cut | None:
+    """Returns the cut of one class that is tightest at a mixture, or nearly so.
+
+    Parameters
+    ----------
+    seen : of robots of one class alone
+    largest : largest root that a robot can have, px^0.5/m
+    robots : number of robots of the class
+    known, least : height at the mixture of what is known, and by how much the cut must be lower;
+        None is returned where it is not
+    """
+    points = _breakpoints(seen, largest, min(BREAKPOINTS, max(1, MOST_WORK // robots)))
+    mass = np.maximum(_shared(seen, points), LEAST_MASS)
+    unit = float(points[-1])
+    pixels = (points / unit) ** 2
+    values = _values(pixels, mass, robots, known / unit)
+    if values is None:
+        return None
+    # The root grows with each robot's, so that phi need nowhere be above its later values.
+    values = np.minimum.accumulate(values[::-1])[::-1]
+    grown = grown_multisets(pixels, values, robots)
+    if grown is None:
+        return None
+    curve = Curve(points, values * unit)
+    constant = float(grown.heights.max() + _ROUNDING) * unit
+    cut = Cut(view_sum, {int(seen.classes[0]): curve}, constant)
+    return cut if known - seen.height(cut) > least else None
+
+
+class Multisets(NamedTuple):
+    """Multisets of breakpoints, and how far their roots are above the sums of phi."""
+
+    counts: IntArray  # [n, K] robots at each breakpoint
+    heights: FloatArray  # [n]
+
+
+def grown_multisets(pixels: FloatArray, values: FloatArray, robots: int) -> Multisets | None:
+    """Returns the multisets that grow by gains alone, among which is the highest one.
+
+    None where they are too many.
+
+    Parameters
+    ----------
+    pixels, values : [K] pixels of a robot at each breakpoint, and phi there
+    robots : the most that a multiset has
+    """
+    size = len(pixels)
+    each, numbers = np.eye(size, dtype=np.int64), np.arange(size)
+    counts, last = np.zeros((1, size), dtype=np.int64), np.zeros(1, dtype=np.int64)
+    sums, paid = np.zeros(1), np.zeros(1)
+    found = [Multisets(counts, np.zeros(1))]
+    for _ in range(robots):
+        gains = np.sqrt(sums[:, None] + pixels) - np.sqrt(sums)[:, None] - values
+        which, at = np.nonzero((gains >= -_ROUNDING) & (numbers >= last[:, None]))
+        if not len(which):
+            break
+        if len(which) > MOST_GROWING:
+            return None
+        counts, last = counts[which] + each[at], at
+        sums, paid = sums[which] + pixels[at], paid[which] + values[at]
+        found.append(Multisets(counts, np.sqrt(sums) - paid))
+    return Multisets(*(np.concatenate(part) for part in zip(*found, strict=True)))
+
+
+def _values(pixels: FloatArray, mass: FloatArray, robots: int, known: float) -> FloatArray | None:
+    """Returns phi at the breakpoints [K]; None if the cut gets no lower than what is known."""
+    size = min(math.ceil(float(mass.sum())) + 1, robots)
+    while size > 1 and math.comb(len(pixels) + size, size) > FIRST_MULTISETS:
+        size -= 1
+    counts, program = _multisets(len(pixels), size), _Transport(mass)
+    for _ in range(MOST_ROUNDS):
+        values, total = program.solve(counts, np.sqrt(counts @ pixels))
+        height = total + float(mass @ values)
+        grown = grown_multisets(pixels, values, robots)
+        if height > known or grown is None:
+            return None
+        above = total + NEARLY * (known - height)
+        order = np.argsort(-grown.heights, kind="stable")[:MOST_ADDED]
+        if grown.heights[order[0]] <= above:
+            break
+        counts = grown.counts[order[grown.heights[order] > total]]
+    return values
+
+
+def _breakpoints(seen: Seen, largest: float, most: int) -> FloatArray:
+    """Returns so many roots: the largest and those between which others lose little."""
+    top = largest * (1 + 1e-9)
+    points, which = np.unique(np.round(seen.roots / largest, 4) * largest, return_inverse=True)
+    mass = np.bincount(which, seen.amounts)
+    inner = (points > 1e-3 * top) & (points < top * (1 - 1e-3))
+    points, mass = points[inner], mass[inner]
+    while len(points) >= most:
+        both = mass[1:] + mass[:-1]
+        at = int(np.argmin(np.diff(points) * mass[1:] * mass[:-1] / both))
+        points[at] = (points[at : at + 2] @ mass[at : at + 2]) / both[at]
+        mass[at] = both[at]
+        points, mass = np.delete(points, at + 1), np.delete(mass, at + 1)
+    return np.append(points, top)
+
+
+def _shared(seen: Seen, points: FloatArray) -> FloatArray:
+    """Returns the amounts at breakpoints [K]; between two of them, they are shared."""
+    roots = np.minimum(seen.roots, points[-1])
+    ends = np.append(0.0, points)
+    after = np.searchsorted(points, roots)
+    upper = (roots - ends[after]) / (ends[after + 1] - ends[after])
+    mass = np.zeros(len(ends))
+    mass += np.bincount(after + 1, seen.amounts * upper, minlength=len(ends))
+    mass += np.bincount(after, seen.amounts * (1 - upper), minlength=len(ends))
+    return mass[1:]
+
+
+def _multisets(points: int, size: int) -> IntArray:
+    """Returns the counts [n, points] of all multisets of at most so many elements."""
+    kinds = combinations_with_replacement(range(points + 1), size)  # the last one stands for none
+    chosen = np.array(list(kinds), dtype=np.int64)
+    counts = np.zeros((len(chosen), points + 1), dtype=np.int64)
+    np.add.at(counts, (np.arange(len(chosen))[:, None], chosen), 1)
+    return counts[:, :-1]
+
+
+class _Transport:
+    """max norms x, counts.T x <= mass, sum x = 1, x >= 0, whose columns come one after the other.
+
+    Less than the mass may be used, which is no loss since the norm grows: then phi >= 0.
+    """
+
+    def __init__(self, mass: FloatArray) -> None:
+        import highspy  # a quarter of a second, which not every bound needs
+
+        self._solver, self._infinity = highspy.Highs(), highspy.kHighsInf
+        for option, value in _SOLVER_OPTIONS.items():
+            self._solver.setOptionValue(option, value)
+        none, rows = np.zeros(0, dtype=np.int32), len(mass) + 1
+        lower = np.append(np.full(len(mass), -self._infinity), 1.0)
+        self._solver.addRows(
+            rows, lower, np.append(mass, 1.0), 0, none, none, np.zeros(0)
+        )  # fmt: skip
+
+    def solve(self, counts: IntArray, norms: FloatArray) -> tuple[FloatArray, float]:
+        """Adds columns; returns the multipliers of the masses [K], and of the total."""
+        entries = np.column_stack([counts, np.ones(len(counts), dtype=np.int64)])
+        used = entries != 0
+        starts = np.append(0, np.cumsum(used.sum(axis=1))[:-1]).astype(np.int32)
+        rows = np.nonzero(used)[1].astype(np.int32)
+        self._solver.addCols(
+            len(counts), -norms, np.zeros(len(counts)), np.full(len(counts), self._infinity),
+            int(used.sum()), starts, rows, entries[used].astype(np.float64),
+        )  # fmt: skip
+        self._solver.run()
+        multipliers = -np.array(self._solver.getSolution().row_dual)
+        return np.maximum(multipliers[:-1], 0.0), float(multipliers[-1])

@@ -1,0 +1,168 @@
+"""Large neighbourhood search over known arcs: better plans where robots are many.
+
+Some robots whose views overlap are taken out of a plan, put back in a random order by best
+responses over the arcs of all known columns (`arc_graph`), and answer one another's paths with
+their neighbours until none gains. The new plan stays if it is no worse (Shaw 1998; ruin and
+recreate: Schrimpf et al. 2000). A move takes some hundredths of a second.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.formulations.column_generation.arc_graph import ArcGraph
+from cocap_opt.formulations.column_generation.columns import Column
+from cocap_opt.formulations.column_generation.incumbent import Incumbent
+from cocap_opt.graph.move_rewards import Bonuses
+from cocap_opt.model import Model, Path
+from cocap_opt.stop import Stop, never
+
+MOST_OTHERS = 3  # robots that are taken out beside the first one
+NEIGHBOURS = 4  # that answer beside those that are taken out
+_GAIN = 1e-9  # relative, from which on a path counts as better
+
+
+class ArcSearch:
+    """A plan that is changed over the arcs of some columns and its own.
+
+    Parameters
+    ----------
+    columns : of any robots
+
+    Attributes
+    ----------
+    columns : those of the plan, robot by robot
+    """
+
+    def __init__(
+        self, model: Model, plan: Incumbent, columns: Iterable[Column], stop: Stop = never
+    ) -> None:
+        self._model, self._stop = model, stop
+        self._weights = model.problem.view_sum_weights
+        self._bonuses = Bonuses.of(model.problem.objective)
+        by_class: list[list[Column]] = [[] for _ in model.classes]
+        for column in (*columns, *plan.columns):
+            by_class[column.along.class_number].append(column)
+        self._graphs = [ArcGraph(model, number, own) for number, own in enumerate(by_class)]
+        self._seen = model.problem.no_pixels()
+        self.columns = [*plan.columns]
+        for column in plan.columns:
+            self._put(column)
+
+    def plan(self) -> Incumbent | None:
+        """Returns the plan as it is now; None if it broke a rule."""
+        return Incumbent.of(self._model, self.columns)
+
+    def search(self, moves: int, rng: np.random.Generator) -> None:
+        """Makes so many moves; raises LimitReached between two of them."""
+        for _ in range(moves):
+            self._stop.check()
+            self._move(rng)
+
+    def _move(self, rng: np.random.Generator) -> None:
+        """Makes one move, which is undone where it makes the plan worse."""
+        robots = len(self.columns)
+        first = int(rng.integers(robots))
+        overlaps = self._overlaps(first)
+        chances = overlaps + 1e-9 * (np.arange(robots) != first)
+        count = min(int(rng.integers(1, MOST_OTHERS + 1)), robots - 1)
+        others = rng.choice(robots, count, replace=False, p=chances / chances.sum()).tolist()
+        near = np.argsort(-overlaps, kind="stable")[:NEIGHBOURS].tolist()
+        before, value = [*self.columns], self._value()
+        if self._put_back(rng.permutation([first, *others]).tolist()):
+            self._answer(list(dict.fromkeys([first, *others, *near])))
+            if self._value() >= value:
+                return
+        for robot, column in enumerate(before):
+            if self.columns[robot] is not column:
+                self._replace(robot, column)
+
+    def _put_back(self, robots: list[int]) -> bool:
+        """Plans robots anew, one after the other; returns False if one is left no way.
+
+        Those that are not planned then keep their columns, out of sight of the others.
+        """
+        for robot in robots:
+            self._take(self.columns[robot])
+        for done, robot in enumerate(robots):
+            path = self._best_path(robot)
+            if path is None:
+                for rest in robots[done:]:
+                    self._put(self.columns[rest])
+                return False
+            self.columns[robot] = Column.of(self._model, robot, path)
+            self._put(self.columns[robot])
+        return True
+
+    def _answer(self, robots: list[int]) -> None:
+        """Takes best responses of these robots in turn until none gains."""
+        quiet = turn = 0
+        while quiet < len(robots):
+            quiet = 0 if self._responds(robots[turn % len(robots)]) else quiet + 1
+            turn += 1
+
+    def _responds(self, robot: int) -> bool:
+        """Takes a robot's best response; returns True if it gains."""
+        own = self.columns[robot]
+        self._take(own)
+        path = self._best_path(robot)
+        best = own if path in (None, own.path) else Column.of(self._model, robot, path)
+        if self._gain(best) <= self._gain(own) * (1 + _GAIN):
+            best = own
+        self.columns[robot] = best
+        self._put(best)
+        return best is not own
+
+    def _best_path(self, robot: int) -> Path | None:
+        """Returns a robot's best path over the arcs, beside all that are in sight."""
+        graph = self._graphs[self.columns[robot].along.class_number]
+        return graph.best_path(self._model.start(robot), self._seen)
+
+    def _gain(self, column: Column) -> float:
+        """Returns what a column gains beside what is seen."""
+        seen = self._seen[column.view_sums]
+        gains = np.sqrt(seen + column.pixels) - np.sqrt(seen)
+        return float(gains @ self._weights[column.view_sums]) + self._bonus(column)
+
+    def _bonus(self, column: Column) -> float:
+        """Returns the rewards for the moves of a column."""
+        if self._bonuses.none:
+            return 0.0
+        return self._bonuses.of_path(
+            self._model.class_of[column.robot].graph.shape, column.path
+        )  # fmt: skip
+
+    def _value(self) -> float:
+        """Returns J of the plan as it is now."""
+        return float(self._weights @ np.sqrt(self._seen)) + sum(map(self._bonus, self.columns))
+
+    def _overlaps(self, robot: int) -> FloatArray:
+        """Returns how much each robot's roots share with those of one robot [R]; 0 for itself."""
+        roots = self._model.problem.no_pixels()
+        own = self.columns[robot]
+        roots[own.view_sums] = np.sqrt(own.pixels)
+        shared = np.array(
+            [np.minimum(roots[c.view_sums], np.sqrt(c.pixels)).sum() for c in self.columns]
+        )
+        shared[robot] = 0.0
+        return shared
+
+    def _replace(self, robot: int, column: Column) -> None:
+        """Gives a robot another column."""
+        self._take(self.columns[robot])
+        self.columns[robot] = column
+        self._put(column)
+
+    def _put(self, column: Column) -> None:
+        """Brings a column into the others' sight and way."""
+        self._seen[column.view_sums] += column.pixels
+        for graph in self._graphs:
+            graph.put(column, 1)
+
+    def _take(self, column: Column) -> None:
+        """Takes a column out of the others' sight and way."""
+        at = column.view_sums
+        self._seen[at] = np.maximum(self._seen[at] - column.pixels, 0.0)
+        for graph in self._graphs:
+            graph.put(column, -1)

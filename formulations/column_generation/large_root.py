@@ -1,0 +1,134 @@
+"""The root of scenes with very many robots: bound and plan in turn, without masters.
+
+Where a master takes many seconds, three kinds of work take turns: mixtures are raised and priced
+under rules and cuts (`ruled_ascent`), the plan is changed over the arcs of all columns that were
+found (`arc_search`), and its robots answer one another over all arcs there are (`local_search`).
+Each turn goes to the kind that has gained most when it was last at work; those that wait gain
+prospects, since the others' work may bring them some.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cocap_opt.formulations.column_generation.arc_search import ArcSearch
+from cocap_opt.formulations.column_generation.columns import Column
+from cocap_opt.formulations.column_generation.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.mixture import Mixture
+from cocap_opt.formulations.column_generation.pricing import Priced
+from cocap_opt.formulations.column_generation.ruled_ascent import RuledAscent
+from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.model import Model, Path
+
+MANY_ROBOT_STEPS = 1500  # beyond which masters take too long
+FIRST_STEPS, MOST_FIRST_STEPS = 20, 80  # of the ascent, before there is any plan
+STEPS = 5  # of the ascent in a turn
+TURNS_PER_CUTS = 3  # of the ascent
+NEARLY = 0.004  # of the bound: cuts are looked for once bound and mixture are nearer
+MOVES = 250  # of the plan in a turn; all three kinds take about as long then
+PATIENCE = 1.2  # times its last gain: what is expected of a kind of work after each turn of others
+LEAST_GAIN = 5e-4  # of what is open, that a turn must gain for more of its kind
+
+
+def is_large(model: Model) -> bool:
+    """Returns True if masters of a model would take too long."""
+    problem = model.problem
+    return (
+        len(problem.robots) * problem.horizon >= MANY_ROBOT_STEPS
+        and not problem.objective.over_time
+    )
+
+
+@dataclass
+class LargeRoot:
+    """The bound and the plan of a large scene.
+
+    Attributes
+    ----------
+    found : columns of plans, beside those of the ascent
+    """
+
+    search: Search
+    ascent: RuledAscent
+    found: dict[tuple[int, Path], Column] = field(default_factory=dict)
+    _turns: int = 0  # of the ascent, from which on cuts are looked for
+
+    @classmethod
+    def of(cls, search: Search, mixture: Mixture, best: Priced) -> "LargeRoot":
+        """Returns the root with the mixture and the bound of a first ascent."""
+        return cls(search, RuledAscent(search, mixture, best))
+
+    def begin(self) -> None:
+        """Raises the mixture until it nearly obeys the rules; raises LimitReached."""
+        self._steps(FIRST_STEPS)
+        # Rows that come in at first cost more than they should: no bound is the best for a while.
+        for _ in range(FIRST_STEPS, MOST_FIRST_STEPS):
+            if self._is_near():
+                break
+            self._steps(1)
+
+    def solve(self, cutoff: Callable[[], float]) -> None:
+        """Raises the plan and lowers the bound until neither gains; raises LimitReached.
+
+        Parameters
+        ----------
+        cutoff : bound at which nothing is open; it rises with the plan
+        """
+        kinds = (self._ascend, self._rearrange, self._respond)
+        last, hopes = [np.inf] * len(kinds), [np.inf] * len(kinds)
+        open_ = self.ascent.best.bound - cutoff()
+        while open_ > 0 and max(last) > LEAST_GAIN * open_:
+            turn = int(np.argmax(hopes))
+            kinds[turn]()
+            before, open_ = open_, self.ascent.best.bound - cutoff()
+            last[turn] = before - open_
+            hopes = [hope * PATIENCE for hope in hopes]
+            hopes[turn] = max(last[turn], LEAST_GAIN * open_)
+
+    def _tell(self) -> None:
+        self.search.report(self.search.snapshot(self.ascent.best.bound))
+
+    def _ascend(self) -> None:
+        """Raises the mixture, with new cuts if it is near the bound."""
+        if self._is_near() and self._turns % TURNS_PER_CUTS == 0:
+            self.ascent.add_cuts()
+        self._turns += self._is_near()
+        self._steps(STEPS)
+
+    def _is_near(self) -> bool:
+        """Returns True if bound and mixture are near enough for cuts."""
+        bound = self.ascent.best.bound
+        return bound - self.ascent.value <= NEARLY * bound
+
+    def _steps(self, count: int) -> None:
+        for _ in range(count):
+            self.search.stop.begin_work()
+            self.ascent.step()
+            self._tell()
+
+    def _rearrange(self) -> None:
+        """Changes the plan over the arcs that are known."""
+        plan = self.search.incumbent
+        if plan is None:
+            return
+        columns = {**self.ascent.columns, **self.found}
+        arcs = ArcSearch(self.search.model, plan, columns.values(), self.search.stop)
+        try:
+            arcs.search(MOVES, self.search.rng)
+        finally:
+            self._take(arcs.plan())
+
+    def _respond(self) -> None:
+        """Lets each robot answer the others over all arcs."""
+        search = self.search
+        if search.incumbent is not None:
+            search.allowance.left = len(search.model.problem.robots)
+            self._take(search.local_search.with_best_responses(search.incumbent.columns))
+
+    def _take(self, plan: Incumbent | None) -> None:
+        """Offers a plan, whose columns others may use."""
+        self.search.offer(plan)
+        if plan is not None:
+            self.found.update((column.key, column) for column in plan.columns)
+        self._tell()

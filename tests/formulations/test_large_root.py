@@ -1,0 +1,107 @@
+"""The root of scenes with very many robots: cuts of robots that are alike, and no masters."""
+
+from itertools import islice
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from brute_force import optimum
+from hypothesis import given
+from pool import meetings, problems
+from strategies import examples
+
+from cocap_opt.formulations.certificates import Curve, Cut, Pricing
+from cocap_opt.formulations.column_generation import large_root
+from cocap_opt.formulations.column_generation.alike_cuts import alike_cut, grown_multisets
+from cocap_opt.formulations.column_generation.arc_search import ArcSearch
+from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.column_generation.mixture_ascent import mixture_ascent
+from cocap_opt.formulations.column_generation.ruled_ascent import RuledAscent
+from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.relaxations.separation import Seen
+from cocap_opt.model import compiled
+from cocap_opt.problem import Problem
+from cocap_opt.referee import check
+
+some_problems = st.one_of(meetings(), problems(robots=[2, 3], goals=False))
+numbers = st.floats(0.05, 1.0)
+
+
+@examples(60)
+@given(st.lists(st.tuples(numbers, numbers), min_size=1, max_size=4), st.integers(1, 9))
+def test_the_highest_multiset_grows_by_gains_alone(
+    curve: list[tuple[float, float]], robots: int
+) -> None:
+    """Of the multisets that are gone through, the highest is as high as that of all corners."""
+    roots, shares = np.array(sorted(dict(curve).items())).T
+    values = roots * shares
+    grown = grown_multisets(roots**2, values, robots)
+    constant = Cut.valid(0, {0: Curve(roots, values)}, (robots,)).constant
+    assert grown is not None
+    assert grown.heights.max() == pytest.approx(constant, abs=1e-9)
+
+
+@examples(40)
+@given(st.lists(st.tuples(numbers, numbers), min_size=2, max_size=12), st.integers(12, 70))
+def test_a_cut_of_robots_that_are_alike_is_valid_and_cuts(
+    views: list[tuple[float, float]], robots: int
+) -> None:
+    """Its constant is what makes it valid, and it is below what was known at the mixture."""
+    roots, amounts = np.array(views).T
+    seen = Seen(np.zeros(len(roots), dtype=np.int64), roots, amounts)
+    known = float(min(np.sqrt(amounts @ roots**2), amounts @ roots))
+    cut = alike_cut(3, seen, 1.0, robots, known, 1e-4)
+    if cut is not None:
+        assert seen.height(cut) < known
+        assert Cut.valid(3, cut.curves, (robots,)).constant <= cut.constant + 1e-9
+
+
+@examples(10)
+@given(some_problems)
+def test_every_step_under_rules_gives_a_bound(problem: Problem) -> None:
+    """The certificate of the best multipliers, with rows and cuts, bounds all plans."""
+    search = Search(compiled(problem))
+    if search.alone.bound == -np.inf or problem.objective.over_time:
+        return
+    first = next(mixture_ascent(search.model, search.pricer, search.alone))
+    ascent = RuledAscent(search, first.mixture, first.priced)
+    for _ in range(3):
+        ascent.step()
+        ascent.add_cuts()
+    ascent.step()
+    bound = Pricing.of(search.model, ascent.best.duals.certificate(search.model)).bound
+    assert bound == pytest.approx(ascent.best.bound, rel=1e-9, abs=1e-6)
+    assert bound >= optimum(problem).value - 1e-6
+
+
+@examples(10)
+@given(some_problems)
+def test_plans_over_known_arcs_obey_the_rules_and_get_no_worse(problem: Problem) -> None:
+    """Moves lead from a plan to plans that the referee accepts, of no less J."""
+    search = Search(compiled(problem))
+    if search.alone.bound == -np.inf or search.incumbent is None or problem.objective.over_time:
+        return
+    if len(problem.robots) < 2:
+        return
+    steps = islice(mixture_ascent(search.model, search.pricer, search.alone), 3)
+    columns = [column for step in steps for column in step.priced.columns]
+    arcs = ArcSearch(search.model, search.incumbent, columns)
+    arcs.search(5, np.random.default_rng(0))
+    plan = arcs.plan()
+    assert plan is not None
+    assert plan.value >= search.value * (1 - 1e-9)
+    verdict = check(problem, search.model.plan(plan.paths))
+    assert verdict.valid
+    assert verdict.reward == pytest.approx(plan.value, rel=1e-9, abs=1e-9)
+
+
+@examples(8)
+@given(some_problems)
+def test_optima_are_the_same_without_masters_at_first(problem: Problem) -> None:
+    """Branch-and-price that treats a small scene as a large one proves the same optimum."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(large_root, "MANY_ROBOT_STEPS", 0)
+        result = branch_and_price(problem)
+    best = optimum(problem).value
+    assert result.value == pytest.approx(best, rel=1e-6, abs=1e-6)
+    assert result.bound >= best * (1 - 1e-9) - 1e-9
