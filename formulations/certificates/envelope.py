@@ -126,7 +126,7 @@ class Corners:
             # All robots of a class at once while their choices are few, else one by one.
             points, robots = len(curve.roots), sizes[number]
             at_once = math.comb(robots + points, points) <= STAGE_CHOICES
-            counts = _multisets(points, robots if at_once else 1)
+            counts = multisets(points, robots if at_once else 1)
             stage = _Stage(counts @ curve.roots**2, counts @ curve.values, counts, first)
             self._stages += [stage] * (1 if at_once else robots)
             first += points
@@ -211,7 +211,7 @@ class _HighCorners(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def _multisets(points: int, size: int) -> IntArray:
+def multisets(points: int, size: int) -> IntArray:
     """Returns the counts [M, points] of all multisets with at most `size` elements."""
     counts = np.zeros((1, 0), dtype=np.int64)
     for _ in range(points):

@@ -10,15 +10,15 @@ are added until none is above the cut.
 """
 
 import math
-from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Curve, Cut
+from cocap_opt.formulations.certificates.envelope import multisets
 from cocap_opt.formulations.certificates.format import MOST_WORK
-from cocap_opt.formulations.relaxations.separation import Seen
+from cocap_opt.formulations.relaxations.separation import Seen, Transport
 
 BREAKPOINTS = 5  # at most; a certificate has no more than MOST_WORK of all robots
 FIRST_MULTISETS = 400  # at most, of the first program
@@ -28,7 +28,6 @@ MOST_GROWING = 4000  # multisets of one size that are gone through
 NEARLY = 0.02  # share of what a cut can cut off that may be left
 LEAST_MASS = 1e-6  # a little mass everywhere keeps phi low where there is none
 _ROUNDING = 1e-12  # of the largest root
-_SOLVER_OPTIONS = {"output_flag": False, "threads": 1, "presolve": "off", "solver": "simplex"}
 
 
 def alike_cut(
@@ -102,9 +101,12 @@ def _values(pixels: FloatArray, mass: FloatArray, robots: int, known: float) -> 
     size = min(math.ceil(float(mass.sum())) + 1, robots)
     while size > 1 and math.comb(len(pixels) + size, size) > FIRST_MULTISETS:
         size -= 1
-    counts, program = _multisets(len(pixels), size), _Transport(mass)
+    counts, program = multisets(len(pixels), size), Transport(mass)
     for _ in range(MOST_ROUNDS):
-        values, total = program.solve(counts, np.sqrt(counts @ pixels))
+        prices = program.solve(counts, np.sqrt(counts @ pixels))
+        if prices is None:  # not to be expected
+            return None
+        values, total = prices
         height = total + float(mass @ values)
         grown = grown_multisets(pixels, values, robots)
         if height > known or grown is None:
@@ -143,45 +145,3 @@ def _shared(seen: Seen, points: FloatArray) -> FloatArray:
     mass += np.bincount(after + 1, seen.amounts * upper, minlength=len(ends))
     mass += np.bincount(after, seen.amounts * (1 - upper), minlength=len(ends))
     return mass[1:]
-
-
-def _multisets(points: int, size: int) -> IntArray:
-    """Returns the counts [n, points] of all multisets of at most so many elements."""
-    kinds = combinations_with_replacement(range(points + 1), size)  # the last one stands for none
-    chosen = np.array(list(kinds), dtype=np.int64)
-    counts = np.zeros((len(chosen), points + 1), dtype=np.int64)
-    np.add.at(counts, (np.arange(len(chosen))[:, None], chosen), 1)
-    return counts[:, :-1]
-
-
-class _Transport:
-    """max norms x, counts.T x <= mass, sum x = 1, x >= 0, whose columns come one after the other.
-
-    Less than the mass may be used, which is no loss since the norm grows: then phi >= 0.
-    """
-
-    def __init__(self, mass: FloatArray) -> None:
-        import highspy  # a quarter of a second, which not every bound needs
-
-        self._solver, self._infinity = highspy.Highs(), highspy.kHighsInf
-        for option, value in _SOLVER_OPTIONS.items():
-            self._solver.setOptionValue(option, value)
-        none, rows = np.zeros(0, dtype=np.int32), len(mass) + 1
-        lower = np.append(np.full(len(mass), -self._infinity), 1.0)
-        self._solver.addRows(
-            rows, lower, np.append(mass, 1.0), 0, none, none, np.zeros(0)
-        )  # fmt: skip
-
-    def solve(self, counts: IntArray, norms: FloatArray) -> tuple[FloatArray, float]:
-        """Adds columns; returns the multipliers of the masses [K], and of the total."""
-        entries = np.column_stack([counts, np.ones(len(counts), dtype=np.int64)])
-        used = entries != 0
-        starts = np.append(0, np.cumsum(used.sum(axis=1))[:-1]).astype(np.int32)
-        rows = np.nonzero(used)[1].astype(np.int32)
-        self._solver.addCols(
-            len(counts), -norms, np.zeros(len(counts)), np.full(len(counts), self._infinity),
-            int(used.sum()), starts, rows, entries[used].astype(np.float64),
-        )  # fmt: skip
-        self._solver.run()
-        multipliers = -np.array(self._solver.getSolution().row_dual)
-        return np.maximum(multipliers[:-1], 0.0), float(multipliers[-1])

@@ -77,7 +77,7 @@ class _Choice(NamedTuple):
 
 
 class _Entries(NamedTuple):
-    """What the parts of columns see, entry by entry."""
+    """The views of the parts of columns, entry by entry."""
 
     of: IntArray  # number of the part
     view_sums: IntArray

@@ -40,7 +40,7 @@ MOST_HEIGHTS = 30  # joint states of a step in the master: the highest at the ce
 
 
 class _Judged(NamedTuple):
-    """What payments prove, as far as local search can tell."""
+    """The outcome of judging payments by local search."""
 
     bound: float
     constants: Mapping[int, float]  # by step

@@ -32,7 +32,7 @@ NEARLY = 0.05  # share of what a cut can cut off that may be left
 SCENARIOS = 64  # equally likely ones in which amounts are dealt to robots
 SWEEPS = 2  # of the rearrangement
 LEAST_MASS = 1e-6  # a little mass everywhere keeps phi low where there is none
-SOLVER_OPTIONS = {"output_flag": False, "threads": 1, "presolve": "off", "solver": "simplex"}
+_SOLVER_OPTIONS = {"output_flag": False, "threads": 1, "presolve": "off", "solver": "simplex"}
 
 
 class Seen:
@@ -225,7 +225,7 @@ def _potentials(
     unit = float(points.max())
     counts = np.unique(_first_corners(marginals, sizes), axis=0)
     values = np.zeros(len(points))
-    program = _Transport(mass)
+    program = Transport(mass)
     for _ in range(MOST_ROUNDS):
         prices = program.solve(counts, np.sqrt(counts @ points**2) / unit)
         if prices is None:  # not to be expected; any phi is valid
@@ -310,14 +310,14 @@ def _smallest(values: FloatArray, count: int) -> IntArray:
     return np.sort(some)
 
 
-class _Prices(NamedTuple):
+class Prices(NamedTuple):
     """Multipliers of a transport problem."""
 
     mass: FloatArray  # [K] >= 0
     total: float
 
 
-class _Transport:
+class Transport:
     """max norms x, counts.T x <= mass, sum x = 1, x >= 0, whose columns come one after the other.
 
     Less than the mass may be used, which is no loss since the norm grows: then phi >= 0.
@@ -327,7 +327,7 @@ class _Transport:
         import highspy  # a quarter of a second, which not every bound needs
 
         self._solver, self._optimal = highspy.Highs(), highspy.HighsModelStatus.kOptimal
-        for option, value in SOLVER_OPTIONS.items():
+        for option, value in _SOLVER_OPTIONS.items():
             self._solver.setOptionValue(option, value)
         none, rows = np.zeros(0, dtype=np.int32), len(mass) + 1
         lower = np.append(np.full(len(mass), -highspy.kHighsInf), 1.0)
@@ -335,7 +335,7 @@ class _Transport:
             rows, lower, np.append(mass, 1.0), 0, np.zeros(rows, dtype=np.int32), none, np.zeros(0)
         )
 
-    def solve(self, counts: IntArray, norms: FloatArray) -> _Prices | None:
+    def solve(self, counts: IntArray, norms: FloatArray) -> Prices | None:
         """Solves with more columns; None where the solver fails."""
         columns, rows = counts.shape[0], counts.shape[1] + 1
         self._solver.addCols(
@@ -348,4 +348,4 @@ class _Transport:
         if self._solver.getModelStatus() != self._optimal:
             return None
         multipliers = -np.array(self._solver.getSolution().row_dual)
-        return _Prices(np.maximum(multipliers[:-1], 0.0), float(multipliers[-1]))
+        return Prices(np.maximum(multipliers[:-1], 0.0), float(multipliers[-1]))
