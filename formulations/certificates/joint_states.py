@@ -37,7 +37,7 @@ from cocap_opt.stop import Stop, never
 
 _PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
 _LARGE, _FEW_NODES = 5, 100  # likewise, of teams of so many robots, whose searches are long
-_COMPILING = 5.0  # seconds that the first compiled search of a machine may take
+COMPILING = 5.0  # seconds that the first compiled search of a machine may take
 _MOST_FOUND = 50_000  # joint states of one step that are collected
 _AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
 
@@ -163,6 +163,11 @@ class JointStates:
         most += robots * np.abs(self.charge).max(initial=0.0)
         return float(16 * robots * (len(self.weights) + robots + 4) * UNIT_ROUNDOFF * most)
 
+    @property
+    def plain_nodes(self) -> int:
+        """Nodes from which on a search is long, so that it is compiled where it can be."""
+        return _FEW_NODES if sum(self.sizes) >= _LARGE else _PLAIN_NODES
+
     def repaid(self, payment: FloatArray, constant: float = np.inf) -> "JointStates":
         """Returns the same joint states with other payments.
 
@@ -202,7 +207,10 @@ class JointStates:
             At a limit.
         """
         search = self._searched(wanted, stop)
-        return Highest(search.best, search.positions, search.nodes)
+        at = sorted(search.positions)
+        # Computed anew, so that it is the same to the last bit, compiled or not.
+        height = max(self.height(at), wanted.least) if at else search.best
+        return Highest(height, search.positions, search.nodes)
 
     def all_that_count(self, most_nodes: int, stop: Stop = never) -> list[tuple[int, ...]]:
         """Returns the positions of the states of all joint states that count.
@@ -224,13 +232,12 @@ class JointStates:
         """
         if compiled_search.is_loaded():
             return self._run_compiled(wanted, stop, _MOST_FOUND if collects else 0)
-        plain_nodes = _FEW_NODES if sum(self.sizes) >= _LARGE else _PLAIN_NODES
         is_long = (
-            wanted.most_nodes > plain_nodes
+            wanted.most_nodes > self.plain_nodes
             and compiled_search.is_there()
-            and stop.seconds_left > _COMPILING
+            and stop.seconds_left > COMPILING
         )
-        first = wanted._replace(most_nodes=plain_nodes) if is_long else wanted
+        first = wanted._replace(most_nodes=self.plain_nodes) if is_long else wanted
         plain = _PlainSearch(self, first, collects)
         try:
             plain.run(stop)

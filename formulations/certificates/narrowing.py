@@ -161,12 +161,12 @@ class Narrowing:
         return left
 
     @property
-    def joint_states_left(self) -> float:
-        """Number of joint states of all steps, conflicts included."""
+    def joint_states_left(self) -> int:
+        """Number of joint states of all steps, conflicts included; none are too many for an int."""
         first, sizes = self.model.problem.first_step, self.model.class_sizes
         per_step = np.array([some.sum(axis=1) for some in self.left]).T[first:].tolist()
         return sum(
-            math.prod(float(math.comb(n + k - 1, k)) for n, k in zip(left, sizes, strict=True))
+            math.prod(math.comb(n + k - 1, k) for n, k in zip(left, sizes, strict=True))
             for left in per_step
         )
 

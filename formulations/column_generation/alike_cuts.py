@@ -43,7 +43,10 @@ def alike_cut(
     known, least : height at the mixture of what is known, and by how much the cut must be lower;
         None is returned where it is not
     """
-    points = _breakpoints(seen, largest, min(BREAKPOINTS, max(1, MOST_WORK // robots)))
+    most = min(BREAKPOINTS, MOST_WORK // robots)
+    if most == 0:
+        return None
+    points = _breakpoints(seen, largest, most)
     mass = np.maximum(_shared(seen, points), LEAST_MASS)
     unit = float(points[-1])
     pixels = (points / unit) ** 2
@@ -126,6 +129,8 @@ def _breakpoints(seen: Seen, largest: float, most: int) -> FloatArray:
     mass = np.bincount(which, seen.amounts)
     inner = (points > 1e-3 * top) & (points < top * (1 - 1e-3))
     points, mass = points[inner], mass[inner]
+    if most == 1:
+        return np.array([top])
     while len(points) >= most:
         both = mass[1:] + mass[:-1]
         at = int(np.argmin(np.diff(points) * mass[1:] * mass[:-1] / both))

@@ -19,6 +19,7 @@ from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop, never
 
 MOST_OTHERS = 3  # robots that are taken out beside the first one
+MOST_TURNS = 20  # of each robot that answers, in one move
 NEIGHBOURS = 4  # that answer beside those that are taken out
 _GAIN = 1e-9  # relative, from which on a path counts as better
 
@@ -63,6 +64,8 @@ class ArcSearch:
     def _move(self, rng: np.random.Generator) -> None:
         """Makes one move, which is undone where it makes the plan worse."""
         robots = len(self.columns)
+        if robots < 2:
+            return
         first = int(rng.integers(robots))
         overlaps = self._overlaps(first)
         chances = overlaps + 1e-9 * (np.arange(robots) != first)
@@ -81,7 +84,7 @@ class ArcSearch:
     def _put_back(self, robots: list[int]) -> bool:
         """Plans robots anew, one after the other; returns False if one is left no way.
 
-        Those that are not planned then keep their columns, out of sight of the others.
+        Those that are not planned then keep their columns.
         """
         for robot in robots:
             self._take(self.columns[robot])
@@ -98,7 +101,7 @@ class ArcSearch:
     def _answer(self, robots: list[int]) -> None:
         """Takes best responses of these robots in turn until none gains."""
         quiet = turn = 0
-        while quiet < len(robots):
+        while quiet < len(robots) and turn < MOST_TURNS * len(robots):
             quiet = 0 if self._responds(robots[turn % len(robots)]) else quiet + 1
             turn += 1
 

@@ -1,7 +1,6 @@
 """Local search for high joint states of one step: robot after robot, as high as can be.
 
-Once the compiled search of joint states has been loaded, this one is compiled, too
-(`ascent_kernel`), and begins at more joint states.
+It can be compiled (`ascent_kernel`), so that it begins at more joint states in less time.
 """
 
 from collections.abc import Sequence
@@ -9,23 +8,26 @@ from collections.abc import Sequence
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates import JointStates, compiled_search
+from cocap_opt.formulations.certificates import JointStates
 
 _GAIN = 1e-9  # relative, from which on a height counts as higher
 
 
-def ascended(joint: JointStates, starts: Sequence[Sequence[int]]) -> IntArray:
+def ascended(
+    joint: JointStates, starts: Sequence[Sequence[int]], is_compiled: bool = False
+) -> IntArray:
     """Returns joint states that count and that no robot can raise alone, without repetition.
 
     Parameters
     ----------
     starts : positions of the states to start with; the greedy joint state is one more start
+    is_compiled : use the compiled search, which needs numba and may end elsewhere
 
     Returns
     -------
     [K, R] positions of the states.
     """
-    if compiled_search.is_loaded():
+    if is_compiled:
         found = _compiled(joint, starts)
     else:
         every = [*starts, first] if (first := _greedy(joint)) else starts

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cocap_opt.formulations.certificates import JointStates, compiled_search
+from cocap_opt.formulations.certificates.joint_states import COMPILING
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.joint_ascent import (
     ascended,
@@ -13,6 +14,7 @@ from cocap_opt.formulations.column_generation.joint_ascent import (
     that_count,
 )
 from cocap_opt.model import Path
+from cocap_opt.stop import Stop
 
 KNOWN_STARTS, RANDOM_STARTS = 6, 3  # of local searches of one step
 HIGHEST_STARTS, MANY_RANDOM_STARTS = 4, 10  # where they are compiled
@@ -28,10 +30,13 @@ class Known:
     ----------
     rng : of local searches
     paths : class numbers and paths
+    is_thorough : true once a search has been long: then local search is compiled, too, which takes
+        some seconds on a machine the first time, and begins at more joint states
     """
 
     rng: np.random.Generator
     paths: dict[tuple[int, Path], None] = field(default_factory=dict)
+    is_thorough: bool = False
     _joint: dict[int, dict[JointKey, None]] = field(default_factory=dict)
 
     @classmethod
@@ -62,6 +67,11 @@ class Known:
         own[key] = None
         return is_new
 
+    def note(self, nodes: int, joint: JointStates, stop: Stop) -> None:
+        """Takes down how many nodes a search took; raises no limit."""
+        if nodes > joint.plain_nodes and compiled_search.is_there():
+            self.is_thorough |= stop.seconds_left > COMPILING
+
     def at(self, joint: JointStates) -> list[list[int]]:
         """Returns the positions of the joint states that are known and still count."""
         at = {one: k for k, one in enumerate(joint.keys)}
@@ -78,17 +88,17 @@ class Known:
         robots, known = sum(joint.sizes), self.at(joint)
         self.rng.shuffle(known)
         starts: list[Sequence[int]] = [*known[:KNOWN_STARTS]]
-        if compiled_search.is_loaded() and known:
+        if self.is_thorough and known:
             highest = np.argsort(-heights(joint, np.array(known)), kind="stable")
             starts = [known[k] for k in highest[:HIGHEST_STARTS]] + starts
-        for start in starts[: MANY_RANDOM_STARTS if compiled_search.is_loaded() else RANDOM_STARTS]:
+        for start in starts[: MANY_RANDOM_STARTS if self.is_thorough else RANDOM_STARTS]:
             changed = list(start)
             for k in self.rng.integers(robots, size=robots // 2 + 1).tolist():
                 own = joint.class_of[changed[k]]
                 first, end = np.searchsorted(joint.class_of, [own, own + 1])
                 changed[k] = int(self.rng.integers(first, end))
             starts.append(changed)
-        return [tuple(team) for team in ascended(joint, starts).tolist()]
+        return [tuple(team) for team in ascended(joint, starts, self.is_thorough).tolist()]
 
     def highest(self, joint: JointStates) -> float:
         """Returns the largest height that local search finds."""

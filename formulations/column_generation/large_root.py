@@ -35,7 +35,8 @@ def is_large(model: Model) -> bool:
     """Returns True if masters of a model would take too long."""
     problem = model.problem
     return (
-        len(problem.robots) * problem.horizon >= MANY_ROBOT_STEPS
+        len(problem.robots) > 1
+        and len(problem.robots) * problem.horizon >= MANY_ROBOT_STEPS
         and not problem.objective.over_time
     )
 
@@ -123,7 +124,8 @@ class LargeRoot:
         """Lets each robot answer the others over all arcs."""
         search = self.search
         if search.incumbent is not None:
-            search.allowance.left = len(search.model.problem.robots)
+            robots = len(search.model.problem.robots)
+            search.allowance.left = max(search.allowance.left, robots)
             self._take(search.local_search.with_best_responses(search.incumbent.columns))
 
     def _take(self, plan: Incumbent | None) -> None:

@@ -98,6 +98,8 @@ class Root:
         """Lowers the bound and looks for plans without masters; raises LimitReached."""
         relaxation = self.relaxation
         large = LargeRoot.of(self.search, self._ascend(ENOUGH_LARGE), relaxation.best)
+        if self._is_closed():
+            return
         try:
             large.begin()
             self._begin(large.ascent.mixture)

@@ -36,9 +36,10 @@ MOST_STEPS = 60  # in which a mixture is raised between two pricings
 ROUGH = 0.02  # of bound - value: what these steps may leave to gain
 LEAST_AMOUNT = 1e-3  # of a robot, below which a column is dropped
 BROKEN = 1e-3  # uses of a resource in excess of the rule that are left alone
-# What a robot too many costs at first, in units of what a robot earns at a step.
+# Charge of one robot too many at first, in units of the reward of a robot at a step.
 STEEPNESS = 0.2
 LEAST_FACTOR = 0.01  # of a column's amount in a step, before the power
+LEAST_SHARE = 1e-9  # of the root's multiplier, from which on pixels have one of their own
 LEAST_CUT = 1e-6  # of the bound: what an envelope cut must cut off
 MOST_CUTS = 1500  # in a round, those that can cut off most
 AGAIN = 1.5  # times as much as when none was found: then a cut of the view sum is looked for again
@@ -132,6 +133,7 @@ class RuledAscent:
             else:
                 added.append(cut)
         self.cuts += added
+        self._shares = np.ones(len(self.cuts))
         return len(added)
 
     def _least_cut(self, view_sum: int) -> float:
@@ -146,6 +148,7 @@ class RuledAscent:
             known.setdefault(cut.view_sum, []).append(cut)
         found = []
         for view_sum, seen in self.mixture.seen():
+            self._search.stop.check()
             # Robots of several classes are no more alike.
             if not weights[view_sum] or seen.classes.min() < seen.classes.max():
                 continue
@@ -243,9 +246,12 @@ class _RuledProgram:
         )
         total = of_alone + of_together + np.bincount(at, of_cuts, minlength=len(least))
         total = np.where(seen, total, 1.0)
-        alpha = np.where(seen, of_alone / total, 1.0)
-        share = np.where(seen, of_together / total, 0.0)
-        beta = share / (2 * np.maximum(together, _DARK))
+        share = of_together / total
+        # The rounding of what alpha leaves would outweigh so small a beta: it has none, and alpha
+        # a little more than is left.
+        nearly = share < LEAST_SHARE
+        alpha = np.where(seen, of_alone / total + np.where(nearly, share + 1e-12, 0.0), 1.0)
+        beta = np.where(seen & ~nearly, share / (2 * np.maximum(together, _DARK)), 0.0)
         charges = self._charges + self._steepness * (amounts @ self._uses - 1)
         value = base.weights @ np.where(seen, least, 0.0) + amounts @ base.bonus
         shares = np.where(seen[at], of_cuts / total[at], 0.0)

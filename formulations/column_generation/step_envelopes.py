@@ -189,7 +189,7 @@ class _Envelopes:
             if listed and closed < LEAST_LISTED:
                 self.lists_stall |= not may_be_longer
                 self._lengthen()
-            if closed < LEAST_ROUND and not may_be_longer:
+            if closed < LEAST_ROUND and not may_be_longer and not (listed and self._is_small()):
                 break
         if narrowing.pricing.bound > cutoff() and self._is_small():
             self._tried_all(_many_nodes(), MANY_TRIED)
@@ -256,7 +256,9 @@ class _Envelopes:
                     wanted = Wanted(least, _few_nodes(len(higher.states)))
                     found = self.narrowing.lower(higher, wanted, self.search.stop)
                 except NotEndedError:
+                    self.known.note(wanted.most_nodes, higher, self.search.stop)
                     continue
+                self.known.note(found.nodes, higher, self.search.stop)
                 self.known.add(higher, found.positions)
                 if self.narrowing.constants[t] < before:
                     constants.append(StepConstant(t, found.height))
@@ -306,8 +308,10 @@ class _Envelopes:
             try:
                 found = paid.highest(Wanted(least, _many_nodes()), self.search.stop)
             except NotEndedError:
+                self.known.note(_many_nodes(), paid, self.search.stop)
                 self._shorten(t, len(joint.states), NOT_ENDED)
                 continue
+            self.known.note(found.nodes, paid, self.search.stop)
             self._shorten(t, len(joint.states), found.nodes / self.long_search)
             if found.positions:
                 bundle.remember(t, found.positions)

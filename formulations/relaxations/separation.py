@@ -17,6 +17,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Curve, Cut
 from cocap_opt.formulations.certificates.envelope import Corners
+from cocap_opt.formulations.certificates.format import MOST_WORK
 
 # Of all classes together: rows of the transport problem. Of robots that are a class each, more of
 # them cost sixteen times as much and cut off an eighth more (Greedy Perspectives' large).
@@ -154,7 +155,8 @@ def _are_too_many(marginals: Mapping[int, _Marginal], sizes: tuple[int, ...]) ->
     """Returns True where breakpoints have to be merged."""
     points = {number: len(marginal.points) for number, marginal in marginals.items()}
     choices = math.prod(math.comb(sizes[k] + n, n) for k, n in points.items() if sizes[k] > 1)
-    return choices > MOST_CHOICES or sum(points.values()) > MOST_BREAKPOINTS
+    work = sum(sizes[k] * n for k, n in points.items())
+    return choices > MOST_CHOICES or sum(points.values()) > MOST_BREAKPOINTS or work > MOST_WORK
 
 
 def _distinct(roots: FloatArray, amounts: FloatArray, largest: float) -> _Marginal:

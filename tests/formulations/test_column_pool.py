@@ -40,6 +40,25 @@ def pooled(model: Model) -> tuple[ColumnPool, list[list[Column]]]:
 
 @examples(15)
 @given(problem=some_problems)
+def test_columns_are_worth_what_they_add_to_the_objective(problem: Problem) -> None:
+    """State by state, the differences between columns are those of J beside the others' pixels."""
+    model = compiled(problem)
+    pool, own = pooled(model)
+    if not all(own):
+        return
+    columns = [some[0] for some in own]
+    others = problem.no_pixels()
+    for column in columns[1:]:
+        others[column.view_sums] += column.pixels
+    worth = pool._choices()[0].worth(others)
+    values = [
+        objective(model, [column.path, *(one.path for one in columns[1:])]) for column in own[0]
+    ]
+    assert worth - worth[0] == pytest.approx(np.array(values) - values[0], abs=1e-6)
+
+
+@examples(15)
+@given(problem=some_problems)
 def test_plans_of_a_pool_obey_the_rules_and_no_column_raises_them(problem: Problem) -> None:
     """Every draw is a plan that the referee accepts, whose J no robot can raise in the pool."""
     model = compiled(problem)

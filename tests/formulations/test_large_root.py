@@ -1,6 +1,7 @@
 """The root of scenes with very many robots: cuts of robots that are alike, and no masters."""
 
 from itertools import islice
+from types import SimpleNamespace
 
 import hypothesis.strategies as st
 import numpy as np
@@ -8,22 +9,24 @@ import pytest
 from brute_force import optimum
 from hypothesis import given
 from pool import meetings, problems
+from scipy import sparse
 from strategies import examples
 
 from cocap_opt.formulations.certificates import Curve, Cut, Pricing
+from cocap_opt.formulations.certificates.format import MOST_WORK
 from cocap_opt.formulations.column_generation import large_root
 from cocap_opt.formulations.column_generation.alike_cuts import alike_cut, grown_multisets
 from cocap_opt.formulations.column_generation.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.mixture_ascent import mixture_ascent
-from cocap_opt.formulations.column_generation.ruled_ascent import RuledAscent
+from cocap_opt.formulations.column_generation.ruled_ascent import RuledAscent, _RuledProgram
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 
-some_problems = st.one_of(meetings(), problems(robots=[2, 3], goals=False))
+some_problems = st.one_of(meetings(), problems(robots=[1, 2, 3]))
 numbers = st.floats(0.05, 1.0)
 
 
@@ -56,6 +59,35 @@ def test_a_cut_of_robots_that_are_alike_is_valid_and_cuts(
         assert Cut.valid(3, cut.curves, (robots,)).constant <= cut.constant + 1e-9
 
 
+@pytest.mark.parametrize("robots", [128, 129, 256, 257, 999])
+def test_cuts_have_no_more_breakpoints_than_a_certificate_may(robots: int) -> None:
+    """However many robots there are; beyond 256 there is no cut, by either separation."""
+    roots, amounts = np.array([0.2, 0.5, 1.0]), np.array([0.5, 0.4, 0.6])
+    seen = Seen(np.zeros(3, dtype=np.int64), roots, amounts)
+    known = float(min(np.sqrt(amounts @ roots**2), amounts @ roots))
+    for cut in (
+        alike_cut(0, seen, 1.0, robots, known, 1e-6),
+        seen.best_cut(0, np.ones(1), (robots,), known, 1e-6),
+    ):
+        assert cut is None or robots * len(cut.curves[0].roots) <= MOST_WORK
+
+
+def test_a_root_far_below_others_has_no_beta() -> None:
+    """Of so small a beta nothing but rounding would be left, and kappa would be anything."""
+    roots = np.array([[1.0], [1.0], [100.0]])
+    base = SimpleNamespace(
+        roots=sparse.csr_array(roots), pixels=sparse.csr_array(roots**2), weights=np.ones(1),
+        bonus=np.zeros(3),
+    )  # fmt: skip
+    cut = Cut(0, {0: Curve(np.array([1.0, 100.0]), np.array([0.5, 99.5]))}, 0.5)
+    heights = sparse.csr_array(cut.phi(0, roots))
+    program = _RuledProgram(base, [cut], np.zeros(0), 1.0, heights, sparse.csr_array((3, 0)))
+    for amount in np.linspace(0.0, 1.0, 200):
+        judged = program.judged(np.array([1.0, amount, 0.01]))
+        left = 1.0 - float(judged.shares[0]) - float(judged.alpha[0])
+        assert left <= 0.0 if judged.beta[0] == 0.0 else judged.beta[0] > 1e-12
+
+
 @examples(10)
 @given(some_problems)
 def test_every_step_under_rules_gives_a_bound(problem: Problem) -> None:
@@ -65,13 +97,14 @@ def test_every_step_under_rules_gives_a_bound(problem: Problem) -> None:
         return
     first = next(mixture_ascent(search.model, search.pricer, search.alone))
     ascent = RuledAscent(search, first.mixture, first.priced)
-    for _ in range(3):
+    best = optimum(problem).value
+    for _ in range(4):
         ascent.step()
+        for priced in (ascent._priced, ascent.best):
+            bound = Pricing.of(search.model, priced.duals.certificate(search.model)).bound
+            assert bound == pytest.approx(priced.bound, rel=1e-9, abs=1e-6)
+            assert bound >= best - 1e-6
         ascent.add_cuts()
-    ascent.step()
-    bound = Pricing.of(search.model, ascent.best.duals.certificate(search.model)).bound
-    assert bound == pytest.approx(ascent.best.bound, rel=1e-9, abs=1e-6)
-    assert bound >= optimum(problem).value - 1e-6
 
 
 @examples(10)
@@ -80,8 +113,6 @@ def test_plans_over_known_arcs_obey_the_rules_and_get_no_worse(problem: Problem)
     """Moves lead from a plan to plans that the referee accepts, of no less J."""
     search = Search(compiled(problem))
     if search.alone.bound == -np.inf or search.incumbent is None or problem.objective.over_time:
-        return
-    if len(problem.robots) < 2:
         return
     steps = islice(mixture_ascent(search.model, search.pricer, search.alone), 3)
     columns = [column for step in steps for column in step.priced.columns]

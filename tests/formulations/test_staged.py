@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import combinations_with_replacement, count, product
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -245,8 +246,12 @@ def test_the_compiled_search_finds_the_same() -> None:
         joint = with_ceilings(joint, rng) if rng.integers(2) else joint
         joint = with_limits(joint, rng) if rng.integers(2) else joint
         wanted = Wanted(float(rng.choice([-np.inf, 0.0, 10.0])), 10**6)
-        plain, compiled_ = joint.highest(wanted), joint._run_compiled(wanted, never)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(compiled_search, "is_loaded", lambda: False)
+            plain = joint.highest(wanted)
+        compiled_ = joint._run_compiled(wanted, never)
         assert compiled_.best == pytest.approx(plain.height)
+        assert compiled_.nodes == plain.nodes
         found = joint._run_compiled(Wanted(-np.inf, 10**6), never, most_found=10**4).found
         assert sorted(found) == sorted(joint.all_that_count(10**6))
         if plain.positions:
@@ -266,9 +271,7 @@ def test_local_search_finds_joint_states_that_count_and_are_high(
     joint = random_joint_states(rng)
     every = joint_by_enumeration(joint)
     starts = [list(every[k]) for k in rng.integers(len(every), size=3)] if every else []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiled_search, "is_loaded", lambda: is_compiled)
-        found = [tuple(team) for team in ascended(joint, starts).tolist()]
+    found = [tuple(team) for team in ascended(joint, starts, is_compiled).tolist()]
     assert set(found) <= set(every)
     if is_compiled and every:
         assert found
@@ -276,6 +279,33 @@ def test_local_search_finds_joint_states_that_count_and_are_high(
             other = tuple(sorted((*team[:k], state, *team[k + 1 :])))
             if other in every:
                 assert joint.height(other) <= joint.height(team) + 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+def test_stages_do_not_depend_on_what_is_compiled_already() -> None:
+    """The same stages, whether the compiled search was loaded before or not."""
+    stages = []
+    for is_loaded in (False, True):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(compiled_search, "is_loaded", lambda loaded=is_loaded: loaded)
+            root = Root.of(Search(compiled(load_scene("bottleneck", 1))), OPTIMALITY)
+            root.solve()
+        assert root.search.spare is not None
+        stages.append((root.search.spare, root.search.rng.bit_generator.state))
+    assert stages[0] == stages[1]
+
+
+def test_joint_states_may_be_more_than_a_float_can_count() -> None:
+    """Of 200 robots with 5,000 states each at a step."""
+    model = compiled(load_scene("tiny-share", 0))
+    narrowing = Narrowing(model, random_multipliers(model, np.random.default_rng(0)), 0.0)
+    narrowing.left = [np.ones((2, 5000), dtype=np.bool_)]
+    narrowing.model = SimpleNamespace(
+        problem=SimpleNamespace(first_step=1), class_sizes=(200,)
+    )  # fmt: skip
+    assert narrowing.joint_states_left == math.comb(5199, 200)
+    assert narrowing.joint_states_left < math.inf
 
 
 @examples(20)
