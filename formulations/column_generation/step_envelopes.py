@@ -261,6 +261,8 @@ class _Envelopes:
                 self.known.note(found.nodes, higher, self.search.stop)
                 self.known.add(higher, found.positions)
                 if self.narrowing.constants[t] < before:
+                    # The checker's search, of other states, may find heights that round otherwise.
+                    self.narrowing.constants[t] += higher.margin
                     constants.append(StepConstant(t, found.height))
         except LimitReached:
             # What has been lowered counts, so that the certificate has to tell of it.
@@ -412,7 +414,7 @@ class _Envelopes:
         self.narrowing.price()
         for step in stage.constants:
             margin = self.narrowing.joint_states(step.t, step.constant).margin
-            self.narrowing.constants[step.t] = step.constant + margin
+            self.narrowing.constants[step.t] = step.constant + 2 * margin  # as in `_lower`
         self._close(stage)
         return True
 
