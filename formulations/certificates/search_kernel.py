@@ -5,13 +5,13 @@ keeps of each depth what it needs to go on there, in arrays that are made once. 
 slices and no sorting by NumPy, with which numba would compile for ten seconds instead of two.
 """
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.certificates.compiling import compiled
 
 # What each entry of `Memory.progress` is.
 DEPTH, IS_NEW, IS_DONE, FOUND, NODES = range(5)
@@ -56,15 +56,8 @@ class Memory(NamedTuple):
     collected: IntArray  # [most, R] positions of those that are collected
 
 
-def _compiled(function: Callable[..., Any]) -> Any:
-    """Returns a compiled function, kept on disk where there is a folder for it.
-
-    It is compiled into its callers: calls that hand over all arrays took half as long again.
-    """
-    try:
-        return numba.njit(cache=True, forceinline=True)(function)
-    except RuntimeError:
-        return numba.njit(forceinline=True)(function)
+# Into the callers: calls that hand over all arrays took half as long again.
+_compiled = partial(compiled, forceinline=True)
 
 
 @_compiled

@@ -14,7 +14,6 @@ from cocap_opt.data import FloatArray
 from cocap_opt.formulations.column_generation.arc_graph import ArcGraph
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop, never
 
@@ -41,7 +40,6 @@ class ArcSearch:
     ) -> None:
         self._model, self._stop = model, stop
         self._weights = model.problem.view_sum_weights
-        self._bonuses = Bonuses.of(model.problem.objective)
         by_class: list[list[Column]] = [[] for _ in model.classes]
         for column in (*columns, *plan.columns):
             by_class[column.along.class_number].append(column)
@@ -126,19 +124,13 @@ class ArcSearch:
         """Returns what a column gains beside what is seen."""
         seen = self._seen[column.view_sums]
         gains = np.sqrt(seen + column.pixels) - np.sqrt(seen)
-        return float(gains @ self._weights[column.view_sums]) + self._bonus(column)
-
-    def _bonus(self, column: Column) -> float:
-        """Returns the rewards for the moves of a column."""
-        if self._bonuses.none:
-            return 0.0
-        return self._bonuses.of_path(
-            self._model.class_of[column.robot].graph.shape, column.path
-        )  # fmt: skip
+        return float(gains @ self._weights[column.view_sums]) + column.bonus(self._model)
 
     def _value(self) -> float:
         """Returns J of the plan as it is now."""
-        return float(self._weights @ np.sqrt(self._seen)) + sum(map(self._bonus, self.columns))
+        return float(self._weights @ np.sqrt(self._seen)) + sum(
+            column.bonus(self._model) for column in self.columns
+        )
 
     def _overlaps(self, robot: int) -> FloatArray:
         """Returns how much each robot's roots share with those of one robot [R]; 0 for itself."""

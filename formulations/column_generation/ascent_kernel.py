@@ -1,12 +1,11 @@
 """Local search for high joint states, compiled; only imported where numba is installed."""
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.certificates.compiling import compiled
 
 _MOST_SWEEPS = 50  # over all robots, of one start
 _GAIN = 1e-9  # relative, from which on a height counts as higher
@@ -25,15 +24,7 @@ class Views(NamedTuple):
     conflict: BoolArray  # [n, n]
 
 
-def _compiled(function: Callable[..., Any]) -> Any:
-    """Returns a compiled function, kept on disk where there is a folder for it."""
-    try:
-        return numba.njit(cache=True)(function)
-    except RuntimeError:
-        return numba.njit(function)
-
-
-@_compiled
+@compiled
 def ascend(views: Views, floor: float, teams: IntArray) -> None:
     """Changes each team [R] until no robot can raise its height alone.
 

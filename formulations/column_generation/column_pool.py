@@ -14,7 +14,6 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.column_generation.columns import Column
-from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path
 
 DRAWS = 60  # random roundings of which local search takes up the best
@@ -55,7 +54,7 @@ class _Choice(NamedTuple):
         """Returns the columns of one robot, by their paths, with their amounts."""
         own = [*columns.values()]
         shares = np.maximum([amounts[path] for path in columns], LEAST_AMOUNT)
-        bonus = np.array([_bonus(model, column) for column in own])
+        bonus = np.array([column.bonus(model) for column in own])
         numbers = {path: k for k, path in enumerate(columns)}
         over_time = model.problem.objective.over_time
         parts, entries = (_whole if over_time else _states)(model, own)
@@ -174,7 +173,7 @@ class ColumnPool:
             quiet, n = (quiet + 1, n + 1) if best is own else (0, n + 1)
             seen[best.view_sums] += best.pixels
             columns[robot] = best
-        bonus = sum(_bonus(self.model, column) for column in columns)
+        bonus = sum(column.bonus(self.model) for column in columns)
         return LocalOptimum(float(weights @ np.sqrt(seen)) + bonus, tuple(columns))
 
     def _best_column(
@@ -206,9 +205,3 @@ class ColumnPool:
         if known is None:
             known = self._conflicts[key] = one.conflicts_with(other, self.model.problem)
         return known
-
-
-def _bonus(model: Model, column: Column) -> float:
-    """Returns the rewards for the moves of a column."""
-    bonuses = Bonuses.of(model.problem.objective)
-    return bonuses.of_path(model.class_of[column.robot].graph.shape, column.path)

@@ -9,6 +9,7 @@ from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import PathCells
 from cocap_opt.graph.charges import Charges
+from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.problem import Problem
 
@@ -81,6 +82,11 @@ class Column(NamedTuple):
         """Arcs of the path, step by step."""
         number, path = self.along.class_number, self.along.states
         return [Arc(number, t, path[t], path[t + 1]) for t in range(len(path) - 1)]
+
+    def bonus(self, model: Model) -> float:
+        """Returns the rewards for the moves of the path."""
+        bonuses = Bonuses.of(model.problem.objective)
+        return bonuses.of_path(model.class_of[self.robot].graph.shape, self.path)
 
     def in_model(self, model: Model) -> "Column":
         """Returns the same column with the numbers of another model's classes."""

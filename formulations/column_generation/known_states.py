@@ -8,11 +8,7 @@ import numpy as np
 from cocap_opt.formulations.certificates import JointStates, compiled_search
 from cocap_opt.formulations.certificates.joint_states import COMPILING
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.joint_ascent import (
-    ascended,
-    heights,
-    that_count,
-)
+from cocap_opt.formulations.column_generation.joint_ascent import ascended, heights, that_count
 from cocap_opt.model import Path
 from cocap_opt.stop import Stop
 

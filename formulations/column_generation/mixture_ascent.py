@@ -25,7 +25,6 @@ from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.pricing import Priced, Pricer
 from cocap_opt.formulations.relaxations.duals import Duals
-from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model
 
 SHARPNESS = 64  # k
@@ -93,10 +92,7 @@ class MixtureProgram:
         self.pixels = sparse.csr_array((pixels, view_sums, ends), shape)
         self.roots = sparse.csr_array((np.sqrt(pixels), view_sums, ends), shape)
         self.robots = np.array([column.robot for column in columns])
-        bonuses, of = Bonuses.of(model.problem.objective), model.class_of
-        self.bonus = np.array(
-            [bonuses.of_path(of[column.robot].graph.shape, column.path) for column in columns]
-        )
+        self.bonus = np.array([column.bonus(model) for column in columns])
 
     def raised(self, amounts: FloatArray, enough: float) -> FloatArray:
         """Returns amounts of a larger value, at best by all but `enough`."""
