@@ -52,7 +52,7 @@ from cocap_opt.formulations.certificates.format import (
     StepConstant,
     StepPayments,
 )
-from cocap_opt.formulations.certificates.joint_paths import BestPlan, best_plan, may_be_used
+from cocap_opt.formulations.certificates.joint_paths import best_plan, may_be_used
 from cocap_opt.formulations.certificates.joint_states import JointStates, NotEndedError, Wanted
 from cocap_opt.formulations.certificates.narrowing import Narrowing
 from cocap_opt.formulations.certificates.pricing import Pricing
@@ -71,7 +71,6 @@ from cocap_opt.formulations.certificates.resources import (
 __all__ = [
     "MOST_MOVES",
     "OPTIMISTIC",
-    "BestPlan",
     "Branch",
     "Cells",
     "Certificate",

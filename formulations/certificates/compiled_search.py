@@ -100,22 +100,42 @@ class Running:
         found = self.memory.chosen[1]
         return tuple(found.tolist()) if found[0] >= 0 else ()
 
-    @property
-    def found(self) -> list[tuple[int, ...]]:
-        """Positions of the joint states that were collected."""
-        return [tuple(some) for some in self.memory.collected[: self._n_found].tolist()]
-
-    @property
-    def is_full(self) -> bool:
-        """True if there are more joint states to collect than allowed."""
-        return self._n_found > len(self.memory.collected)
-
     def advance(self, nodes: int) -> bool:
         """Goes on for so many nodes; returns True once all is done."""
         from cocap_opt.formulations.certificates.search_kernel import IS_DONE, advance
 
         self.best = float(advance(self.data, self.memory, self.best, self.floor, nodes))
         return bool(self.memory.progress[IS_DONE])
+
+    def follow(
+        self,
+        choices: tuple[IntArray, IntArray, IntArray],
+        floors: FloatArray,
+        tails: tuple[int, int],
+        nodes: int,
+    ) -> tuple[int, IntArray, IntArray]:
+        """Collects the joint states that follow each of some, before any other search.
+
+        Parameters
+        ----------
+        choices : first entry of each list of states [K+1], positions of the states of all lists,
+            and the number of each robot's list [L, R]
+        floors : [L] of each joint state before: least worth, less charges, of one that follows
+        tails : number of the first joint state before, and after the last
+        nodes : that the searches may take
+
+        Returns
+        -------
+        The number of the first joint state that is not done, and of those that were collected the
+        numbers of the ones that they follow [M] and the positions of their states [M, R].
+        """
+        from cocap_opt.formulations.certificates import search_kernel as kernel
+
+        arrays = kernel.Choices(*choices, floors)
+        found = np.zeros(len(self.memory.collected), dtype=np.int64)
+        tail = int(kernel.follow(self.data, self.memory, arrays, *tails, nodes, found))
+        n = self._n_found
+        return tail, found[:n], self.memory.collected[:n].copy()
 
     @property
     def nodes(self) -> int:

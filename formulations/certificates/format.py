@@ -258,13 +258,14 @@ class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
     multipliers : with which the narrowing begins
     target : J; plans that are not above it need not be bounded
     stages : in the order in which they are gone through
-    joint_paths : True: at the end, all sequences of joint states that are left are tried
+    paths_above : J >= target: at the end the paths of all robots together that are left are tried,
+        as far as plans above it take them; none: they are not
     """
 
     multipliers: Multipliers
     target: float
     stages: tuple[Stage, ...]
-    joint_paths: bool = False
+    paths_above: float | None = None
 
 
 Certificate = Multipliers | ReferencePixels

@@ -1,26 +1,27 @@
 """The best plan among the joint states that are left: value iteration over joint states.
 
-Where states have been closed until a step has few joint states that count (`staged`), the plans
-above the target are few, too. Value iteration goes through them step by step: a joint state follows
-another where each robot of the one can move to a robot's state of the other, each to one of its
-own, without a conflict between the steps. Robots of one class are exchangeable, so that any such
-assignment does.
+Where little is open, few sequences of joint states are worth enough. From each joint state that is
+reached a search (`following`) finds those of the next step that are worth enough, with all that was
+before and the most that can come after by the prices of `narrowing`. Of the ways to one joint state
+only the best goes on; robots of one class are exchangeable there. What is open is spent step by
+step, so that the number of joint states falls soon, and where none is left no plan is better.
 """
 
-from collections.abc import Iterator, Sequence
-from functools import cache
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.formulations.certificates.joint_states import NotEndedError
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.certificates.following import Choices, Following, Found
+from cocap_opt.formulations.certificates.joint_states import JointStates, NotEndedError
 from cocap_opt.formulations.certificates.narrowing import Narrowing
 from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop, never
 
-MOST_TRIED = 3_000_000  # pairs of joint states: some minutes
-
-Placed = tuple[int, int]  # class number and state number of a robot
+MOST_REACHED = 1_000_000  # joint states of one step, some hundred bytes each
+MOST_CHOICES = 10_000  # states of one step, robot by robot: a table has a row and a column for each
+_AT_ONCE = 50_000  # joint states of which the pixels are added up at once
 
 
 class BestPlan(NamedTuple):
@@ -28,25 +29,28 @@ class BestPlan(NamedTuple):
 
     value: float  # J; -infinity if there is no plan
     paths: tuple[Path, ...] = ()  # state numbers, robot by robot
+    nodes: int = 0  # that the searches took
 
 
-class _Node(NamedTuple):
-    """The best way to a joint state."""
+class _Reached(NamedTuple):
+    """The joint states of a step that are reached, and the best way to each of them."""
 
-    value: float
-    placed: tuple[Placed, ...]  # robot by robot
-    before: "_Node | None"
+    values: FloatArray  # [L] worth of the steps so far
+    placed: IntArray  # [L, R] number of each robot's state
+    before: IntArray  # [L] number of the joint state of the step before
+
+    @property
+    def nothing(self) -> "_Reached":
+        """No joint state of so many robots."""
+        return _Reached(self.values[:0], self.placed[:0], self.before[:0])
 
 
-def best_plan(
-    narrowing: Narrowing, most_nodes: int, most_tried: int = MOST_TRIED, stop: Stop = never
-) -> BestPlan:
+def best_plan(narrowing: Narrowing, most_nodes: int, stop: Stop = never) -> BestPlan:
     """Returns the best plan above the target among the joint states that are left.
 
     Parameters
     ----------
-    most_nodes : of the search for the joint states of one step
-    most_tried : pairs of joint states of two steps
+    most_nodes : of all searches together
 
     Raises
     ------
@@ -57,32 +61,19 @@ def best_plan(
     ValueError
         If moves are rewarded, or views do not count at step 1.
     """
-    problem = narrowing.model.problem
     if not may_be_used(narrowing.model):
         raise ValueError("joint paths: moves are rewarded, or views do not count at step 1")
-    ways, tried = _Ways(narrowing.model), 0
-    matters = narrowing.target - 2 * narrowing.rounding
-    nodes = [_Node(0.0, _starts(narrowing.model), None)]
-    for t in range(problem.horizon + 1):
-        found: list[_Node] = []
-        for value, heads in _worths(narrowing, t, most_nodes, stop):
-            # What is worth no more than the target at the end need not be followed.
-            least = matters - narrowing.rest(t, heads) - value
-            for node in nodes:
-                if node.value <= least:
-                    break
-                stop.check()
-                tried += 1
-                if tried > most_tried:
-                    raise NotEndedError
-                placed = node.placed if t == 0 else ways.placed(t - 1, node.placed, heads)
-                if placed is not None:
-                    found.append(_Node(node.value + value, placed, node))
-                    break
-        nodes = sorted(found, key=lambda node: -node.value)
-    if not nodes:
-        return BestPlan(-np.inf)
-    return BestPlan(nodes[0].value, _paths(nodes[0]))
+    team = _Team(narrowing)
+    following = Following(most_nodes)
+    reached = [team.starts()]
+    for t in range(1, narrowing.model.problem.horizon + 1):
+        if not len(reached[-1].values):
+            break
+        reached.append(team.after(t, reached[-1], following, stop))
+    nodes = most_nodes - following.nodes_left
+    if not len(reached[-1].values):
+        return BestPlan(-np.inf, nodes=nodes)
+    return BestPlan(float(reached[-1].values[0]), _paths(reached), nodes)
 
 
 def may_be_used(model: Model) -> bool:
@@ -92,93 +83,110 @@ def may_be_used(model: Model) -> bool:
     return not (rewarded or objective.balanced) and model.problem.first_step <= 1
 
 
-def _starts(model: Model) -> tuple[Placed, ...]:
-    """Returns where robots start, robot by robot."""
-    number = {robot: n for n, one in enumerate(model.classes) for robot in one.robots}
-    return tuple((number[robot], model.start(robot)) for robot in range(len(model.problem.robots)))
+class _Team:
+    """The robots, each apart, among the states that are left."""
+
+    def __init__(self, narrowing: Narrowing) -> None:
+        model = narrowing.model
+        self._narrowing, self._model = narrowing, model.disaggregated()
+        class_of = {robot: n for n, one in enumerate(model.classes) for robot in one.robots}
+        self._numbers = [class_of[robot] for robot in range(len(class_of))]
+        # What is worth no more than the target at the end need not be followed.
+        self._matters = narrowing.target - 2 * narrowing.rounding
+
+    def starts(self) -> _Reached:
+        """Returns where robots start; nothing, if a start is closed."""
+        placed = np.array([[one.starts[0] for one in self._model.classes]])
+        left = self._narrowing.left
+        is_open = all(
+            left[number][0, state]
+            for number, state in zip(self._numbers, placed[0].tolist(), strict=True)
+        )
+        values = np.zeros(1)
+        if is_open and self._model.problem.first_step == 0:
+            joint = self._joint(0, list(placed.T))
+            values[0] = joint.worth(range(len(self._numbers)))
+        every = _Reached(values, placed, np.zeros(1, dtype=np.int64))
+        return every if is_open else every.nothing
+
+    def after(self, t: int, before: _Reached, following: Following, stop: Stop) -> _Reached:
+        """Returns what is reached at a step from the one before, the best first.
+
+        Raises
+        ------
+        NotEndedError
+            If too many joint states are reached, or the searches take too many nodes.
+        LimitReached
+            At a limit.
+        """
+        left = [np.flatnonzero(some[t]) for some in self._narrowing.left]
+        choices = Choices.of(
+            [one.graph for one in self._model.classes],
+            t - 1, before.placed, [left[number] for number in self._numbers],
+        )  # fmt: skip
+        if sum(map(len, choices.states)) > MOST_CHOICES:
+            raise NotEndedError
+        joint = self._joint(t, choices.states)
+        floors = self._matters - self._narrowing.rest(t) - before.values
+        reached, waiting = before.nothing, []
+        for found in following.found(joint, choices, floors, stop):
+            waiting.append(self._reached(t, joint, before, found))
+            if sum(len(some.values) for some in waiting) > MOST_REACHED:
+                reached, waiting = self._best([reached, *waiting]), []
+                if len(reached.values) > MOST_REACHED:
+                    raise NotEndedError
+        return self._best([reached, *waiting])
+
+    def _joint(self, t: int, states: list[IntArray]) -> JointStates:
+        return self._narrowing.apart(self._model, self._numbers, t, states)
+
+    def _reached(self, t: int, joint: JointStates, before: _Reached, found: Found) -> _Reached:
+        """Returns the ends of moves without conflict, each with its value."""
+        tails, heads = found
+        placed = joint.states[heads]
+        able = ~self._conflicts(before.placed[tails], placed)
+        tails, heads, placed = tails[able], heads[able], placed[able]
+        parts = range(0, len(heads), _AT_ONCE)
+        worths = [joint.worths(heads[k : k + _AT_ONCE]) for k in parts]
+        return _Reached(before.values[tails] + np.concatenate([*worths, []]), placed, tails)
+
+    def _conflicts(self, tails: IntArray, heads: IntArray) -> BoolArray:
+        """Returns which moves of the team have a conflict between the steps [M]."""
+        rules, model = self._model.problem.rules, self._model
+        found = np.zeros(len(tails), dtype=np.bool_)
+        if not rules.hold_between_steps:
+            return found
+        ends = [
+            (places[tails[:, robot] % n], places[heads[:, robot] % n])
+            for robot, (places, n) in enumerate(
+                (model.positions[k], one.graph.n_places) for k, one in enumerate(model.classes)
+            )
+        ]
+        for robot, one in enumerate(ends):
+            for other in ends[:robot]:
+                found |= rules.conflict_between(one, other)
+        return found
+
+    def _best(self, parts: Iterable[_Reached]) -> _Reached:
+        """Returns the best way to each joint state, the best of these first."""
+        values, placed, before = (np.concatenate(some) for some in zip(*parts, strict=True))
+        same = placed.copy()  # for robots that are exchangeable
+        numbers = np.array(self._numbers)
+        for number in np.unique(numbers).tolist():
+            same[:, numbers == number] = np.sort(placed[:, numbers == number], axis=1)
+        order = np.lexsort((*placed.T, before, -values, *same.T))
+        same = same[order]
+        is_first = np.ones(len(order), dtype=np.bool_)
+        is_first[1:] = (same[1:] != same[:-1]).any(axis=1)
+        kept = order[is_first]
+        kept = kept[np.argsort(-values[kept], kind="stable")]
+        return _Reached(values[kept], placed[kept], before[kept])
 
 
-def _worths(
-    narrowing: Narrowing, t: int, most_nodes: int, stop: Stop
-) -> Iterator[tuple[float, tuple[Placed, ...]]]:
-    """Yields the joint states that are left at a step, each with what it is worth."""
-    if t == 0:
-        starts, joint = _starts(narrowing.model), narrowing.joint_states(0)
-        if all(narrowing.left[number][0, state] for number, state in starts):
-            at = {key: k for k, key in enumerate(joint.keys)}
-            counts = narrowing.model.problem.first_step == 0
-            yield (joint.worth([at[one] for one in starts]) if counts else 0.0), starts
-        return
-    joint = narrowing.joint_states(t)
-    for chosen in joint.all_that_count(most_nodes, stop):
-        yield joint.worth(chosen), tuple(joint.keys[k] for k in chosen)
-
-
-class _Ways:
-    """The ways of a team from joint state to joint state."""
-
-    def __init__(self, model: Model) -> None:
-        problem, classes = model.problem, model.classes
-
-        @cache
-        def heads(t: int, number: int, state: int) -> frozenset[int]:
-            return frozenset(classes[number].graph.successors(t, state).tolist())
-
-        @cache
-        def conflict(one: tuple[Placed, Placed], other: tuple[Placed, Placed]) -> bool:
-            ends = [
-                [model.positions[number][state % classes[number].graph.n_places]
-                 for number, state in move]
-                for move in (one, other)
-            ]  # fmt: skip
-            (a, b), (c, d) = ends
-            return bool(problem.rules.moves_conflict((a, b), (c, d)))
-
-        self._heads, self._conflict = heads, conflict
-
-    def placed(
-        self, t: int, tails: Sequence[Placed], heads: Sequence[Placed]
-    ) -> tuple[Placed, ...] | None:
-        """Returns where each robot goes so that together they are in `heads`; None if it fails."""
-        options: list[list[int]] = []
-        for number, tail in tails:
-            ahead = self._heads(t, number, tail)
-            own = [k for k, (n, state) in enumerate(heads) if n == number and state in ahead]
-            if not own:
-                return None
-            options.append(own)
-        order = sorted(range(len(tails)), key=lambda robot: len(options[robot]))
-        chosen: dict[int, int] = {}
-
-        def complete(depth: int) -> bool:
-            if depth == len(order):
-                return True
-            robot = order[depth]
-            for k in options[robot]:
-                if k in chosen.values():
-                    continue
-                move = tails[robot], heads[k]
-                if any(
-                    self._conflict(move, (tails[other], heads[taken]))
-                    for other, taken in chosen.items()
-                ):
-                    continue
-                chosen[robot] = k
-                if complete(depth + 1):
-                    return True
-                del chosen[robot]
-            return False
-
-        if not complete(0):
-            return None
-        return tuple(heads[chosen[robot]] for robot in range(len(tails)))
-
-
-def _paths(node: _Node | None) -> tuple[Path, ...]:
-    """Returns the paths of all robots along the best way to a joint state."""
-    along: list[tuple[Placed, ...]] = []
-    while node is not None:
-        along.append(node.placed)
-        node = node.before
-    steps = along[::-1][1:]  # the first node is before step 0
-    return tuple(tuple(placed[robot][1] for placed in steps) for robot in range(len(steps[0])))
+def _paths(reached: list[_Reached]) -> tuple[Path, ...]:
+    """Returns the paths of all robots along the best way to the best joint state at the end."""
+    along, number = [], 0
+    for step in reached[::-1]:
+        along.append(step.placed[number].tolist())
+        number = int(step.before[number])
+    return tuple(tuple(path) for path in zip(*along[::-1], strict=True))

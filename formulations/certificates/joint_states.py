@@ -38,7 +38,6 @@ from cocap_opt.stop import Stop, never
 _PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
 _LARGE, _FEW_NODES = 5, 100  # likewise, of teams of so many robots, whose searches are long
 COMPILING = 5.0  # seconds that the first compiled search of a machine may take
-_MOST_FOUND = 50_000  # joint states of one step that are collected
 _AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
 
 
@@ -62,6 +61,13 @@ class Ceiling(NamedTuple):
 
     height: float
     more: FloatArray  # [n] what each state is paid, or charged, more than then
+
+
+class Collected(NamedTuple):
+    """All joint states that count."""
+
+    found: list[tuple[int, ...]]  # positions of the states
+    nodes: int  # of the search
 
 
 class NotEndedError(Exception):
@@ -129,10 +135,16 @@ class JointStates:
             model.positions[c][some % model.classes[c].graph.n_places]
             for c, some in enumerate(left)
         ])  # fmt: skip
+        different, which = np.unique(at, axis=0, return_inverse=True)
+
+        def conflict() -> BoolArray:
+            too_near = model.problem.rules.too_near(different[None] - different[:, None])
+            return too_near[np.ix_(which, which)]
+
         return cls(
             t, model.class_sizes, class_of, np.concatenate(left), pixels[:, seen], weights[seen],
             np.concatenate(payment), np.concatenate(charge), floor,
-            cache(lambda: model.problem.rules.too_near(at[None] - at[:, None])), ceilings, limits,
+            cache(conflict), ceilings, limits,
         )  # fmt: skip
 
     @property
@@ -182,9 +194,40 @@ class JointStates:
             ceilings.append(Ceiling(constant, more))
         return replace(self, payment=payment, ceilings=tuple(ceilings))
 
+    def part(self, positions: IntArray, floor: float) -> "JointStates":
+        """Returns the joint states of some of the states, those up to another floor.
+
+        Parameters
+        ----------
+        positions : [n] of the states, increasing
+        """
+        bounds = (
+            tuple(Ceiling(height, more[positions]) for height, more in some)
+            for some in (self.ceilings, self.limits)
+        )
+        ceilings, limits = bounds
+        return replace(
+            self,
+            class_of=self.class_of[positions],
+            states=self.states[positions],
+            pixels=self.pixels[positions],
+            payment=self.payment[positions],
+            charge=self.charge[positions],
+            floor=floor,
+            conflict_of=lambda: self.conflict[np.ix_(positions, positions)],
+            ceilings=ceilings,
+            limits=limits,
+        )
+
     def worth(self, chosen: Sequence[int]) -> float:
         """Returns F of a joint state, whose states are given by their positions."""
         return float(self.weights @ np.sqrt(self.pixels[list(chosen)].sum(axis=0)))
+
+    def worths(self, chosen: IntArray) -> FloatArray:
+        """Returns F of some joint states [K, R], each the same in whatever company."""
+        roots = np.sqrt(self.pixels[chosen].sum(axis=1)) * self.weights
+        worths: FloatArray = roots.sum(axis=1)
+        return worths
 
     def height(self, chosen: Sequence[int]) -> float:
         """Returns the height of a joint state, its worth less its payments."""
@@ -212,57 +255,62 @@ class JointStates:
         height = max(self.height(at), wanted.least) if at else search.best
         return Highest(height, search.positions, search.nodes)
 
-    def all_that_count(self, most_nodes: int, stop: Stop = never) -> list[tuple[int, ...]]:
-        """Returns the positions of the states of all joint states that count.
+    def all_that_count(self, most_nodes: int, stop: Stop = never) -> "Collected":
+        """Returns all joint states that count, by the plain search.
 
         Raises
         ------
         NotEndedError, LimitReached
             As `highest` does.
         """
-        return self._searched(Wanted(-np.inf, most_nodes), stop, collects=True).found
+        plain = _PlainSearch(self, Wanted(-np.inf, most_nodes), collects=True)
+        plain.run(stop)
+        return Collected(plain.found, plain.nodes)
 
-    def _searched(
-        self, wanted: Wanted, stop: Stop, collects: bool = False
-    ) -> "_PlainSearch | compiled_search.Running":
+    def _searched(self, wanted: Wanted, stop: Stop) -> "_PlainSearch | compiled_search.Running":
         """Returns a search that has ended; a long one is begun again, compiled, where it can be.
 
         Once the compiled search has been loaded, which takes longer than most searches, all are
         compiled.
         """
         if compiled_search.is_loaded():
-            return self._run_compiled(wanted, stop, _MOST_FOUND if collects else 0)
+            return self._run_compiled(wanted, stop)
         is_long = (
             wanted.most_nodes > self.plain_nodes
             and compiled_search.is_there()
             and stop.seconds_left > COMPILING
         )
         first = wanted._replace(most_nodes=self.plain_nodes) if is_long else wanted
-        plain = _PlainSearch(self, first, collects)
+        plain = _PlainSearch(self, first)
         try:
             plain.run(stop)
         except NotEndedError:
             if not is_long:
                 raise
-            return self._run_compiled(wanted, stop, _MOST_FOUND if collects else 0)
+            return self._run_compiled(wanted, stop)
         return plain
 
-    def _run_compiled(
-        self, wanted: Wanted, stop: Stop, most_found: int = 0
-    ) -> compiled_search.Running:
-        """Returns a compiled search that has ended."""
+    def running(self, least: float, most_found: int = 0) -> compiled_search.Running:
+        """Returns a compiled search at its beginning.
+
+        Parameters
+        ----------
+        least : least height that is wanted
+        most_found : if not 0, all joint states that count are collected, up to so many
+        """
         first, faces, pixels = self.sparse
-        running = compiled_search.Running.of(
+        return compiled_search.Running.of(
             (first, faces, pixels, self.weights, self.payment, self.charge),
             self.class_of, self.sizes, self.conflict, self.ceilings, self.limits,
-            wanted.least, self.floor - self.margin, most_found,
+            least, self.floor - self.margin, most_found,
         )  # fmt: skip
+
+    def _run_compiled(self, wanted: Wanted, stop: Stop) -> compiled_search.Running:
+        """Returns a compiled search that has ended."""
+        running = self.running(wanted.least)
         for done in range(0, wanted.most_nodes, _AT_ONCE):
             stop.check()
-            is_done = running.advance(min(_AT_ONCE, wanted.most_nodes - done))
-            if running.is_full:
-                break
-            if is_done:
+            if running.advance(min(_AT_ONCE, wanted.most_nodes - done)):
                 return running
         raise NotEndedError
 

@@ -33,7 +33,8 @@ than (**), but no plan above the target visits these.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -170,20 +171,37 @@ class Narrowing:
             for left in per_step
         )
 
-    def rest(self, t: int, states: Iterable[tuple[int, int]]) -> float:
-        """Returns what plans above the target can still be worth after a step, at most.
+    def rest(self, t: int) -> float:
+        """Returns what plans above the target can still be worth after a step, beside `future`."""
+        later = float(self.constants[t + 1 :].sum())
+        # Rows charge at most their multipliers at the step itself, which this sum holds.
+        return later + exact_sum(row.multiplier for row in self._rows if row.resource.t >= t)
+
+    def future(self, number: int, t: int, states: IntArray) -> FloatArray:
+        """Returns what robots of a class in some states [n] at a step can get for later ones."""
+        future: FloatArray = self._to_go[number][t, states] - self.rewards[number][t, states]
+        return future
+
+    def apart(
+        self, model: Model, numbers: Sequence[int], t: int, states: Sequence[IntArray]
+    ) -> JointStates:
+        """Returns the joint states of robots apart, whose charges are what they lose by `future`.
 
         Parameters
         ----------
-        states : class and state number of each robot at the step; no two of them conflict
+        model : the same in which every robot is a class of its own
+        numbers : of each robot, its class
+        states : of each robot, some of the states that are left at the step
         """
-        later = float(self.constants[t + 1 :].sum())
-        later += exact_sum(row.multiplier for row in self._rows if row.resource.t >= t)
-        # Rows charge at most their multipliers at the step itself, which the sum above holds.
-        return later + exact_sum(
-            float(self._to_go[number][t, state] - self.rewards[number][t, state])
-            for number, state in states
-        )
+        charge = [
+            -self.future(number, t, some) for number, some in zip(numbers, states, strict=True)
+        ]
+        paid_more = [
+            own - self.rewards[number][t, some]
+            for number, some, own in zip(numbers, states, charge, strict=True)
+        ]
+        limit = self._ceiling_of(self.ceiling(t), np.concatenate(paid_more))
+        return JointStates.of(model, t, states, charge, charge, -np.inf, limits=(limit,))
 
     def charges(self, number: int) -> Charges:
         """Returns what the robots of a class are charged by rows."""
@@ -198,6 +216,22 @@ class Narrowing:
         self._charged = self._charged_now()
         self._floors = self.constants - self.room
         self._closing = _Closing(self.constants.copy(), self.slack)
+
+    def above(self, target: float) -> "Narrowing":
+        """Returns the same for a target that is not lower, with what closes states for it.
+
+        Raises
+        ------
+        CertificateError
+            If the target is lower, or no number.
+        """
+        if not self.target <= target < math.inf:
+            raise CertificateError("certificate.paths_above: must not be below the target")
+        other = copy(self)
+        other.target, other.constants = target, self.constants.copy()
+        other.left = [some.copy() for some in self.left]
+        other.close_states()
+        return other
 
     def _require_finite(self) -> None:
         """Refuses numbers so large that nothing follows from them: inf - inf bounds nothing."""

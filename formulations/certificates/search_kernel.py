@@ -56,6 +56,15 @@ class Memory(NamedTuple):
     collected: IntArray  # [most, R] positions of those that are collected
 
 
+class Choices(NamedTuple):
+    """The states that may be taken from each of L joint states before, robot by robot."""
+
+    first: IntArray  # [K+1] first entry of each list of states
+    positions: IntArray  # of the states of all lists
+    lists: IntArray  # [L, R] number of each robot's list
+    floors: FloatArray  # [L] least worth, less charges, of a joint state that counts
+
+
 # Into the callers: calls that hand over all arrays took half as long again.
 _compiled = partial(compiled, forceinline=True)
 
@@ -244,3 +253,38 @@ def advance(data: Data, memory: Memory, best: float, floor: float, nodes: int) -
     memory.progress[DEPTH] = depth
     memory.progress[IS_DONE] = depth < 0
     return best
+
+
+@compiled
+def follow(
+    data: Data, memory: Memory, choices: Choices, tail: int, end: int, nodes: int, tails: IntArray
+) -> int:
+    """Collects what follows each of some joint states; returns the number of the first not done.
+
+    Parameters
+    ----------
+    tail, end : number of the first joint state before, and after the last
+    nodes : that the searches may take
+    tails : [most] of each joint state that is collected, the number of the one that it follows
+    """
+    memory.progress[FOUND], memory.progress[NODES] = 0, 0
+    while tail < end:
+        before, n = memory.progress[FOUND], 0
+        for robot in range(choices.lists.shape[1]):
+            number = choices.lists[tail, robot]
+            for k in range(choices.first[number], choices.first[number + 1]):
+                memory.states[0, n] = choices.positions[k]
+                n += 1
+        memory.numbers[0, 0] = n
+        memory.progress[DEPTH], memory.progress[IS_NEW], memory.progress[IS_DONE] = 0, 1, 0
+        # One more: whether a node is the last one may only be seen after it.
+        left = nodes - memory.progress[NODES] + 1
+        advance(data, memory, -np.inf, choices.floors[tail], left)
+        is_done = memory.progress[IS_DONE] and memory.progress[NODES] <= nodes
+        if not is_done or memory.progress[FOUND] > len(memory.collected):
+            memory.progress[FOUND] = before
+            break
+        for k in range(before, memory.progress[FOUND]):
+            tails[k] = tail
+        tail += 1
+    return tail

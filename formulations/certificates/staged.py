@@ -1,7 +1,8 @@
 """Staged certificates: the bound of multipliers, lowered in stages.
 
 A stage replaces payments and constants, and then closes states (`narrowing` has the inequalities).
-At the end all sequences of the joint states that are left may be tried (`joint_paths`).
+At the end the paths of all robots together that are left may be tried (`joint_paths`), those of
+plans above the target or a higher one.
 """
 
 import math
@@ -20,7 +21,7 @@ from cocap_opt.stop import Stop, never
 
 MOST_STATES = 3000  # of a step: beyond it, the table of conflicts and the search are too large
 MOST_NODES = 100_000_000  # of a step's search: some minutes
-MOST_COLLECTING = 2_000_000  # of a step's search for all joint states that count
+MOST_FOLLOWING = 500_000_000  # of the searches for paths of all robots together: some minutes
 LARGEST_PAYMENT = 1e50  # its square is finite
 
 
@@ -50,19 +51,20 @@ def price_staged(
             narrowing, stage, f"certificate.stages[{n}]", stop,
             lambda: progress(next(searches), total),
         )  # fmt: skip
-    if not certificate.joint_paths:
+    if certificate.paths_above is None:
         return narrowing.pricing
     if not may_be_used(model):
         raise CertificateError(
-            "certificate.joint_paths: moves are rewarded, or views do not count at step 1"
+            "certificate.paths_above: moves are rewarded, or views do not count at step 1"
         )
+    higher = narrowing.above(certificate.paths_above)
     for t in range(model.problem.horizon + 1):
-        _few_states(narrowing, t, "certificate.joint_paths")
+        _few_states(higher, t, "certificate.paths_above")
     try:
-        best = best_plan(narrowing, MOST_COLLECTING, stop=stop)
+        best = best_plan(higher, MOST_FOLLOWING, stop)
     except NotEndedError as error:
-        raise CertificateError("certificate.joint_paths: too many joint states are left") from error
-    return narrowing.pricing_of(best.value)
+        raise CertificateError("certificate.paths_above: too many joint states are left") from error
+    return higher.pricing_of(best.value)
 
 
 def _apply(

@@ -21,8 +21,8 @@ LEAST_AMOUNT = 0.01  # of a robot, from which on a column is in the first master
 MOST_DISAGGREGATED = 20_000_000  # robots x steps x states up to which robots are disaggregated
 LEAST_GAIN = 0.12  # of what is open, that the first cuts of disaggregated robots must close,
 # times by how much they make the master larger
-# Joint states of all steps, up to which step envelopes are tried before any cuts. The bottleneck
-# has fewer, and is proved in half of the time; the passage has more, and would take longer.
+# Joint states of all steps, up to which step envelopes have stages before any cuts. The bottleneck
+# has fewer, and is proved in half of the time.
 FEW_JOINT_STATES = 2e7
 LAST_LOOK = 10  # iterations' worth of best responses, for plans once the root is solved
 LAST_LOOK_FAR = 35  # as many where the root is far from proved: fixing needs a good plan

@@ -25,7 +25,6 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import (
-    BestPlan,
     CertificateFile,
     JointStates,
     Narrowing,
@@ -35,14 +34,12 @@ from cocap_opt.formulations.certificates import (
     StepConstant,
     StepPayments,
     Wanted,
-    best_plan,
     compiled_search,
-    may_be_used,
 )
 from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.flow_mixture import flow_mixture
-from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.known_states import Known
+from cocap_opt.formulations.column_generation.path_trials import PathTrials
 from cocap_opt.formulations.column_generation.payment_bundle import PaymentBundle
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
@@ -79,8 +76,6 @@ FEW_WORK, FEW_PLAIN_WORK = 500_000, 50_000  # nodes times states, of a search th
 FEW_NODES = 10_000
 RESPONSES = 10  # iterations' worth of best responses, for plans after each bundle
 MOST_CORRECTIONS = 4  # of payments, by joint states that only the exact search finds
-FEW_COLLECTING = 2_000  # nodes of a step's search for all joint states that count
-FEW_TRIED, MANY_TRIED = 20_000, 200_000  # pairs of joint states
 CLEARLY = 1e-9  # of the bound, that stages must take off it
 LEAST_ROUND = 0.05  # of what is open, that a round must close for another one
 LEAST_LISTED = 0.1  # likewise, for lists that stay as long as they are
@@ -101,7 +96,8 @@ def step_envelopes(
     duals : of the relaxation without decisions
     columns : good paths
     cutoff : bound at which nothing is open
-    most_joint : joint states of all steps, conflicts included; where more are left, nothing is done
+    most_joint : joint states of all steps, conflicts included; where more are left, there are no
+        stages, only a trial of all paths
 
     Raises
     ------
@@ -116,20 +112,18 @@ def step_envelopes(
         return
     narrowing = Narrowing(model, duals.certificate(model), search.value)
     narrowing.close_states()
-    if narrowing.joint_states_left > most_joint:
-        return
     steps = range(model.problem.first_step, model.problem.horizon + 1)
     known = Known.of(search.incumbent, steps, search.rng)
     for column in columns:
         known.add_path(column.along.class_number, column.path)
     before = narrowing.pricing.bound
-    envelopes = _Envelopes(search, narrowing, duals, known, steps)
+    envelopes = _Envelopes(search, narrowing, duals, known, steps, PathTrials(search, narrowing))
     try:
-        envelopes.run(cutoff)
+        if not envelopes.try_paths() and narrowing.joint_states_left <= most_joint:
+            envelopes.run(cutoff)
     finally:
-        if envelopes.stages and (file := envelopes.file()).proved < before - CLEARLY * abs(before):
-            search.offer_spare(file)
-            search.report(search.snapshot(file.proved))
+        if envelopes.bound < before - CLEARLY * abs(before):
+            envelopes.offer()
 
 
 @dataclass
@@ -139,7 +133,8 @@ class _Envelopes:
     Attributes
     ----------
     steps : at which views count
-    tried : the best of all joint states that are left, where all were tried
+    trials : of the paths of all robots together
+    nodes : of all searches of steps so far
     longer : times the first lists' slack: that of the present ones
     responses : iterations' worth of best responses for the next look for plans
     long_search : number of nodes from which on a search is long
@@ -153,8 +148,9 @@ class _Envelopes:
     duals: Duals
     known: Known
     steps: range
+    trials: PathTrials
     stages: list[Stage] = field(default_factory=list)
-    tried: BestPlan | None = None
+    nodes: int = 0
     longer: float = 1.0
     lists_stall: bool = False
     is_far: bool = False
@@ -167,6 +163,12 @@ class _Envelopes:
         """The model of the search."""
         return self.search.model
 
+    @property
+    def bound(self) -> float:
+        """The bound that the stages or the paths that were tried prove."""
+        stages, tried = self.narrowing.pricing.bound, self.trials.best
+        return stages if tried is None else min(stages, tried.bound)
+
     def run(self, cutoff: Callable[[], float]) -> None:
         """Adds stages as long as they close something; raises LimitReached."""
         narrowing = self.narrowing
@@ -178,12 +180,12 @@ class _Envelopes:
                 return
             if self._is_small():
                 self._lower()
-                if narrowing.pricing.bound <= cutoff() or self._tried_all(
-                    FEW_COLLECTING, FEW_TRIED
-                ):
+                if narrowing.pricing.bound <= cutoff() or self.try_paths():
                     return
             listed = not self._is_small()
             self._pay(cutoff)
+            if listed and self.try_paths():
+                return
             closed = (before - narrowing.pricing.bound) / open_
             may_be_longer = listed and self.long_search <= LONGEST_SEARCH
             if listed and closed < LEAST_LISTED:
@@ -191,39 +193,37 @@ class _Envelopes:
                 self._lengthen()
             if closed < LEAST_ROUND and not may_be_longer and not (listed and self._is_small()):
                 break
-        if narrowing.pricing.bound > cutoff() and self._is_small():
-            self._tried_all(_many_nodes(), MANY_TRIED)
+        if self.bound > cutoff():
+            self.trials.for_higher_targets(len(self.stages), self.offer)
 
-    def _tried_all(self, most_nodes: int, most_tried: int) -> bool:
-        """Tries all sequences of joint states that are left; False if there are too many."""
-        if not may_be_used(self.model):
-            return False
-        try:
-            best = best_plan(self.narrowing, most_nodes, most_tried, self.search.stop)
-        except NotEndedError:
-            return False
-        if best.paths:
-            self.search.offer(Incumbent.along(self.model, best.paths))
-        self.tried = best
-        return True
+    def try_paths(self) -> bool:
+        """Tries all paths of better plans that are left; returns True if that has ended."""
+        has_ended = self.trials.after_stages(len(self.stages), self.nodes)
+        if has_ended:
+            self.offer()
+        return has_ended
+
+    def offer(self) -> None:
+        """Offers the search the certificate of what is proved so far."""
+        self.search.offer_spare(self.file())
+        self.report()
 
     def file(self) -> CertificateFile:
-        """Returns the certificate of the stages so far."""
-        model, narrowing = self.model, self.narrowing
-        pricing = (
-            narrowing.pricing if self.tried is None else narrowing.pricing_of(self.tried.value)
-        )
+        """Returns the certificate of the stages so far, or of the paths that were tried."""
+        model, tried = self.model, self.trials.best
+        if self.bound == self.narrowing.pricing.bound:
+            tried = None
         return CertificateFile(
             scene=model.problem.name,
             digest=problem_digest(model.problem),
             method=METHOD,
             classes="single" if model.is_disaggregated else "alike",
-            bound=pricing.bound,
+            bound=self.bound,
             certificate=Staged(
                 self.duals.certificate(model),
-                narrowing.target,
-                tuple(self.stages),
-                joint_paths=self.tried is not None,
+                self.narrowing.target,
+                tuple(self.stages[: None if tried is None else tried.stages]),
+                None if tried is None else tried.above,
             ),
         )
 
@@ -257,8 +257,10 @@ class _Envelopes:
                     found = self.narrowing.lower(higher, wanted, self.search.stop)
                 except NotEndedError:
                     self.known.note(wanted.most_nodes, higher, self.search.stop)
+                    self.nodes += wanted.most_nodes
                     continue
                 self.known.note(found.nodes, higher, self.search.stop)
+                self.nodes += found.nodes
                 self.known.add(higher, found.positions)
                 if self.narrowing.constants[t] < before:
                     # The checker's search, of other states, may find heights that round otherwise.
@@ -278,7 +280,7 @@ class _Envelopes:
 
     def report(self) -> None:
         """Tells what is proved so far."""
-        self.search.report(self.search.snapshot(self.narrowing.pricing.bound))
+        self.search.report(self.search.snapshot(self.bound))
 
     def _pay(self, cutoff: Callable[[], float]) -> None:
         """Finds better payments and their constants, and adds them as a stage."""
@@ -311,9 +313,11 @@ class _Envelopes:
                 found = paid.highest(Wanted(least, _many_nodes()), self.search.stop)
             except NotEndedError:
                 self.known.note(_many_nodes(), paid, self.search.stop)
+                self.nodes += _many_nodes()
                 self._shorten(t, len(joint.states), NOT_ENDED)
                 continue
             self.known.note(found.nodes, paid, self.search.stop)
+            self.nodes += found.nodes
             self._shorten(t, len(joint.states), found.nodes / self.long_search)
             if found.positions:
                 bundle.remember(t, found.positions)

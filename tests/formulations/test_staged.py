@@ -35,6 +35,7 @@ from cocap_opt.formulations.certificates import (
     best_plan,
     certify,
     compiled_search,
+    following,
     may_be_used,
     verify,
 )
@@ -47,6 +48,7 @@ from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.joint_ascent import ascended
 from cocap_opt.formulations.column_generation.known_states import Known
 from cocap_opt.formulations.column_generation.mixture import Mixture
+from cocap_opt.formulations.column_generation.path_trials import PathTrials
 from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
@@ -91,8 +93,9 @@ def random_staged(model: Model, target: float, rng: np.random.Generator) -> Stag
             if k or rng.integers(2)
         )
         stages.append(Stage(random_payments(model, rng) if k else (), constants))
-    joint_paths = bool(may_be_used(model) and rng.integers(2))
-    return Staged(random_multipliers(model, rng), target, tuple(stages), joint_paths)
+    higher = target + float(rng.choice([0.0, 0.0, 0.05, 0.5])) * abs(target)
+    above = higher if may_be_used(model) and rng.integers(2) else None
+    return Staged(random_multipliers(model, rng), target, tuple(stages), above)
 
 
 @examples(20)
@@ -108,8 +111,9 @@ def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
         staged = random_staged(model, target, rng)
         pricing = price_staged(model, staged)
         assert pricing.bound >= max(target, best.value)
-        if staged.joint_paths and target < best.value:  # all plans above the target were tried
-            assert pricing.bound <= max(best.value, 0.0) * (1 + 1e-9) + 2 * pricing.rounding + 1e-9
+        if staged.paths_above is not None:  # all plans above it were tried
+            most = max(staged.paths_above, best.value)
+            assert pricing.bound <= most + 1e-9 * abs(most) + 2 * pricing.rounding + 1e-9
 
 
 @pytest.mark.slow
@@ -178,7 +182,7 @@ def test_the_search_finds_the_highest_of_all_joint_states(seed: int) -> None:
     """The plain search agrees with enumeration, and collects all joint states that count."""
     joint = random_joint_states(np.random.default_rng(seed))
     every = joint_by_enumeration(joint)
-    found = joint.all_that_count(10**6)
+    found = joint.all_that_count(10**6).found
     assert sorted(tuple(sorted(chosen)) for chosen in found) == every
     highest = joint.highest(Wanted(-np.inf, 10**6))
     assert highest.height == pytest.approx(max(map(joint.height, every), default=-np.inf))
@@ -215,8 +219,8 @@ def test_limits_leave_out_what_slacks_forbid(seed: int) -> None:
     rng = np.random.default_rng(seed)
     joint = replace(random_joint_states(rng), floor=0.0)
     slack, room = rng.uniform(0, 3, len(joint.states)), float(rng.uniform(0, 8))
-    found = replace(joint, limits=(Ceiling(room, slack),)).all_that_count(10**6)
-    within = [some for some in joint.all_that_count(10**6) if slack[list(some)].sum() <= room]
+    found = replace(joint, limits=(Ceiling(room, slack),)).all_that_count(10**6).found
+    within = [some for some in joint.all_that_count(10**6).found if slack[list(some)].sum() <= room]
     assert sorted(found) == sorted(within)
 
 
@@ -233,7 +237,7 @@ def test_ceilings_and_limits_leave_out_no_joint_state_that_counts(
     for least in (-np.inf, 0.0, 10.0):
         highest = joint.highest(Wanted(least, 10**6))
         assert below.highest(Wanted(least, 10**6)).height == pytest.approx(highest.height)
-    assert below.all_that_count(10**6) == joint.all_that_count(10**6)
+    assert below.all_that_count(10**6).found == joint.all_that_count(10**6).found
 
 
 @pytest.mark.slow
@@ -252,8 +256,6 @@ def test_the_compiled_search_finds_the_same() -> None:
         compiled_ = joint._run_compiled(wanted, never)
         assert compiled_.best == pytest.approx(plain.height)
         assert compiled_.nodes == plain.nodes
-        found = joint._run_compiled(Wanted(-np.inf, 10**6), never, most_found=10**4).found
-        assert sorted(found) == sorted(joint.all_that_count(10**6))
         if plain.positions:
             assert joint.height(compiled_.positions) == pytest.approx(plain.height)
 
@@ -348,10 +350,61 @@ def test_joint_value_iteration_finds_the_best_plan(problem: Problem, seed: int) 
     narrowing = Narrowing(model, random_multipliers(model, rng), 0.9 * best.value - 1)
     narrowing.close_states()
     found = best_plan(narrowing, 10**6)
+    assert best_plan(narrowing, found.nodes) == found
+    if found.nodes:
+        with pytest.raises(NotEndedError):
+            best_plan(narrowing, found.nodes - 1)
     plan = model.plan(found.paths)
     verdict = check(problem, plan)
     assert verdict.valid
     assert verdict.reward == pytest.approx(found.value) == pytest.approx(best.value)
+
+
+@examples(20)
+@given(st.one_of(problems(), meetings(), meetings(team=3)), seeds, st.floats(0, 1.1))
+def test_plans_above_a_higher_target_are_tried(problem: Problem, seed: int, share: float) -> None:
+    """If there is one, the best is found; if not, the bound is the target."""
+    rng = np.random.default_rng(seed)
+    problem = problem.replace(objective=Objective())
+    best = optimum(problem)
+    if best.plan is None:
+        return
+    model = some_model(problem, rng)
+    narrowing = Narrowing(model, random_multipliers(model, rng), 0.3 * best.value - 1)
+    narrowing.close_states()
+    target = narrowing.target + share * (best.value - narrowing.target)
+    higher = narrowing.above(target)
+    assert narrowing.target == 0.3 * best.value - 1
+    assert all((a <= b).all() for a, b in zip(higher.left, narrowing.left, strict=True))
+    found = best_plan(higher, 10**6)
+    if share < 0.99:
+        assert found.value == pytest.approx(best.value)
+    if share > 1.01 and best.value > 1:
+        assert higher.pricing_of(found.value).bound == pytest.approx(target)
+    with pytest.raises(CertificateError, match="below the target"):
+        narrowing.above(narrowing.target - 1)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+@examples(20)
+@given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
+def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
+    """The same plan after as many nodes, wherever compiled searches take over."""
+    rng = np.random.default_rng(seed)
+    model = some_model(problem.replace(objective=Objective()), rng)
+    value = optimum(problem).value
+    narrowing = Narrowing(model, random_multipliers(model, rng), 0.5 * max(value, 0.0) - 1)
+    narrowing.close_states()
+    found = []
+    for is_there, plain_nodes in ((False, 0), (True, 20), (True, -1)):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(compiled_search, "is_loaded", lambda: False)
+            patch.setattr(compiled_search, "is_there", lambda there=is_there: there)
+            patch.setattr(following, "_PLAIN_NODES", plain_nodes)
+            patch.setattr(following, "_TAILS_AT_ONCE", 3)
+            found.append(best_plan(narrowing, 10**6))
+    assert found[0] == found[1] == found[2]
 
 
 @cache
@@ -370,8 +423,10 @@ def optimum_of_tiny() -> float:
     return optimum(tiny()).value
 
 
-def test_step_envelopes_can_be_asked_for_few_joint_states_only() -> None:
-    """As many as multisets of the states that are left; where there are more, nothing is done."""
+def test_step_envelopes_can_be_asked_for_few_joint_states_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As many as multisets of the states that are left; where there are more, paths are tried."""
     problem = load_scene("bottleneck", 0).replace(horizon=5)
     search = Search(compiled(problem))
     search.use_start(branch_and_price(problem).plan)
@@ -385,10 +440,15 @@ def test_step_envelopes_can_be_asked_for_few_joint_states_only() -> None:
     (robots,) = search.model.class_sizes
     joint = sum(math.comb(int(n) + robots - 1, robots) for n in narrowing.states_left[1:])
     assert narrowing.joint_states_left == joint > 0
+    after_stages = PathTrials.after_stages
+    monkeypatch.setattr(PathTrials, "after_stages", lambda *_: False)
     step_envelopes(search, duals, root.cutoff, (), joint - 1)
     assert search.spare is None
     step_envelopes(search, duals, root.cutoff, (), joint)
     assert search.spare is not None and search.spare.proved < root.relaxation.best.bound
+    monkeypatch.setattr(PathTrials, "after_stages", after_stages)
+    step_envelopes(search, duals, root.cutoff, (), joint - 1)
+    assert search.is_proved(root.cutoff())
 
 
 def replace_stages(staged: Staged, model: Model, rng: np.random.Generator) -> Staged:
@@ -396,7 +456,7 @@ def replace_stages(staged: Staged, model: Model, rng: np.random.Generator) -> St
     steps = range(model.problem.first_step, model.problem.horizon + 1)
     constants = tuple(StepConstant(t, -1e3) for t in steps)
     stages = (Stage(constants=constants), Stage(random_payments(model, rng), constants))
-    return msgspec.structs.replace(staged, stages=stages, joint_paths=True)
+    return msgspec.structs.replace(staged, stages=stages, paths_above=staged.target)
 
 
 def test_staged_files_are_read_back_and_verified() -> None:
@@ -421,6 +481,8 @@ def test_staged_files_are_read_back_and_verified() -> None:
         ({"stages": 1, "payments": 0, "others": math.nan}, "others: must be finite"),
         ({"stages": 1, "payments": 0, "first state": [99, 0, 0, 0, 0]}, "state: "),
         ({"stages": 1, "constants": []}, "a step has payments but no constant"),
+        ({"paths_above": -1e9}, "paths_above: must not be below the target"),
+        ({"paths_above": math.nan}, "paths_above: must not be below the target"),
     ],
 )
 def test_altered_staged_files_are_refused_in_words(change: dict, words: str) -> None:
@@ -505,6 +567,7 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
         patch.setattr(envelopes, "MANY_ROBOTS", 0)
         patch.setattr(envelopes, "LISTED_SLACK", slack)
         patch.setattr(envelopes, "MEAN_LISTED", 0)
+        patch.setattr(PathTrials, "after_stages", lambda *_: False)
         search = Search(compiled(problem))
         search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0)), []))
         step_envelopes(search, search.alone.duals, lambda: search.cutoff(OPTIMALITY))
@@ -534,7 +597,7 @@ def test_what_a_search_finds_is_remembered_as_it_is(problem: Problem) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Known, "add", checked)
         patch.setattr(Known, "highest", modest)
-        patch.setattr(envelopes, "FEW_TRIED", 0)
+        patch.setattr(PathTrials, "after_stages", lambda *_: False)
         search = Search(compiled(problem))
         search.offer(Incumbent.of_plan(search.model, Plan.hovering(problem)))
         step_envelopes(search, search.alone.duals, lambda: search.cutoff(OPTIMALITY))
@@ -555,6 +618,7 @@ def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyP
             raise LimitReached(Limit.WORK)
         return lower(self, joint, wanted, stop)
 
+    monkeypatch.setattr(PathTrials, "after_stages", lambda *_: False)
     monkeypatch.setattr(Narrowing, "lower", limited)
     with pytest.raises(LimitReached):
         step_envelopes(search, root.relaxation.best.duals, root.cutoff)
@@ -564,8 +628,8 @@ def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyP
     assert verify(problem, search.spare, model=compiled(problem)).bound <= search.spare.proved
 
 
-@pytest.mark.parametrize("joint_paths", [False, True])
-def test_numbers_too_large_prove_nothing(joint_paths: bool) -> None:
+@pytest.mark.parametrize("paths_above", [None, 1.0])
+def test_numbers_too_large_prove_nothing(paths_above: float | None) -> None:
     """Infinite constants and prices are refused, though any target is below them."""
     problem = tiny()
     model, shape = compiled(problem), (problem.view_sum_steps, len(problem.face_weights))
@@ -577,4 +641,4 @@ def test_numbers_too_large_prove_nothing(joint_paths: bool) -> None:
     ):
         for stages in ((), (Stage(),)):
             with pytest.raises(CertificateError, match="infinite"):
-                price_staged(model, Staged(multipliers, 1.0, stages, joint_paths))
+                price_staged(model, Staged(multipliers, 1.0, stages, paths_above))

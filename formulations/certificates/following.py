@@ -1,0 +1,159 @@
+"""The joint states to which robots can move in one step: a search from each of many before.
+
+Robots are apart here: which of them goes where is part of what is searched. A search has the
+bounds of that for the highest joint state (`joint_states`), and takes all that count.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.formulations.certificates import compiled_search
+from cocap_opt.formulations.certificates.joint_states import (
+    COMPILING,
+    JointStates,
+    NotEndedError,
+)
+from cocap_opt.graph.timegraph import TimeGraph
+from cocap_opt.stop import Stop
+
+_MOST_FOUND = 200_000  # moves that are taken down at a time
+_PLAIN_NODES = 2000  # after which searches are compiled, where they can be
+_TAILS_AT_ONCE = 1_000  # between two looks at the stop
+
+
+class Found(NamedTuple):
+    """Moves of the whole team."""
+
+    tails: IntArray  # [M] numbers of the joint states where they begin
+    heads: IntArray  # [M, R] positions of the robots' states where they end
+
+
+class Choices(NamedTuple):
+    """The states to which each robot can move from each joint state.
+
+    Attributes
+    ----------
+    states : of each robot, the numbers of all states to which it can move, increasing
+    first : [K+1] first entry in `positions` of each list of states
+    positions : of the states of all lists, among those of all robots
+    lists : [L, R] number of each robot's list
+    """
+
+    states: list[IntArray]
+    first: IntArray
+    positions: IntArray
+    lists: IntArray
+
+    @classmethod
+    def of(
+        cls, graphs: Sequence[TimeGraph], t: int, placed: IntArray, left: Sequence[IntArray]
+    ) -> "Choices":
+        """Returns the choices of a step.
+
+        Parameters
+        ----------
+        graphs : of each robot
+        placed : [L, R] numbers of the robots' states at step t
+        left : of each robot, the numbers of the states to which it may move, increasing
+        """
+        states, sizes, positions = [], [np.zeros(1, dtype=np.int64)], []
+        lists = np.empty(placed.shape, dtype=np.int64)
+        n_lists = n_states = 0
+        for robot, (graph, allowed) in enumerate(zip(graphs, left, strict=True)):
+            tails, number = np.unique(placed[:, robot], return_inverse=True)
+            heads = [
+                np.intersect1d(graph.successors(t, tail), allowed, assume_unique=True)
+                for tail in tails.tolist()
+            ]
+            every = np.unique(np.concatenate(heads))
+            lists[:, robot] = n_lists + number
+            sizes.append(np.array([len(some) for some in heads]))
+            positions += [n_states + np.searchsorted(every, some) for some in heads]
+            states.append(every)
+            n_lists, n_states = n_lists + len(tails), n_states + len(every)
+        return cls(states, np.cumsum(np.concatenate(sizes)), np.concatenate(positions), lists)
+
+    def of_tail(self, tail: int) -> IntArray:
+        """Returns the positions of the states to which robots can move from a joint state."""
+        lists = self.lists[tail].tolist()
+        return np.concatenate([self.positions[self.first[k] : self.first[k + 1]] for k in lists])
+
+
+@dataclass
+class Following:
+    """Searches for moves of the whole team.
+
+    A search from one joint state is plain; once they have been long, all are compiled where they
+    can be. Both find the same, with as many nodes.
+
+    Attributes
+    ----------
+    nodes_left : that the searches may still take
+    """
+
+    nodes_left: int
+    _plain_nodes: int = 0  # that plain searches took
+
+    def found(
+        self, joint: JointStates, choices: Choices, floors: FloatArray, stop: Stop
+    ) -> Iterator[Found]:
+        """Yields the moves of all joint states of a step, some at a time.
+
+        Parameters
+        ----------
+        joint : the states of the next step, robot by robot as in the choices
+        floors : [L] of each joint state before: least worth, less charges, of one that follows
+
+        Raises
+        ------
+        NotEndedError
+            If the searches take more nodes than are left, or one finds too much.
+        LimitReached
+            At a limit.
+        """
+        tail = 0
+        while tail < len(floors) and not compiled_search.is_loaded():
+            at = choices.of_tail(tail)
+            collected = self._plain(joint.part(at, float(floors[tail])), stop)
+            if collected is None:
+                break
+            if collected:
+                yield Found(np.full(len(collected), tail), at[np.array(collected)])
+            tail += 1
+        if tail < len(floors):
+            yield from self._compiled(joint, choices, floors, tail, stop)
+
+    def _plain(self, joint: JointStates, stop: Stop) -> list[tuple[int, ...]] | None:
+        """Returns what a plain search collects; None if it is to be compiled."""
+        stop.check()
+        may_compile = compiled_search.is_there() and stop.seconds_left > COMPILING
+        most = max(_PLAIN_NODES - self._plain_nodes, 0) if may_compile else self.nodes_left
+        try:
+            collected = joint.all_that_count(min(most, self.nodes_left), stop)
+        except NotEndedError:
+            if may_compile:
+                return None
+            raise
+        self.nodes_left -= collected.nodes
+        self._plain_nodes += collected.nodes
+        return collected.found
+
+    def _compiled(
+        self, joint: JointStates, choices: Choices, floors: FloatArray, tail: int, stop: Stop
+    ) -> Iterator[Found]:
+        """Yields what compiled searches find, from one of the joint states on."""
+        running = joint.running(-np.inf, _MOST_FOUND)
+        lists = (choices.first, choices.positions, choices.lists)
+        while tail < len(floors):
+            stop.check()
+            begun, end = tail, min(tail + _TAILS_AT_ONCE, len(floors))
+            tail, tails, heads = running.follow(lists, floors, (tail, end), self.nodes_left)
+            self.nodes_left -= running.nodes
+            if tail == begun:
+                raise NotEndedError
+            if len(tails):
+                yield Found(tails, heads)
