@@ -47,7 +47,6 @@ from cocap_opt.formulations.column_generation.payment_bundle import PaymentBundl
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
-from cocap_opt.stop import LimitReached
 from cocap_opt.sums import exact_sum
 
 METHOD = "step-envelopes"
@@ -249,26 +248,22 @@ class _Envelopes:
         try:
             for t in self.steps:
                 self.search.report_again()
-                joint, before = self.narrowing.joint_states(t), float(self.narrowing.constants[t])
-                least = self.known.highest(joint)
+                least = self.known.highest(self.narrowing.joint_states(t))
                 higher = self.narrowing.joint_states(t, least)
                 try:
                     wanted = Wanted(least, _few_nodes(len(higher.states)))
-                    found = self.narrowing.lower(higher, wanted, self.search.stop)
+                    found = higher.highest(wanted, self.search.stop)
                 except NotEndedError:
                     self.known.note(wanted.most_nodes, higher, self.search.stop)
                     continue
                 self.known.note(found.nodes, higher, self.search.stop)
                 self.known.add(higher, found.positions)
-                if self.narrowing.constants[t] < before:
-                    # The checker's search, of other states, may find heights that round otherwise.
-                    self.narrowing.constants[t] += higher.margin
-                    constants.append(StepConstant(t, found.height))
-        except LimitReached:
-            # What has been lowered counts, so that the certificate has to tell of it.
-            self.stages.append(Stage(constants=tuple(constants)))
-            raise
-        self._close(Stage(constants=tuple(constants)))
+                claim = StepConstant(t, found.height)
+                if self.narrowing.lower_as_claimed(claim):
+                    constants.append(claim)
+        finally:
+            # What was lowered before a limit counts, so that the certificate has to tell of it.
+            self._close(Stage(constants=tuple(constants)))
 
     def _close(self, stage: Stage) -> None:
         """Ends a stage, and reports it."""
@@ -412,9 +407,8 @@ class _Envelopes:
         for part in stage.payments:
             self.narrowing.pay(part)
         self.narrowing.price()
-        for step in stage.constants:
-            margin = self.narrowing.joint_states(step.t, step.constant).margin
-            self.narrowing.constants[step.t] = step.constant + 2 * margin  # as in `_lower`
+        for claim in stage.constants:
+            self.narrowing.lower_as_claimed(claim)
         self._close(stage)
         return True
 
