@@ -28,7 +28,7 @@ from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
 
 SHARPNESS = 64  # k
-POWER = 2.0  # of the gradient; 1 is safe and slow
+POWER = 2.0  # of the gradient; 1 is safe and slow, and under rules 3 does not settle (field-large)
 MOST_STEPS = 60  # in which a mixture is raised between two pricings
 ROUGH = 0.02  # of bound - value: what these steps may leave to gain
 LEAST_MEAN = 1e-6  # in units of J: a robot that gains no more keeps its amounts

@@ -33,16 +33,22 @@ from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.relaxations.separation import Seen, loose_view_sums
 from cocap_opt.model import Model, Path
 
-LEAST_AMOUNT = 1e-3  # of a robot, below which a column is dropped
-BROKEN = 1e-3  # uses of a resource in excess of the rule that are left alone
-# Charge of one robot too many at first, in units of the reward of a robot at a step.
+# Of a robot, below which a column is dropped, and a cut of so small a share of its root. Each makes
+# all products of matrices longer; pricing finds again what is missed.
+LEAST_AMOUNT = 1e-3
+BROKEN = 1e-3  # uses of a resource in excess of the rule that are left alone, as rough as the steps
+# Charge of one robot too many at first, in units of the reward of a robot at a step: it is a part
+# of what a conflict can bring, so that rows come to their price in some steps and do not swing.
 STEEPNESS = 0.2
-LEAST_FACTOR = 0.01  # of a column's amount in a step, before the power
+# Of a column's amount in a step, before the power: where charges have risen too far, a column must
+# not be lost before they have fallen.
+LEAST_FACTOR = 0.01
 LEAST_SHARE = 1e-9  # of the root's multiplier, from which on pixels have one of their own
-LEAST_CUT = 1e-6  # of the bound: what an envelope cut must cut off
-MOST_CUTS = 1500  # in a round, those that can cut off most
+# Of the bound, that an envelope cut must cut off: half of what masters ask for, as it costs less.
+LEAST_CUT = 1e-6
+MOST_CUTS = 1500  # in a round, those that can cut off most: a round must not take minutes
 AGAIN = 1.5  # times as much as when none was found: then a cut of the view sum is looked for again
-_DARK = 1e-6  # px^0.5/m
+_DARK = 1e-6  # px^0.5/m: a root below it is none, so that nothing is divided by it
 
 
 class RuledAscent:

@@ -43,6 +43,7 @@ from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.flow_mixture import flow_mixture
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.known_states import Known
+from cocap_opt.formulations.column_generation.list_lengths import ListLengths
 from cocap_opt.formulations.column_generation.payment_bundle import PaymentBundle
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
@@ -54,24 +55,10 @@ MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
 MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
 MOST_AT_A_STEP = 1_000
 FEW_STATES_LEFT = 6_500  # over all steps: beyond it, lists are faster, where there can be any
-LISTED_SLACK = 1.4  # of what is open per step: of states that are listed where more are left
-# States on the first lists: of all steps, and the least and the most of one. Hughes et al.'s
-# priority_speaker, 60 steps: 0.06 % are left after a minute; 0.24 % with 100 a step, all with 200.
-FIRST_LISTED, FEWEST_FIRST, MOST_FIRST = 4_000, 60, 200
-MOST_LISTED = 600  # at a step
-# A search of so many nodes is long. The next list of its step is shorter, by this power of how many
-# times longer it was; one that has not ended counts as so many times.
-LONG_SEARCH, SHORTER, NOT_ENDED = 200_000, 0.2, 20.0
-SHORT_SEARCH = 0.1  # of the nodes of a long one: the next list may be longer
-LEAST_LISTED_STATES, LESS_SHORT = 30, 1.2
-MORE_WORK, LONGEST_SEARCH = 1.7, 2_000_000  # likewise, of nodes after a round that closes little
-MEAN_LISTED = 0.6  # of the most states on the first lists, at least
 MOST_LISTED_ROBOTS = 8  # searches of more robots take too long
 # Of fewer robots than these, a tree closes little in less time (the bridge as a solid block, 3
 # robots, in 0.3 s instead of 5 s), so that lists are for what is far from closed.
 MANY_ROBOTS, FAR = 5, 0.003  # of the bound, that is open
-# Times as much slack: after a round that closes little, where lists are too short, and the most.
-LONGER, A_LITTLE_LONGER, LONGEST = 1.5, 1.15, 12.0
 MOST_ROUNDS = 40
 MANY_NODES, MANY_PLAIN_NODES = 2_000_000, 50_000  # of a step's search, compiled or not
 FEW_WORK, FEW_PLAIN_WORK = 500_000, 50_000  # nodes times states, of a search that is worth a try
@@ -115,14 +102,14 @@ def step_envelopes(
         return
     narrowing = Narrowing(model, duals.certificate(model), search.value)
     narrowing.close_states()
-    if narrowing.joint_states_left > most_joint:
+    if most_joint < math.inf and narrowing.joint_states_left > most_joint:
         return
     steps = range(model.problem.first_step, model.problem.horizon + 1)
     known = Known.of(search.incumbent, steps, search.rng)
     for column in columns:
         known.add_path(column.along.class_number, column.path)
     before = narrowing.pricing.bound
-    envelopes = _Envelopes(search, narrowing, duals, known, steps)
+    envelopes = _Envelopes(search, narrowing, duals, known, steps, ListLengths(len(steps)))
     try:
         envelopes.run(cutoff)
     finally:
@@ -138,11 +125,9 @@ class _Envelopes:
     Attributes
     ----------
     steps : at which views count
+    lengths : of the lists of states
     tried : the best of all joint states that are left, where all were tried
-    longer : times the first lists' slack: that of the present ones
     responses : iterations' worth of best responses for the next look for plans
-    long_search : number of nodes from which on a search is long
-    most_listed : at the steps whose searches took long
     is_far : true if much was open at first
     lists_stall : true once a round with the longest lists has closed little
     """
@@ -152,14 +137,12 @@ class _Envelopes:
     duals: Duals
     known: Known
     steps: range
+    lengths: ListLengths
     stages: list[Stage] = field(default_factory=list)
     tried: BestPlan | None = None
-    longer: float = 1.0
     lists_stall: bool = False
     is_far: bool = False
     responses: int = RESPONSES
-    long_search: float = LONG_SEARCH
-    most_listed: dict[int, int] = field(default_factory=dict)
 
     @property
     def model(self) -> Model:
@@ -184,11 +167,11 @@ class _Envelopes:
             listed = not self._is_small()
             self._pay(cutoff)
             closed = (before - narrowing.pricing.bound) / open_
-            may_be_longer = listed and self.long_search <= LONGEST_SEARCH
+            may_grow = listed and self.lengths.can_grow
             if listed and closed < LEAST_LISTED:
-                self.lists_stall |= not may_be_longer
-                self._lengthen()
-            if closed < LEAST_ROUND and not may_be_longer and not (listed and self._is_small()):
+                self.lists_stall |= not may_grow
+                self.lengths.grow()
+            if closed < LEAST_ROUND and not may_grow and not (listed and self._is_small()):
                 break
         if narrowing.pricing.bound > cutoff() and self._is_small():
             self._tried_all(_many_nodes(), MANY_TRIED)
@@ -306,37 +289,14 @@ class _Envelopes:
                 found = paid.highest(Wanted(least, _many_nodes()), self.search.stop)
             except NotEndedError:
                 self.known.note(_many_nodes(), paid, self.search.stop)
-                self._shorten(t, len(joint.states), NOT_ENDED)
+                self.lengths.note(t, len(joint.states), None)
                 continue
             self.known.note(found.nodes, paid, self.search.stop)
-            self._shorten(t, len(joint.states), found.nodes / self.long_search)
+            self.lengths.note(t, len(joint.states), found.nodes)
             if found.positions:
                 bundle.remember(t, found.positions)
             heights[t] = found.height
         return heights
-
-    def _lengthen(self) -> None:
-        """Makes all lists longer, and allows their searches to take longer."""
-        self.longer = min(LONGER * self.longer, LONGEST)
-        self.long_search *= MORE_WORK
-        for t, most in self.most_listed.items():
-            self.most_listed[t] = int(most * LESS_SHORT)
-
-    def _shorten(self, t: int, listed: int, work: float) -> None:
-        """Makes the list of a step shorter where its search took long, else less short."""
-        if work > 1:
-            self.most_listed[t] = max(int(listed * work**-SHORTER), LEAST_LISTED_STATES)
-        elif work < SHORT_SEARCH:
-            self.most_listed[t] = int(self._most_listed(t) * LESS_SHORT)
-
-    def _most_listed(self, t: int) -> int:
-        """Returns how many states of a step are listed at most."""
-        return min(self.most_listed.get(t, self._first_listed), MOST_LISTED)
-
-    @property
-    def _first_listed(self) -> int:
-        """The number of states of a step that are listed at first, at most."""
-        return max(FEWEST_FIRST, min(FIRST_LISTED // len(self.steps), MOST_FIRST))
 
     def _joints(
         self, cutoff: Callable[[], float]
@@ -345,12 +305,7 @@ class _Envelopes:
         narrowing = self.narrowing
         if self._is_small():
             return {t: narrowing.joint_states(t) for t in self.steps}, {}
-        open_ = LISTED_SLACK * (narrowing.pricing.bound - cutoff()) / len(self.steps)
-        while self.longer < LONGEST and self._n_listed(open_ * self.longer) < (
-            MEAN_LISTED * self._first_listed * len(self.steps)
-        ):
-            self.longer *= A_LITTLE_LONGER
-        most = open_ * self.longer
+        most = self.lengths.slack(narrowing.pricing.bound - cutoff(), self._n_listed)
         joints = {t: narrowing.joint_states_of(t, self._listed(t, most)) for t in self.steps}
         return joints, {t: narrowing.ceiling(t) for t in self.steps}
 
@@ -379,7 +334,7 @@ class _Envelopes:
             if self.narrowing.left[number][t, state]:
                 slack[number][state] = min(slack[number][state], most)
         order = np.argsort(np.concatenate(slack), kind="stable")
-        order = order[: self._most_listed(t)]
+        order = order[: self.lengths.most(t)]
         short = np.zeros(sum(map(len, slack)), dtype=np.bool_)
         short[order] = True
         parts = np.split(short, np.cumsum([len(own) for own in slack])[:-1])

@@ -17,6 +17,7 @@ from pool import meetings, problems
 from random_certificates import as_rows, random_multipliers, some_model
 from strategies import examples, tiny
 
+import cocap_opt.formulations.column_generation.list_lengths as list_lengths
 import cocap_opt.formulations.column_generation.step_envelopes as envelopes
 from cocap_opt.data import IntArray
 from cocap_opt.formulations.certificates import (
@@ -547,8 +548,8 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
         patch.setattr(envelopes, "MOST_STATES_LEFT", 0)
         patch.setattr(envelopes, "FEW_STATES_LEFT", 0)
         patch.setattr(envelopes, "MANY_ROBOTS", 0)
-        patch.setattr(envelopes, "LISTED_SLACK", slack)
-        patch.setattr(envelopes, "MEAN_LISTED", 0)
+        patch.setattr(list_lengths, "SLACK", slack)
+        patch.setattr(list_lengths, "MEAN", 0)
         search = Search(compiled(problem))
         search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0)), []))
         step_envelopes(search, search.alone.duals, lambda: search.cutoff(OPTIMALITY))
