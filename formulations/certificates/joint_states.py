@@ -20,8 +20,13 @@ state was higher than V' when payment' was paid,
 Only such joint states count as some plan above a target may visit: their worth less what they are
 charged is at least a floor (`narrowing` has the inequality). Ceilings bound that difference, too:
 states of much slack are soon too many, whatever they are worth.
+
+The producer of a certificate searches among more states than its checker, and in a search heights
+round in their own way. So the height of what is found is computed anew, from its own states alone
+and correctly rounded; and what is higher than wanted by rounding alone is not higher.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -34,6 +39,7 @@ from cocap_opt.formulations.certificates import compiled_search
 from cocap_opt.formulations.certificates.pricing import UNIT_ROUNDOFF
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
+from cocap_opt.sums import exact_sum
 
 _PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
 _LARGE, _FEW_NODES = 5, 100  # likewise, of teams of so many robots, whose searches are long
@@ -164,10 +170,11 @@ class JointStates:
 
     @cached_property
     def margin(self) -> float:
-        """The most that rounding changes of any height, in units of J.
+        """The room that a constant leaves above a height for rounding, in units of J.
 
-        A height is a sum of at most R (F + 2) terms, each the result of a few operations, none
-        of them larger than what all robots see and are paid at most.
+        In the search a height is a sum of at most R (F + 2) terms, each the result of a few
+        operations, none of them larger than what all robots see and are paid at most: rounding
+        changes it by at most an eighth of this.
         """
         robots = sum(self.sizes)
         most = self.weights @ np.sqrt(robots * self.pixels.max(axis=0, initial=0.0))
@@ -220,8 +227,11 @@ class JointStates:
         )
 
     def worth(self, chosen: Sequence[int]) -> float:
-        """Returns F of a joint state, whose states are given by their positions."""
-        return float(self.weights @ np.sqrt(self.pixels[list(chosen)].sum(axis=0)))
+        """Returns F of a joint state, whose states are given by their positions.
+
+        It depends on these states alone: not on their order, nor on which others are listed.
+        """
+        return exact_sum(self._worths(chosen))
 
     def worths(self, chosen: IntArray) -> FloatArray:
         """Returns F of some joint states [K, R], each the same in whatever company."""
@@ -230,8 +240,14 @@ class JointStates:
         return worths
 
     def height(self, chosen: Sequence[int]) -> float:
-        """Returns the height of a joint state, its worth less its payments."""
-        return self.worth(chosen) - float(self.payment[list(chosen)].sum())
+        """Returns the height of a joint state, its worth less its payments; as `worth` does."""
+        return exact_sum([*self._worths(chosen), *(-self.payment[list(chosen)]).tolist()])
+
+    def _worths(self, chosen: Sequence[int]) -> list[float]:
+        """Returns what each face [F] is worth in a joint state."""
+        pixels = [math.fsum(own) for own in self.pixels[list(chosen)].T.tolist()]
+        worths: list[float] = (self.weights * np.sqrt(pixels)).tolist()
+        return worths
 
     def counts(self, chosen: Sequence[int]) -> bool:
         """Returns True for a joint state that some plan above the target may visit."""
@@ -240,7 +256,11 @@ class JointStates:
         return apart and self.worth(at) - float(self.charge[at].sum()) >= self.floor - self.margin
 
     def highest(self, wanted: Wanted, stop: Stop = never) -> Highest:
-        """Returns the highest joint state that counts.
+        """Returns the highest joint state that counts, if it is clearly higher than wanted.
+
+        One that is higher by no more than half the margin is not. Heights err in the search by up
+        to an eighth of it, so that a search among fewer states may end with another joint state,
+        higher by up to a quarter. The margin is room for that half and for errors of the search.
 
         Raises
         ------
@@ -250,10 +270,11 @@ class JointStates:
             At a limit.
         """
         search = self._searched(wanted, stop)
-        at = sorted(search.positions)
-        # Computed anew, so that it is the same to the last bit, compiled or not.
-        height = max(self.height(at), wanted.least) if at else search.best
-        return Highest(height, search.positions, search.nodes)
+        if search.positions:
+            height = self.height(search.positions)
+            if height > wanted.least + self.margin / 2:
+                return Highest(height, search.positions, search.nodes)
+        return Highest(wanted.least, nodes=search.nodes)
 
     def all_that_count(self, most_nodes: int, stop: Stop = never) -> "Collected":
         """Returns all joint states that count, by the plain search.

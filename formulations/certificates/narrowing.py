@@ -43,6 +43,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.format import (
     CertificateError,
     Multipliers,
+    StepConstant,
     StepPayments,
 )
 from cocap_opt.formulations.certificates.joint_states import (
@@ -340,9 +341,22 @@ class Narrowing:
             At a limit.
         """
         highest = joint.highest(wanted, stop)
-        lowered = highest.height + joint.margin
-        self.constants[joint.t] = min(float(self.constants[joint.t]), lowered)
+        self._lower_to(highest.height, joint)
         return highest
+
+    def lower_as_claimed(self, claim: StepConstant) -> bool:
+        """Lowers K_t to a claim, as `lower` does where nothing is higher; False if it is lower.
+
+        A producer, who has searched among more states, so leaves as much room for rounding as a
+        checker does.
+        """
+        before = float(self.constants[claim.t])
+        self._lower_to(claim.constant, self.joint_states(claim.t, claim.constant))
+        return bool(self.constants[claim.t] < before)
+
+    def _lower_to(self, height: float, joint: JointStates) -> None:
+        """Lowers K_t to a height that was the highest in a search, and room for rounding."""
+        self.constants[joint.t] = min(float(self.constants[joint.t]), height + joint.margin)
 
     def price(self) -> None:
         """Prices the paths that are left, and finds the slack of every state.

@@ -1,5 +1,6 @@
 """Coefficients of arcs in the restricted master: rewards for moves, views, and use of resources."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,6 +12,9 @@ from cocap_opt.formulations.certificates import Resource
 from cocap_opt.formulations.column_generation.columns import Arc
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model
+
+_Into = dict[tuple[int, int, int], list[int]]  # arcs by class, step and place
+_Along = dict[tuple[int, int, int, int], list[int]]  # by class, step and the two places
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,7 @@ class Coefficients:
 
         A state is used by the arcs into it, a start by those out of it.
         """
-        into, along = self._into_places(), self._along_moves()
+        into, along = self._by_places()
         users = []
         for resource in resources:
             t, found = resource.t, list[int]()
@@ -59,24 +63,18 @@ class Coefficients:
         """Returns the state that arc k leads to at step t; its start where that is step 0."""
         return self.arcs[k].head if t else self.arcs[k].tail
 
-    def _into_places(self) -> dict[tuple[int, int, int], list[int]]:
-        """Returns the arcs by the class, step and place that they lead to, or start from."""
-        into: dict[tuple[int, int, int], list[int]] = {}
-        for k, arc in enumerate(self.arcs):
-            n_places = self.model.classes[arc.class_number].graph.n_places
-            into.setdefault((arc.class_number, arc.t + 1, arc.head % n_places), []).append(k)
-            if arc.t == 0:
-                into.setdefault((arc.class_number, 0, arc.tail % n_places), []).append(k)
-        return into
-
-    def _along_moves(self) -> dict[tuple[int, int, int, int], list[int]]:
-        """Returns the arcs by class, step and the two places that they join."""
-        along: dict[tuple[int, int, int, int], list[int]] = {}
-        for k, arc in enumerate(self.arcs):
-            n_places = self.model.classes[arc.class_number].graph.n_places
-            tail, head = arc.tail % n_places, arc.head % n_places
-            along.setdefault((arc.class_number, arc.t, tail, head), []).append(k)
-        return along
+    def _by_places(self) -> "tuple[_Into, _Along]":
+        """Returns the arcs by the place that they lead to or start from, and by their moves."""
+        into: _Into = defaultdict(list)
+        along: _Along = defaultdict(list)
+        n_places = [robot_class.graph.n_places for robot_class in self.model.classes]
+        for k, (number, t, tail, head) in enumerate(self.arcs):
+            one, other = tail % n_places[number], head % n_places[number]
+            along[number, t, one, other].append(k)
+            into[number, t + 1, other].append(k)
+            if t == 0:
+                into[number, 0, one].append(k)
+        return into, along
 
 
 class _Views(NamedTuple):

@@ -8,32 +8,41 @@ from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.model import Model, Path
 
-_LEAST_USE = 1e-6  # of a robot, that counts as flow
+# In robots: less flow on an arc is none, as solvers that are accurate to 1e-8 leave about as much
+# anywhere. Of a robot ten times as much may be missing, since each of its arcs may lack some.
+LEAST_USE = 1e-7
 
 
-def flow_mixture(model: Model, flow: Mapping[Arc, float]) -> Mixture:
+def flow_mixture(
+    model: Model, flow: Mapping[Arc, float], known: Mapping[tuple[int, Path], Column] | None = None
+) -> Mixture:
     """Returns paths of all robots that a flow splits into, the widest of each robot first.
+
+    The amounts of a robot's paths add up to 1, or to less where the flow runs dry.
 
     Parameters
     ----------
     flow : number of robots on each arc
+    known : columns by robot and path, which need not be made again
     """
     left: dict[tuple[int, int, int], dict[int, float]] = {}
     for arc, amount in flow.items():
-        left.setdefault((arc.class_number, arc.t, arc.tail), {})[arc.head] = amount
+        if amount > LEAST_USE:
+            left.setdefault((arc.class_number, arc.t, arc.tail), {})[arc.head] = amount
     columns: list[Column] = []
     amounts: list[float] = []
     for robot in range(len(model.problem.robots)):
         number, rest = model.classes.index(model.class_of[robot]), 1.0
-        while rest > _LEAST_USE:
+        while rest > 10 * LEAST_USE:
             path, amount = _widest(left, number, model.start(robot), model.problem.horizon)
             amount = min(rest, amount)
-            if amount <= _LEAST_USE:
+            if amount <= LEAST_USE:
                 break
             for t in range(len(path) - 1):
                 left[number, t, path[t]][path[t + 1]] -= amount
             rest -= amount
-            columns.append(Column.of(model, robot, path))
+            column = (known or {}).get((robot, path))
+            columns.append(column or Column.of(model, robot, path))
             amounts.append(amount)
     return Mixture(columns, np.array(amounts))
 

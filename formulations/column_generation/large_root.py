@@ -21,14 +21,22 @@ from cocap_opt.formulations.column_generation.ruled_ascent import RuledAscent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.model import Model, Path
 
-MANY_ROBOT_STEPS = 1500  # beyond which masters take too long
-FIRST_STEPS, MOST_FIRST_STEPS = 20, 80  # of the ascent, before there is any plan
-STEPS = 5  # of the ascent in a turn
-TURNS_PER_CUTS = 3  # of the ascent
-NEARLY = 0.004  # of the bound: cuts are looked for once bound and mixture are nearer
+# Robots times steps, from which on masters take too long: one of field-large's 64 drones and 40
+# steps takes six to eight seconds, and gains next to nothing.
+MANY_ROBOT_STEPS = 1500
+# Of the ascent before there is any plan: as many as new rows need to become worth their cost, and
+# no more than leave time for plans where bound and mixture do not come near.
+FIRST_STEPS, MOST_FIRST_STEPS = 20, 80
+STEPS = 5  # of the ascent in a turn, to settle after new rows and cuts
+TURNS_PER_CUTS = 3  # of the ascent: cuts take as long as several turns, and need some to settle
+# Of the bound: cuts are looked for once bound and mixture are nearer. Further off, a mixture breaks
+# cuts that the next one does not.
+NEARLY = 0.004
 MOVES = 250  # of the plan in a turn; all three kinds take about as long then
 PATIENCE = 1.2  # times its last gain: what is expected of a kind of work after each turn of others
-LEAST_GAIN = 5e-4  # of what is open, that a turn must gain for more of its kind
+# Of what is open, that a turn must gain for more of its kind. It is also what is expected at least
+# of a kind that gained nothing, so that each has another turn before all end.
+LEAST_GAIN = 5e-4
 
 
 def is_large(model: Model) -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates import Cut, Decision, Resource
 from cocap_opt.formulations.column_generation.columns import Arc, Column
+from cocap_opt.formulations.column_generation.flow_mixture import LEAST_USE, flow_mixture
 from cocap_opt.formulations.column_generation.master_program import MasterProgram
 from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.relaxations.duals import Duals
@@ -24,7 +25,6 @@ from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop, never
 
 BEST_ACCURACY = 1e-8
-_LEAST_USE = 1e-7  # flow on an arc that counts as use
 _LEAST_SHARE = 1e-6  # of a cut in a solution, from which on it is kept
 
 
@@ -129,9 +129,10 @@ class Master:
         program = MasterProgram(self.model, arcs, self._rows, open_, self._cuts, self.penalty)
         solved = program.solve(stop, accuracy)
         self._pool.note_flow(solved.flow)
+        flow = dict(zip(arcs, solved.flow.tolist(), strict=True))
         return Solution(
             solved.value,
-            self._split(arcs, solved.flow),
+            flow_mixture(self.model, flow, self._columns),
             solved.slack,
             replace(solved.duals, decisions=self._all_decisions(solved.duals.decisions)),
             solved.is_solved,
@@ -142,19 +143,6 @@ class Master:
         result = np.zeros(len(self.decisions))
         result[[not decision.closes for decision in self.decisions]] = multipliers
         return result
-
-    def _split(self, arcs: list[Arc], flow: FloatArray) -> Mixture:
-        """Returns the paths of the robots that the flow splits into, the widest first."""
-        rest = _RestFlow(arcs, flow, self.model.problem.horizon)
-        columns: list[Column] = []
-        amounts: list[float] = []
-        for robot in range(len(self.model.problem.robots)):
-            number = self.model.classes.index(self.model.class_of[robot])
-            for path, amount in rest.paths_from(number, self.model.start(robot)):
-                column = self._columns.get((robot, path))
-                columns.append(column or Column.of(self.model, robot, path))
-                amounts.append(amount)
-        return Mixture(columns, np.array(amounts))
 
 
 class _ArcPool:
@@ -180,7 +168,7 @@ class _ArcPool:
 
     def note_flow(self, flow: FloatArray) -> None:
         """Counts one more solve in which the arcs had this flow [n]."""
-        self._idle = np.where(flow > _LEAST_USE, 0, self._idle + 1)
+        self._idle = np.where(flow > LEAST_USE, 0, self._idle + 1)
 
     def has_fresh(self, arcs: Iterable[Arc], most_idle: int) -> bool:
         """Returns True if each of the arcs was used in one of the last `most_idle` solves."""
@@ -211,42 +199,3 @@ class _ArcPool:
         self._numbers = {arc: n for n, arc in enumerate(arcs)}
         self._idle = np.array([idle[arc] for arc in arcs], dtype=np.int64)
         return True
-
-
-class _RestFlow:
-    """The flow on arcs that no path has taken yet."""
-
-    def __init__(self, arcs: list[Arc], flow: FloatArray, horizon: int) -> None:
-        self._left = {a: f for a, f in zip(arcs, flow.tolist(), strict=True) if f > _LEAST_USE}
-        self._leaving: dict[tuple[int, int, int], list[Arc]] = {}
-        for arc in self._left:
-            self._leaving.setdefault((arc.class_number, arc.t, arc.tail), []).append(arc)
-        self._horizon = horizon
-
-    def paths_from(self, number: int, start: int) -> list[tuple[Path, float]]:
-        """Takes paths of one robot from its start, and returns them with their shares of the robot.
-
-        The shares add up to 1, or to less where the flow has run dry.
-        """
-        found = []
-        rest = 1.0
-        while rest > 1e-6 and (arcs := self._widest(number, start)) is not None:
-            amount = min(rest, *(self._left[arc] for arc in arcs))
-            for arc in arcs:
-                self._left[arc] -= amount
-            rest -= amount
-            found.append(((arcs[0].tail, *(arc.head for arc in arcs)), amount))
-        return found
-
-    def _widest(self, number: int, start: int) -> list[Arc] | None:
-        """Returns a path along the largest flow left at each step; None where it has run dry."""
-        path: list[Arc] = []
-        state = start
-        for t in range(self._horizon):
-            arcs = self._leaving.get((number, t, state), [])
-            best = max(arcs, key=lambda arc: self._left[arc], default=None)
-            if best is None or self._left[best] <= _LEAST_USE / 10:
-                return None
-            path.append(best)
-            state = best.head
-        return path

@@ -14,13 +14,13 @@ Conflict rows and envelope cuts are left to the masters. Whatever the mixture, p
 bound.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 
-from cocap_opt.data import FloatArray
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.pricing import Priced, Pricer
@@ -28,9 +28,10 @@ from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
 
 SHARPNESS = 64  # k
-POWER = 2.0  # of the gradient; 1 is safe and slow
+POWER = 2.0  # of the gradient; 1 is safe and slow, and under rules 3 does not settle (field-large)
 MOST_STEPS = 60  # in which a mixture is raised between two pricings
 ROUGH = 0.02  # of bound - value: what these steps may leave to gain
+LEAST_MEAN = 1e-6  # in units of J: a robot that gains no more keeps its amounts
 LEAST_AMOUNT = 1e-4  # of a robot, below which a column is dropped
 _NOTHING = 1e-12  # px/m2
 
@@ -60,7 +61,7 @@ def mixture_ascent(model: Model, pricer: Pricer, first: Priced) -> Iterator[_Rai
     while True:
         mixture = joined(mixture, priced.columns)
         program = MixtureProgram(model, mixture.columns)
-        amounts = program.raised(mixture.amounts, ROUGH * open_)
+        amounts = raised(program.gradient, program.robots, mixture.amounts, ROUGH * open_)
         value, duals = program.judged(amounts)
         priced = pricer(duals)
         best = min(best, priced.bound)
@@ -94,21 +95,6 @@ class MixtureProgram:
         self.robots = np.array([column.robot for column in columns])
         self.bonus = np.array([column.bonus(model) for column in columns])
 
-    def raised(self, amounts: FloatArray, enough: float) -> FloatArray:
-        """Returns amounts of a larger value, at best by all but `enough`."""
-        for _ in range(MOST_STEPS):
-            gradient = self._gradient(self.judged(amounts)[1])
-            mean = self.by_robot(amounts * gradient)
-            largest = np.zeros_like(mean)
-            np.maximum.at(largest, self.robots, gradient)
-            if (largest - mean).sum() <= enough:
-                break
-            mean = mean[self.robots]
-            factors = np.divide(gradient, mean, out=np.ones_like(mean), where=mean > 0)
-            amounts = amounts * factors**POWER
-            amounts = amounts / self.by_robot(amounts)[self.robots]
-        return amounts
-
     def judged(self, amounts: FloatArray) -> tuple[float, Duals]:
         """Returns the value of a mixture, and the multipliers of its view sums."""
         pixels, alone = amounts @ self.pixels, amounts @ self.roots
@@ -119,12 +105,47 @@ class MixtureProgram:
         value = self.weights @ np.minimum(alone, together) + amounts @ self.bonus
         return float(value), Duals(alpha, np.maximum(beta, (1 - alpha) * _NOTHING))
 
-    def _gradient(self, duals: Duals) -> FloatArray:
-        """Returns what multipliers pay for each column [n]."""
-        paid = self.roots @ (self.weights * duals.alpha)
-        return np.asarray(paid + self.pixels @ (self.weights * duals.beta) + self.bonus)
+    def gradient(self, amounts: FloatArray) -> FloatArray:
+        """Returns what the multipliers of a mixture pay for each column [n]."""
+        duals = self.judged(amounts)[1]
+        return self.paid(duals.alpha, duals.beta)
 
-    def by_robot(self, values: FloatArray) -> FloatArray:
-        """Returns the sums of values [n] of columns by robot [R]."""
-        sums: FloatArray = np.bincount(self.robots, values).astype(np.float64)
-        return sums
+    def paid(self, alpha: FloatArray, beta: FloatArray) -> FloatArray:
+        """Returns what is paid for the pixels of each column, and its rewards for moves [n]."""
+        paid = self.roots @ (self.weights * alpha)
+        return np.asarray(paid + self.pixels @ (self.weights * beta) + self.bonus)
+
+
+def raised(
+    gradient_at: Callable[[FloatArray], FloatArray],
+    robots: IntArray,
+    amounts: FloatArray,
+    enough: float,
+    least_factor: float = 0.0,
+) -> FloatArray:
+    """Returns amounts of a larger value, at best by all but `enough`.
+
+    Parameters
+    ----------
+    gradient_at : of the value, by the amounts [n]
+    robots : [n] of the columns
+    least_factor : of an amount in a step, before the power
+    """
+
+    def by_robot(values: FloatArray) -> FloatArray:
+        return np.bincount(robots, values).astype(np.float64)
+
+    for _ in range(MOST_STEPS):
+        gradient = gradient_at(amounts)
+        mean = by_robot(amounts * gradient)
+        lowest, largest = np.zeros_like(mean), np.full_like(mean, -np.inf)
+        np.minimum.at(lowest, robots, gradient)
+        np.maximum.at(largest, robots, gradient)
+        if (largest - mean).sum() <= enough:
+            break
+        # Charges may outweigh what a column is paid.
+        above, mean = gradient - lowest[robots], (mean - lowest)[robots]
+        factors = np.divide(above, mean, out=np.ones_like(mean), where=mean > LEAST_MEAN)
+        amounts = amounts * np.maximum(factors, least_factor) ** POWER
+        amounts = amounts / by_robot(amounts)[robots]
+    return amounts

@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.formulations.certificates import CertificateFile, Cut, Decision, certify
+from cocap_opt.formulations.certificates import CertificateFile, Decision, certify
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.column_generation.master import BEST_ACCURACY, Master, Solution
 from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.pricing import Priced
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.relaxations.separation import Seen
+from cocap_opt.formulations.relaxations.separation import loose_view_sums
 
 ACCURACY = 2e-7  # of the bound: where bound and master agree to this, they have converged
 WORST_ACCURACY = 1e-5  # of the master
@@ -42,15 +42,6 @@ class _Iteration(NamedTuple):
     solution: Solution
     columns: list[Column]  # of the pricing
     improves: bool  # the master's own multipliers are the best so far
-
-
-class _Broken(NamedTuple):
-    """A view sum whose part of the mixture lies above the envelope of what robots can see."""
-
-    most: float  # that a cut can cut off, in units of J
-    view_sum: int
-    seen: Seen
-    height: float  # of the cuts that are known
 
 
 @dataclass
@@ -211,35 +202,18 @@ class Relaxation:
         if search.model.problem.objective.over_time:  # a robot sees a view sum more than once
             return False
         self.master.drop_cuts(solution.duals)
-        for broken in self._broken(solution.mixture)[:MOST_CUTS]:
+        loose = loose_view_sums(
+            solution.mixture.seen(), self.master.cuts, search.weights, search.model.class_sizes,
+            LEAST_CUT * abs(self.best.bound),
+        )  # fmt: skip
+        for one in loose[:MOST_CUTS]:
             search.stop.check()
             search.report_again()
-            cut = broken.seen.best_cut(
-                broken.view_sum, search.largest[:, broken.view_sum], search.model.class_sizes,
-                broken.height, self._least_cut(broken.view_sum),
+            cut = one.seen.best_cut(
+                one.view_sum, search.largest[:, one.view_sum], search.model.class_sizes,
+                one.height, one.least,
             )  # fmt: skip
             if cut is not None:
                 self.master.add_cut(cut)
                 found = True
         return found
-
-    def _least_cut(self, view_sum: int) -> float:
-        """Returns what a cut of a view sum must cut off, px^0.5/m."""
-        return LEAST_CUT * abs(self.best.bound) / float(self.search.weights[view_sum])
-
-    def _broken(self, mixture: Mixture) -> list[_Broken]:
-        """Returns the view sums of which something can be cut off, those with most first."""
-        weights, sizes = self.search.weights, self.search.model.class_sizes
-        known: dict[int, list[Cut]] = {}
-        for cut in self.master.cuts:
-            known.setdefault(cut.view_sum, []).append(cut)
-        found = []
-        for view_sum, seen in mixture.seen():
-            if not weights[view_sum] or seen.is_exact(sizes):
-                continue
-            roots = float(np.sqrt(seen.amounts @ seen.roots**2)), float(seen.amounts @ seen.roots)
-            height = min(*roots, *(seen.height(cut) for cut in known.get(view_sum, [])))
-            most = height - seen.coupled(sizes)
-            if most >= self._least_cut(view_sum):
-                found.append(_Broken(most * float(weights[view_sum]), view_sum, seen, height))
-        return sorted(found, key=lambda one: (-one.most, one.view_sum))

@@ -8,45 +8,47 @@ A conflict row has a multiplier that rises with its excess over one use, as in a
 Lagrangian: mu <- max(0, mu + rho (uses - 1)). Whatever the multipliers, pricing gives a bound.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 
-from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates import Cells, Cut, Moves, Resource, Swap
+from cocap_opt.data import FloatArray
+from cocap_opt.formulations.certificates import Cut, Resource
 from cocap_opt.formulations.column_generation.alike_cuts import alike_cut
+from cocap_opt.formulations.column_generation.coefficients import Coefficients
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.mixture_ascent import (
+    ROUGH,
     SHARPNESS,
     MixtureProgram,
     joined,
+    raised,
 )
 from cocap_opt.formulations.column_generation.pricing import Priced
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
-from cocap_opt.formulations.relaxations.separation import Seen
-from cocap_opt.model import Path
-from cocap_opt.problem import Cell
+from cocap_opt.formulations.relaxations.separation import Seen, loose_view_sums
+from cocap_opt.model import Model, Path
 
-POWER = 2.0  # of the gradient
-MOST_STEPS = 60  # in which a mixture is raised between two pricings
-ROUGH = 0.02  # of bound - value: what these steps may leave to gain
-LEAST_AMOUNT = 1e-3  # of a robot, below which a column is dropped
-BROKEN = 1e-3  # uses of a resource in excess of the rule that are left alone
-# Charge of one robot too many at first, in units of the reward of a robot at a step.
+# Of a robot, below which a column is dropped, and a cut of so small a share of its root. Each makes
+# all products of matrices longer; pricing finds again what is missed.
+LEAST_AMOUNT = 1e-3
+BROKEN = 1e-3  # uses of a resource in excess of the rule that are left alone, as rough as the steps
+# Charge of one robot too many at first, in units of the reward of a robot at a step: it is a part
+# of what a conflict can bring, so that rows come to their price in some steps and do not swing.
 STEEPNESS = 0.2
-LEAST_FACTOR = 0.01  # of a column's amount in a step, before the power
+# Of a column's amount in a step, before the power: where charges have risen too far, a column must
+# not be lost before they have fallen.
+LEAST_FACTOR = 0.01
 LEAST_SHARE = 1e-9  # of the root's multiplier, from which on pixels have one of their own
-LEAST_CUT = 1e-6  # of the bound: what an envelope cut must cut off
-MOST_CUTS = 1500  # in a round, those that can cut off most
+# Of the bound, that an envelope cut must cut off: half of what masters ask for, as it costs less.
+LEAST_CUT = 1e-6
+MOST_CUTS = 1500  # in a round, those that can cut off most: a round must not take minutes
 AGAIN = 1.5  # times as much as when none was found: then a cut of the view sum is looked for again
-_DARK = 1e-6  # px^0.5/m
-
-_ByCell = dict[tuple[int, Cell], list[int]]
-_ByMove = dict[tuple[int, tuple[Cell, Cell]], list[int]]
+_DARK = 1e-6  # px^0.5/m: a root below it is none, so that nothing is divided by it
 
 
 class RuledAscent:
@@ -77,18 +79,21 @@ class RuledAscent:
     def step(self) -> None:
         """Adds rows, raises the mixture, and prices its multipliers; raises LimitReached."""
         self._add_rows()
-        mixture = joined(self.mixture, self._priced.columns)
-        base = MixtureProgram(self._search.model, mixture.columns)
+        search, mixture = self._search, joined(self.mixture, self._priced.columns)
+        base = MixtureProgram(search.model, mixture.columns)
         program = _RuledProgram(
             base, self.cuts, self._charges, self._steepness,
-            _cut_heights(base, mixture.columns, self.cuts), _uses(mixture.columns, self.rows),
+            _cut_heights(base, mixture.columns, self.cuts),
+            _uses(search.model, mixture.columns, self.rows),
         )  # fmt: skip
         open_ = self.best.bound - self.value if self.value > 0 else np.inf
-        amounts = program.raised(mixture.amounts, ROUGH * open_)
+        amounts = raised(
+            program.gradient, base.robots, mixture.amounts, ROUGH * open_, LEAST_FACTOR
+        )
         judged = program.judged(amounts)
         duals = judged.duals(self.rows, self.cuts)
         self.value, self._charges, self._shares = judged.value, judged.charges, judged.shares
-        self._priced = self._search.pricer(duals)
+        self._priced = search.pricer(duals)
         self.best = min(self.best, self._priced, key=lambda some: some.bound)
         kept = np.flatnonzero(amounts > LEAST_AMOUNT)
         self.mixture = Mixture([mixture.columns[n] for n in kept.tolist()], amounts[kept])
@@ -121,55 +126,36 @@ class RuledAscent:
         search = self._search
         self.cuts = [self.cuts[k] for k in np.flatnonzero(self._shares > LEAST_AMOUNT).tolist()]
         added = []
-        for most, view_sum, seen, height in self._broken()[:MOST_CUTS]:
+        loose = loose_view_sums(
+            self._seen_by_equals(), self.cuts, search.weights, search.model.class_sizes,
+            LEAST_CUT * abs(self.best.bound),
+        )  # fmt: skip
+        loose = [one for one in loose if one.most >= AGAIN * self._in_vain.get(one.view_sum, 0.0)]
+        for one in loose[:MOST_CUTS]:
             search.stop.check()
             search.report_again()
-            number, least = int(seen.classes[0]), self._least_cut(view_sum)
-            robots = search.model.class_sizes[number]
-            largest = float(search.largest[number, view_sum])
-            cut = alike_cut(view_sum, seen, largest, robots, height, least)
+            number = int(one.seen.classes[0])
+            cut = alike_cut(
+                one.view_sum, one.seen, float(search.largest[number, one.view_sum]),
+                search.model.class_sizes[number], one.height, one.least,
+            )  # fmt: skip
             if cut is None:
-                self._in_vain[view_sum] = most
+                self._in_vain[one.view_sum] = one.most
             else:
                 added.append(cut)
         self.cuts += added
         self._shares = np.ones(len(self.cuts))
         return len(added)
 
-    def _least_cut(self, view_sum: int) -> float:
-        """Returns what a cut of a view sum must cut off, px^0.5/m."""
-        return LEAST_CUT * abs(self.best.bound) / float(self._search.weights[view_sum])
+    def _seen_by_equals(self) -> Iterator[tuple[int, Seen]]:
+        """Yields the view sums that robots of a single class see; those of several are not alike.
 
-    def _broken(self) -> list["_Broken"]:
-        """Returns the view sums of which something can be cut off, those with most first."""
-        weights, sizes = self._search.weights, self._search.model.class_sizes
-        known: dict[int, list[Cut]] = {}
-        for cut in self.cuts:
-            known.setdefault(cut.view_sum, []).append(cut)
-        found = []
+        It raises LimitReached between two of them.
+        """
         for view_sum, seen in self.mixture.seen():
             self._search.stop.check()
-            # Robots of several classes are no more alike.
-            if not weights[view_sum] or seen.classes.min() < seen.classes.max():
-                continue
-            if seen.is_exact(sizes):
-                continue
-            roots = float(np.sqrt(seen.amounts @ seen.roots**2)), float(seen.amounts @ seen.roots)
-            height = min(*roots, *(seen.height(cut) for cut in known.get(view_sum, [])))
-            most = height - seen.coupled(sizes)
-            least = max(self._least_cut(view_sum), AGAIN * self._in_vain.get(view_sum, 0.0))
-            if most >= least:
-                found.append(_Broken(most, view_sum, seen, height))
-        return sorted(found, key=lambda one: (-one.most * weights[one.view_sum], one.view_sum))
-
-
-class _Broken(NamedTuple):
-    """A view sum whose part of the mixture lies above the envelope of what robots can see."""
-
-    most: float  # that a cut can cut off, px^0.5/m
-    view_sum: int
-    seen: Seen
-    height: float  # of the cuts that are known
+            if seen.classes.min() == seen.classes.max():
+                yield view_sum, seen
 
 
 class _Judged(NamedTuple):
@@ -212,25 +198,6 @@ class _RuledProgram:
         self._at = np.array([cut.view_sum for cut in cuts], dtype=np.int64)
         self._constants = np.array([cut.constant for cut in cuts])
 
-    def raised(self, amounts: FloatArray, enough: float) -> FloatArray:
-        """Returns amounts of a larger value, at best by all but `enough`."""
-        base, robots = self._base, int(self._base.robots.max()) + 1
-        for _ in range(MOST_STEPS):
-            gradient = self._gradient(self.judged(amounts))
-            lowest, largest = np.zeros(robots), np.full(robots, -np.inf)
-            np.minimum.at(lowest, base.robots, gradient)
-            np.maximum.at(largest, base.robots, gradient)
-            mean = base.by_robot(amounts * gradient)
-            if (largest - mean).sum() <= enough:
-                break
-            # Charges may outweigh what a column is paid.
-            above, mean = gradient - lowest[base.robots], (mean - lowest)[base.robots]
-            factors = np.divide(above, mean, out=np.ones_like(mean), where=mean > _DARK)
-            factors = np.maximum(factors, LEAST_FACTOR)
-            amounts = amounts * factors**POWER
-            amounts = amounts / base.by_robot(amounts)[base.robots]
-        return amounts
-
     def judged(self, amounts: FloatArray) -> _Judged:
         """Returns the value of a mixture, and the multipliers of its view sums and rows."""
         base, at = self._base, self._at
@@ -257,14 +224,13 @@ class _RuledProgram:
         shares = np.where(seen[at], of_cuts / total[at], 0.0)
         return _Judged(float(value), alpha, beta, shares, np.maximum(charges, 0.0))
 
-    def _gradient(self, judged: _Judged) -> FloatArray:
-        """Returns what multipliers pay for each column [n]."""
-        base = self._base
-        paid = base.roots @ (base.weights * judged.alpha) + base.bonus
-        paid += base.pixels @ (base.weights * judged.beta)
+    def gradient(self, amounts: FloatArray) -> FloatArray:
+        """Returns what the multipliers of a mixture pay for each column [n], less its charges."""
+        base, judged = self._base, self.judged(amounts)
+        paid = base.paid(judged.alpha, judged.beta)
         paid += self._heights @ (base.weights[self._at] * judged.shares)
         paid -= self._uses @ judged.charges
-        return np.asarray(paid)
+        return paid
 
 
 def _cut_heights(
@@ -283,34 +249,10 @@ def _cut_heights(
     return sparse.csc_array((np.concatenate(values), np.concatenate(at), ends), shape).tocsr()
 
 
-def _uses(columns: Sequence[Column], rows: dict[Resource, int]) -> sparse.csr_array:
+def _uses(model: Model, columns: Sequence[Column], rows: Collection[Resource]) -> sparse.csr_array:
     """Returns which resources columns use [n, rows]."""
-    places, moves = _numbers_of_users(rows)
-    of, used = list[int](), list[int]()
-    for n, column in enumerate(columns):
-        cells = column.along.cells
-        found = [k for t, cell in enumerate(cells) for k in places.get((t, cell), ())]
-        for t in range(len(cells) - 1):
-            found += moves.get((t, (cells[t], cells[t + 1])), ())
-        of += [n] * len(found)
-        used += found
-    index: tuple[IntArray, IntArray] = np.array(of, dtype=np.int64), np.array(used, dtype=np.int64)
-    return sparse.csr_array((np.ones(len(of)), index), (len(columns), len(rows)))
-
-
-def _numbers_of_users(rows: dict[Resource, int]) -> tuple[_ByCell, _ByMove]:
-    """Returns the numbers of the resources by step and cell, and by step and move."""
-    places: _ByCell = {}
-    moves: _ByMove = {}
-    for resource, number in rows.items():
-        t = resource.t
-        if isinstance(resource, Cells):
-            for cell in resource.cells:
-                places.setdefault((t, cell), []).append(number)
-        elif isinstance(resource, Swap):
-            for move in (resource.cells, resource.cells[::-1]):
-                moves.setdefault((t, (move[0], move[1])), []).append(number)
-        elif isinstance(resource, Moves):
-            for move in resource.moves:
-                moves.setdefault((t, move), []).append(number)
-    return places, moves
+    horizon = model.problem.horizon
+    users = Coefficients(model, [arc for column in columns for arc in column.arcs]).users([*rows])
+    at = np.repeat(np.arange(len(rows)), [len(own) for own in users])
+    of = np.array([arc // horizon for own in users for arc in own], dtype=np.int64)
+    return sparse.csr_array((np.ones(len(of)), (of, at)), (len(columns), len(rows)))

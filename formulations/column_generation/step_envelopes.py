@@ -39,12 +39,12 @@ from cocap_opt.formulations.certificates import (
 from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.flow_mixture import flow_mixture
 from cocap_opt.formulations.column_generation.known_states import Known
+from cocap_opt.formulations.column_generation.list_lengths import ListLengths
 from cocap_opt.formulations.column_generation.path_trials import PathTrials
 from cocap_opt.formulations.column_generation.payment_bundle import PaymentBundle
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
-from cocap_opt.stop import LimitReached
 from cocap_opt.sums import exact_sum
 
 METHOD = "step-envelopes"
@@ -52,24 +52,10 @@ MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
 MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
 MOST_AT_A_STEP = 1_000
 FEW_STATES_LEFT = 6_500  # over all steps: beyond it, lists are faster, where there can be any
-LISTED_SLACK = 1.4  # of what is open per step: of states that are listed where more are left
-# States on the first lists: of all steps, and the least and the most of one. Hughes et al.'s
-# priority_speaker, 60 steps: 0.06 % are left after a minute; 0.24 % with 100 a step, all with 200.
-FIRST_LISTED, FEWEST_FIRST, MOST_FIRST = 4_000, 60, 200
-MOST_LISTED = 600  # at a step
-# A search of so many nodes is long. The next list of its step is shorter, by this power of how many
-# times longer it was; one that has not ended counts as so many times.
-LONG_SEARCH, SHORTER, NOT_ENDED = 200_000, 0.2, 20.0
-SHORT_SEARCH = 0.1  # of the nodes of a long one: the next list may be longer
-LEAST_LISTED_STATES, LESS_SHORT = 30, 1.2
-MORE_WORK, LONGEST_SEARCH = 1.7, 2_000_000  # likewise, of nodes after a round that closes little
-MEAN_LISTED = 0.6  # of the most states on the first lists, at least
 MOST_LISTED_ROBOTS = 8  # searches of more robots take too long
 # Of fewer robots than these, a tree closes little in less time (the bridge as a solid block, 3
 # robots, in 0.3 s instead of 5 s), so that lists are for what is far from closed.
 MANY_ROBOTS, FAR = 5, 0.003  # of the bound, that is open
-# Times as much slack: after a round that closes little, where lists are too short, and the most.
-LONGER, A_LITTLE_LONGER, LONGEST = 1.5, 1.15, 12.0
 MOST_ROUNDS = 40
 MANY_NODES, MANY_PLAIN_NODES = 2_000_000, 50_000  # of a step's search, compiled or not
 FEW_WORK, FEW_PLAIN_WORK = 500_000, 50_000  # nodes times states, of a search that is worth a try
@@ -117,9 +103,14 @@ def step_envelopes(
     for column in columns:
         known.add_path(column.along.class_number, column.path)
     before = narrowing.pricing.bound
-    envelopes = _Envelopes(search, narrowing, duals, known, steps, PathTrials(search, narrowing))
+    envelopes = _Envelopes(
+        search, narrowing, duals, known, steps,
+        PathTrials(search, narrowing), ListLengths(len(steps)),
+    )  # fmt: skip
     try:
-        if not envelopes.try_paths() and narrowing.joint_states_left <= most_joint:
+        if envelopes.try_paths():
+            return
+        if most_joint == math.inf or narrowing.joint_states_left <= most_joint:
             envelopes.run(cutoff)
     finally:
         if envelopes.bound < before - CLEARLY * abs(before):
@@ -134,11 +125,9 @@ class _Envelopes:
     ----------
     steps : at which views count
     trials : of the paths of all robots together
+    lengths : of the lists of states
     nodes : of all searches of steps so far
-    longer : times the first lists' slack: that of the present ones
     responses : iterations' worth of best responses for the next look for plans
-    long_search : number of nodes from which on a search is long
-    most_listed : at the steps whose searches took long
     is_far : true if much was open at first
     lists_stall : true once a round with the longest lists has closed little
     """
@@ -149,14 +138,12 @@ class _Envelopes:
     known: Known
     steps: range
     trials: PathTrials
+    lengths: ListLengths
     stages: list[Stage] = field(default_factory=list)
     nodes: int = 0
-    longer: float = 1.0
     lists_stall: bool = False
     is_far: bool = False
     responses: int = RESPONSES
-    long_search: float = LONG_SEARCH
-    most_listed: dict[int, int] = field(default_factory=dict)
 
     @property
     def model(self) -> Model:
@@ -187,11 +174,11 @@ class _Envelopes:
             if listed and self.try_paths():
                 return
             closed = (before - narrowing.pricing.bound) / open_
-            may_be_longer = listed and self.long_search <= LONGEST_SEARCH
+            may_grow = listed and self.lengths.can_grow
             if listed and closed < LEAST_LISTED:
-                self.lists_stall |= not may_be_longer
-                self._lengthen()
-            if closed < LEAST_ROUND and not may_be_longer and not (listed and self._is_small()):
+                self.lists_stall |= not may_grow
+                self.lengths.grow()
+            if closed < LEAST_ROUND and not may_grow and not (listed and self._is_small()):
                 break
         if self.bound > cutoff():
             self.trials.for_higher_targets(len(self.stages), self.offer)
@@ -249,12 +236,11 @@ class _Envelopes:
         try:
             for t in self.steps:
                 self.search.report_again()
-                joint, before = self.narrowing.joint_states(t), float(self.narrowing.constants[t])
-                least = self.known.highest(joint)
+                least = self.known.highest(self.narrowing.joint_states(t))
                 higher = self.narrowing.joint_states(t, least)
                 try:
                     wanted = Wanted(least, _few_nodes(len(higher.states)))
-                    found = self.narrowing.lower(higher, wanted, self.search.stop)
+                    found = higher.highest(wanted, self.search.stop)
                 except NotEndedError:
                     self.known.note(wanted.most_nodes, higher, self.search.stop)
                     self.nodes += wanted.most_nodes
@@ -262,15 +248,12 @@ class _Envelopes:
                 self.known.note(found.nodes, higher, self.search.stop)
                 self.nodes += found.nodes
                 self.known.add(higher, found.positions)
-                if self.narrowing.constants[t] < before:
-                    # The checker's search, of other states, may find heights that round otherwise.
-                    self.narrowing.constants[t] += higher.margin
-                    constants.append(StepConstant(t, found.height))
-        except LimitReached:
-            # What has been lowered counts, so that the certificate has to tell of it.
-            self.stages.append(Stage(constants=tuple(constants)))
-            raise
-        self._close(Stage(constants=tuple(constants)))
+                claim = StepConstant(t, found.height)
+                if self.narrowing.lower_as_claimed(claim):
+                    constants.append(claim)
+        finally:
+            # What was lowered before a limit counts, so that the certificate has to tell of it.
+            self._close(Stage(constants=tuple(constants)))
 
     def _close(self, stage: Stage) -> None:
         """Ends a stage, and reports it."""
@@ -314,38 +297,15 @@ class _Envelopes:
             except NotEndedError:
                 self.known.note(_many_nodes(), paid, self.search.stop)
                 self.nodes += _many_nodes()
-                self._shorten(t, len(joint.states), NOT_ENDED)
+                self.lengths.note(t, len(joint.states), None)
                 continue
             self.known.note(found.nodes, paid, self.search.stop)
             self.nodes += found.nodes
-            self._shorten(t, len(joint.states), found.nodes / self.long_search)
+            self.lengths.note(t, len(joint.states), found.nodes)
             if found.positions:
                 bundle.remember(t, found.positions)
             heights[t] = found.height
         return heights
-
-    def _lengthen(self) -> None:
-        """Makes all lists longer, and allows their searches to take longer."""
-        self.longer = min(LONGER * self.longer, LONGEST)
-        self.long_search *= MORE_WORK
-        for t, most in self.most_listed.items():
-            self.most_listed[t] = int(most * LESS_SHORT)
-
-    def _shorten(self, t: int, listed: int, work: float) -> None:
-        """Makes the list of a step shorter where its search took long, else less short."""
-        if work > 1:
-            self.most_listed[t] = max(int(listed * work**-SHORTER), LEAST_LISTED_STATES)
-        elif work < SHORT_SEARCH:
-            self.most_listed[t] = int(self._most_listed(t) * LESS_SHORT)
-
-    def _most_listed(self, t: int) -> int:
-        """Returns how many states of a step are listed at most."""
-        return min(self.most_listed.get(t, self._first_listed), MOST_LISTED)
-
-    @property
-    def _first_listed(self) -> int:
-        """The number of states of a step that are listed at first, at most."""
-        return max(FEWEST_FIRST, min(FIRST_LISTED // len(self.steps), MOST_FIRST))
 
     def _joints(
         self, cutoff: Callable[[], float]
@@ -354,12 +314,7 @@ class _Envelopes:
         narrowing = self.narrowing
         if self._is_small():
             return {t: narrowing.joint_states(t) for t in self.steps}, {}
-        open_ = LISTED_SLACK * (narrowing.pricing.bound - cutoff()) / len(self.steps)
-        while self.longer < LONGEST and self._n_listed(open_ * self.longer) < (
-            MEAN_LISTED * self._first_listed * len(self.steps)
-        ):
-            self.longer *= A_LITTLE_LONGER
-        most = open_ * self.longer
+        most = self.lengths.slack(narrowing.pricing.bound - cutoff(), self._n_listed)
         joints = {t: narrowing.joint_states_of(t, self._listed(t, most)) for t in self.steps}
         return joints, {t: narrowing.ceiling(t) for t in self.steps}
 
@@ -388,7 +343,7 @@ class _Envelopes:
             if self.narrowing.left[number][t, state]:
                 slack[number][state] = min(slack[number][state], most)
         order = np.argsort(np.concatenate(slack), kind="stable")
-        order = order[: self._most_listed(t)]
+        order = order[: self.lengths.most(t)]
         short = np.zeros(sum(map(len, slack)), dtype=np.bool_)
         short[order] = True
         parts = np.split(short, np.cumsum([len(own) for own in slack])[:-1])
@@ -416,9 +371,8 @@ class _Envelopes:
         for part in stage.payments:
             self.narrowing.pay(part)
         self.narrowing.price()
-        for step in stage.constants:
-            margin = self.narrowing.joint_states(step.t, step.constant).margin
-            self.narrowing.constants[step.t] = step.constant + 2 * margin  # as in `_lower`
+        for claim in stage.constants:
+            self.narrowing.lower_as_claimed(claim)
         self._close(stage)
         return True
 

@@ -8,7 +8,7 @@ exchange their amounts.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -119,6 +119,48 @@ class Seen:
         }
         cut = Cut.valid(view_sum, curves, sizes)
         return cut if known - self.height(cut) > least else None
+
+
+class Loose(NamedTuple):
+    """A view sum of which a cut can cut something off a mixture."""
+
+    most: float  # that it can cut off, px^0.5/m
+    least: float  # that it must cut off
+    view_sum: int
+    seen: Seen
+    height: float  # of what is known, at the mixture
+
+
+def loose_view_sums(
+    seen: Iterable[tuple[int, Seen]],
+    cuts: Sequence[Cut],
+    weights: FloatArray,
+    sizes: tuple[int, ...],
+    least: float,
+) -> list[Loose]:
+    """Returns the view sums where enough can be cut off, those with most first.
+
+    Parameters
+    ----------
+    seen : view sums with what a mixture sees of them
+    cuts : that are known
+    weights : [Z] of the view sums in J
+    sizes : number of robots of each class
+    least : what a cut must cut off, in units of J
+    """
+    known: dict[int, list[Cut]] = {}
+    for cut in cuts:
+        known.setdefault(cut.view_sum, []).append(cut)
+    found = []
+    for view_sum, own in seen:
+        if not weights[view_sum] or own.is_exact(sizes):
+            continue
+        roots = float(np.sqrt(own.amounts @ own.roots**2)), float(own.amounts @ own.roots)
+        height = min(*roots, *(own.height(cut) for cut in known.get(view_sum, [])))
+        most, enough = height - own.coupled(sizes), least / float(weights[view_sum])
+        if most >= enough:
+            found.append(Loose(most, enough, view_sum, own, height))
+    return sorted(found, key=lambda one: (-one.most * weights[one.view_sum], one.view_sum))
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from pool import meetings, problems
 from strategies import Calls, drawn_problems, examples, tiny
 
 from cocap_opt.formulations import BOUNDS, EXACT
-from cocap_opt.formulations.certificates import CertificateFile, Staged, verify
+from cocap_opt.formulations.certificates import CertificateFile, verify
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.early_bound import METHOD
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Snapshot
@@ -45,16 +45,13 @@ def slow(value: object) -> object:
 def proves(problem: Problem, result: CertifiedResult) -> bool:
     """True where a result's file proves the bound that the result states, and exactly that.
 
-    A bound from coverage that was not whole is larger than what its numbers prove, and that of
-    stages leaves a little room for heights that round otherwise.
+    A bound from coverage that was not whole is larger than what its numbers prove.
     """
     file = result.certificate
     if file is None:
         return False
     early = isinstance(file, CertificateFile) and file.method == METHOD
     proved = verify(problem, file).bound
-    if isinstance(file, CertificateFile) and isinstance(file.certificate, Staged):
-        return proved <= result.bound <= proved + 1e-9 * max(abs(proved), 1.0)
     return proved <= result.bound if early else proved == result.bound
 
 
