@@ -16,7 +16,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Curve, Cut
-from cocap_opt.formulations.certificates.envelope import Corners
+from cocap_opt.formulations.certificates.envelope import Corners, Partial
 from cocap_opt.formulations.certificates.format import MOST_WORK
 
 # Of all classes together: rows of the transport problem. Of robots that are a class each, more of
@@ -296,12 +296,10 @@ def _rearranged(pixels: FloatArray) -> IntArray:
     return orders
 
 
-def _most_promising(
-    pixels: FloatArray, values: FloatArray, most: FloatArray
-) -> tuple[IntArray, FloatArray, FloatArray]:
+def _most_promising(partial: Partial) -> tuple[IntArray, Partial]:
     """Keeps the partial corners whose completions can be highest."""
-    kept = _smallest(-most, MOST_CORNERS)
-    return kept, pixels[kept], values[kept]
+    kept = _smallest(-partial.most, MOST_CORNERS)
+    return kept, partial.take(kept)
 
 
 def _smallest(values: FloatArray, count: int) -> IntArray:
