@@ -26,6 +26,7 @@ from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.pricing import Priced, Pricer
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
+from cocap_opt.stop import Stop, never
 
 SHARPNESS = 64  # k
 POWER = 2.0  # of the gradient; 1 is safe and slow
@@ -43,7 +44,9 @@ class _Raised(NamedTuple):
     priced: Priced
 
 
-def mixture_ascent(model: Model, pricer: Pricer, first: Priced) -> Iterator[_Raised]:
+def mixture_ascent(
+    model: Model, pricer: Pricer, first: Priced, stop: Stop = never
+) -> Iterator[_Raised]:
     """Yields better and better mixtures, without end.
 
     Parameters
@@ -53,14 +56,14 @@ def mixture_ascent(model: Model, pricer: Pricer, first: Priced) -> Iterator[_Rai
     Raises
     ------
     LimitReached
-        Where the pricer does.
+        Where the pricer does, and between the steps in which a mixture is raised.
     """
     mixture, priced, open_ = Mixture([], np.zeros(0)), first, np.inf
     best = first.bound
     while True:
         mixture = joined(mixture, priced.columns)
         program = MixtureProgram(model, mixture.columns)
-        amounts = program.raised(mixture.amounts, ROUGH * open_)
+        amounts = program.raised(mixture.amounts, ROUGH * open_, stop)
         value, duals = program.judged(amounts)
         priced = pricer(duals)
         best = min(best, priced.bound)
@@ -94,9 +97,10 @@ class MixtureProgram:
         self.robots = np.array([column.robot for column in columns])
         self.bonus = np.array([column.bonus(model) for column in columns])
 
-    def raised(self, amounts: FloatArray, enough: float) -> FloatArray:
-        """Returns amounts of a larger value, at best by all but `enough`."""
+    def raised(self, amounts: FloatArray, enough: float, stop: Stop = never) -> FloatArray:
+        """Returns amounts of a larger value, at best by all but `enough`; raises LimitReached."""
         for _ in range(MOST_STEPS):
+            stop.check()
             gradient = self._gradient(self.judged(amounts)[1])
             mean = self.by_robot(amounts * gradient)
             largest = np.zeros_like(mean)

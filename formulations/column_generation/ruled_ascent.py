@@ -30,6 +30,7 @@ from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.model import Path
 from cocap_opt.problem import Cell
+from cocap_opt.stop import Stop, never
 
 POWER = 2.0  # of the gradient
 MOST_STEPS = 60  # in which a mixture is raised between two pricings
@@ -84,7 +85,7 @@ class RuledAscent:
             _cut_heights(base, mixture.columns, self.cuts), _uses(mixture.columns, self.rows),
         )  # fmt: skip
         open_ = self.best.bound - self.value if self.value > 0 else np.inf
-        amounts = program.raised(mixture.amounts, ROUGH * open_)
+        amounts = program.raised(mixture.amounts, ROUGH * open_, self._search.stop)
         judged = program.judged(amounts)
         duals = judged.duals(self.rows, self.cuts)
         self.value, self._charges, self._shares = judged.value, judged.charges, judged.shares
@@ -212,10 +213,11 @@ class _RuledProgram:
         self._at = np.array([cut.view_sum for cut in cuts], dtype=np.int64)
         self._constants = np.array([cut.constant for cut in cuts])
 
-    def raised(self, amounts: FloatArray, enough: float) -> FloatArray:
-        """Returns amounts of a larger value, at best by all but `enough`."""
+    def raised(self, amounts: FloatArray, enough: float, stop: Stop = never) -> FloatArray:
+        """Returns amounts of a larger value, at best by all but `enough`; raises LimitReached."""
         base, robots = self._base, int(self._base.robots.max()) + 1
         for _ in range(MOST_STEPS):
+            stop.check()
             gradient = self._gradient(self.judged(amounts))
             lowest, largest = np.zeros(robots), np.full(robots, -np.inf)
             np.minimum.at(lowest, base.robots, gradient)
