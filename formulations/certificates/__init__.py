@@ -51,6 +51,7 @@ from cocap_opt.formulations.certificates.format import (
     Staged,
     StepConstant,
     StepPayments,
+    UnfinishedError,
 )
 from cocap_opt.formulations.certificates.joint_paths import BestPlan, best_plan, may_be_used
 from cocap_opt.formulations.certificates.joint_states import JointStates, NotEndedError, Wanted
@@ -100,6 +101,7 @@ __all__ = [
     "StepConstant",
     "StepPayments",
     "Swap",
+    "UnfinishedError",
     "Visit",
     "Wanted",
     "best_plan",

@@ -7,7 +7,8 @@ own, without a conflict between the steps. Robots of one class are exchangeable,
 assignment does.
 """
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -39,7 +40,11 @@ class _Node(NamedTuple):
 
 
 def best_plan(
-    narrowing: Narrowing, most_nodes: int, most_tried: int = MOST_TRIED, stop: Stop = never
+    narrowing: Narrowing,
+    most_nodes: int,
+    most_tried: int = MOST_TRIED,
+    stop: Stop = never,
+    most_in_all: float = math.inf,
 ) -> BestPlan:
     """Returns the best plan above the target among the joint states that are left.
 
@@ -47,6 +52,7 @@ def best_plan(
     ----------
     most_nodes : of the search for the joint states of one step
     most_tried : pairs of joint states of two steps
+    most_in_all : nodes of the searches of all steps together
 
     Raises
     ------
@@ -65,7 +71,9 @@ def best_plan(
     nodes = [_Node(0.0, _starts(narrowing.model), None)]
     for t in range(problem.horizon + 1):
         found: list[_Node] = []
-        for value, heads in _worths(narrowing, t, most_nodes, stop):
+        worths = _worths(narrowing, t, int(min(most_nodes, most_in_all)), stop)
+        most_in_all -= worths.nodes
+        for value, heads in worths.of_joint:
             # What is worth no more than the target at the end need not be followed.
             least = matters - narrowing.rest(t, heads) - value
             for node in nodes:
@@ -98,20 +106,29 @@ def _starts(model: Model) -> tuple[Placed, ...]:
     return tuple((number[robot], model.start(robot)) for robot in range(len(model.problem.robots)))
 
 
-def _worths(
-    narrowing: Narrowing, t: int, most_nodes: int, stop: Stop
-) -> Iterator[tuple[float, tuple[Placed, ...]]]:
-    """Yields the joint states that are left at a step, each with what it is worth."""
+class _Worths(NamedTuple):
+    """The joint states that are left at a step, each with what it is worth."""
+
+    of_joint: list[tuple[float, tuple[Placed, ...]]]
+    nodes: int  # of the search for them
+
+
+def _worths(narrowing: Narrowing, t: int, most_nodes: int, stop: Stop) -> _Worths:
+    """Returns the joint states that are left at a step, each with what it is worth."""
     if t == 0:
         starts, joint = _starts(narrowing.model), narrowing.joint_states(0)
-        if all(narrowing.left[number][0, state] for number, state in starts):
-            at = {key: k for k, key in enumerate(joint.keys)}
-            counts = narrowing.model.problem.first_step == 0
-            yield (joint.worth([at[one] for one in starts]) if counts else 0.0), starts
-        return
+        if not all(narrowing.left[number][0, state] for number, state in starts):
+            return _Worths([], 0)
+        at = {key: k for k, key in enumerate(joint.keys)}
+        counts = narrowing.model.problem.first_step == 0
+        return _Worths([(joint.worth([at[one] for one in starts]) if counts else 0.0, starts)], 0)
     joint = narrowing.joint_states(t)
-    for chosen in joint.all_that_count(most_nodes, stop):
-        yield joint.worth(chosen), tuple(joint.keys[k] for k in chosen)
+    all_of_them = joint.all_that_count(most_nodes, stop)
+    of_joint = [
+        (joint.worth(chosen), tuple(joint.keys[k] for k in chosen))
+        for chosen in all_of_them.positions
+    ]
+    return _Worths(of_joint, all_of_them.nodes)
 
 
 class _Ways:

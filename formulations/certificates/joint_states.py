@@ -57,6 +57,13 @@ class Highest(NamedTuple):
     nodes: int = 0  # of the tree
 
 
+class Counting(NamedTuple):
+    """All joint states that count."""
+
+    positions: list[tuple[int, ...]]  # of the states of each
+    nodes: int  # of the tree
+
+
 class Ceiling(NamedTuple):
     """The height of the highest joint state when other payments were paid, and what is paid now."""
 
@@ -212,15 +219,16 @@ class JointStates:
         height = max(self.height(at), wanted.least) if at else search.best
         return Highest(height, search.positions, search.nodes)
 
-    def all_that_count(self, most_nodes: int, stop: Stop = never) -> list[tuple[int, ...]]:
-        """Returns the positions of the states of all joint states that count.
+    def all_that_count(self, most_nodes: int, stop: Stop = never) -> Counting:
+        """Returns all joint states that count.
 
         Raises
         ------
         NotEndedError, LimitReached
             As `highest` does.
         """
-        return self._searched(Wanted(-np.inf, most_nodes), stop, collects=True).found
+        search = self._searched(Wanted(-np.inf, most_nodes), stop, collects=True)
+        return Counting(search.found, search.nodes)
 
     def _searched(
         self, wanted: Wanted, stop: Stop, collects: bool = False

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import combinations_with_replacement, count, product
 from types import SimpleNamespace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -15,8 +16,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pool import meetings, problems
 from random_certificates import as_rows, random_multipliers, some_model
-from strategies import examples, tiny
+from strategies import Calls, examples, tiny
 
+import cocap_opt.formulations.certificates.staged as checker
 import cocap_opt.formulations.column_generation.step_envelopes as envelopes
 from cocap_opt.formulations.certificates import (
     Cells,
@@ -31,6 +33,7 @@ from cocap_opt.formulations.certificates import (
     Staged,
     StepConstant,
     StepPayments,
+    UnfinishedError,
     Wanted,
     best_plan,
     certify,
@@ -112,6 +115,43 @@ def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
             assert pricing.bound <= max(best.value, 0.0) * (1 + 1e-9) + 2 * pricing.rounding + 1e-9
 
 
+def test_the_searches_of_a_file_share_one_amount_of_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file that needs more is not verified, which does not make it false."""
+    model, nodes = compiled(tiny()), list[int]()
+    search = JointStates._searched
+
+    def counting(joint: JointStates, wanted: Wanted, *others: Any, **more: Any) -> Any:
+        assert wanted.most_nodes <= checker.MOST_NODES - sum(nodes)
+        found = search(joint, wanted, *others, **more)
+        nodes.append(found.nodes)
+        return found
+
+    monkeypatch.setattr(JointStates, "_searched", counting)
+    stage = Stage((), tuple(StepConstant(t, -100.0) for t in (1, 2)))
+    multipliers = random_multipliers(model, np.random.default_rng(0))
+    certificate = Staged(multipliers, -1.0, (stage, stage), joint_paths=True)
+    price_staged(model, certificate)
+    assert len(nodes) == 6
+    total, first = sum(nodes), nodes[0]
+    for most in (total, total - 1, first):
+        nodes.clear()
+        monkeypatch.setattr(checker, "MOST_NODES", most)
+        if most == total:
+            price_staged(model, certificate)
+            continue
+        with pytest.raises(UnfinishedError, match=r"not verified: .* may hold"):
+            price_staged(model, certificate)
+
+
+@pytest.mark.parametrize("calls", [0, 1])
+def test_a_limit_of_time_leaves_a_file_unverified(calls: int) -> None:
+    """What it claims may hold; it is neither said that it does nor that it does not."""
+    certificate = branch_and_price(tiny()).certificate
+    assert certificate is not None
+    with pytest.raises(UnfinishedError, match=r"the limit \(time\) .* may hold"):
+        verify(tiny(), certificate, stop=Calls(calls))
+
+
 @pytest.mark.slow
 @examples(12)
 @given(problems(most_plans=60), seeds, st.floats(0, 1))
@@ -178,7 +218,7 @@ def test_the_search_finds_the_highest_of_all_joint_states(seed: int) -> None:
     """The plain search agrees with enumeration, and collects all joint states that count."""
     joint = random_joint_states(np.random.default_rng(seed))
     every = joint_by_enumeration(joint)
-    found = joint.all_that_count(10**6)
+    found = joint.all_that_count(10**6).positions
     assert sorted(tuple(sorted(chosen)) for chosen in found) == every
     highest = joint.highest(Wanted(-np.inf, 10**6))
     assert highest.height == pytest.approx(max(map(joint.height, every), default=-np.inf))
@@ -215,8 +255,10 @@ def test_limits_leave_out_what_slacks_forbid(seed: int) -> None:
     rng = np.random.default_rng(seed)
     joint = replace(random_joint_states(rng), floor=0.0)
     slack, room = rng.uniform(0, 3, len(joint.states)), float(rng.uniform(0, 8))
-    found = replace(joint, limits=(Ceiling(room, slack),)).all_that_count(10**6)
-    within = [some for some in joint.all_that_count(10**6) if slack[list(some)].sum() <= room]
+    found = replace(joint, limits=(Ceiling(room, slack),)).all_that_count(10**6).positions
+    within = [
+        some for some in joint.all_that_count(10**6).positions if slack[list(some)].sum() <= room
+    ]
     assert sorted(found) == sorted(within)
 
 
@@ -233,7 +275,8 @@ def test_ceilings_and_limits_leave_out_no_joint_state_that_counts(
     for least in (-np.inf, 0.0, 10.0):
         highest = joint.highest(Wanted(least, 10**6))
         assert below.highest(Wanted(least, 10**6)).height == pytest.approx(highest.height)
-    assert below.all_that_count(10**6) == joint.all_that_count(10**6)
+    found, same = (one.all_that_count(10**6).positions for one in (below, joint))
+    assert found == same
 
 
 @pytest.mark.slow
@@ -253,7 +296,7 @@ def test_the_compiled_search_finds_the_same() -> None:
         assert compiled_.best == pytest.approx(plain.height)
         assert compiled_.nodes == plain.nodes
         found = joint._run_compiled(Wanted(-np.inf, 10**6), never, most_found=10**4).found
-        assert sorted(found) == sorted(joint.all_that_count(10**6))
+        assert sorted(found) == sorted(joint.all_that_count(10**6).positions)
         if plain.positions:
             assert joint.height(compiled_.positions) == pytest.approx(plain.height)
 
