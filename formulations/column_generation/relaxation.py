@@ -235,6 +235,7 @@ class Relaxation:
             known.setdefault(cut.view_sum, []).append(cut)
         found = []
         for view_sum, seen in mixture.seen():
+            self.search.stop.check()
             if not weights[view_sum] or seen.is_exact(sizes):
                 continue
             roots = float(np.sqrt(seen.amounts @ seen.roots**2)), float(seen.amounts @ seen.roots)
