@@ -18,7 +18,7 @@ from cocap_opt.experiments.cli.options import (
     load_planned,
     say_narrow_way,
 )
-from cocap_opt.experiments.console.options import UsageError
+from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.explained import Explained
 from cocap_opt.experiments.results.explained_tables import explained_tables
@@ -39,6 +39,7 @@ from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.model import Model
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.scenarios import FORMATS, has_seed, scene_of_plan
+from cocap_opt.stop import Stop, TimeLimit, never
 from cocap_opt.text import printable
 
 _NO_PLAN = "proved: there is no plan"
@@ -63,13 +64,20 @@ def _verify(
         bool,
         FLAG(help="compute bounds again, leaf by leaf, by networkx alone; both must agree"),
     ] = False,
+    time_limit: Annotated[
+        float | None,
+        Parameter(
+            help="seconds for checking bounds, coverage included, networkx not; none if unset"
+        ),
+    ] = None,
     json: Json = False,
 ) -> int:
     """Check a plan, certificates and proofs, trusting nobody: exit 0 only if all claims hold.
 
     The plan may also be in a scene format's own plan format; a solution of
     Hughes et al. names its scene, and needs no other. Of several bounds the
-    lowest is shown, and explained.
+    lowest is shown, and explained. A bound that is not checked within a limit
+    counts as not proved, though it may hold.
 
     Example: cocap-opt verify corridor plan.json certificate.json --explain
     """
@@ -78,12 +86,15 @@ def _verify(
         if not Path(scene).exists():
             load_planned(scene, seed)  # there may be no such file
         raise UsageError("FILE: name a plan, a certificate or a proof")
+    stop = never
+    if time_limit is not None:
+        stop = TimeLimit(Option("--time-limit").require_seconds(time_limit))
     claims = _Claims.read(scene, seed, free, files)
     if explain and (claims.plan is None or not claims.bounds):
         raise UsageError("--explain: name a plan, and a certificate or a proof")
     if networkx and not claims.bounds:
         raise UsageError("--networkx: name a certificate or a proof")
-    bounds, failed = claims.proved(networkx)
+    bounds, failed = claims.proved(networkx, stop)
     verified = Verified.of(
         claims.problem, claims.plan, claims.plan_file, bounds=bounds, failed=failed
     )
@@ -166,7 +177,7 @@ class _Claims(NamedTuple):
         problem = problem.without_rules() if free else problem
         return cls(problem, plan if isinstance(plan, Plan) else None, claimed, bounds, about)
 
-    def proved(self, by_networkx: bool) -> tuple[list[ProvedBound], list[str]]:
+    def proved(self, by_networkx: bool, stop: Stop) -> tuple[list[ProvedBound], list[str]]:
         """Returns the bounds that are proved, and what is wrong with the others, in words.
 
         Raises
@@ -183,7 +194,7 @@ class _Claims(NamedTuple):
                 part = "leaf" if isinstance(file, ProofFile) else "search of a step"
                 counters = watch.counter(part), watch.counter("best path by networkx")
                 try:
-                    bounds.append(ProvedBound.of(model, file, by_networkx, *counters))
+                    bounds.append(ProvedBound.of(model, file, by_networkx, *counters, stop))
                 except CertificateError as error:
                     failed.append(f"{name}: {error}")
                 except TooLargeError as error:

@@ -16,7 +16,8 @@ from cocap_opt.stop import Clock
 from cocap_opt.text import printable
 
 _BAR_WIDTH = 40  # characters
-SECONDS_BETWEEN_LINES = 4.0  # where standard error is no terminal; no silence is longer than 5 s
+# Where standard error is no terminal: no silence is longer than 5 s, and the first one shorter.
+SECONDS_BETWEEN_LINES, SECONDS_TO_FIRST_LINE = 4.0, 2.0
 
 
 class Watch:
@@ -36,7 +37,8 @@ class Watch:
         self._finished = 0
         self._status = ""
         self._clock = Clock()
-        self._said = 0.0  # when the last line was said, on that clock
+        # When the next line is due, on that clock.
+        self._due = min(SECONDS_TO_FIRST_LINE, SECONDS_BETWEEN_LINES)
 
     @contextmanager
     def _ticking(self) -> Iterator[None]:
@@ -44,7 +46,7 @@ class Watch:
         ended = Event()
 
         def tick() -> None:
-            while not ended.wait(SECONDS_BETWEEN_LINES):
+            while not ended.wait(max(self._due - self._clock.seconds, 0.0)):
                 self._say()
 
         ticker = Thread(target=tick, daemon=True)
@@ -61,7 +63,7 @@ class Watch:
         """Yields a watch that is shown on standard error.
 
         On a terminal its lines change and are gone at the end; otherwise they are plain lines
-        that stay, one in four seconds.
+        that stay, one after two seconds and then one in four.
         """
         console = Console(stderr=True)
         watch = cls(task, parts, plain=not console.is_terminal)
@@ -80,11 +82,11 @@ class Watch:
     def show(self, status: str) -> None:
         """Shows how far the task is."""
         self._status = status
-        if self._plain and self._clock.seconds - self._said >= SECONDS_BETWEEN_LINES:
+        if self._plain and self._clock.seconds >= self._due:
             self._say()
 
     def _say(self) -> None:
-        self._said = self._clock.seconds
+        self._due = self._clock.seconds + SECONDS_BETWEEN_LINES
         say(": ".join(filter(None, (self._head(), self._status))))
 
     def counter(self, noun: str) -> Callable[[int, int], None]:

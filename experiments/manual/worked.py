@@ -22,6 +22,7 @@ from cocap_opt.formulations.certificates import (
     verify,
 )
 from cocap_opt.formulations.certificates.pricing import Prices
+from cocap_opt.formulations.certificates.staged import MOST_NODES
 from cocap_opt.formulations.certificates.sweep import plain_sweep
 from cocap_opt.formulations.explanation import explain
 from cocap_opt.formulations.result import Snapshot
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
 
 SEED = 4  # of the bottleneck: CoCap loses more there than elsewhere
 SHORT = 2  # steps of the bottleneck on which cone programs are quick
-_MOST_NODES = 100_000_000  # of a search for the highest joint state, as in `verify`
 
 
 def planned(problem: Problem, planner: str) -> Result:
@@ -179,7 +179,7 @@ def stages() -> list[Stage]:
         narrowing.price()
         for step in stage.constants:
             joint = narrowing.joint_states(step.t, step.constant)
-            narrowing.lower(joint, Wanted(step.constant, _MOST_NODES))
+            narrowing.lower(joint, Wanted(step.constant, MOST_NODES))
         narrowing.close_states()
         found.append(_stage(f"after stage {n}", narrowing))
     return found

@@ -20,6 +20,7 @@ from cocap_opt.model import Model
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import relative_gap
+from cocap_opt.stop import Stop, never
 
 Progress = Callable[[int, int], None]
 
@@ -44,6 +45,7 @@ class ProvedBound(NamedTuple):
         by_networkx: bool = False,
         progress: Progress = _tell_nobody,
         second: Progress = _tell_nobody,
+        stop: Stop = never,
     ) -> Self:
         """Prices a certificate, or all leaves of a proof, and compares that with its claim.
 
@@ -52,18 +54,21 @@ class ProvedBound(NamedTuple):
         by_networkx : it is added up a second time, with networkx
         progress : told how many leaves are done, and of how many
         second : told how many best paths networkx has found, and of how many
+        stop : limit of what comes before networkx
 
         Raises
         ------
         CertificateError
             If it proves nothing, or less than it claims, or networkx finds another bound.
+        UnfinishedError
+            If a limit is reached: it may hold all the same.
         TooLargeError
             If it is to be priced by networkx, and is too large for that.
         """
         if not by_networkx:
-            return cls(model, file, verify(model.problem, file, progress, model))
+            return cls(model, file, verify(model.problem, file, progress, model, stop))
         require_small(model.problem, file)
-        pricing = verify(model.problem, file, progress, model)
+        pricing = verify(model.problem, file, progress, model, stop)
         opinion = SecondOpinion.of(model.problem, file, second)
         if not opinion.agrees(pricing):
             raise CertificateError(

@@ -51,6 +51,7 @@ from cocap_opt.formulations.certificates.format import (
     Staged,
     StepConstant,
     StepPayments,
+    UnfinishedError,
 )
 from cocap_opt.formulations.certificates.joint_paths import best_plan, may_be_used
 from cocap_opt.formulations.certificates.joint_states import JointStates, NotEndedError, Wanted
@@ -99,6 +100,7 @@ __all__ = [
     "StepConstant",
     "StepPayments",
     "Swap",
+    "UnfinishedError",
     "Visit",
     "Wanted",
     "best_plan",

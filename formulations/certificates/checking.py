@@ -10,11 +10,13 @@ from cocap_opt.formulations.certificates.format import (
     CertificateFile,
     ProofFile,
     Staged,
+    UnfinishedError,
 )
 from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
+from cocap_opt.stop import LimitReached, Stop, never
 
 
 def certify(
@@ -42,6 +44,7 @@ def verify(
     file: CertificateFile | ProofFile,
     progress: Callable[[int, int], None] = lambda done, total: None,
     model: Model | None = None,
+    stop: Stop = never,
 ) -> Pricing:
     """Recomputes the bound of a certificate or a proof from the problem alone.
 
@@ -58,6 +61,9 @@ def verify(
     CertificateError
         If it belongs to another scene, is no tree, is not valid, or claims a lower bound than its
         numbers prove.
+    UnfinishedError
+        If the searches of a staged certificate take too long, or a limit is reached: the claim may
+        hold all the same.
     """
     proof = isinstance(file, ProofFile)
     if file.digest != problem_digest(problem):
@@ -66,10 +72,17 @@ def verify(
         )
     model = Model(problem, use_cache=False) if model is None else model
     model = model.disaggregated() if file.classes == "single" else model
-    if isinstance(file, ProofFile):
-        pricing = Pricing.of_proof(model, file, progress)
-    else:
-        pricing = _priced(model, file.certificate, progress)
+    try:
+        model.prepare_all(stop)
+        if isinstance(file, ProofFile):
+            pricing = Pricing.of_proof(model, file, progress, stop)
+        else:
+            pricing = _priced(model, file.certificate, progress, stop)
+    except LimitReached as reached:
+        raise UnfinishedError(
+            f"not verified: the limit ({reached.limit}) was reached before the end; the claim may "
+            "hold all the same"
+        ) from reached
     if not pricing.bound <= file.proved:
         staged = not isinstance(file, ProofFile) and isinstance(file.certificate, Staged)
         numbers = "leaves" if proof else "stages" if staged else "multipliers"
@@ -83,8 +96,9 @@ def _priced(
     model: Model,
     certificate: Certificate | Staged,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    stop: Stop = never,
 ) -> Pricing:
     """Returns the bound that a certificate proves, in stages or at once."""
     if isinstance(certificate, Staged):
-        return price_staged(model, certificate, progress=progress)
-    return Pricing.of(model, certificate)
+        return price_staged(model, certificate, stop, progress)
+    return Pricing.of(model, certificate, stop=stop)

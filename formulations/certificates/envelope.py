@@ -14,9 +14,10 @@ corners: a norm is subadditive.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 
 MOST_CORNERS = 20_000  # partial corners that are kept apart where a cut's constant is found
-STAGE_CHOICES = 10_000  # multisets of breakpoints of a class that are gone through at once
+STAGE_CHOICES = 1000  # multisets of breakpoints, of all classes, that are gone through at once
 # Pixels, as shares of the most, at which tangents of the root bound completions.
 _TANGENTS = np.geomspace(1e-4, 1.0, 16)
 
@@ -96,22 +97,63 @@ class Cut:
         return values
 
 
-# Which partial corners to keep, of pixels [n], values [n] and the most that completions can
-# reach [n]: their positions, and the pixels and values that they get.
-Thin = Callable[[FloatArray, FloatArray, FloatArray], tuple[IntArray, FloatArray, FloatArray]]
+class Partial(NamedTuple):
+    """Partial corners: where the robots of some stages are, all others at 0."""
+
+    pixels: FloatArray  # [n]
+    values: FloatArray  # [n] -sum of phi
+    placed: IntArray  # [n] robots that are, of the class whose stages have begun and not ended
+    most: FloatArray  # [n] |s| - sum phi that completions can reach
+
+    def take(self, which: IntArray) -> "Partial":
+        """Returns those at some positions."""
+        return Partial(self.pixels[which], self.values[which], self.placed[which], self.most[which])
+
+
+# Which partial corners to keep: their positions, and what stands for them.
+Thin = Callable[[Partial], tuple[IntArray, Partial]]
 
 
 class _Stage(NamedTuple):
-    """The choices of some robots of one class: how many of them are at each breakpoint."""
+    """The choices of robots of one class: how many of them are at each of some breakpoints."""
 
+    number: int  # of the class
+    robots: int  # of the class; its stages place no more of them in all
+    begins: bool  # True for the first stage of the class, and `ends` for the last one
+    ends: bool
+    first: int  # position of the first of these breakpoints among those of all classes
+    counts: IntArray  # [M, K] robots at each of them
+    placed: IntArray  # [M] robots at any of them
     pixels: FloatArray  # [M]
     values: FloatArray  # [M] sum of phi
-    counts: IntArray  # [M, K] robots at each breakpoint
-    first: int  # position of the class's first breakpoint among those of all classes
+
+
+def _stages(curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> Iterator[_Stage]:
+    """Yields the stages of each class: one while choices are few, else one for each breakpoint.
+
+    The largest breakpoint comes first, as most depends on how many robots are there.
+    """
+    first, choices = 0, 1
+    for number, curve in curves.items():
+        points, robots = len(curve.roots), sizes[number]
+        choices *= math.comb(robots + points, points) if robots > 1 else 1
+        if choices <= STAGE_CHOICES:
+            parts = [(slice(0, points), multisets(points, robots))]
+        else:
+            one = np.arange(robots + 1)[:, None]
+            parts = [(slice(k, k + 1), one) for k in reversed(range(points))]
+        for k, (at, counts) in enumerate(parts):
+            yield _Stage(
+                number, robots, k == 0, k == len(parts) - 1, first + at.start, counts,
+                counts.sum(axis=1), counts @ curve.roots[at] ** 2, counts @ curve.values[at],
+            )  # fmt: skip
+        first += points
 
 
 class Corners:
     """All corners of a cut: every robot at a breakpoint of its class, or at 0.
+
+    Robots of a class are exchangeable, so that it only matters how many are at each breakpoint.
 
     Parameters
     ----------
@@ -120,16 +162,7 @@ class Corners:
     """
 
     def __init__(self, curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> None:
-        self._stages: list[_Stage] = []
-        first = 0
-        for number, curve in curves.items():
-            # All robots of a class at once while their choices are few, else one by one.
-            points, robots = len(curve.roots), sizes[number]
-            at_once = math.comb(robots + points, points) <= STAGE_CHOICES
-            counts = multisets(points, robots if at_once else 1)
-            stage = _Stage(counts @ curve.roots**2, counts @ curve.values, counts, first)
-            self._stages += [stage] * (1 if at_once else robots)
-            first += points
+        self._stages = [*_stages(curves, sizes)]
 
     def highest(self) -> float:
         """Returns the largest |s| - sum phi of all corners, or little more."""
@@ -150,30 +183,50 @@ class Corners:
         thin : drops more of the partial corners after each stage
         """
         thetas = 0.5 / np.sqrt(max(self._most_pixels, 1e-300) * _TANGENTS)
-        gains = [(s.pixels * thetas[:, None] - s.values).max(axis=1) for s in self._stages]
-        rest = np.cumsum([np.zeros(len(thetas)), *gains[::-1]], axis=0)[::-1] + 0.25 / thetas
-        pixels, values = np.zeros(1), np.zeros(1)
+        ahead, rest = self._completions(thetas)
+        kept = Partial(np.zeros(1), np.zeros(1), np.zeros(1, dtype=np.int64), np.zeros(1))
         steps: list[tuple[IntArray, IntArray]] = []
         for k, stage in enumerate(self._stages):
-            z = (pixels[:, None] + stage.pixels).ravel()
-            v = (values[:, None] - stage.values).ravel()
-            most = np.full(len(z), np.inf)
-            for theta, left in zip(thetas, rest[k + 1], strict=True):
-                np.minimum(most, theta * z + v + left, out=most)
-            able = np.flatnonzero(most >= least)
-            which, pixels, values = thin(z[able], v[able], most[able])
-            kept = able[which]
-            steps.append((kept // len(stage.pixels), kept % len(stage.pixels)))
-        return _HighCorners(np.sqrt(pixels) + values, self._stages, steps)
+            z = (kept.pixels[:, None] + stage.pixels).ravel()
+            v = (kept.values[:, None] - stage.values).ravel()
+            placed = (kept.placed[:, None] + stage.placed).ravel()
+            left, most = stage.robots - placed, np.full(len(z), np.inf)
+            for theta, each, others in zip(thetas, ahead[k], rest[k + 1], strict=True):
+                reach = theta * z + v + others
+                np.minimum(most, reach if stage.ends else reach + left * each, out=most)
+            able = np.flatnonzero((most >= least) & (left >= 0))
+            if stage.ends:  # the next robots are of another class
+                placed = np.zeros_like(placed)
+            which, kept = thin(Partial(z, v, placed, most).take(able))
+            chosen = able[which]
+            steps.append((chosen // len(stage.pixels), chosen % len(stage.pixels)))
+        return _HighCorners(np.sqrt(kept.pixels) + kept.values, self._stages, steps)
+
+    def _completions(self, thetas: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+        """Returns the most that stages add to tangents of slopes theta [thetas].
+
+        First, of each stage, what each robot of its class that is not placed yet adds at later
+        ones; then what all classes after so many stages add in all [stages+1, thetas].
+        """
+        ahead: list[FloatArray] = []
+        nothing = np.zeros(len(thetas))
+        most, rest = nothing, [nothing]  # of the stages of one class, and of all classes
+        for stage in reversed(self._stages):
+            ahead.append(most / stage.robots)
+            most = np.maximum(most, (stage.pixels * thetas[:, None] - stage.values).max(axis=1))
+            rest.append(rest[-1] + most if stage.begins else rest[-1])
+            most = nothing if stage.begins else most
+        return ahead[::-1], np.array(rest[::-1]) + 0.25 / thetas
 
     @property
     def _most_pixels(self) -> float:
         """Pixels where every robot is at its last breakpoint."""
-        return sum(float(stage.pixels.max()) for stage in self._stages)
+        return sum(float(stage.pixels.max()) for stage in self._stages if stage.begins)
 
     def _ascent(self) -> float:
         """Returns |s| - sum phi of a corner that no stage can better alone."""
         chosen = [0] * len(self._stages)
+        left = {stage.number: stage.robots for stage in self._stages}
         pixels, value, best = 0.0, 0.0, -math.inf
         height = 0.0
         while height > best:
@@ -181,10 +234,13 @@ class Corners:
             for k, stage in enumerate(self._stages):
                 pixels -= float(stage.pixels[chosen[k]])
                 value += float(stage.values[chosen[k]])
+                left[stage.number] += int(stage.placed[chosen[k]])
                 heights = np.sqrt(np.maximum(pixels, 0.0) + stage.pixels) - stage.values
+                heights[stage.placed > left[stage.number]] = -math.inf
                 chosen[k] = int(np.argmax(heights))
                 pixels += float(stage.pixels[chosen[k]])
                 value -= float(stage.values[chosen[k]])
+                left[stage.number] -= int(stage.placed[chosen[k]])
             height = math.sqrt(max(pixels, 0.0)) + value
         return best
 
@@ -224,20 +280,26 @@ def multisets(points: int, size: int) -> IntArray:
     return counts
 
 
-def _undominated(
-    pixels: FloatArray, values: FloatArray, most: FloatArray
-) -> tuple[IntArray, FloatArray, FloatArray]:
+def _undominated(partial: Partial) -> tuple[IntArray, Partial]:
     """Keeps the undominated corners: no other has at least as many pixels and as much value.
 
-    Of very many, neighbours are merged, their pixels rounded up: heights are never too small.
+    Only those are compared that place as many robots of the class. Of very many, neighbours are
+    merged, their pixels rounded up: heights are never too small.
     """
     # With the most pixels first, those with more value than all before.
-    kept = np.lexsort((-values, -pixels))
-    highest = np.maximum.accumulate(values[kept])
-    kept = kept[np.append(True, highest[1:] > highest[:-1])] if len(kept) else kept
+    order = np.lexsort((-partial.values, -partial.pixels, partial.placed))
+    groups = np.split(order, np.flatnonzero(np.diff(partial.placed[order])) + 1)
+    for k, group in enumerate(groups if len(order) else ()):
+        highest = np.maximum.accumulate(partial.values[group])
+        groups[k] = group[np.append(True, highest[1:] > highest[:-1])]
+    kept = np.concatenate(groups)
+    some = partial.take(kept)
     if len(kept) <= MOST_CORNERS:
-        return kept, pixels[kept], values[kept]
-    # Pixels fall and values rise along these: of neighbours, both maxima.
-    first = np.arange(0, len(kept), -(-len(kept) // MOST_CORNERS))
-    last = np.append(first[1:], len(kept)) - 1
-    return kept[last], pixels[kept[first]], values[kept[last]]
+        return kept, some
+    each = max(MOST_CORNERS // len(groups), 1)
+    ends = np.cumsum([0, *map(len, groups)])
+    first = np.concatenate([np.arange(a, b, -(-(b - a) // each)) for a, b in pairwise(ends)])
+    pixels, values, most = (
+        np.maximum.reduceat(part, first) for part in (some.pixels, some.values, some.most)
+    )
+    return kept[first], Partial(pixels, values, some.placed[first], most)

@@ -20,6 +20,7 @@ from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.model import Model
 from cocap_opt.problem import State
+from cocap_opt.stop import Stop, never
 
 MOST_NODES = 1_000_000
 MOST_WORK = 256  # breakpoints of all classes, each counted once per robot of its class
@@ -34,6 +35,10 @@ Table = tuple[tuple[float, ...], ...]  # [T+1][F], or [1][F] where pixels add up
 
 class CertificateError(ValueError):
     """A certificate does not fit its problem or is not valid; the message names the field."""
+
+
+class UnfinishedError(CertificateError):
+    """Verification reached its limit of work or time: what a file claims may hold all the same."""
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -171,18 +176,21 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     cuts: tuple[EnvelopeCut, ...] = ()
     decisions: tuple[float, ...] = ()
 
-    def usable_cuts(self, model: Model) -> list[tuple[Cut, float]]:
+    def usable_cuts(self, model: Model, stop: Stop = never) -> list[tuple[Cut, float]]:
         """Returns the cuts with the constants that make them valid, and their shares.
 
         Raises
         ------
         CertificateError
             If a cut belongs to no view sum, is no function, or its constant takes too long.
+        LimitReached
+            Between two cuts.
         """
         if self.cuts and model.problem.objective.over_time:
             raise CertificateError("certificate.cuts: must be empty where pixels add up over time")
         found = []
         for n, cut in enumerate(self.cuts):
+            stop.check()
             cut.check(model, f"certificate.cuts[{n}]")
             found.append((cut.valid(model), cut.share))
         return found

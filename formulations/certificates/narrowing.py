@@ -96,13 +96,15 @@ class Narrowing:
     slack : of each class, what the best path through each state [T+1, S] lacks to the best path
     """
 
-    def __init__(self, model: Model, multipliers: Multipliers, target: float) -> None:
+    def __init__(
+        self, model: Model, multipliers: Multipliers, target: float, stop: Stop = never
+    ) -> None:
         if model.problem.objective.over_time:
             raise CertificateError("certificate: where pixels add up over time, there are no steps")
         if not math.isfinite(target):
             raise CertificateError("certificate.target: must be finite")
         self.model, self.target, self._rows = model, target, multipliers.rows
-        self._prices = prices = Prices.of(model, multipliers)
+        self._prices = prices = Prices.of(model, multipliers, stop=stop)
         constants = prices.payment.constants.reshape(model.problem.horizon + 1, model.n_faces)
         self.constants: FloatArray = constants.sum(axis=1)
         classes = range(len(model.classes))

@@ -57,6 +57,7 @@ from cocap_opt.formulations.certificates.sweep import plain_sweep
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model
 from cocap_opt.objective import marginal_gain
+from cocap_opt.stop import Stop, never
 from cocap_opt.sums import exact_sum
 
 UNIT_ROUNDOFF = 2.0**-53
@@ -71,7 +72,11 @@ class Pricing(NamedTuple):
 
     @classmethod
     def of(
-        cls, model: Model, certificate: Certificate, decisions: Sequence[Decision] = ()
+        cls,
+        model: Model,
+        certificate: Certificate,
+        decisions: Sequence[Decision] = (),
+        stop: Stop = never,
     ) -> "Pricing":
         """Returns the upper bound on J that a certificate proves.
 
@@ -84,8 +89,10 @@ class Pricing(NamedTuple):
         CertificateError
             If a number is negative or not finite, an array has the wrong shape, or a row is not
             one that every plan obeys.
+        LimitReached
+            At a limit.
         """
-        prices = Prices.of(model, certificate, decisions)
+        prices = Prices.of(model, certificate, decisions, stop)
         payment, charge = prices.payment, prices.charge
         total = payment.constant + charge.constant
         magnitude = payment.magnitude + charge.magnitude
@@ -115,6 +122,7 @@ class Pricing(NamedTuple):
         model: Model,
         proof: ProofFile,
         progress: Callable[[int, int], None] = lambda done, total: None,
+        stop: Stop = never,
     ) -> "Pricing":
         """Returns the upper bound on J that a proof proves: the largest bound of its leaves.
 
@@ -126,13 +134,16 @@ class Pricing(NamedTuple):
         ------
         CertificateError
             If the nodes are no tree, a resource does not exist, or a leaf is not valid.
+        LimitReached
+            At a limit.
         """
         _check_branches(model, proof)
         worst, bounds = cls(-math.inf, 0.0), []
         total = sum(isinstance(node, Leaf) for node in proof.nodes)
         for done, (n, leaf, decisions) in enumerate(proof.leaves()):
+            stop.check()
             try:
-                pricing = cls.of(model, leaf.certificate, decisions)
+                pricing = cls.of(model, leaf.certificate, decisions, stop)
             except CertificateError as error:
                 raise CertificateError(f"nodes[{n}].{error}") from error
             bounds.append(pricing.bound)
@@ -151,11 +162,15 @@ class Prices(NamedTuple):
 
     @classmethod
     def of(
-        cls, model: Model, certificate: Certificate, decisions: Sequence[Decision] = ()
+        cls,
+        model: Model,
+        certificate: Certificate,
+        decisions: Sequence[Decision] = (),
+        stop: Stop = never,
     ) -> "Prices":
-        """Returns the prices of a certificate; raises CertificateError as `Pricing.of` does."""
+        """Returns the prices of a certificate; raises what `Pricing.of` does."""
         if isinstance(certificate, Multipliers):
-            payment = _payment_of_multipliers(model, certificate)
+            payment = _payment_of_multipliers(model, certificate, stop)
             return cls(model, payment, _charge_of(model, certificate, decisions))
         return cls(model, _payment_of_reference(model, certificate), _Charge(0.0, 0.0, []))
 
@@ -197,11 +212,11 @@ class _Payment(NamedTuple):
     cuts: int = 0  # how many there are
 
 
-def _payment_of_multipliers(model: Model, certificate: Multipliers) -> _Payment:
+def _payment_of_multipliers(model: Model, certificate: Multipliers, stop: Stop) -> _Payment:
     alpha = _array(model, certificate.alpha, "certificate.alpha")
     beta = _array(model, certificate.beta, "certificate.beta")
     weights = model.problem.view_sum_weights
-    cuts = certificate.usable_cuts(model)
+    cuts = certificate.usable_cuts(model, stop)
     rest = _left_by(cuts, len(alpha))
     needed = np.flatnonzero((_visible_view_sums(model) > 0) & (alpha < rest))
     if (beta[needed] == 0).any():

@@ -10,7 +10,12 @@ from collections.abc import Callable
 from itertools import count
 
 from cocap_opt.data import IntArray
-from cocap_opt.formulations.certificates.format import CertificateError, Stage, Staged
+from cocap_opt.formulations.certificates.format import (
+    CertificateError,
+    Stage,
+    Staged,
+    UnfinishedError,
+)
 from cocap_opt.formulations.certificates.joint_paths import best_plan, may_be_used
 from cocap_opt.formulations.certificates.joint_states import NotEndedError, Wanted
 from cocap_opt.formulations.certificates.narrowing import Narrowing
@@ -20,8 +25,7 @@ from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
 MOST_STATES = 3000  # of a step: beyond it, the table of conflicts and the search are too large
-MOST_NODES = 100_000_000  # of a step's search: some minutes
-MOST_FOLLOWING = 500_000_000  # of the searches for paths of all robots together: some minutes
+MOST_NODES = 1_000_000_000  # of all searches of a file: a quarter of an hour
 LARGEST_PAYMENT = 1e50  # its square is finite
 
 
@@ -40,15 +44,21 @@ def price_staged(
     Raises
     ------
     CertificateError
-        If a number is out of range, a state is none, or a step's search takes too long.
+        If a number is out of range, or a state is none.
+    UnfinishedError
+        If the searches take too long.
+    LimitReached
+        At a limit.
     """
-    narrowing = Narrowing(model, certificate.multipliers, certificate.target)
+    narrowing = Narrowing(model, certificate.multipliers, certificate.target, stop)
     narrowing.close_states()
+    nodes = MOST_NODES
     searches = count(1)
     total = sum(len(stage.constants) for stage in certificate.stages)
     for n, stage in enumerate(certificate.stages):
-        _apply(
-            narrowing, stage, f"certificate.stages[{n}]", stop,
+        stop.check()
+        nodes = _apply(
+            narrowing, stage, f"certificate.stages[{n}]", nodes, stop,
             lambda: progress(next(searches), total),
         )  # fmt: skip
     if certificate.paths_above is None:
@@ -58,38 +68,45 @@ def price_staged(
             "certificate.paths_above: moves are rewarded, or views do not count at step 1"
         )
     higher = narrowing.above(certificate.paths_above)
-    for t in range(model.problem.horizon + 1):
-        _few_states(higher, t, "certificate.paths_above")
     try:
-        best = best_plan(higher, MOST_FOLLOWING, stop)
+        best = best_plan(higher, nodes, stop)
     except NotEndedError as error:
-        raise CertificateError("certificate.paths_above: too many joint states are left") from error
+        raise UnfinishedError(
+            "certificate.paths_above: not verified: too many joint states are left to go through "
+            "them all; the claim may hold all the same"
+        ) from error
     return higher.pricing_of(best.value)
 
 
 def _apply(
-    narrowing: Narrowing, stage: Stage, field: str, stop: Stop, tell: Callable[[], None]
-) -> None:
-    """Replaces the payments and constants of a stage, and closes states."""
+    narrowing: Narrowing, stage: Stage, field: str, nodes: int, stop: Stop, tell: Callable[[], None]
+) -> int:
+    """Replaces the payments and constants of a stage, and closes states.
+
+    Returns how many nodes searches may still go through, of those there were.
+    """
     _check(narrowing.model, stage, field)
     for payments in stage.payments:
         narrowing.pay(payments)
     if stage.payments:
         narrowing.price()
     for k, step in enumerate(stage.constants):
+        stop.check()
         name = f"{field}.constants[{k}]"
         states = _few_states(narrowing, step.t, name, step.constant)
         joint = narrowing.joint_states_of(step.t, states)
         try:
-            narrowing.lower(joint, Wanted(step.constant, MOST_NODES), stop)
+            nodes -= narrowing.lower(joint, Wanted(step.constant, nodes), stop).nodes
         except NotEndedError as error:
-            raise CertificateError(
-                f"{name}: its search takes more than {MOST_NODES:,} nodes"
+            raise UnfinishedError(
+                f"{name}: not verified: the searches of the file do not end within {MOST_NODES:,} "
+                "nodes in all; the claim may hold all the same"
             ) from error
         tell()
     if not math.isfinite(narrowing.rounding):
         raise CertificateError(f"{field}: a step has payments but no constant, or too large ones")
     narrowing.close_states()
+    return nodes
 
 
 def _few_states(

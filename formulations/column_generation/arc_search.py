@@ -6,7 +6,7 @@ their neighbours until none gains. The new plan stays if it is no worse (Shaw 19
 recreate: Schrimpf et al. 2000). A move takes some hundredths of a second.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -29,6 +29,7 @@ class ArcSearch:
     Parameters
     ----------
     columns : of any robots
+    tell : called between two moves, to say that the search goes on
 
     Attributes
     ----------
@@ -36,9 +37,14 @@ class ArcSearch:
     """
 
     def __init__(
-        self, model: Model, plan: Incumbent, columns: Iterable[Column], stop: Stop = never
+        self,
+        model: Model,
+        plan: Incumbent,
+        columns: Iterable[Column],
+        stop: Stop = never,
+        tell: Callable[[], None] = lambda: None,
     ) -> None:
-        self._model, self._stop = model, stop
+        self._model, self._stop, self._tell = model, stop, tell
         self._weights = model.problem.view_sum_weights
         by_class: list[list[Column]] = [[] for _ in model.classes]
         for column in (*columns, *plan.columns):
@@ -56,6 +62,7 @@ class ArcSearch:
     def search(self, moves: int, rng: np.random.Generator) -> None:
         """Makes so many moves; raises LimitReached between two of them."""
         for _ in range(moves):
+            self._tell()
             self._stop.check()
             self._move(rng)
 

@@ -122,9 +122,10 @@ class LargeRoot:
         if plan is None:
             return
         columns = {**self.ascent.columns, **self.found}
-        arcs = ArcSearch(self.search.model, plan, columns.values(), self.search.stop)
+        search = self.search
+        arcs = ArcSearch(search.model, plan, columns.values(), search.stop, search.report_again)
         try:
-            arcs.search(MOVES, self.search.rng)
+            arcs.search(MOVES, search.rng)
         finally:
             self._take(arcs.plan())
 

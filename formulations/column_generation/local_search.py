@@ -117,11 +117,19 @@ class LocalSearch:
                 yield first
             while True:
                 self._check()
-                drawn = (one for one in pool.drawn(self.rng) if one.key not in self.taken_up)
+                drawn = (one for one in self._drawn(pool) if one.key not in self.taken_up)
                 best = max(drawn, key=lambda one: one.value, default=None)
                 if best is None:
                     return
                 yield best
+
+    def _drawn(self, pool: ColumnPool) -> Iterator[LocalOptimum]:
+        """Yields local optima that are drawn from a pool, at a limit one at least."""
+        for one in pool.drawn(self.rng):
+            self.tell()
+            yield one
+            if self.stop.reached():
+                return
 
     def _improved(
         self, start: LocalOptimum, pool: ColumnPool, arcs: Collection[Arc]

@@ -26,6 +26,7 @@ from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.pricing import Priced, Pricer
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
+from cocap_opt.stop import Stop, never
 
 SHARPNESS = 64  # k
 POWER = 2.0  # of the gradient; 1 is safe and slow, and under rules 3 does not settle (field-large)
@@ -44,7 +45,9 @@ class _Raised(NamedTuple):
     priced: Priced
 
 
-def mixture_ascent(model: Model, pricer: Pricer, first: Priced) -> Iterator[_Raised]:
+def mixture_ascent(
+    model: Model, pricer: Pricer, first: Priced, stop: Stop = never
+) -> Iterator[_Raised]:
     """Yields better and better mixtures, without end.
 
     Parameters
@@ -54,14 +57,14 @@ def mixture_ascent(model: Model, pricer: Pricer, first: Priced) -> Iterator[_Rai
     Raises
     ------
     LimitReached
-        Where the pricer does.
+        Where the pricer does, and between the steps in which a mixture is raised.
     """
     mixture, priced, open_ = Mixture([], np.zeros(0)), first, np.inf
     best = first.bound
     while True:
         mixture = joined(mixture, priced.columns)
         program = MixtureProgram(model, mixture.columns)
-        amounts = raised(program.gradient, program.robots, mixture.amounts, ROUGH * open_)
+        amounts = raised(program.gradient, program.robots, mixture.amounts, ROUGH * open_, stop)
         value, duals = program.judged(amounts)
         priced = pricer(duals)
         best = min(best, priced.bound)
@@ -121,9 +124,10 @@ def raised(
     robots: IntArray,
     amounts: FloatArray,
     enough: float,
+    stop: Stop,
     least_factor: float = 0.0,
 ) -> FloatArray:
-    """Returns amounts of a larger value, at best by all but `enough`.
+    """Returns amounts of a larger value, at best by all but `enough`; raises LimitReached.
 
     Parameters
     ----------
@@ -136,6 +140,7 @@ def raised(
         return np.bincount(robots, values).astype(np.float64)
 
     for _ in range(MOST_STEPS):
+        stop.check()
         gradient = gradient_at(amounts)
         mean = by_robot(amounts * gradient)
         lowest, largest = np.zeros_like(mean), np.full_like(mean, -np.inf)

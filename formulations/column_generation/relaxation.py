@@ -204,7 +204,7 @@ class Relaxation:
         self.master.drop_cuts(solution.duals)
         loose = loose_view_sums(
             solution.mixture.seen(), self.master.cuts, search.weights, search.model.class_sizes,
-            LEAST_CUT * abs(self.best.bound),
+            LEAST_CUT * abs(self.best.bound), search.stop,
         )  # fmt: skip
         for one in loose[:MOST_CUTS]:
             search.stop.check()

@@ -77,7 +77,7 @@ class Root:
     def _ascend(self, enough: float) -> Mixture:
         """Raises a mixture until it is within `enough` of the best bound; raises LimitReached."""
         search, relaxation = self.search, self.relaxation
-        steps = mixture_ascent(search.model, search.pricer, relaxation.best)
+        steps = mixture_ascent(search.model, search.pricer, relaxation.best, search.stop)
         for step in islice(steps, MOST_RAISES):
             relaxation.best = min(relaxation.best, step.priced, key=lambda some: some.bound)
             search.report(search.snapshot(relaxation.best.bound))

@@ -88,7 +88,7 @@ class RuledAscent:
         )  # fmt: skip
         open_ = self.best.bound - self.value if self.value > 0 else np.inf
         amounts = raised(
-            program.gradient, base.robots, mixture.amounts, ROUGH * open_, LEAST_FACTOR
+            program.gradient, base.robots, mixture.amounts, ROUGH * open_, search.stop, LEAST_FACTOR
         )
         judged = program.judged(amounts)
         duals = judged.duals(self.rows, self.cuts)
@@ -128,7 +128,7 @@ class RuledAscent:
         added = []
         loose = loose_view_sums(
             self._seen_by_equals(), self.cuts, search.weights, search.model.class_sizes,
-            LEAST_CUT * abs(self.best.bound),
+            LEAST_CUT * abs(self.best.bound), search.stop,
         )  # fmt: skip
         loose = [one for one in loose if one.most >= AGAIN * self._in_vain.get(one.view_sum, 0.0)]
         for one in loose[:MOST_CUTS]:

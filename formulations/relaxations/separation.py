@@ -16,8 +16,9 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Curve, Cut
-from cocap_opt.formulations.certificates.envelope import Corners
+from cocap_opt.formulations.certificates.envelope import Corners, Partial
 from cocap_opt.formulations.certificates.format import MOST_WORK
+from cocap_opt.stop import Stop
 
 # Of all classes together: rows of the transport problem. Of robots that are a class each, more of
 # them cost sixteen times as much and cut off an eighth more (Greedy Perspectives' large).
@@ -137,8 +138,9 @@ def loose_view_sums(
     weights: FloatArray,
     sizes: tuple[int, ...],
     least: float,
+    stop: Stop,
 ) -> list[Loose]:
-    """Returns the view sums where enough can be cut off, those with most first.
+    """Returns the view sums where enough can be cut off, most first; raises LimitReached.
 
     Parameters
     ----------
@@ -153,6 +155,7 @@ def loose_view_sums(
         known.setdefault(cut.view_sum, []).append(cut)
     found = []
     for view_sum, own in seen:
+        stop.check()
         if not weights[view_sum] or own.is_exact(sizes):
             continue
         roots = float(np.sqrt(own.amounts @ own.roots**2)), float(own.amounts @ own.roots)
@@ -338,12 +341,10 @@ def _rearranged(pixels: FloatArray) -> IntArray:
     return orders
 
 
-def _most_promising(
-    pixels: FloatArray, values: FloatArray, most: FloatArray
-) -> tuple[IntArray, FloatArray, FloatArray]:
+def _most_promising(partial: Partial) -> tuple[IntArray, Partial]:
     """Keeps the partial corners whose completions can be highest."""
-    kept = _smallest(-most, MOST_CORNERS)
-    return kept, pixels[kept], values[kept]
+    kept = _smallest(-partial.most, MOST_CORNERS)
+    return kept, partial.take(kept)
 
 
 def _smallest(values: FloatArray, count: int) -> IntArray:

@@ -485,10 +485,13 @@ def test_a_marked_bound_stays_in_narrow_terminals(
 def test_a_certificate_can_be_verified_alone(
     files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A bound needs no plan to be checked."""
+    """A bound needs no plan to be checked; one that takes too long is not said to be false."""
     run = Run(capsys, "verify", "corridor-tight", files[1], "--json")
     assert (run.code, run.json["valid"]) == (0, True)
     assert run.json["bound"] > 0
+    run = Run(capsys, "verify", "corridor-tight", files[1], "--time-limit", 0, "--json")
+    assert (run.code, run.json["bound"]) == (1, None)
+    assert "was reached before the end; the claim may hold" in run.json["violations"][0]
 
 
 def number_paths(content: object, path: tuple = ()) -> list[tuple]:

@@ -54,6 +54,8 @@ from cocap_opt.formulations.certificates import (
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import MOST_BREAKPOINTS, Seen
+from cocap_opt.formulations.second_opinion import TooLargeError
+from cocap_opt.formulations.second_opinion.prices import _highest_corner
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State
@@ -204,18 +206,50 @@ def test_a_cuts_constant_is_its_largest_excess_at_breakpoints(
     assert constant == pytest.approx(most, rel=1e-9, abs=1e-9)
 
 
-def test_constants_of_many_corners_are_rounded_up(monkeypatch: pytest.MonkeyPatch) -> None:
+numbers = st.floats(0.05, 1.0)
+
+
+@examples(80)
+@given(
+    st.lists(st.lists(st.tuples(numbers, numbers), min_size=1, max_size=4), min_size=1, max_size=2),
+    st.integers(1, 40),
+)
+def test_the_constant_of_many_robots_is_that_of_plain_loops(
+    drawn: list[list[tuple[float, float]]], robots: int
+) -> None:
+    """Breakpoint by breakpoint or class by class, it is what robot by robot gives."""
+    written, curves, sizes = [], {}, (robots, 2)
+    for number, points in enumerate(drawn):
+        roots, shares = np.array(sorted(dict(points).items())).T
+        curves[number] = envelope.Curve(roots, roots * shares**2)
+        values = tuple(curves[number].values.tolist())
+        written.append(ClassCurve(number, tuple(roots.tolist()), values))
+    try:
+        plain = _highest_corner(tuple(written), sizes)
+    except TooLargeError:
+        return
+    for choices in (1, envelope.STAGE_CHOICES):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(envelope, "STAGE_CHOICES", choices)
+            constant = Cut.valid(0, curves, sizes).constant
+        assert constant == pytest.approx(plain, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("sizes", [(1,) * 5, (4, 3)])
+def test_constants_of_many_corners_are_rounded_up(
+    sizes: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Where corners are merged for there are too many, the cut stays valid."""
+    monkeypatch.setattr(envelope, "STAGE_CHOICES", 1)
     rng = np.random.default_rng(3)
     curves = {}
-    for number in range(5):
+    for number in range(len(sizes)):
         roots = np.sort(rng.uniform(0.1, 10.0, 8))
         curves[number] = envelope.Curve(roots, 0.4 * roots + 0.01 * roots**2)
-    exact = Cut.valid(0, curves, (1,) * 5).constant
+    exact = Cut.valid(0, curves, sizes).constant
     monkeypatch.setattr(envelope, "MOST_CORNERS", 4)
-    merged = Cut.valid(0, curves, (1,) * 5).constant
-    assert exact <= merged <= 3 * exact
-    assert merged > exact
+    merged = Cut.valid(0, curves, sizes).constant
+    assert exact < merged <= 4 * exact
 
 
 def seen_by(number: int, roots: np.ndarray, amounts: np.ndarray) -> Seen:
@@ -297,15 +331,17 @@ def test_for_two_robots_the_cut_is_the_antitone_coupling() -> None:
     assert height == pytest.approx(best, rel=1e-4)
 
 
-def keep_all(
-    pixels: np.ndarray, values: np.ndarray, most: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def keep_all(partial: envelope.Partial) -> tuple[np.ndarray, envelope.Partial]:
     """Drop no partial corner."""
-    return np.arange(len(pixels)), pixels, values
+    return np.arange(len(partial.pixels)), partial
 
 
-def test_all_corners_are_gone_through_and_once() -> None:
+@pytest.mark.parametrize("choices", [envelope.STAGE_CHOICES, 1])
+def test_all_corners_are_gone_through_and_once(
+    choices: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """As many multisets of breakpoints as the formula says, none twice, none too large."""
+    monkeypatch.setattr(envelope, "STAGE_CHOICES", choices)
     for points, size in ((1, 4), (3, 2), (4, 5)):
         curve = envelope.Curve(np.arange(1.0, points + 1), np.ones(points))
         corners = envelope.Corners({0: curve}, (size,)).above(-math.inf, keep_all)

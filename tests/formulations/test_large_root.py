@@ -10,7 +10,7 @@ from brute_force import optimum
 from hypothesis import given
 from pool import meetings, problems
 from scipy import sparse
-from strategies import examples
+from strategies import Calls, examples
 
 from cocap_opt.formulations.certificates import Curve, Cut, Pricing
 from cocap_opt.formulations.certificates.format import MOST_WORK
@@ -18,13 +18,18 @@ from cocap_opt.formulations.column_generation import large_root
 from cocap_opt.formulations.column_generation.alike_cuts import alike_cut, grown_multisets
 from cocap_opt.formulations.column_generation.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.mixture_ascent import mixture_ascent
+from cocap_opt.formulations.column_generation.mixture_ascent import (
+    MixtureProgram,
+    mixture_ascent,
+)
 from cocap_opt.formulations.column_generation.ruled_ascent import RuledAscent, _RuledProgram
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import LimitReached
 
 some_problems = st.one_of(meetings(), problems(robots=[1, 2, 3]))
 numbers = st.floats(0.05, 1.0)
@@ -124,6 +129,26 @@ def test_plans_over_known_arcs_obey_the_rules_and_get_no_worse(problem: Problem)
     verdict = check(problem, search.model.plan(plan.paths))
     assert verdict.valid
     assert verdict.reward == pytest.approx(plan.value, rel=1e-9, abs=1e-9)
+
+
+def test_work_without_masters_asks_often_whether_to_stop() -> None:
+    """Mixtures are raised, and plans changed, in steps; a large team's take tenths of a second."""
+    search = Search(compiled(load_scene("corridor", 0)))
+    first = next(mixture_ascent(search.model, search.pricer, search.alone))
+    program = MixtureProgram(search.model, first.mixture.columns)
+    raised = _RuledProgram(
+        program, [], np.zeros(0), 1.0, *[sparse.csr_array((len(program.robots), 0))] * 2
+    ).raised
+    for raise_ in (program.raised, raised):
+        stop = Calls(2)
+        with pytest.raises(LimitReached):
+            raise_(first.mixture.amounts, -np.inf, stop)
+    told: list[int] = []
+    assert search.incumbent is not None
+    columns = first.mixture.columns
+    arcs = ArcSearch(search.model, search.incumbent, columns, tell=lambda: told.append(1))
+    arcs.search(3, search.rng)
+    assert len(told) == 3
 
 
 @examples(8)

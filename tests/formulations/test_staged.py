@@ -15,8 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pool import meetings, problems
 from random_certificates import as_rows, random_multipliers, some_model
-from strategies import examples, tiny
+from strategies import Calls, examples, tiny
 
+import cocap_opt.formulations.certificates.staged as checker
 import cocap_opt.formulations.column_generation.list_lengths as list_lengths
 import cocap_opt.formulations.column_generation.step_envelopes as envelopes
 from cocap_opt.data import IntArray
@@ -33,6 +34,7 @@ from cocap_opt.formulations.certificates import (
     Staged,
     StepConstant,
     StepPayments,
+    UnfinishedError,
     Wanted,
     best_plan,
     certify,
@@ -41,6 +43,7 @@ from cocap_opt.formulations.certificates import (
     may_be_used,
     verify,
 )
+from cocap_opt.formulations.certificates.joint_paths import BestPlan
 from cocap_opt.formulations.certificates.joint_states import Ceiling, Highest
 from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
@@ -116,6 +119,50 @@ def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
         if staged.paths_above is not None:  # all plans above it were tried
             most = max(staged.paths_above, best.value)
             assert pricing.bound <= most + 1e-9 * abs(most) + 2 * pricing.rounding + 1e-9
+
+
+def test_the_searches_of_a_file_share_one_amount_of_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file that needs more is not verified, which does not make it false."""
+    model, steps = compiled(tiny()), list[int]()
+    lower = Narrowing.lower
+
+    def counting(self: Narrowing, joint: JointStates, wanted: Wanted, stop: Stop) -> Highest:
+        assert wanted.most_nodes == checker.MOST_NODES - sum(steps)
+        found = lower(self, joint, wanted, stop)
+        steps.append(found.nodes)
+        return found
+
+    def trying(narrowing: Narrowing, most_nodes: int, stop: Stop) -> BestPlan:
+        assert most_nodes == checker.MOST_NODES - sum(steps)
+        found = best_plan(narrowing, most_nodes, stop)
+        steps.append(found.nodes)
+        return found
+
+    monkeypatch.setattr(Narrowing, "lower", counting)
+    monkeypatch.setattr(checker, "best_plan", trying)
+    stage = Stage((), tuple(StepConstant(t, -100.0) for t in (1, 2)))
+    multipliers = random_multipliers(model, np.random.default_rng(0))
+    certificate = Staged(multipliers, -1.0, (stage, stage), -1.0)
+    price_staged(model, certificate)
+    assert len(steps) == 5 and min(steps) > 0
+    total, first = sum(steps), steps[0]
+    for most in (total, total - 1, first):
+        steps.clear()
+        monkeypatch.setattr(checker, "MOST_NODES", most)
+        if most == total:
+            price_staged(model, certificate)
+            continue
+        with pytest.raises(UnfinishedError, match=r"not verified: .* may hold"):
+            price_staged(model, certificate)
+
+
+@pytest.mark.parametrize("calls", [0, 1])
+def test_a_limit_of_time_leaves_a_file_unverified(calls: int) -> None:
+    """What it claims may hold; it is neither said that it does nor that it does not."""
+    certificate = branch_and_price(tiny()).certificate
+    assert certificate is not None
+    with pytest.raises(UnfinishedError, match=r"the limit \(time\) .* may hold"):
+        verify(tiny(), certificate, stop=Calls(calls))
 
 
 @pytest.mark.slow
