@@ -19,7 +19,7 @@ from strategies import examples, tiny
 
 import cocap_opt.formulations.column_generation.list_lengths as list_lengths
 import cocap_opt.formulations.column_generation.step_envelopes as envelopes
-from cocap_opt.data import IntArray
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import (
     Cells,
     CertificateError,
@@ -49,6 +49,7 @@ from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.joint_ascent import ascended
 from cocap_opt.formulations.column_generation.known_states import Known
 from cocap_opt.formulations.column_generation.mixture import Mixture
+from cocap_opt.formulations.column_generation.payment_bundle import PaymentBundle
 from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
@@ -372,6 +373,21 @@ def test_a_flow_is_split_into_paths_with_the_same_flow(problem: Problem) -> None
     assert dict(again) == pytest.approx(dict(flow))
 
 
+def test_a_flow_that_runs_dry_gives_what_paths_there_are() -> None:
+    """A robot that no flow takes to the end has no path; of another there may be a part only."""
+    model = compiled(tiny())
+    incumbent = Incumbent.of_plan(model, Plan.hovering(model.problem))
+    assert incumbent is not None
+    first, second = incumbent.columns
+    whole = dict.fromkeys(first.arcs, 0.75) | dict.fromkeys(second.arcs, 1e-9)
+    mixture = flow_mixture(model, whole)
+    assert [(column.key, amount) for column, amount in mixture.used()] == [(first.key, 0.75)]
+    ends_early = dict.fromkeys(first.arcs[:-1], 1.0) | dict.fromkeys(second.arcs, 1.0)
+    mixture = flow_mixture(model, ends_early)
+    assert [(column.key, amount) for column, amount in mixture.used()] == [(second.key, 1.0)]
+    assert flow_mixture(model, {}).columns == []
+
+
 def test_a_search_that_is_too_long_says_so() -> None:
     """A search gives no number where it has not gone through all joint states."""
     joint = random_joint_states(np.random.default_rng(1))
@@ -558,6 +574,42 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
                    for part in stage.payments)  # fmt: skip
         pricing = verify(problem, search.spare, model=search.model)
         assert optimum(problem).value <= pricing.bound == search.spare.proved
+
+
+@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+def test_a_stage_of_lists_has_the_constants_that_its_payments_are_meant_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Not lower ones, for which states off the lists would be paid more: it proves what was meant.
+
+    They are those of the best payments; and where a search finds lower ones, they are kept.
+    """
+    monkeypatch.setattr(envelopes, "MOST_STATES_LEFT", 0)
+    monkeypatch.setattr(envelopes, "FEW_STATES_LEFT", 0)
+    monkeypatch.setattr(envelopes, "MANY_ROBOTS", 0)
+    run, heights, kept = PaymentBundle.run, envelopes._Envelopes._heights, []
+
+    def meant_higher(self: PaymentBundle, *arguments: object) -> FloatArray | None:
+        payments = run(self, *arguments)
+        if payments is not None:
+            bound = sum(self.constants.values()) + self.rest
+            bound += self.best_paths(payments, self.constants)[0]
+            assert bound == pytest.approx(self._best, rel=1e-12)
+        self.constants = {t: constant + 1.0 for t, constant in self.constants.items()}
+        return payments
+
+    def noted(self: object, bundle: PaymentBundle, payments: FloatArray) -> dict[int, float]:
+        found = heights(self, bundle, payments)
+        kept.extend((found[t], bundle.constants[t]) for t in found)
+        return found
+
+    monkeypatch.setattr(PaymentBundle, "run", meant_higher)
+    monkeypatch.setattr(envelopes._Envelopes, "_heights", noted)
+    search = Search(compiled(load_scene("bottleneck", 0).replace(horizon=5)))
+    search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0)), []))
+    step_envelopes(search, search.alone.duals, lambda: search.cutoff(OPTIMALITY))
+    assert kept and all(height >= meant for height, meant in kept)
+    assert any(height == meant for height, meant in kept)
 
 
 @examples(6)
