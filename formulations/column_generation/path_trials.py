@@ -22,7 +22,10 @@ from cocap_opt.formulations.column_generation.search import Search
 
 FEWEST_NODES, FEWEST_PLAIN_NODES = 100_000, 5_000  # of a trial, compiled or not
 LESS_ROOM, MORE_NODES = 0.7, 2.0  # times what was open, or allowed, when a trial has failed
-NODES_OF_LEVELS = (5_000_000, 50_000_000, 300_000_000)  # of trials for higher targets
+SHARE_OF_NODES = 0.5  # of what stages took, that trials may take between them
+# Of trials for higher targets: times as many nodes as stages took, and the most. The first levels
+# are soon through, and each last one brings the bound down by about as much as the one before.
+LEVELS, MOST_NODES = (0.3, 3.0, 30.0), 300_000_000
 TRIALS_OF_LEVEL = 3
 SMALL_SHARE = 0.15  # of what is open: the next lower target is J itself
 
@@ -43,12 +46,14 @@ class PathTrials:
     ----------
     best : the one that proves most
     nodes : of all searches of trials
+    is_on : False: there are no trials, only stages
     """
 
     search: Search
     narrowing: Narrowing
     best: Tried | None = None
     nodes: int = 0
+    is_on: bool = True
     _failed_room: float = field(default=float("inf"))
     _failed_nodes: int = 0
 
@@ -61,7 +66,7 @@ class PathTrials:
         nodes : that their searches took
         """
         fewest = FEWEST_NODES if compiled_search.is_there() else FEWEST_PLAIN_NODES
-        allowed = max(nodes - self.nodes, fewest)
+        allowed = max(int(SHARE_OF_NODES * nodes) - self.nodes, fewest)
         room = self.narrowing.room
         is_easier = room <= LESS_ROOM * self._failed_room
         if not is_easier and allowed < MORE_NODES * self._failed_nodes:
@@ -71,14 +76,20 @@ class PathTrials:
         self._failed_room, self._failed_nodes = room, allowed
         return False
 
-    def for_higher_targets(self, stages: int, report: Callable[[], None]) -> None:
-        """Looks for the lowest target for which a trial ends; raises LimitReached."""
+    def for_higher_targets(self, stages: int, nodes: int, report: Callable[[], None]) -> None:
+        """Looks for the lowest target for which a trial ends; raises LimitReached.
+
+        Parameters
+        ----------
+        stages, nodes : as in `after_stages`
+        report : tells what has been proved
+        """
         ended = 1.0  # share of what is open, as below
-        for nodes in NODES_OF_LEVELS:
-            failed = 0.0
+        for times in LEVELS:
+            allowed, failed = min(int(times * nodes), MOST_NODES), 0.0
             for _ in range(TRIALS_OF_LEVEL):
                 share = 0.0 if ended <= SMALL_SHARE and not failed else (failed + ended) / 2
-                if self._has_ended(share, nodes, stages):
+                if self._has_ended(share, allowed, stages):
                     ended = share
                     report()
                 else:
@@ -95,7 +106,7 @@ class PathTrials:
         ----------
         share : of what is open, by which the target is above the best plan
         """
-        if not may_be_used(self.narrowing.model):
+        if not self.is_on or not may_be_used(self.narrowing.model):
             return False
         value = self.search.value
         target = value + share * max(self.narrowing.bound - value, 0.0)

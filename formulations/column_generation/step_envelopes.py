@@ -73,6 +73,7 @@ def step_envelopes(
     cutoff: Callable[[], float],
     columns: Iterable[Column] = (),
     most_joint: float = math.inf,
+    tries_paths: bool = True,
 ) -> None:
     """Offers the search a staged certificate of a lower bound, if it finds one.
 
@@ -84,6 +85,7 @@ def step_envelopes(
     cutoff : bound at which nothing is open
     most_joint : joint states of all steps, conflicts included; where more are left, there are no
         stages, only a trial of all paths
+    tries_paths : False: there are stages only
 
     Raises
     ------
@@ -105,7 +107,7 @@ def step_envelopes(
     before = narrowing.pricing.bound
     envelopes = _Envelopes(
         search, narrowing, duals, known, steps,
-        PathTrials(search, narrowing), ListLengths(len(steps)),
+        PathTrials(search, narrowing, is_on=tries_paths), ListLengths(len(steps)),
     )  # fmt: skip
     try:
         if envelopes.try_paths():
@@ -181,7 +183,7 @@ class _Envelopes:
             if closed < LEAST_ROUND and not may_grow and not (listed and self._is_small()):
                 break
         if self.bound > cutoff():
-            self.trials.for_higher_targets(len(self.stages), self.offer)
+            self.trials.for_higher_targets(len(self.stages), self.nodes, self.offer)
 
     def try_paths(self) -> bool:
         """Tries all paths of better plans that are left; returns True if that has ended."""

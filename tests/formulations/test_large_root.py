@@ -1,6 +1,6 @@
 """The root of scenes with very many robots: cuts of robots that are alike, and no masters."""
 
-from itertools import islice
+from itertools import count, islice
 from types import SimpleNamespace
 
 import hypothesis.strategies as st
@@ -12,27 +12,28 @@ from pool import meetings, problems
 from scipy import sparse
 from strategies import Calls, examples
 
-from cocap_opt.formulations.certificates import Curve, Cut, Pricing
+from cocap_opt.formulations.certificates import Curve, Cut, Pricing, verify
 from cocap_opt.formulations.certificates.format import MOST_WORK
-from cocap_opt.formulations.column_generation import large_root
+from cocap_opt.formulations.column_generation import large_root as large_root_module
 from cocap_opt.formulations.column_generation.alike_cuts import alike_cut, grown_multisets
 from cocap_opt.formulations.column_generation.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.mixture_ascent import (
-    MixtureProgram,
-    mixture_ascent,
-)
+from cocap_opt.formulations.column_generation.large_root import LargeRoot
+from cocap_opt.formulations.column_generation.mixture_ascent import mixture_ascent, raised
+from cocap_opt.formulations.column_generation.pricing import Priced
 from cocap_opt.formulations.column_generation.ruled_ascent import RuledAscent, _RuledProgram
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.separation import Seen
+from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import LimitReached
+from cocap_opt.stop import Limit, LimitReached
 
 some_problems = st.one_of(meetings(), problems(robots=[1, 2, 3]))
 numbers = st.floats(0.05, 1.0)
+OPTIMA = {"corridor": 15159.036848877447, "bottleneck": 54899.771720915975}  # of seed 0
 
 
 @examples(60)
@@ -134,21 +135,114 @@ def test_plans_over_known_arcs_obey_the_rules_and_get_no_worse(problem: Problem)
 def test_work_without_masters_asks_often_whether_to_stop() -> None:
     """Mixtures are raised, and plans changed, in steps; a large team's take tenths of a second."""
     search = Search(compiled(load_scene("corridor", 0)))
-    first = next(mixture_ascent(search.model, search.pricer, search.alone))
-    program = MixtureProgram(search.model, first.mixture.columns)
-    raised = _RuledProgram(
-        program, [], np.zeros(0), 1.0, *[sparse.csr_array((len(program.robots), 0))] * 2
-    ).raised
-    for raise_ in (program.raised, raised):
-        stop = Calls(2)
-        with pytest.raises(LimitReached):
-            raise_(first.mixture.amounts, -np.inf, stop)
+    columns = next(mixture_ascent(search.model, search.pricer, search.alone)).mixture.columns
+    robots = np.array([column.robot for column in columns])
+    amounts = np.full(len(robots), 0.5)
+    with pytest.raises(LimitReached):
+        raised(lambda at: at, robots, amounts, -np.inf, Calls(2))
     told: list[int] = []
     assert search.incumbent is not None
-    columns = first.mixture.columns
     arcs = ArcSearch(search.model, search.incumbent, columns, tell=lambda: told.append(1))
     arcs.search(3, search.rng)
     assert len(told) == 3
+
+
+@pytest.mark.parametrize("scene", ["corridor", "bottleneck"])
+def test_moves_over_known_arcs_make_a_good_plan_of_hovering_drones(scene: str) -> None:
+    """Twenty moves over the arcs of four pricings come within half a percent of the optimum."""
+    search = Search(compiled(load_scene(scene, 0)))
+    steps = islice(mixture_ascent(search.model, search.pricer, search.alone), 4)
+    columns = [column for step in steps for column in step.priced.columns]
+    assert search.incumbent is not None and search.value < 0.5 * OPTIMA[scene]
+    arcs = ArcSearch(search.model, search.incumbent, columns)
+    arcs.search(20, np.random.default_rng(0))
+    plan = arcs.plan()
+    assert plan is not None
+    assert 0.995 * OPTIMA[scene] <= plan.value <= OPTIMA[scene] * (1 + 1e-9)
+
+
+def large_root(scene: str) -> LargeRoot:
+    """The root of a scene after a first ascent, as if it were large."""
+    search = Search(compiled(load_scene(scene, 0)))
+    (first,) = islice(mixture_ascent(search.model, search.pricer, search.alone), 1)
+    return LargeRoot.of(search, first.mixture, min(search.alone, first.priced, key=bound_of))
+
+
+def bound_of(priced: Priced) -> float:
+    """The bound of multipliers."""
+    return priced.bound
+
+
+def test_without_masters_plan_and_bound_come_near() -> None:
+    """The ascent lowers the bound before there are cuts, and cuts do after; the plan is optimal."""
+    root = large_root("corridor")
+    first = root.ascent.best.bound
+    root.begin()
+    begun = root.ascent.best.bound
+    assert begun < first and not root.ascent.cuts
+    root.solve(lambda: root.search.cutoff(OPTIMALITY))
+    assert root.search.value == pytest.approx(OPTIMA["corridor"], rel=1e-9)
+    assert OPTIMA["corridor"] <= root.ascent.best.bound <= 1.0005 * OPTIMA["corridor"]
+    assert root.ascent.best.bound < begun and root.ascent.cuts and root.found
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "calls"),
+    [
+        (RuledAscent, "step", 3),  # before there is a plan
+        (RuledAscent, "add_cuts", 0),
+        (ArcSearch, "_move", 4),
+        (LargeRoot, "_respond", 0),
+    ],
+)
+def test_a_limit_without_masters_leaves_the_bound_and_the_plan_so_far(
+    owner: type, name: str, calls: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whichever kind of work it ends; what was proved by then is in the certificate."""
+    problem, before, done = load_scene("corridor", 0), getattr(owner, name), count()
+    bounds: list[float] = []
+
+    def limited(self: object, *arguments: object) -> object:
+        if next(done) >= calls:
+            raise LimitReached(Limit.WORK)
+        return before(self, *arguments)
+
+    def noted(self: LargeRoot) -> None:
+        told(self)
+        bounds.append(self.ascent.best.bound)
+
+    told = LargeRoot._tell
+    monkeypatch.setattr(large_root_module, "MANY_ROBOT_STEPS", 0)
+    monkeypatch.setattr(LargeRoot, "_tell", noted)
+    monkeypatch.setattr(owner, name, limited)
+    result = branch_and_price(problem)
+    assert result.limit is Limit.WORK
+    assert result.certificate is not None
+    assert verify(problem, result.certificate).bound == result.bound
+    assert OPTIMA["corridor"] <= result.bound == pytest.approx(bounds[-1], rel=1e-9)
+    assert result.bound < 1.01 * OPTIMA["corridor"]
+    assert result.plan is not None
+    assert check(problem, result.plan).reward == pytest.approx(result.value)
+    # Before the ascent is done there is only the plan of drones that hover.
+    assert (result.value > 0.99 * OPTIMA["corridor"]) == (name != "step")
+
+
+def test_moves_before_a_limit_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The plan as the last whole move left it is offered, and its columns are known."""
+    root, move, done = large_root("corridor"), ArcSearch._move, count()
+    before = root.search.value
+
+    def limited(self: ArcSearch, rng: np.random.Generator) -> None:
+        if next(done) == 4:
+            raise LimitReached(Limit.WORK)
+        move(self, rng)
+
+    monkeypatch.setattr(ArcSearch, "_move", limited)
+    with pytest.raises(LimitReached):
+        root._rearrange()
+    assert root.search.value > 2 * before
+    assert root.search.incumbent is not None
+    assert {column.key for column in root.search.incumbent.columns} <= root.found.keys()
 
 
 @examples(8)
@@ -156,7 +250,7 @@ def test_work_without_masters_asks_often_whether_to_stop() -> None:
 def test_optima_are_the_same_without_masters_at_first(problem: Problem) -> None:
     """Branch-and-price that treats a small scene as a large one proves the same optimum."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(large_root, "MANY_ROBOT_STEPS", 0)
+        patch.setattr(large_root_module, "MANY_ROBOT_STEPS", 0)
         result = branch_and_price(problem)
     best = optimum(problem).value
     assert result.value == pytest.approx(best, rel=1e-6, abs=1e-6)

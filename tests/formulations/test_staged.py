@@ -20,7 +20,7 @@ from strategies import Calls, examples, tiny
 import cocap_opt.formulations.certificates.staged as checker
 import cocap_opt.formulations.column_generation.list_lengths as list_lengths
 import cocap_opt.formulations.column_generation.step_envelopes as envelopes
-from cocap_opt.data import IntArray
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import (
     Cells,
     CertificateError,
@@ -53,11 +53,12 @@ from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.joint_ascent import ascended
 from cocap_opt.formulations.column_generation.known_states import Known
 from cocap_opt.formulations.column_generation.mixture import Mixture
-from cocap_opt.formulations.column_generation.path_trials import PathTrials
+from cocap_opt.formulations.column_generation.payment_bundle import PaymentBundle
 from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
 from cocap_opt.formulations.explanation import explain
+from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.formulations.second_opinion.opinion import require_small
@@ -421,6 +422,21 @@ def test_a_flow_is_split_into_paths_with_the_same_flow(problem: Problem) -> None
     assert dict(again) == pytest.approx(dict(flow))
 
 
+def test_a_flow_that_runs_dry_gives_what_paths_there_are() -> None:
+    """A robot that no flow takes to the end has no path; of another there may be a part only."""
+    model = compiled(tiny())
+    incumbent = Incumbent.of_plan(model, Plan.hovering(model.problem))
+    assert incumbent is not None
+    first, second = incumbent.columns
+    whole = dict.fromkeys(first.arcs, 0.75) | dict.fromkeys(second.arcs, 1e-9)
+    mixture = flow_mixture(model, whole)
+    assert [(column.key, amount) for column, amount in mixture.used()] == [(first.key, 0.75)]
+    ends_early = dict.fromkeys(first.arcs[:-1], 1.0) | dict.fromkeys(second.arcs, 1.0)
+    mixture = flow_mixture(model, ends_early)
+    assert [(column.key, amount) for column, amount in mixture.used()] == [(second.key, 1.0)]
+    assert flow_mixture(model, {}).columns == []
+
+
 def test_a_search_that_is_too_long_says_so() -> None:
     """A search gives no number where it has not gone through all joint states."""
     joint = random_joint_states(np.random.default_rng(1))
@@ -515,9 +531,7 @@ def optimum_of_tiny() -> float:
     return optimum(tiny()).value
 
 
-def test_step_envelopes_can_be_asked_for_few_joint_states_only(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_step_envelopes_can_be_asked_for_few_joint_states_only() -> None:
     """As many as multisets of the states that are left; where there are more, paths are tried."""
     problem = load_scene("bottleneck", 0).replace(horizon=5)
     search = Search(compiled(problem))
@@ -532,13 +546,10 @@ def test_step_envelopes_can_be_asked_for_few_joint_states_only(
     (robots,) = search.model.class_sizes
     joint = sum(math.comb(int(n) + robots - 1, robots) for n in narrowing.states_left[1:])
     assert narrowing.joint_states_left == joint > 0
-    after_stages = PathTrials.after_stages
-    monkeypatch.setattr(PathTrials, "after_stages", lambda *_: False)
-    step_envelopes(search, duals, root.cutoff, (), joint - 1)
+    step_envelopes(search, duals, root.cutoff, (), joint - 1, tries_paths=False)
     assert search.spare is None
-    step_envelopes(search, duals, root.cutoff, (), joint)
+    step_envelopes(search, duals, root.cutoff, (), joint, tries_paths=False)
     assert search.spare is not None and search.spare.proved < root.relaxation.best.bound
-    monkeypatch.setattr(PathTrials, "after_stages", after_stages)
     step_envelopes(search, duals, root.cutoff, (), joint - 1)
     assert search.is_proved(root.cutoff())
 
@@ -648,6 +659,11 @@ def test_solutions_by_step_envelopes_are_optimal_and_explained(problem: Problem)
         require_small(problem, file)
 
 
+def stages_of(search: Search, duals: Duals) -> None:
+    """Looks for step envelopes, without trials of paths."""
+    step_envelopes(search, duals, lambda: search.cutoff(OPTIMALITY), tries_paths=False)
+
+
 @pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
 @examples(20)
 @given(st.one_of(meetings(), meetings(team=3)), st.sampled_from([0.3, 2.0]))
@@ -659,15 +675,50 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
         patch.setattr(envelopes, "MANY_ROBOTS", 0)
         patch.setattr(list_lengths, "SLACK", slack)
         patch.setattr(list_lengths, "MEAN", 0)
-        patch.setattr(PathTrials, "after_stages", lambda *_: False)
         search = Search(compiled(problem))
         search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0)), []))
-        step_envelopes(search, search.alone.duals, lambda: search.cutoff(OPTIMALITY))
+        stages_of(search, search.alone.duals)
     if search.spare is not None:
         assert any(part.others for stage in search.spare.certificate.stages
                    for part in stage.payments)  # fmt: skip
         pricing = verify(problem, search.spare, model=search.model)
         assert optimum(problem).value <= pricing.bound == search.spare.proved
+
+
+@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+def test_a_stage_of_lists_has_the_constants_that_its_payments_are_meant_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Not lower ones, for which states off the lists would be paid more: it proves what was meant.
+
+    They are those of the best payments; and where a search finds lower ones, they are kept.
+    """
+    monkeypatch.setattr(envelopes, "MOST_STATES_LEFT", 0)
+    monkeypatch.setattr(envelopes, "FEW_STATES_LEFT", 0)
+    monkeypatch.setattr(envelopes, "MANY_ROBOTS", 0)
+    run, heights, kept = PaymentBundle.run, envelopes._Envelopes._heights, []
+
+    def meant_higher(self: PaymentBundle, *arguments: object) -> FloatArray | None:
+        payments = run(self, *arguments)
+        if payments is not None:
+            bound = sum(self.constants.values()) + self.rest
+            bound += self.best_paths(payments, self.constants)[0]
+            assert bound == pytest.approx(self._best, rel=1e-12)
+        self.constants = {t: constant + 1.0 for t, constant in self.constants.items()}
+        return payments
+
+    def noted(self: object, bundle: PaymentBundle, payments: FloatArray) -> dict[int, float]:
+        found = heights(self, bundle, payments)
+        kept.extend((found[t], bundle.constants[t]) for t in found)
+        return found
+
+    monkeypatch.setattr(PaymentBundle, "run", meant_higher)
+    monkeypatch.setattr(envelopes._Envelopes, "_heights", noted)
+    search = Search(compiled(load_scene("bottleneck", 0).replace(horizon=5)))
+    search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0)), []))
+    stages_of(search, search.alone.duals)
+    assert kept and all(height >= meant for height, meant in kept)
+    assert any(height == meant for height, meant in kept)
 
 
 @examples(6)
@@ -689,10 +740,9 @@ def test_what_a_search_finds_is_remembered_as_it_is(problem: Problem) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Known, "add", checked)
         patch.setattr(Known, "highest", modest)
-        patch.setattr(PathTrials, "after_stages", lambda *_: False)
         search = Search(compiled(problem))
         search.offer(Incumbent.of_plan(search.model, Plan.hovering(problem)))
-        step_envelopes(search, search.alone.duals, lambda: search.cutoff(OPTIMALITY))
+        stages_of(search, search.alone.duals)
 
 
 @pytest.mark.slow
@@ -711,9 +761,8 @@ def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyP
         return highest(self, wanted, stop)
 
     monkeypatch.setattr(JointStates, "highest", limited)
-    monkeypatch.setattr(PathTrials, "after_stages", lambda *_: False)
     with pytest.raises(LimitReached):
-        step_envelopes(search, root.relaxation.best.duals, root.cutoff)
+        stages_of(search, root.relaxation.best.duals)
     monkeypatch.undo()
     assert search.spare is not None
     assert search.spare.proved < root.relaxation.best.bound
