@@ -243,7 +243,7 @@ def test_an_interrupt_in_the_root_keeps_its_bound(method: str) -> None:
     """Before the solver has begun, the bound is that of the root so far."""
     problem = load_scene("bottleneck")
     covered(problem)
-    result = METHODS[method](problem, After(0.5), stay(problem))
+    result = METHODS[method](problem, After(0.05), stay(problem))
     assert (result.reason, result.limit) == (Reason.STOPPED, Limit.INTERRUPT)
     assert result.value <= result.bound < math.inf
 
