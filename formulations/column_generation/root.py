@@ -138,6 +138,7 @@ class Root:
             return
         if self._gains_enough(aggregated):
             self.relaxation.solve(self.cutoff, self.rough)
+            self._try_step_envelopes()
             return
         if self.search.incumbent is not None:
             model = aggregated.search.model

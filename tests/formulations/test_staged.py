@@ -672,7 +672,6 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(envelopes, "MOST_STATES_LEFT", 0)
         patch.setattr(envelopes, "FEW_STATES_LEFT", 0)
-        patch.setattr(envelopes, "MANY_ROBOTS", 0)
         patch.setattr(list_lengths, "SLACK", slack)
         patch.setattr(list_lengths, "MEAN", 0)
         search = Search(compiled(problem))
@@ -695,7 +694,6 @@ def test_a_stage_of_lists_has_the_constants_that_its_payments_are_meant_for(
     """
     monkeypatch.setattr(envelopes, "MOST_STATES_LEFT", 0)
     monkeypatch.setattr(envelopes, "FEW_STATES_LEFT", 0)
-    monkeypatch.setattr(envelopes, "MANY_ROBOTS", 0)
     run, heights, kept = PaymentBundle.run, envelopes._Envelopes._heights, []
 
     def meant_higher(self: PaymentBundle, *arguments: object) -> FloatArray | None:
