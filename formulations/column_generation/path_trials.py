@@ -22,7 +22,7 @@ from cocap_opt.formulations.column_generation.search import Search
 
 FEWEST_NODES, FEWEST_PLAIN_NODES = 100_000, 5_000  # of a trial, compiled or not
 LESS_ROOM, MORE_NODES = 0.7, 2.0  # times what was open, or allowed, when a trial has failed
-SHARE_OF_NODES = 0.5  # of what stages took, that trials may take between them
+SHARE_OF_NODES = 0.25  # of what stages took, that trials may take between them
 # Of what is open, by which higher targets are above the best plan. Each of the later trials takes
 # about four times as many nodes as the one before (field, seed 1), and may take ten times as many.
 SHARES = (0.75, 0.5, 0.375, 0.25, 0.125, 0.0)

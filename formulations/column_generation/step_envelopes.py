@@ -61,6 +61,9 @@ RESPONSES = 10  # iterations' worth of best responses, for plans after each bund
 MOST_CORRECTIONS = 4  # of payments, by joint states that only the exact search finds
 CLEARLY = 1e-9  # of the bound, that stages must take off it
 LEAST_ROUND = 0.05  # of what is open, that a round must close for another one
+# Likewise, for lists of so many times the first slack: their rounds take as long as trials for
+# higher targets, which close more.
+LEAST_WIDE, WIDE = 0.12, 8.0
 LEAST_LISTED = 0.1  # likewise, for lists that stay as long as they are
 
 
@@ -168,6 +171,7 @@ class _Envelopes:
                 if narrowing.pricing.bound <= cutoff() or self.try_paths():
                     return
             listed = not self._is_small()
+            is_wide = listed and self.lengths.widening >= WIDE
             self._pay(cutoff)
             if listed and self.try_paths():
                 return
@@ -176,6 +180,8 @@ class _Envelopes:
             if listed and closed < LEAST_LISTED:
                 self.lists_stall |= not may_grow
                 self.lengths.grow()
+            if is_wide and closed < LEAST_WIDE:
+                break
             if closed < LEAST_ROUND and not may_grow and not (listed and self._is_small()):
                 break
         if self.bound > cutoff():
