@@ -120,7 +120,8 @@ class Running:
         ----------
         choices : first entry of each list of states [K+1], positions of the states of all lists,
             and the number of each robot's list [L, R]
-        floors : [L] of each joint state before: least worth, less charges, of one that follows
+        floors : [L] of each joint state before: least worth, less charges, of one that follows,
+            rounding included
         tails : number of the first joint state before, and after the last
         nodes : that the searches may take
 

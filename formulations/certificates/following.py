@@ -88,7 +88,8 @@ class Following:
     """Searches for moves of the whole team.
 
     A search from one joint state is plain; once they have been long, all are compiled where they
-    can be. Both find the same, with as many nodes.
+    can be. Both find all moves to joint states that reach their floor, and in doubt by rounding
+    some more (`JointStates.margin`).
 
     Attributes
     ----------
@@ -148,10 +149,11 @@ class Following:
         """Yields what compiled searches find, from one of the joint states on."""
         running = joint.running(-np.inf, _MOST_FOUND)
         lists = (choices.first, choices.positions, choices.lists)
+        least = floors - joint.margin
         while tail < len(floors):
             stop.check()
             begun, end = tail, min(tail + _TAILS_AT_ONCE, len(floors))
-            tail, tails, heads = running.follow(lists, floors, (tail, end), self.nodes_left)
+            tail, tails, heads = running.follow(lists, least, (tail, end), self.nodes_left)
             self.nodes_left -= running.nodes
             if tail == begun:
                 raise NotEndedError

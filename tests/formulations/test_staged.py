@@ -43,6 +43,7 @@ from cocap_opt.formulations.certificates import (
     may_be_used,
     verify,
 )
+from cocap_opt.formulations.certificates.following import Choices, Following
 from cocap_opt.formulations.certificates.joint_paths import BestPlan
 from cocap_opt.formulations.certificates.joint_states import Ceiling, Highest
 from cocap_opt.formulations.certificates.staged import price_staged
@@ -513,6 +514,29 @@ def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
             patch.setattr(following, "_TAILS_AT_ONCE", 3)
             found.append(best_plan(narrowing, 10**6))
     assert found[0] == found[1] == found[2]
+
+
+@pytest.mark.parametrize("is_compiled", [False, True])
+def test_what_rounding_may_have_made_too_low_is_followed(
+    monkeypatch: pytest.MonkeyPatch, is_compiled: bool
+) -> None:
+    """Compiled or not, a joint state that lacks less than the margin to its floor is found."""
+    if is_compiled and not compiled_search.is_there():
+        pytest.skip("needs the extra [fast]")
+    monkeypatch.setattr(compiled_search, "is_loaded", lambda: is_compiled)
+    model = compiled(tiny()).disaggregated()
+    graphs = [one.graph for one in model.classes]
+    starts = np.array([[one.starts[0] for one in model.classes]])
+    every = [np.arange(graph.n_states) for graph in graphs]
+    choices = Choices.of(graphs, 0, starts, every)
+    nothing = [np.zeros(len(some)) for some in choices.states]
+    joint = JointStates.of(model, 1, choices.states, nothing, nothing, -np.inf)
+    highest = max(map(joint.worth, joint.all_that_count(10**6).found))
+    assert highest > 0
+    for lacking, is_found in ((0.5, True), (2.0, False)):
+        floors = np.array([highest + lacking * joint.margin])
+        moves = list(Following(10**6).found(joint, choices, floors, never))
+        assert [highest == joint.worth(heads[0]) for _, heads in moves] == [True] * is_found
 
 
 @cache
