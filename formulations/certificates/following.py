@@ -12,11 +12,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import compiled_search
-from cocap_opt.formulations.certificates.joint_states import (
-    COMPILING,
-    JointStates,
-    NotEndedError,
-)
+from cocap_opt.formulations.certificates.joint_states import JointStates, NotEndedError
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.stop import Stop
 
@@ -131,7 +127,7 @@ class Following:
     def _plain(self, joint: JointStates, stop: Stop) -> list[tuple[int, ...]] | None:
         """Returns what a plain search collects; None if it is to be compiled."""
         stop.check()
-        may_compile = compiled_search.is_there() and stop.seconds_left > COMPILING
+        may_compile = compiled_search.may_take_over(stop)
         most = max(_PLAIN_NODES - self._plain_nodes, 0) if may_compile else self.nodes_left
         try:
             collected = joint.all_that_count(min(most, self.nodes_left), stop)
