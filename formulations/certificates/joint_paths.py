@@ -94,23 +94,23 @@ class _Team:
 
     def __init__(self, narrowing: Narrowing) -> None:
         model = narrowing.model
-        self._narrowing, self._model = narrowing, model.disaggregated()
+        self._narrowing, self._model = narrowing, model
         class_of = {robot: n for n, one in enumerate(model.classes) for robot in one.robots}
-        self._numbers = [class_of[robot] for robot in range(len(class_of))]
+        self._numbers = np.array([class_of[robot] for robot in range(len(class_of))])
         # What is worth no more than the target at the end need not be followed.
         self._matters = narrowing.target - 2 * narrowing.rounding
 
     def starts(self) -> _Reached:
         """Returns where robots start; nothing, if a start is closed."""
-        placed = np.array([[one.starts[0] for one in self._model.classes]])
+        placed = np.array([[self._model.start(robot) for robot in range(len(self._numbers))]])
         left = self._narrowing.left
         is_open = all(
             left[number][0, state]
-            for number, state in zip(self._numbers, placed[0].tolist(), strict=True)
+            for number, state in zip(self._numbers.tolist(), placed[0].tolist(), strict=True)
         )
         values = np.zeros(1)
         if is_open and self._model.problem.first_step == 0:
-            joint = self._joint(0, list(placed.T))
+            joint = self._narrowing.apart(self._numbers.tolist(), 0, list(placed.T))
             values[0] = joint.worth(range(len(self._numbers)))
         every = _Reached(values, placed, np.zeros(1, dtype=np.int64))
         return every if is_open else every.nothing
@@ -127,29 +127,30 @@ class _Team:
         """
         left = [np.flatnonzero(some[t]) for some in self._narrowing.left]
         choices = Choices.of(
-            [one.graph for one in self._model.classes],
-            t - 1, before.placed, [left[number] for number in self._numbers],
+            [self._model.classes[number].graph for number in self._numbers.tolist()],
+            t - 1, before.placed, [left[number] for number in self._numbers.tolist()],
         )  # fmt: skip
         if sum(map(len, choices.states)) > MOST_CHOICES:
             raise NotEndedError
-        joint = self._joint(t, choices.states)
+        numbers = self._numbers[choices.robots].tolist()
+        joint = self._narrowing.apart(numbers, t, choices.states)
         floors = self._matters - self._narrowing.rest(t) - before.values
         reached, waiting = before.nothing, []
         for found in following.found(joint, choices, floors, stop):
-            waiting.append(self._reached(t, joint, before, found))
+            waiting.append(self._reached(joint, choices.robots, before, found))
             if sum(len(some.values) for some in waiting) > MOST_REACHED:
                 reached, waiting = self._best([reached, *waiting]), []
                 if len(reached.values) > MOST_REACHED:
                     raise NotEndedError
         return self._best([reached, *waiting])
 
-    def _joint(self, t: int, states: list[IntArray]) -> JointStates:
-        return self._narrowing.apart(self._model, self._numbers, t, states)
-
-    def _reached(self, t: int, joint: JointStates, before: _Reached, found: Found) -> _Reached:
+    def _reached(
+        self, joint: JointStates, robots: IntArray, before: _Reached, found: Found
+    ) -> _Reached:
         """Returns the ends of moves without conflict, each with its value."""
         tails, heads = found
-        placed = joint.states[heads]
+        placed = np.empty_like(heads)
+        placed[:, robots] = joint.states[heads]
         able = ~self._conflicts(before.placed[tails], placed)
         tails, heads, placed = tails[able], heads[able], placed[able]
         parts = range(0, len(heads), _AT_ONCE)
@@ -165,7 +166,8 @@ class _Team:
         ends = [
             (places[tails[:, robot] % n], places[heads[:, robot] % n])
             for robot, (places, n) in enumerate(
-                (model.positions[k], one.graph.n_places) for k, one in enumerate(model.classes)
+                (model.positions[number], model.classes[number].graph.n_places)
+                for number in self._numbers.tolist()
             )
         ]
         for robot, one in enumerate(ends):
@@ -177,9 +179,9 @@ class _Team:
         """Returns the best way to each joint state, the best of these first."""
         values, placed, before = (np.concatenate(some) for some in zip(*parts, strict=True))
         same = placed.copy()  # for robots that are exchangeable
-        numbers = np.array(self._numbers)
-        for number in np.unique(numbers).tolist():
-            same[:, numbers == number] = np.sort(placed[:, numbers == number], axis=1)
+        for number in range(len(self._model.classes)):
+            own = self._numbers == number
+            same[:, own] = np.sort(placed[:, own], axis=1)
         order = np.lexsort((*placed.T, before, -values, *same.T))
         same = same[order]
         is_first = np.ones(len(order), dtype=np.bool_)

@@ -123,6 +123,7 @@ class JointStates:
         floor: float,
         ceilings: tuple[Ceiling, ...] = (),
         limits: tuple[Ceiling, ...] = (),
+        apart: Sequence[int] | None = None,
     ) -> "JointStates":
         """Returns the joint states of a step.
 
@@ -131,14 +132,20 @@ class JointStates:
         left : of each class, the numbers [n] of the states that are left at the step
         payment, charge : of each class, of these states [n]
         ceilings, limits : over these states
+        apart : the class of each robot, if every robot is a class of its own here; "of each class"
+            is of each robot then
         """
         class_of = np.repeat(np.arange(len(left)), [len(some) for some in left])
-        pixels = np.concatenate([_pixels(model, c, t, some) for c, some in enumerate(left)])
+        numbers = range(len(left)) if apart is None else apart
+        sizes = model.class_sizes if apart is None else (1,) * len(apart)
+        pixels = np.concatenate([
+            _pixels(model, c, t, some) for c, some in zip(numbers, left, strict=True)
+        ])  # fmt: skip
         weights = model.problem.view_sum_weights[t * model.n_faces : (t + 1) * model.n_faces]
         seen = (pixels > 0).any(axis=0) & (weights > 0)
         at = np.concatenate([
             model.positions[c][some % model.classes[c].graph.n_places]
-            for c, some in enumerate(left)
+            for c, some in zip(numbers, left, strict=True)
         ])  # fmt: skip
         different, which = np.unique(at, axis=0, return_inverse=True)
 
@@ -147,7 +154,7 @@ class JointStates:
             return too_near[np.ix_(which, which)]
 
         return cls(
-            t, model.class_sizes, class_of, np.concatenate(left), pixels[:, seen], weights[seen],
+            t, sizes, class_of, np.concatenate(left), pixels[:, seen], weights[seen],
             np.concatenate(payment), np.concatenate(charge), floor,
             cache(conflict), ceilings, limits,
         )  # fmt: skip

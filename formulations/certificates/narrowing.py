@@ -197,9 +197,7 @@ class Narrowing:
         future: FloatArray = self._to_go[number][t, states] - self.rewards[number][t, states]
         return future
 
-    def apart(
-        self, model: Model, numbers: Sequence[int], t: int, states: Sequence[IntArray]
-    ) -> JointStates:
+    def apart(self, numbers: Sequence[int], t: int, states: Sequence[IntArray]) -> JointStates:
         """Returns the joint states of robots apart; what they are charged is `future`, negated.
 
         So worth less charges is what the step and the later payments can bring, and the present
@@ -207,7 +205,6 @@ class Narrowing:
 
         Parameters
         ----------
-        model : the same in which every robot is a class of its own
         numbers : of each robot, its class
         states : of each robot, some of the states that are left at the step
         """
@@ -219,7 +216,9 @@ class Narrowing:
             for number, some, own in zip(numbers, states, charge, strict=True)
         ]
         limit = self._ceiling_of(self.ceiling(t), np.concatenate(paid_more))
-        return JointStates.of(model, t, states, charge, charge, -np.inf, limits=(limit,))
+        return JointStates.of(
+            self.model, t, states, charge, charge, -np.inf, limits=(limit,), apart=numbers
+        )
 
     def charges(self, number: int) -> Charges:
         """Returns what the robots of a class are charged by rows."""

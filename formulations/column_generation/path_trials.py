@@ -23,11 +23,11 @@ from cocap_opt.formulations.column_generation.search import Search
 FEWEST_NODES, FEWEST_PLAIN_NODES = 100_000, 5_000  # of a trial, compiled or not
 LESS_ROOM, MORE_NODES = 0.7, 2.0  # times what was open, or allowed, when a trial has failed
 SHARE_OF_NODES = 0.5  # of what stages took, that trials may take between them
-# Of trials for higher targets: times as many nodes as stages took, and the most. The first levels
-# are soon through, and each last one brings the bound down by about as much as the one before.
-LEVELS, MOST_NODES = (0.3, 3.0, 30.0), 300_000_000
-TRIALS_OF_LEVEL = 3
-SMALL_SHARE = 0.15  # of what is open: the next lower target is J itself
+# Of what is open, by which higher targets are above the best plan. Each of the later trials takes
+# about four times as many nodes as the one before (field, seed 1), and may take ten times as many.
+SHARES = (0.75, 0.5, 0.375, 0.25, 0.125, 0.0)
+NEXT_TIMES, MOST_NODES = 10, 300_000_000
+FIRST_TIMES = 10  # times the fewest nodes of a trial, that the first of these may take
 
 
 class Tried(NamedTuple):
@@ -65,8 +65,7 @@ class PathTrials:
         stages : how many there are
         nodes : that their searches took
         """
-        fewest = FEWEST_NODES if compiled_search.is_there() else FEWEST_PLAIN_NODES
-        allowed = max(int(SHARE_OF_NODES * nodes) - self.nodes, fewest)
+        allowed = max(int(SHARE_OF_NODES * nodes) - self.nodes, _fewest_nodes())
         room = self.narrowing.room
         is_easier = room <= LESS_ROOM * self._failed_room
         if not is_easier and allowed < MORE_NODES * self._failed_nodes:
@@ -77,27 +76,20 @@ class PathTrials:
         return False
 
     def for_higher_targets(self, stages: int, nodes: int, report: Callable[[], None]) -> None:
-        """Looks for the lowest target for which a trial ends; raises LimitReached.
+        """Tries the plans above ever lower targets, as long as that ends; raises LimitReached.
 
         Parameters
         ----------
         stages, nodes : as in `after_stages`
         report : tells what has been proved
         """
-        ended = 1.0  # share of what is open, as below
-        for times in LEVELS:
-            allowed, failed = min(int(times * nodes), MOST_NODES), 0.0
-            for _ in range(TRIALS_OF_LEVEL):
-                share = 0.0 if ended <= SMALL_SHARE and not failed else (failed + ended) / 2
-                if self._has_ended(share, allowed, stages):
-                    ended = share
-                    report()
-                else:
-                    failed = share
-                if ended == 0 or failed == share == 0:
-                    break
-            if ended == 0:
+        allowed = max(nodes, FIRST_TIMES * _fewest_nodes())
+        for share in SHARES:
+            before = self.nodes
+            if not self._has_ended(share, min(allowed, MOST_NODES), stages):
                 return
+            report()
+            allowed = max(allowed, NEXT_TIMES * (self.nodes - before))
 
     def _has_ended(self, share: float, most_nodes: int, stages: int) -> bool:
         """Tries the plans above a target; returns False if these are too many.
@@ -123,3 +115,8 @@ class PathTrials:
         if self.best is None or tried.bound < self.best.bound:
             self.best = tried
         return True
+
+
+def _fewest_nodes() -> int:
+    """Returns how many nodes any trial may take."""
+    return FEWEST_NODES if compiled_search.is_there() else FEWEST_PLAIN_NODES

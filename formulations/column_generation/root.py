@@ -25,7 +25,9 @@ LEAST_GAIN = 0.12  # of what is open, that the first cuts of disaggregated robot
 # has fewer, and is proved in half of the time.
 FEW_JOINT_STATES = 2e7
 LAST_LOOK = 10  # iterations' worth of best responses, for plans once the root is solved
-LAST_LOOK_FAR = 35  # as many where the root is far from proved: fixing needs a good plan
+# As many where the root is far from proved: fixing needs a good plan. Fewer than so many robots
+# have few pairings, which are soon found (Hughes et al.'s heavy_mixing: 12 of 60 s saved).
+LAST_LOOK_FAR, MANY_ROBOTS = 35, 5
 FAR = 0.003  # gap that no tree closes soon: any gain is welcome, if it is more than
 LEAST_GAIN_FAR = 0.02  # of what is open
 
@@ -123,7 +125,8 @@ class Root:
         self.solve_aggregated()
         if self.relaxation.is_stuck or self._is_closed():
             return
-        self.search.allow_responses(LAST_LOOK_FAR if self._is_far() else LAST_LOOK)
+        many = len(self.search.model.problem.robots) >= MANY_ROBOTS
+        self.search.allow_responses(LAST_LOOK_FAR if many and self._is_far() else LAST_LOOK)
         self.relaxation.look_for_plans()
         self._try_step_envelopes()
         if self.search.is_proved(self.cutoff()) or not self._can_disaggregate():
@@ -135,6 +138,7 @@ class Root:
             return
         if self._gains_enough(aggregated):
             self.relaxation.solve(self.cutoff, self.rough)
+            self._try_step_envelopes()
             return
         if self.search.incumbent is not None:
             model = aggregated.search.model

@@ -53,9 +53,6 @@ MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
 MOST_AT_A_STEP = 1_000
 FEW_STATES_LEFT = 6_500  # over all steps: beyond it, lists are faster, where there can be any
 MOST_LISTED_ROBOTS = 8  # searches of more robots take too long
-# Of fewer robots than these, a tree closes little in less time (the bridge as a solid block, 3
-# robots, in 0.3 s instead of 5 s), so that lists are for what is far from closed.
-MANY_ROBOTS, FAR = 5, 0.003  # of the bound, that is open
 MOST_ROUNDS = 40
 MANY_NODES, MANY_PLAIN_NODES = 2_000_000, 50_000  # of a step's search, compiled or not
 FEW_WORK, FEW_PLAIN_WORK = 500_000, 50_000  # nodes times states, of a search that is worth a try
@@ -130,7 +127,6 @@ class _Envelopes:
     lengths : of the lists of states
     nodes : of all searches of steps so far
     responses : iterations' worth of best responses for the next look for plans
-    is_far : true if much was open at first
     lists_stall : true once a round with the longest lists has closed little
     """
 
@@ -144,7 +140,6 @@ class _Envelopes:
     stages: list[Stage] = field(default_factory=list)
     nodes: int = 0
     lists_stall: bool = False
-    is_far: bool = False
     responses: int = RESPONSES
 
     @property
@@ -161,12 +156,13 @@ class _Envelopes:
     def run(self, cutoff: Callable[[], float]) -> None:
         """Adds stages as long as they close something; raises LimitReached."""
         narrowing = self.narrowing
-        self.is_far = narrowing.bound - cutoff() >= FAR * narrowing.bound
         for _ in range(MOST_ROUNDS):
             before = narrowing.pricing.bound
             open_ = before - cutoff()
-            if open_ <= 0 or not (self._is_small() or self._can_be_listed()):
+            if open_ <= 0:
                 return
+            if not (self._is_small() or self._can_be_listed()):
+                break
             if self._is_small():
                 self._lower()
                 if narrowing.pricing.bound <= cutoff() or self.try_paths():
@@ -226,11 +222,7 @@ class _Envelopes:
     def _can_be_listed(self) -> bool:
         """Returns True if searches of lists may end."""
         robots = len(self.model.problem.robots)
-        return (
-            compiled_search.is_there()
-            and robots <= MOST_LISTED_ROBOTS
-            and (robots >= MANY_ROBOTS or self.is_far)
-        )
+        return compiled_search.is_there() and robots <= MOST_LISTED_ROBOTS
 
     def _lower(self) -> None:
         """Lowers the constants of the present payments, where that takes few nodes."""

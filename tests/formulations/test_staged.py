@@ -555,7 +555,8 @@ def test_what_rounding_may_have_made_too_low_is_followed(
     every = [np.arange(graph.n_states) for graph in graphs]
     choices = Choices.of(graphs, 0, starts, every)
     nothing = [np.zeros(len(some)) for some in choices.states]
-    joint = JointStates.of(model, 1, choices.states, nothing, nothing, -np.inf)
+    apart = choices.robots.tolist()
+    joint = JointStates.of(model, 1, choices.states, nothing, nothing, -np.inf, apart=apart)
     highest = max(map(joint.worth, joint.all_that_count(10**6).found))
     assert highest > 0
     for lacking, is_found in ((0.5, True), (2.0, False)):
@@ -721,7 +722,6 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(envelopes, "MOST_STATES_LEFT", 0)
         patch.setattr(envelopes, "FEW_STATES_LEFT", 0)
-        patch.setattr(envelopes, "MANY_ROBOTS", 0)
         patch.setattr(list_lengths, "SLACK", slack)
         patch.setattr(list_lengths, "MEAN", 0)
         search = Search(compiled(problem))
@@ -744,7 +744,6 @@ def test_a_stage_of_lists_has_the_constants_that_its_payments_are_meant_for(
     """
     monkeypatch.setattr(envelopes, "MOST_STATES_LEFT", 0)
     monkeypatch.setattr(envelopes, "FEW_STATES_LEFT", 0)
-    monkeypatch.setattr(envelopes, "MANY_ROBOTS", 0)
     run, heights, kept = PaymentBundle.run, envelopes._Envelopes._heights, []
 
     def meant_higher(self: PaymentBundle, *arguments: object) -> FloatArray | None:
