@@ -8,13 +8,15 @@ moves, and pay_i what robot i is paid for a view sum. For a plan P and a certifi
              + sum over conflict rows of mu (1 - used)                                    row
              + sum over decisions of +-nu (k - used)                                 decision
              + the largest bound of a proof's leaves - that of the plan's own leaf     leaves
+             - what stages, and paths that were tried, take off again                  stages
              + what the file claims above what its numbers prove                        claim
              + what covers rounding.                                                 rounding
 
 The first holds step by step, since a path's rewards telescope against V; the rest is the bound's
 own sum with the plan's numbers put in. No term is below 0 for a plan that obeys the rules: V is
-the best that any path gets, and `certificates.pricing` proves the others. A broken rule that has a
-price shows as a negative row. All terms are computed by the certificates' own sweep.
+the best that any path gets, and `certificates.pricing` proves the others; only stages take off. A
+broken rule that has a price shows as a negative row. All terms are computed by the certificates'
+own sweep.
 """
 
 import math
@@ -54,7 +56,8 @@ class Term(NamedTuple):
     A path's term is what a robot loses by the move that it makes from `step` on. A face's term is
     what the certificate pays for a block, which is a face of an actor at a step, beyond what the
     robots together get for it; where pixels add up over time it has no step. What the stages of a
-    certificate take off the bound of its multipliers again is a term < 0.
+    certificate, and the paths that were tried, take off the bound of its multipliers again is a
+    term < 0.
     """
 
     kind: Kind

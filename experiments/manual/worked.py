@@ -19,13 +19,17 @@ from cocap_opt.formulations.certificates import (
     ProofFile,
     Staged,
     Wanted,
+    best_plan,
     verify,
 )
 from cocap_opt.formulations.certificates.pricing import Prices
 from cocap_opt.formulations.certificates.staged import MOST_NODES
 from cocap_opt.formulations.certificates.sweep import plain_sweep
+from cocap_opt.formulations.column_generation.root import Root
+from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
 from cocap_opt.formulations.explanation import explain
-from cocap_opt.formulations.result import Snapshot
+from cocap_opt.formulations.result import OPTIMALITY, Snapshot
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS
@@ -157,23 +161,38 @@ def bottleneck() -> _Bottleneck:
 
 
 class Stage(NamedTuple):
-    """The states of the bottleneck that are left after a stage of its certificate."""
+    """What is left of the bottleneck after a stage of a certificate."""
 
     words: str
     bound: float
     left: IntArray  # [T+1] states
     cells: frozenset[tuple[int, int]]  # at the middle step
+    joint: int  # joint states of them, conflicts included
+    reached: tuple[int, ...]  # [T+1] joint states, if all paths are tried at this point
+
+
+@cache
+def in_stages() -> Staged:
+    """Returns a certificate of the bottleneck whose paths are not tried, so that it has stages."""
+    model = bottleneck().model
+    root = Root.of(Search(model), OPTIMALITY)
+    root.solve_aggregated()
+    search = Search(model, incumbent=root.search.incumbent)
+    step_envelopes(search, root.relaxation.best.duals, root.cutoff, tries_paths=False)
+    assert search.spare is not None
+    assert isinstance(search.spare.certificate, Staged)
+    return search.spare.certificate
 
 
 @cache
 def stages() -> list[Stage]:
-    """Returns what the stages of the bottleneck's certificate leave, one after the other."""
-    own = bottleneck()
-    narrowing = Narrowing(own.model, own.staged.multipliers, own.staged.target)
+    """Returns what the stages of the bottleneck leave, one after the other."""
+    own = in_stages()
+    narrowing = Narrowing(bottleneck().model, own.multipliers, own.target)
     found = [_stage("in reach", narrowing)]
     narrowing.close_states()
     found.append(_stage("after the multipliers", narrowing))
-    for n, stage in enumerate(own.staged.stages, 1):
+    for n, stage in enumerate(own.stages, 1):
         for payments in stage.payments:
             narrowing.pay(payments)
         narrowing.price()
@@ -191,11 +210,14 @@ def middle() -> int:
 
 
 def _stage(words: str, narrowing: Narrowing) -> Stage:
-    model, cells = narrowing.model, set()
+    model, cells = narrowing.model, set[tuple[int, int]]()
     for number, left in enumerate(narrowing.left):
         places = np.flatnonzero(left[middle()]) % model.classes[number].graph.n_places
         cells |= {model.cells[number][place][:2] for place in places.tolist()}
-    return Stage(words, narrowing.bound, narrowing.states_left, frozenset(cells))
+    return Stage(
+        words, narrowing.bound, narrowing.states_left, frozenset(cells),
+        narrowing.joint_states_left, best_plan(narrowing, MOST_NODES).reached,
+    )  # fmt: skip
 
 
 @cache

@@ -82,9 +82,15 @@ def told_resource(resource: Resource) -> str:
 
 def _stages_table() -> str:
     return _table([
-        {"": stage.words, "states left": f"{stage.left[1:].sum():,}", "bound": number(stage.bound)}
-        for stage in worked.stages()
+        {"": stage.words, "states left": f"{stage.left[1:].sum():,}", "bound": number(stage.bound),
+         "joint states reached": f"{sum(stage.reached[1:]):,}" if n else ""}
+        for n, stage in enumerate(worked.stages())
     ])  # fmt: skip
+
+
+def _reached() -> str:
+    """Returns how many joint states are reached from the multipliers alone, step by step."""
+    return ", ".join(map(str, worked.stages()[1].reached[1:]))
 
 
 def _parts_table() -> str:
@@ -165,7 +171,10 @@ WORKED: dict[str, Callable[[], str]] = {
     "rounds_last": lambda: number(worked.stages()[0].bound),
     "rounds_columns": lambda: str(worked.bottleneck().progress[-1].columns),
     "stages": _stages_table,
-    "stages_target": lambda: number(worked.bottleneck().staged.target),
+    "stages_bound": lambda: number(worked.stages()[-1].bound),
+    "stages_target": lambda: number(worked.in_stages().target),
+    "joint_states_left": lambda: f"{worked.stages()[1].joint:,}",
+    "joint_states_reached": _reached,
     "gap_bound": lambda: number(worked.bottleneck().bound),
     "gap_reward": lambda: number(worked.bottleneck().plan.value),
     "gap_parts": _parts_table,

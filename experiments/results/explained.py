@@ -24,7 +24,7 @@ _PARTS: dict[str, tuple[Kind, ...]] = {
     "rules with a price are not used, or broken": ("row",),
     "decisions of the plan's leaf have prices": ("decision",),
     "another leaf of the proof has a larger bound": ("leaves",),
-    "the certificate's stages take this off again": ("stages",),
+    "stages, or paths tried, take this off again": ("stages",),
     "it claims more than its numbers prove": ("claim",),
     "it covers rounding": ("rounding",),
 }

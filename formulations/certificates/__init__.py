@@ -17,9 +17,10 @@ order:
    corners, and convexity proves that it is no larger between and beyond them. The functions
    themselves may be any.
 5. `format`: which nodes are a tree, and which cuts of a file have a constant.
-6. `narrowing`, `joint_states`, `joint_paths`, `staged`: certificates in stages, which close states
-   that no better plan visits and bound what all faces of a step are worth together.
-   `compiled_search` repeats a search of `joint_states`, faster, and is held to it by tests;
+6. `narrowing`, `joint_states`, `staged`: certificates in stages, which close states that no better
+   plan visits and bound what all faces of a step are worth together. `following`, `joint_paths`:
+   at the end the paths of all robots together that are left are tried. `compiled_search` repeats
+   the searches of `joint_states` and `following`, faster, and is held to them by tests;
    `search_kernel` has its steps.
 7. `checking`: the file's digest belongs to the scene, and it claims no more than it proves.
 

@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.stop import Stop
 
 if TYPE_CHECKING:
     from cocap_opt.formulations.certificates.search_kernel import Data, Memory
 
 _KERNEL = "cocap_opt.formulations.certificates.search_kernel"
+_COMPILING = 5.0  # seconds that the first compiled search of a machine may take
 
 
 @cache
@@ -32,6 +34,11 @@ def is_there() -> bool:
 def is_loaded() -> bool:
     """Returns True if the compiled search has been used, so that it is loaded."""
     return _KERNEL in sys.modules
+
+
+def may_take_over(stop: Stop) -> bool:
+    """Returns True if numba is installed, and a limit of time leaves enough to compile."""
+    return is_there() and stop.seconds_left > _COMPILING
 
 
 @dataclass(eq=False)
@@ -120,7 +127,8 @@ class Running:
         ----------
         choices : first entry of each list of states [K+1], positions of the states of all lists,
             and the number of each robot's list [L, R]
-        floors : [L] of each joint state before: least worth, less charges, of one that follows
+        floors : [L] of each joint state before: least worth, less charges, of one that follows,
+            rounding included
         tails : number of the first joint state before, and after the last
         nodes : that the searches may take
 

@@ -12,11 +12,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import compiled_search
-from cocap_opt.formulations.certificates.joint_states import (
-    COMPILING,
-    JointStates,
-    NotEndedError,
-)
+from cocap_opt.formulations.certificates.joint_states import JointStates, NotEndedError
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.stop import Stop
 
@@ -97,7 +93,8 @@ class Following:
     """Searches for moves of the whole team.
 
     A search from one joint state is plain; once they have been long, all are compiled where they
-    can be. Both find the same, with as many nodes.
+    can be. Both find all moves to joint states that reach their floor, and in doubt by rounding
+    some more (`JointStates.margin`).
 
     Attributes
     ----------
@@ -139,7 +136,7 @@ class Following:
     def _plain(self, joint: JointStates, stop: Stop) -> list[tuple[int, ...]] | None:
         """Returns what a plain search collects; None if it is to be compiled."""
         stop.check()
-        may_compile = compiled_search.is_there() and stop.seconds_left > COMPILING
+        may_compile = compiled_search.may_take_over(stop)
         most = max(_PLAIN_NODES - self._plain_nodes, 0) if may_compile else self.nodes_left
         try:
             collected = joint.all_that_count(min(most, self.nodes_left), stop)
@@ -157,10 +154,11 @@ class Following:
         """Yields what compiled searches find, from one of the joint states on."""
         running = joint.running(-np.inf, _MOST_FOUND)
         lists = (choices.first, choices.positions, choices.lists)
+        least = floors - joint.margin
         while tail < len(floors):
             stop.check()
             begun, end = tail, min(tail + _TAILS_AT_ONCE, len(floors))
-            tail, tails, heads = running.follow(lists, floors, (tail, end), self.nodes_left)
+            tail, tails, heads = running.follow(lists, least, (tail, end), self.nodes_left)
             self.nodes_left -= running.nodes
             if tail == begun:
                 raise NotEndedError

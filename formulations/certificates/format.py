@@ -266,8 +266,8 @@ class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
     multipliers : with which the narrowing begins
     target : J; plans that are not above it need not be bounded
     stages : in the order in which they are gone through
-    paths_above : J >= target: at the end the paths of all robots together that are left are tried,
-        as far as plans above it take them; none: they are not
+    paths_above : J >= target: at the end the paths that all robots may take together in plans above
+        it are tried, and the bound is it or the largest J among them; none: no paths are tried
     """
 
     multipliers: Multipliers

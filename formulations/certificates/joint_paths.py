@@ -1,10 +1,14 @@
 """The best plan among the joint states that are left: value iteration over joint states.
 
-Where little is open, few sequences of joint states are worth enough. From each joint state that is
-reached a search (`following`) finds those of the next step that are worth enough, with all that was
-before and the most that can come after by the prices of `narrowing`. Of the ways to one joint state
-only the best goes on; robots of one class are exchangeable there. What is open is spent step by
-step, so that the number of joint states falls soon, and where none is left no plan is better.
+From each joint state that is reached a search (`following`) finds the joint states s of the next
+step t that plans above the target may visit. A plan is worth at most
+
+    value before + F(s) + sum_i future_i(s_i) + rest(t),
+
+where `narrowing` says what robots can get later; s is followed only where that is above the target.
+The bound less this sum is what all steps up to t have lost together, so that there are soon few
+joint states, where (*) of `narrowing` asks each step alone. Of the ways to one joint state only the
+best goes on; robots of one class are exchangeable there. Where none is left, no plan is better.
 """
 
 from collections.abc import Iterable
@@ -30,6 +34,7 @@ class BestPlan(NamedTuple):
     value: float  # J; -infinity if there is no plan
     paths: tuple[Path, ...] = ()  # state numbers, robot by robot
     nodes: int = 0  # that the searches took
+    reached: tuple[int, ...] = ()  # joint states at each step, until there are none
 
 
 class _Reached(NamedTuple):
@@ -71,9 +76,10 @@ def best_plan(narrowing: Narrowing, most_nodes: int, stop: Stop = never) -> Best
             break
         reached.append(team.after(t, reached[-1], following, stop))
     nodes = most_nodes - following.nodes_left
-    if not len(reached[-1].values):
-        return BestPlan(-np.inf, nodes=nodes)
-    return BestPlan(float(reached[-1].values[0]), _paths(reached), nodes)
+    numbers = tuple(len(some.values) for some in reached)
+    if not numbers[-1]:
+        return BestPlan(-np.inf, nodes=nodes, reached=numbers)
+    return BestPlan(float(reached[-1].values[0]), _paths(reached), nodes, numbers)
 
 
 def may_be_used(model: Model) -> bool:

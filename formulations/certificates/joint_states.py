@@ -43,7 +43,6 @@ from cocap_opt.sums import exact_sum
 
 _PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
 _LARGE, _FEW_NODES = 5, 100  # likewise, of teams of so many robots, whose searches are long
-COMPILING = 5.0  # seconds that the first compiled search of a machine may take
 _AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
 
 
@@ -130,10 +129,11 @@ class JointStates:
 
         Parameters
         ----------
-        apart : the class of each robot, if every robot is a class of its own here
         left : of each class, the numbers [n] of the states that are left at the step
         payment, charge : of each class, of these states [n]
         ceilings, limits : over these states
+        apart : the class of each robot, if every robot is a class of its own here; "of each class"
+            is of each robot then
         """
         class_of = np.repeat(np.arange(len(left)), [len(some) for some in left])
         numbers = range(len(left)) if apart is None else apart
@@ -227,7 +227,7 @@ class JointStates:
             payment=self.payment[positions],
             charge=self.charge[positions],
             floor=floor,
-            conflict_of=lambda: self.conflict[np.ix_(positions, positions)],
+            conflict_of=cache(lambda: self.conflict[np.ix_(positions, positions)]),
             ceilings=ceilings,
             limits=limits,
         )
@@ -282,7 +282,7 @@ class JointStates:
                 return Highest(height, search.positions, search.nodes)
         return Highest(wanted.least, nodes=search.nodes)
 
-    def all_that_count(self, most_nodes: int, stop: Stop = never) -> "Collected":
+    def all_that_count(self, most_nodes: int, stop: Stop = never) -> Collected:
         """Returns all joint states that count, by the plain search.
 
         Raises
@@ -302,11 +302,7 @@ class JointStates:
         """
         if compiled_search.is_loaded():
             return self._run_compiled(wanted, stop)
-        is_long = (
-            wanted.most_nodes > self.plain_nodes
-            and compiled_search.is_there()
-            and stop.seconds_left > COMPILING
-        )
+        is_long = wanted.most_nodes > self.plain_nodes and compiled_search.may_take_over(stop)
         first = wanted._replace(most_nodes=self.plain_nodes) if is_long else wanted
         plain = _PlainSearch(self, first)
         try:

@@ -140,8 +140,7 @@ class Narrowing:
     def pricing(self) -> Pricing:
         """The bound on all plans that the stages so far prove; raises CertificateError."""
         self._require_finite()
-        proved = max(self.target, math.nextafter(self.bound + self.rounding, math.inf))
-        return Pricing(proved, self.rounding)
+        return Pricing(self._proved_by(self.bound), self.rounding)
 
     def pricing_of(self, best: float) -> Pricing:
         """Returns the bound on all plans, once those above the target have been tried.
@@ -150,8 +149,12 @@ class Narrowing:
         ----------
         best : J of the best of them; -infinity if there is none
         """
-        proved = max(self.target, math.nextafter(best + self.rounding, math.inf))
-        return self.pricing._replace(bound=min(self.pricing.bound, proved))
+        of_stages = self.pricing
+        return of_stages._replace(bound=min(of_stages.bound, self._proved_by(best)))
+
+    def _proved_by(self, most: float) -> float:
+        """Returns the bound on all plans if none above the target exceeds `most`."""
+        return max(self.target, math.nextafter(most + self.rounding, math.inf))
 
     @property
     def room(self) -> float:
@@ -175,18 +178,30 @@ class Narrowing:
         )
 
     def rest(self, t: int) -> float:
-        """Returns what plans above the target can still be worth after a step, beside `future`."""
+        """Returns what later constants and rows add to the worth so far and `future`, in J.
+
+        A plan above the target whose steps up to t are worth F is worth at most F, this, and the
+        sum of what all robots can get from their states at t on.
+        """
         later = float(self.constants[t + 1 :].sum())
         # Rows charge at most their multipliers at the step itself, which this sum holds.
         return later + exact_sum(row.multiplier for row in self._rows if row.resource.t >= t)
 
     def future(self, number: int, t: int, states: IntArray) -> FloatArray:
-        """Returns what robots of a class in some states [n] at a step can get for later ones."""
+        """Returns what robots of a class can get for later steps [n], in units of J.
+
+        Parameters
+        ----------
+        states : [n] where they are at step t
+        """
         future: FloatArray = self._to_go[number][t, states] - self.rewards[number][t, states]
         return future
 
     def apart(self, numbers: Sequence[int], t: int, states: Sequence[IntArray]) -> JointStates:
-        """Returns the joint states of robots apart, whose charges are what they lose by `future`.
+        """Returns the joint states of robots apart; what they are charged is `future`, negated.
+
+        So worth less charges is what the step and the later payments can bring, and the present
+        payments are one limit of it.
 
         Parameters
         ----------
@@ -220,18 +235,22 @@ class Narrowing:
         self._closing = _Closing(self.constants.copy(), self.slack)
 
     def above(self, target: float) -> "Narrowing":
-        """Returns the same for a target that is not lower, with what closes states for it.
+        """Returns the same for a target that is not lower, for which more states are closed.
+
+        What changes later in one of the two does not change in the other.
 
         Raises
         ------
         CertificateError
-            If the target is lower, or no number.
+            If the target is lower, or not finite.
         """
         if not self.target <= target < math.inf:
-            raise CertificateError("certificate.paths_above: must not be below the target")
+            raise CertificateError("certificate.paths_above: must be finite, and not below target")
         other = copy(self)
         other.target, other.constants = target, self.constants.copy()
+        other.rewards = [some.copy() for some in self.rewards]
         other.left = [some.copy() for some in self.left]
+        other._earlier = [some.copy() for some in self._earlier]
         other.close_states()
         return other
 

@@ -109,10 +109,14 @@ def _apply(
     return nodes
 
 
-def _few_states(
-    narrowing: Narrowing, t: int, field: str, above: float = -math.inf
-) -> list[IntArray]:
-    """Returns the states to search at a step, class by class; refuses where too many are left."""
+def _few_states(narrowing: Narrowing, t: int, field: str, above: float) -> list[IntArray]:
+    """Returns the states to search at a step, class by class; refuses where too many are left.
+
+    Parameters
+    ----------
+    field : name of the step's constant in its file, for the message
+    above : states are missing that are in no joint state higher than this
+    """
     states = narrowing.states_of_joint(t, above)
     if (left := sum(map(len, states))) > MOST_STATES:
         raise CertificateError(

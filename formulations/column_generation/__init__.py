@@ -8,4 +8,4 @@ mixture that is raised without a master (`mixture_ascent`); where robots are ver
 plan come without masters altogether (`large_root`).
 """
 
-__all__ = ["branch_and_price", "column_generation", "root"]
+__all__ = ["branch_and_price", "column_generation", "root", "search", "step_envelopes"]

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cocap_opt.formulations.certificates import JointStates, compiled_search
-from cocap_opt.formulations.certificates.joint_states import COMPILING
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.joint_ascent import ascended, heights, that_count
 from cocap_opt.model import Path
@@ -65,8 +64,8 @@ class Known:
 
     def note(self, nodes: int, joint: JointStates, stop: Stop) -> None:
         """Takes down how many nodes a search took; raises no limit."""
-        if nodes > joint.plain_nodes and compiled_search.is_there():
-            self.is_thorough |= stop.seconds_left > COMPILING
+        if nodes > joint.plain_nodes:
+            self.is_thorough |= compiled_search.may_take_over(stop)
 
     def at(self, joint: JointStates) -> list[list[int]]:
         """Returns the positions of the joint states that are known and still count."""
