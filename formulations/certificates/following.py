@@ -16,7 +16,9 @@ from cocap_opt.formulations.certificates.joint_states import JointStates, NotEnd
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.stop import Stop
 
-_MOST_FOUND = 200_000  # moves that are taken down at a time
+# Moves that are taken down at a time. One joint state with more of them ends the search, as it does
+# not end soon: there would be as many from each of the next ones.
+_MOST_FOUND = 200_000
 _PLAIN_NODES = 2000  # after which searches are compiled, where they can be
 _TAILS_AT_ONCE = 1_000  # between two looks at the stop
 

@@ -26,7 +26,7 @@ def column_generation(
 
     Parameters
     ----------
-    solve_root : `Root.solve`, or `Root.solve_aggregated`
+    solve_root : `Root.solve`, or `Root.solve_aggregated` to leave robots of a class together
 
     Returns
     -------

@@ -6,6 +6,7 @@ the paths of all better plans are too many, those of plans above a higher target
 lowest target that can be tried is the bound then.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -20,9 +21,13 @@ from cocap_opt.formulations.certificates import (
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 
-FEWEST_NODES, FEWEST_PLAIN_NODES = 100_000, 5_000  # of a trial, compiled or not
-LESS_ROOM, MORE_NODES = 0.7, 2.0  # times what was open, or allowed, when a trial has failed
-SHARE_OF_NODES = 0.25  # of what stages took, that trials may take between them
+# Nodes of any trial, compiled or not: a tenth of a second. The bottleneck and the passage need
+# 16,000 before there are any stages.
+FEWEST_NODES, FEWEST_PLAIN_NODES = 100_000, 5_000
+# A trial that has failed is not made again until so much less is open, times what was, or so much
+# more allowed: nodes grow tenfold from a room to one twice as large (field, seed 1).
+LESS_ROOM, MORE_NODES = 0.7, 2.0
+SHARE_OF_NODES = 0.25  # of what stages took, that all trials may take: most of them are in vain
 # Of what is open, by which higher targets are above the best plan. Each of the later trials takes
 # about four times as many nodes as the one before (field, seed 1), and may take ten times as many.
 SHARES = (0.75, 0.5, 0.375, 0.25, 0.125, 0.0)
@@ -54,7 +59,7 @@ class PathTrials:
     best: Tried | None = None
     nodes: int = 0
     is_on: bool = True
-    _failed_room: float = field(default=float("inf"))
+    _failed_room: float = field(default=math.inf)
     _failed_nodes: int = 0
 
     def after_stages(self, stages: int, nodes: int) -> bool:
@@ -106,7 +111,7 @@ class PathTrials:
         try:
             found = best_plan(higher, most_nodes, self.search.stop)
         except NotEndedError:
-            self.nodes += most_nodes
+            self.nodes += most_nodes  # also where there were too many joint states before that
             return False
         self.nodes += found.nodes
         if found.paths:

@@ -21,13 +21,13 @@ LEAST_AMOUNT = 0.01  # of a robot, from which on a column is in the first master
 MOST_DISAGGREGATED = 20_000_000  # robots x steps x states up to which robots are disaggregated
 LEAST_GAIN = 0.12  # of what is open, that the first cuts of disaggregated robots must close,
 # times by how much they make the master larger
-# Joint states of all steps, up to which step envelopes have stages before any cuts. The bottleneck
-# has fewer, and is proved in half of the time.
+# Joint states of all steps, up to which step envelopes have stages before any cuts; of more, only
+# paths are tried then. Stages took half of the time of cuts on the bottleneck, which has fewer.
 FEW_JOINT_STATES = 2e7
 LAST_LOOK = 10  # iterations' worth of best responses, for plans once the root is solved
 # As many where the root is far from proved: fixing needs a good plan. Fewer than so many robots
 # have few pairings, which are soon found (Hughes et al.'s heavy_mixing: 12 of 60 s saved).
-LAST_LOOK_FAR, MANY_ROBOTS = 35, 5
+LAST_LOOK_FAR, MANY_PAIRINGS = 35, 5
 FAR = 0.003  # gap that no tree closes soon: any gain is welcome, if it is more than
 LEAST_GAIN_FAR = 0.02  # of what is open
 
@@ -63,17 +63,23 @@ class Root:
         """Returns the bound at which nothing is open."""
         return self.search.cutoff(self.gap)
 
-    def solve_aggregated(self) -> None:
-        """Solves the relaxation with the robot classes as they are; raises LimitReached."""
+    def solve_aggregated(self, by_cuts_only: bool = False) -> None:
+        """Solves the relaxation with the robot classes as they are; raises LimitReached.
+
+        Parameters
+        ----------
+        by_cuts_only : do not try paths or step envelopes before there are cuts
+        """
         if self.relaxation.best.bound > -np.inf:
             if is_large(self.search.model):
                 self._solve_large()
             else:
                 self._begin(self._ascend(ENOUGH))
-                self.relaxation.solve(self.cutoff, self.rough, until_cuts=True)
-                self._try_step_envelopes(FEW_JOINT_STATES)
-                if self.search.is_proved(self.cutoff()):
-                    return
+                if not by_cuts_only:
+                    self.relaxation.solve(self.cutoff, self.rough, until_cuts=True)
+                    self._try_step_envelopes(FEW_JOINT_STATES)
+                    if self.search.is_proved(self.cutoff()):
+                        return
             self.relaxation.solve(self.cutoff, self.rough)
 
     def _ascend(self, enough: float) -> Mixture:
@@ -125,7 +131,7 @@ class Root:
         self.solve_aggregated()
         if self.relaxation.is_stuck or self._is_closed():
             return
-        many = len(self.search.model.problem.robots) >= MANY_ROBOTS
+        many = len(self.search.model.problem.robots) >= MANY_PAIRINGS
         self.search.allow_responses(LAST_LOOK_FAR if many and self._is_far() else LAST_LOOK)
         self.relaxation.look_for_plans()
         self._try_step_envelopes()

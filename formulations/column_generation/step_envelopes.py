@@ -5,7 +5,7 @@ mostly that the faces of one step want different pairings of the robots. One env
 of a step closes that: robots are paid for states, not for pixels, and a step's constant is the
 height of its highest joint state (`certificates.staged`, `certificates.joint_states`).
 
-Rounds of three: the constants of the present payments are lowered by search; states that no better
+Each round has three parts: the constants of the present payments are lowered by search; states that no better
 plan visits are closed; and a bundle method (`payment_bundle`) finds better payments. Joint states
 are looked for by local search, and only once that finds none above the constants, by the exact one.
 
@@ -14,6 +14,10 @@ slack. They are paid no less than before, and all other states so much more that
 in a joint state above the new constant (`certificates.narrowing`); so the search is over the list
 alone. The next round's lists are those of the new payments, shorter where searches took long. The
 mixture of paths behind the payments is where local search then looks for better plans.
+
+Before the first stage and after each the paths of all robots together may be few enough to be tried
+(`path_trials`), which proves what the best plan is. Where stages close no more, those of plans above
+higher targets are tried.
 """
 
 import math
@@ -202,7 +206,7 @@ class _Envelopes:
     def file(self) -> CertificateFile:
         """Returns the certificate of the stages so far, or of the paths that were tried."""
         model, tried = self.model, self.trials.best
-        if self.bound == self.narrowing.pricing.bound:
+        if tried is not None and tried.bound >= self.narrowing.pricing.bound:
             tried = None
         return CertificateFile(
             scene=model.problem.name,

@@ -30,7 +30,7 @@ from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.scenarios.built_in.field import field
 
 TABLE = "growth.csv"
-_CUTS = partial(column_generation, solve_root=Root.solve_aggregated)  # no step envelopes
+_CUTS = partial(column_generation, solve_root=partial(Root.solve_aggregated, by_cuts_only=True))
 
 
 def growth(

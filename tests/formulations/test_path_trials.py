@@ -1,0 +1,121 @@
+"""Trials of the paths of all robots together: when they are made, and what they prove."""
+
+import numpy as np
+import pytest
+
+from cocap_opt.formulations.certificates import Narrowing, NotEndedError, verify
+from cocap_opt.formulations.certificates.joint_paths import BestPlan
+from cocap_opt.formulations.column_generation import path_trials, step_envelopes
+from cocap_opt.formulations.column_generation.path_trials import FEWEST_NODES, SHARES, PathTrials
+from cocap_opt.formulations.column_generation.root import Root
+from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.model import compiled
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Limit, LimitReached, Stop
+
+
+def solved_root() -> Root:
+    """The root of the bottleneck before its cuts, with a plan."""
+    root = Root.of(Search(compiled(load_scene("bottleneck", 0).replace(horizon=6))), OPTIMALITY)
+    for column in root.search.alone.columns:
+        root.relaxation.master.add(column)
+    root.relaxation.solve(root.cutoff, until_cuts=True)
+    root.relaxation.look_for_plans()
+    return root
+
+
+@pytest.fixture
+def trials() -> PathTrials:
+    """The trials of a root that has no stages yet."""
+    root = solved_root()
+    duals = root.relaxation.best.duals.certificate(root.search.model)
+    return PathTrials(root.search, Narrowing(root.search.model, duals, root.search.value))
+
+
+class Ending:
+    """Takes the place of the trials' searches: those of targets below one do not end."""
+
+    def __init__(self, least: float) -> None:
+        self.least, self.allowed, self.targets = least, list[int](), list[float]()
+
+    def __call__(self, narrowing: Narrowing, most_nodes: int, stop: Stop) -> BestPlan:
+        """Ends, or not, and takes down what was asked for."""
+        self.allowed.append(most_nodes)
+        self.targets.append(narrowing.target)
+        if narrowing.target < self.least:
+            raise NotEndedError
+        return BestPlan(-np.inf, nodes=1000)
+
+
+def test_failed_trials_are_made_again_once_more_is_allowed_or_less_is_open(
+    trials: PathTrials, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not otherwise, as they would fail again."""
+    ending = Ending(np.inf)
+    monkeypatch.setattr(path_trials, "best_plan", ending)
+    fewest = path_trials._fewest_nodes()
+    assert not trials.after_stages(0, 0)
+    assert ending.allowed == [fewest]
+    assert not trials.after_stages(1, 4 * fewest)
+    assert len(ending.allowed) == 1
+    assert not trials.after_stages(2, 100 * fewest)
+    assert len(ending.allowed) == 2 and ending.allowed[1] > 2 * fewest
+    narrower = trials.narrowing.constants
+    narrower -= 0.5 * trials.narrowing.room / len(narrower)
+    assert not trials.after_stages(3, 100 * fewest)
+    assert len(ending.allowed) == 3
+    assert trials.best is None and trials.nodes == sum(ending.allowed)
+
+
+def test_higher_targets_come_down_until_a_trial_fails(
+    trials: PathTrials, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bound is the last target for which one has ended."""
+    value, bound = trials.search.value, trials.narrowing.bound
+    ending = Ending(value + 0.4 * (bound - value))
+    monkeypatch.setattr(path_trials, "best_plan", ending)
+    told: list[float] = []
+    trials.for_higher_targets(7, 10, lambda: told.append(trials.best.bound))
+    shares = [(target - value) / (bound - value) for target in ending.targets]
+    assert shares == pytest.approx(SHARES[:3])
+    assert trials.best is not None and trials.best.stages == 7
+    assert trials.best.bound == pytest.approx(ending.targets[1], rel=1e-9)
+    assert trials.best.above == ending.targets[1]
+    assert told[0] > told[1] == trials.best.bound
+    assert min(ending.allowed) >= FEWEST_NODES // 20
+
+
+def test_a_limit_ends_trials_and_keeps_what_they_proved(
+    trials: PathTrials, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bound of the targets before stays."""
+    ending = Ending(-np.inf)
+
+    def limited(narrowing: Narrowing, most_nodes: int, stop: Stop) -> BestPlan:
+        if len(ending.targets) == 2:
+            raise LimitReached(Limit.TIME)
+        return ending(narrowing, most_nodes, stop)
+
+    monkeypatch.setattr(path_trials, "best_plan", limited)
+    with pytest.raises(LimitReached):
+        trials.for_higher_targets(0, 0, lambda: None)
+    assert trials.best is not None and trials.best.above == ending.targets[1]
+
+
+@pytest.mark.parametrize("share", [0.75, 0.25])
+def test_what_trials_for_higher_targets_prove_is_verified(
+    share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file says above which J plans were tried, and its bound is that."""
+    root = solved_root()
+    monkeypatch.setattr(path_trials, "SHARES", (share,))
+    monkeypatch.setattr(step_envelopes, "MOST_ROUNDS", 0)
+    monkeypatch.setattr(PathTrials, "after_stages", lambda *_: False)
+    step_envelopes.step_envelopes(root.search, root.relaxation.best.duals, root.cutoff)
+    file, bound = root.search.spare, root.relaxation.best.bound
+    assert file is not None and root.search.value < file.proved < bound
+    above = root.search.value + share * (bound - root.search.value)
+    assert file.certificate.paths_above == pytest.approx(above, rel=1e-9)
+    assert file.proved == pytest.approx(above, rel=1e-9)
+    assert verify(root.search.model.problem, file).bound == file.proved
