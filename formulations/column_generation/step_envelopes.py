@@ -5,9 +5,10 @@ mostly that the faces of one step want different pairings of the robots. One env
 of a step closes that: robots are paid for states, not for pixels, and a step's constant is the
 height of its highest joint state (`certificates.staged`, `certificates.joint_states`).
 
-Each round has three parts: the constants of the present payments are lowered by search; states that no better
-plan visits are closed; and a bundle method (`payment_bundle`) finds better payments. Joint states
-are looked for by local search, and only once that finds none above the constants, by the exact one.
+Each round has three parts: the constants of the present payments are lowered by search; states that
+no better plan visits are closed; and a bundle method (`payment_bundle`) finds better payments.
+Joint states are looked for by local search, and only once that finds none above the constants, by
+the exact one.
 
 Where many states are left, each round has a short list of states for each step: those of the least
 slack. They are paid no less than before, and all other states so much more that none of these is
@@ -16,8 +17,8 @@ alone. The next round's lists are those of the new payments, shorter where searc
 mixture of paths behind the payments is where local search then looks for better plans.
 
 Before the first stage and after each the paths of all robots together may be few enough to be tried
-(`path_trials`), which proves what the best plan is. Where stages close no more, those of plans above
-higher targets are tried.
+(`path_trials`), which proves what the best plan is. Where stages close no more, those of plans
+above higher targets are tried.
 """
 
 import math
