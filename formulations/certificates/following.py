@@ -20,6 +20,7 @@ from cocap_opt.stop import Stop
 # not end soon: there would be as many from each of the next ones.
 _MOST_FOUND = 200_000
 _PLAIN_NODES = 2000  # after which searches are compiled, where they can be
+NODES_OF_MOVE = 5  # as many nodes take as long as what is done with a move that is found
 _TAILS_AT_ONCE = 1_000  # between two looks at the stop
 
 
@@ -100,7 +101,7 @@ class Following:
 
     Attributes
     ----------
-    nodes_left : that the searches may still take
+    nodes_left : that the searches may still take; a move that is found counts as some
     """
 
     nodes_left: int
@@ -146,9 +147,15 @@ class Following:
             if may_compile:
                 return None
             raise
-        self.nodes_left -= collected.nodes
+        self._spend(collected.nodes, len(collected.found))
         self._plain_nodes += collected.nodes
         return collected.found
+
+    def _spend(self, nodes: int, moves: int) -> None:
+        """Takes down what a search took; raises NotEndedError if that was too much."""
+        self.nodes_left -= nodes + NODES_OF_MOVE * moves
+        if self.nodes_left < 0:
+            raise NotEndedError
 
     def _compiled(
         self, joint: JointStates, choices: Choices, floors: FloatArray, tail: int, stop: Stop
@@ -161,8 +168,8 @@ class Following:
             stop.check()
             begun, end = tail, min(tail + _TAILS_AT_ONCE, len(floors))
             tail, tails, heads = running.follow(lists, least, (tail, end), self.nodes_left)
-            self.nodes_left -= running.nodes
             if tail == begun:
                 raise NotEndedError
+            self._spend(running.nodes, len(tails))
             if len(tails):
                 yield Found(tails, heads)
