@@ -81,7 +81,7 @@ class Running:
         ceilings, limits : their heights, and what each state is paid or charged more than then [n]
         conflict : [n, n] whether two robots may not be in these states at once
         least, floor : as in `joint_states`
-        most_found : if not 0, all joint states that count are collected, up to so many
+        most_found : if not 0, the search is for `follow`, which collects up to so many in a call
         """
         from cocap_opt.formulations.certificates.search_kernel import Data
 
@@ -121,7 +121,7 @@ class Running:
         tails: tuple[int, int],
         nodes: int,
     ) -> tuple[int, IntArray, IntArray]:
-        """Collects the joint states that follow each of some, before any other search.
+        """Collects the joint states that follow each of some; goes on where it was interrupted.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class Running:
         floors : [L] of each joint state before: least worth, less charges, of one that follows,
             rounding included
         tails : number of the first joint state before, and after the last
-        nodes : that the searches may take
+        nodes : after which it is interrupted, or after as many as may be collected
 
         Returns
         -------
@@ -139,6 +139,7 @@ class Running:
         """
         from cocap_opt.formulations.certificates import search_kernel as kernel
 
+        nodes = min(nodes, len(self.memory.collected))  # each collects one joint state at most
         arrays = kernel.Choices(*choices, floors)
         found = np.zeros(len(self.memory.collected), dtype=np.int64)
         tail = int(kernel.follow(self.data, self.memory, arrays, *tails, nodes, found))
@@ -147,7 +148,7 @@ class Running:
 
     @property
     def nodes(self) -> int:
-        """Number of nodes of the tree so far."""
+        """Number of nodes of the tree so far, or of the last call of `follow`."""
         from cocap_opt.formulations.certificates.search_kernel import NODES
 
         return int(self.memory.progress[NODES])
@@ -160,13 +161,13 @@ class Running:
 
 
 def _beginning(data: Data, highest: FloatArray, most_found: int) -> Memory:
-    """Returns the memory of a search whose root is its next node."""
+    """Returns the memory of a search whose root is its next node, or that `follow` begins."""
     from cocap_opt.formulations.certificates.search_kernel import Memory
 
     depths, n_classes = data.counts.shape
     robots, n, n_faces = depths - 1, len(data.class_of), len(data.weights)
     return Memory(
-        progress=np.array([0, 1, 0, 0, 0]),
+        progress=np.array([-1 if most_found else 0, 1, 0, 0, 0]),
         states=np.tile(np.arange(n), (depths, 1)),
         numbers=np.tile([n, 0], (depths, 1)),
         child=np.zeros(depths, dtype=np.int64),

@@ -12,16 +12,18 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import compiled_search
-from cocap_opt.formulations.certificates.joint_states import JointStates, NotEndedError
+from cocap_opt.formulations.certificates.joint_states import (
+    AT_ONCE,
+    MOST_FOUND,
+    JointStates,
+    NotEndedError,
+)
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.stop import Stop
 
-# Moves that are taken down at a time. One joint state with more of them ends the search, as it does
-# not end soon: there would be as many from each of the next ones.
-_MOST_FOUND = 200_000
 _PLAIN_NODES = 2000  # after which searches are compiled, where they can be
 NODES_OF_MOVE = 5  # as many nodes take as long as what is done with a move that is found
-_TAILS_AT_ONCE = 1_000  # between two looks at the stop
+_NODES_AT_ONCE, _TAILS_AT_ONCE = AT_ONCE, 1_000  # between two looks at the stop
 
 
 class Found(NamedTuple):
@@ -161,15 +163,21 @@ class Following:
         self, joint: JointStates, choices: Choices, floors: FloatArray, tail: int, stop: Stop
     ) -> Iterator[Found]:
         """Yields what compiled searches find, from one of the joint states on."""
-        running = joint.running(-np.inf, _MOST_FOUND)
+        running = joint.running(-np.inf, _NODES_AT_ONCE)
         lists = (choices.first, choices.positions, choices.lists)
         least = floors - joint.margin
+        n_found = 0  # from the joint state whose search was interrupted
         while tail < len(floors):
             stop.check()
             begun, end = tail, min(tail + _TAILS_AT_ONCE, len(floors))
-            tail, tails, heads = running.follow(lists, least, (tail, end), self.nodes_left)
-            if tail == begun:
+            # One more: whether a node is the last one may only be seen after it.
+            nodes = min(self.nodes_left + 1, _NODES_AT_ONCE)
+            tail, tails, heads = running.follow(lists, least, (begun, end), nodes)
+            n_found += int(np.count_nonzero(tails == begun))
+            if n_found > MOST_FOUND:
                 raise NotEndedError
             self._spend(running.nodes, len(tails))
+            if tail > begun:
+                n_found = int(np.count_nonzero(tails == tail))
             if len(tails):
                 yield Found(tails, heads)

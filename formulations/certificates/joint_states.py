@@ -43,7 +43,10 @@ from cocap_opt.sums import exact_sum
 
 _PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
 _LARGE, _FEW_NODES = 5, 100  # likewise, of teams of so many robots, whose searches are long
-_AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
+_ROWS = 500  # of a table of conflicts, for which distances are computed at once
+# Joint states that one search collects: as many would follow each of them, so it does not end soon.
+MOST_FOUND = 200_000
+AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
 
 
 class Wanted(NamedTuple):
@@ -150,8 +153,13 @@ class JointStates:
         different, which = np.unique(at, axis=0, return_inverse=True)
 
         def conflict() -> BoolArray:
-            too_near = model.problem.rules.too_near(different[None] - different[:, None])
-            return too_near[np.ix_(which, which)]
+            parts = [
+                model.problem.rules.too_near(different[None] - different[k : k + _ROWS, None])
+                for k in range(0, len(different), _ROWS)
+            ]
+            return np.concatenate([np.zeros((0, len(different)), np.bool_), *parts])[
+                np.ix_(which, which)
+            ]
 
         return cls(
             t, sizes, class_of, np.concatenate(left), pixels[:, seen], weights[seen],
@@ -287,8 +295,10 @@ class JointStates:
 
         Raises
         ------
-        NotEndedError, LimitReached
-            As `highest` does.
+        NotEndedError
+            If the tree is larger than its limit, or more than `MOST_FOUND` count.
+        LimitReached
+            At a limit.
         """
         plain = _PlainSearch(self, Wanted(-np.inf, most_nodes), collects=True)
         plain.run(stop)
@@ -319,7 +329,7 @@ class JointStates:
         Parameters
         ----------
         least : least height that is wanted
-        most_found : if not 0, all joint states that count are collected, up to so many
+        most_found : if not 0, the search is for `follow`, which collects up to so many in a call
         """
         first, faces, pixels = self.sparse
         return compiled_search.Running.of(
@@ -331,9 +341,9 @@ class JointStates:
     def _run_compiled(self, wanted: Wanted, stop: Stop) -> compiled_search.Running:
         """Returns a compiled search that has ended."""
         running = self.running(wanted.least)
-        for done in range(0, wanted.most_nodes, _AT_ONCE):
+        for done in range(0, wanted.most_nodes, AT_ONCE):
             stop.check()
-            if running.advance(min(_AT_ONCE, wanted.most_nodes - done)):
+            if running.advance(min(AT_ONCE, wanted.most_nodes - done)):
                 return running
         raise NotEndedError
 
@@ -435,6 +445,8 @@ class _PlainSearch:
         """Takes down a joint state that is complete."""
         if self._collects:
             self.found.append(node.chosen)
+            if len(self.found) > MOST_FOUND:
+                raise NotEndedError
         elif node.height > self.best:
             self.best, self.positions = node.height, node.chosen
 

@@ -13,7 +13,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.compiling import compiled
 
-# What each entry of `Memory.progress` is.
+# What each entry of `Memory.progress` is; the depth is -1 where no search is going on.
 DEPTH, IS_NEW, IS_DONE, FOUND, NODES = range(5)
 
 # The rows of `Memory.values`, and the first two of `Memory.heights` and `Memory.largest`.
@@ -73,9 +73,8 @@ _compiled = partial(compiled, forceinline=True)
 def _end(memory: Memory, depth: int, best: float) -> float:
     """Takes down a joint state that is complete; returns the largest height so far."""
     if len(memory.collected):
-        if memory.progress[FOUND] < len(memory.collected):
-            for k in range(depth):
-                memory.collected[memory.progress[FOUND], k] = memory.chosen[0, k]
+        for k in range(depth):
+            memory.collected[memory.progress[FOUND], k] = memory.chosen[0, k]
         memory.progress[FOUND] += 1
     elif memory.heights[PAID, depth] > best:
         for k in range(depth):
@@ -255,36 +254,42 @@ def advance(data: Data, memory: Memory, best: float, floor: float, nodes: int) -
     return best
 
 
+@_compiled
+def _begin_with_choices(memory: Memory, choices: Choices, tail: int) -> None:
+    """Begins a search among the states that may be taken from a joint state before."""
+    n = 0
+    for robot in range(choices.lists.shape[1]):
+        number = choices.lists[tail, robot]
+        for k in range(choices.first[number], choices.first[number + 1]):
+            memory.states[0, n] = choices.positions[k]
+            n += 1
+    memory.numbers[0, 0] = n
+    memory.progress[DEPTH], memory.progress[IS_NEW], memory.progress[IS_DONE] = 0, 1, 0
+
+
 @compiled
 def follow(
     data: Data, memory: Memory, choices: Choices, tail: int, end: int, nodes: int, tails: IntArray
 ) -> int:
     """Collects what follows each of some joint states; returns the number of the first not done.
 
+    A search that has been interrupted goes on at the next call.
+
     Parameters
     ----------
     tail, end : number of the first joint state before, and after the last
-    nodes : that the searches may take
+    nodes : after which it is interrupted; no more than can be collected
     tails : [most] of each joint state that is collected, the number of the one that it follows
     """
     memory.progress[FOUND], memory.progress[NODES] = 0, 0
     while tail < end:
-        before, n = memory.progress[FOUND], 0
-        for robot in range(choices.lists.shape[1]):
-            number = choices.lists[tail, robot]
-            for k in range(choices.first[number], choices.first[number + 1]):
-                memory.states[0, n] = choices.positions[k]
-                n += 1
-        memory.numbers[0, 0] = n
-        memory.progress[DEPTH], memory.progress[IS_NEW], memory.progress[IS_DONE] = 0, 1, 0
-        # One more: whether a node is the last one may only be seen after it.
-        left = nodes - memory.progress[NODES] + 1
-        advance(data, memory, -np.inf, choices.floors[tail], left)
-        is_done = memory.progress[IS_DONE] and memory.progress[NODES] <= nodes
-        if not is_done or memory.progress[FOUND] > len(memory.collected):
-            memory.progress[FOUND] = before
-            break
+        if memory.progress[DEPTH] < 0:
+            _begin_with_choices(memory, choices, tail)
+        before = memory.progress[FOUND]
+        advance(data, memory, -np.inf, choices.floors[tail], nodes - memory.progress[NODES])
         for k in range(before, memory.progress[FOUND]):
             tails[k] = tail
+        if not memory.progress[IS_DONE]:
+            break
         tail += 1
     return tail

@@ -41,6 +41,7 @@ from cocap_opt.formulations.certificates import (
     certify,
     compiled_search,
     following,
+    joint_states,
     may_be_used,
     verify,
 )
@@ -537,8 +538,71 @@ def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
             patch.setattr(compiled_search, "is_there", lambda there=is_there: there)
             patch.setattr(following, "_PLAIN_NODES", plain_nodes)
             patch.setattr(following, "_TAILS_AT_ONCE", 3)
+            patch.setattr(following, "_NODES_AT_ONCE", 4)
             found.append(best_plan(narrowing, 10**6))
     assert found[0] == found[1] == found[2]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(following, "_PLAIN_NODES", -1)
+        patch.setattr(following, "_NODES_AT_ONCE", 4)
+        assert best_plan(narrowing, found[0].nodes) == found[0]
+        if found[0].nodes:
+            with pytest.raises(NotEndedError):
+                best_plan(narrowing, found[0].nodes - 1)
+
+
+def open_narrowing(horizon: int) -> Narrowing:
+    """Six drones, each with two dozen states after a step, all of which are left."""
+    model = compiled(load_scene("field", 0).replace(horizon=horizon))
+    shape = (model.problem.view_sum_steps, model.n_faces)
+    multipliers = Multipliers(as_rows(np.ones(shape)), as_rows(np.ones(shape)))
+    narrowing = Narrowing(model, multipliers, -1.0)
+    narrowing.close_states()
+    return narrowing
+
+
+@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+def test_one_long_search_for_what_follows_looks_at_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many nodes the first joint state takes, limits are looked at between some of them."""
+    follow, nodes = compiled_search.Running.follow, list[int]()
+
+    def noted(self: compiled_search.Running, *arguments: object) -> object:
+        found = follow(self, *arguments)
+        nodes.append(self.nodes)
+        return found
+
+    monkeypatch.setattr(compiled_search.Running, "follow", noted)
+    monkeypatch.setattr(following, "_PLAIN_NODES", -1)
+    monkeypatch.setattr(following, "_NODES_AT_ONCE", 500)
+    with pytest.raises(LimitReached):
+        best_plan(open_narrowing(1), 10**9, Calls(5))
+    assert nodes and set(nodes) == {500}
+
+
+@pytest.mark.parametrize("is_compiled", [False, True])
+def test_a_search_that_finds_too_much_ends_there(
+    is_compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It does not go through all of the two hundred million joint states first."""
+    if is_compiled and not compiled_search.is_there():
+        pytest.skip("needs the extra [fast]")
+    for module in (following, joint_states):
+        monkeypatch.setattr(module, "MOST_FOUND", 1000)
+    monkeypatch.setattr(compiled_search, "is_loaded", lambda: is_compiled)
+    monkeypatch.setattr(compiled_search, "is_there", lambda: is_compiled)
+    monkeypatch.setattr(following, "_NODES_AT_ONCE", 600)
+    stop = Calls()
+    with pytest.raises(NotEndedError):
+        best_plan(open_narrowing(1), 10**9, stop)
+    assert stop.asked < 20
+
+
+@pytest.mark.parametrize("rows", [1, 7])
+def test_tables_of_conflicts_are_made_in_parts(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same table, however many rows are computed at once."""
+    narrowing = open_narrowing(2)
+    whole = narrowing.joint_states(1).conflict
+    monkeypatch.setattr(joint_states, "_ROWS", rows)
+    assert (narrowing.joint_states(1).conflict == whole).all() and whole.any()
 
 
 @pytest.mark.parametrize("is_compiled", [False, True])
