@@ -20,6 +20,7 @@ from cocap_opt.formulations.certificates import (
 )
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.stop import Stop
 
 # Nodes of any trial, compiled or not: a tenth of a second. The bottleneck and the passage need
 # 16,000 before there are any stages.
@@ -70,7 +71,7 @@ class PathTrials:
         stages : how many there are
         nodes : that their searches took
         """
-        allowed = max(int(SHARE_OF_NODES * nodes) - self.nodes, _fewest_nodes())
+        allowed = max(int(SHARE_OF_NODES * nodes) - self.nodes, _fewest_nodes(self.search.stop))
         room = self.narrowing.room
         is_easier = room <= LESS_ROOM * self._failed_room
         if not is_easier and allowed < MORE_NODES * self._failed_nodes:
@@ -88,7 +89,7 @@ class PathTrials:
         stages, nodes : as in `after_stages`
         report : tells what has been proved
         """
-        allowed = max(nodes, FIRST_TIMES * _fewest_nodes())
+        allowed = max(nodes, FIRST_TIMES * _fewest_nodes(self.search.stop))
         for share in SHARES:
             before = self.nodes
             if not self._has_ended(share, min(allowed, MOST_NODES), stages):
@@ -122,6 +123,7 @@ class PathTrials:
         return True
 
 
-def _fewest_nodes() -> int:
+def _fewest_nodes(stop: Stop) -> int:
     """Returns how many nodes any trial may take."""
-    return FEWEST_NODES if compiled_search.is_there() else FEWEST_PLAIN_NODES
+    is_fast = compiled_search.is_loaded() or compiled_search.may_take_over(stop)
+    return FEWEST_NODES if is_fast else FEWEST_PLAIN_NODES

@@ -3,16 +3,26 @@
 import numpy as np
 import pytest
 
-from cocap_opt.formulations.certificates import Narrowing, NotEndedError, verify
+from cocap_opt.formulations.certificates import (
+    Narrowing,
+    NotEndedError,
+    compiled_search,
+    verify,
+)
 from cocap_opt.formulations.certificates.joint_paths import BestPlan
 from cocap_opt.formulations.column_generation import path_trials, step_envelopes
-from cocap_opt.formulations.column_generation.path_trials import FEWEST_NODES, SHARES, PathTrials
+from cocap_opt.formulations.column_generation.path_trials import (
+    FEWEST_NODES,
+    FEWEST_PLAIN_NODES,
+    SHARES,
+    PathTrials,
+)
 from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit, LimitReached, Stop
+from cocap_opt.stop import Limit, LimitReached, Stop, TimeLimit
 
 
 def solved_root() -> Root:
@@ -54,7 +64,7 @@ def test_failed_trials_are_made_again_once_more_is_allowed_or_less_is_open(
     """Not otherwise, as they would fail again."""
     ending = Ending(np.inf)
     monkeypatch.setattr(path_trials, "best_plan", ending)
-    fewest = path_trials._fewest_nodes()
+    fewest = path_trials._fewest_nodes(trials.search.stop)
     assert not trials.after_stages(0, 0)
     assert ending.allowed == [fewest]
     assert not trials.after_stages(1, 4 * fewest)
@@ -66,6 +76,18 @@ def test_failed_trials_are_made_again_once_more_is_allowed_or_less_is_open(
     assert not trials.after_stages(3, 100 * fewest)
     assert len(ending.allowed) == 3
     assert trials.best is None and trials.nodes == sum(ending.allowed)
+
+
+def test_trials_are_short_where_there_is_no_time_to_compile(
+    trials: PathTrials, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Plain searches of as many nodes as compiled ones would take all of a short limit."""
+    ending = Ending(np.inf)
+    monkeypatch.setattr(path_trials, "best_plan", ending)
+    monkeypatch.setattr(compiled_search, "is_loaded", lambda: False)
+    trials.search.stop = TimeLimit(1.0)
+    assert not trials.after_stages(0, 0)
+    assert ending.allowed == [FEWEST_PLAIN_NODES]
 
 
 def test_higher_targets_come_down_until_a_trial_fails(
