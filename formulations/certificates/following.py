@@ -15,15 +15,15 @@ from cocap_opt.formulations.certificates import compiled_search
 from cocap_opt.formulations.certificates.joint_states import (
     AT_ONCE,
     MOST_FOUND,
+    PLAIN_NODES,
     JointStates,
     NotEndedError,
 )
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.stop import Stop
 
-_PLAIN_NODES = 2000  # after which searches are compiled, where they can be
 NODES_OF_MOVE = 5  # as many nodes take as long as what is done with a move that is found
-_NODES_AT_ONCE, _TAILS_AT_ONCE = AT_ONCE, 1_000  # between two looks at the stop
+_NODES_AT_ONCE = AT_ONCE  # between two looks at the stop
 
 
 class Found(NamedTuple):
@@ -142,7 +142,7 @@ class Following:
         """Returns what a plain search collects; None if it is to be compiled."""
         stop.check()
         may_compile = compiled_search.may_take_over(stop)
-        most = max(_PLAIN_NODES - self._plain_nodes, 0) if may_compile else self.nodes_left
+        most = max(PLAIN_NODES - self._plain_nodes, 0) if may_compile else self.nodes_left
         try:
             collected = joint.all_that_count(min(most, self.nodes_left), stop)
         except NotEndedError:
@@ -169,10 +169,10 @@ class Following:
         n_found = 0  # from the joint state whose search was interrupted
         while tail < len(floors):
             stop.check()
-            begun, end = tail, min(tail + _TAILS_AT_ONCE, len(floors))
+            begun = tail
             # One more: whether a node is the last one may only be seen after it.
             nodes = min(self.nodes_left + 1, _NODES_AT_ONCE)
-            tail, tails, heads = running.follow(lists, least, (begun, end), nodes)
+            tail, tails, heads = running.follow(lists, least, (begun, len(floors)), nodes)
             n_found += int(np.count_nonzero(tails == begun))
             if n_found > MOST_FOUND:
                 raise NotEndedError

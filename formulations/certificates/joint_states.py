@@ -41,7 +41,7 @@ from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 from cocap_opt.sums import exact_sum
 
-_PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
+PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
 _LARGE, _FEW_NODES = 5, 100  # likewise, of teams of so many robots, whose searches are long
 _ROWS = 500  # of a table of conflicts, for which distances are computed at once
 # Joint states that one search collects: as many would follow each of them, so it does not end soon.
@@ -199,7 +199,7 @@ class JointStates:
     @property
     def plain_nodes(self) -> int:
         """Nodes from which on a search is long, so that it is compiled where it can be."""
-        return _FEW_NODES if sum(self.sizes) >= _LARGE else _PLAIN_NODES
+        return _FEW_NODES if sum(self.sizes) >= _LARGE else PLAIN_NODES
 
     def repaid(self, payment: FloatArray, constant: float = np.inf) -> "JointStates":
         """Returns the same joint states with other payments.

@@ -447,6 +447,13 @@ def test_a_search_that_is_too_long_says_so() -> None:
         joint.highest(Wanted(-np.inf, 1))
 
 
+def random_narrowing(model: Model, target: float, rng: np.random.Generator) -> Narrowing:
+    """What random multipliers leave above a target."""
+    narrowing = Narrowing(model, random_multipliers(model, rng), target)
+    narrowing.close_states()
+    return narrowing
+
+
 @examples(30)
 @given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
 def test_joint_value_iteration_finds_the_best_plan(problem: Problem, seed: int) -> None:
@@ -458,8 +465,7 @@ def test_joint_value_iteration_finds_the_best_plan(problem: Problem, seed: int) 
         return
     model = some_model(problem, rng)
     assert may_be_used(model)
-    narrowing = Narrowing(model, random_multipliers(model, rng), 0.9 * best.value - 1)
-    narrowing.close_states()
+    narrowing = random_narrowing(model, 0.9 * best.value - 1, rng)
     found = best_plan(narrowing, 10**6)
     assert best_plan(narrowing, found.nodes) == found
     if found.nodes:
@@ -484,8 +490,7 @@ def test_plans_above_a_higher_target_are_tried(problem: Problem, seed: int, shar
     if best.plan is None:
         return
     model = some_model(problem, rng)
-    narrowing = Narrowing(model, random_multipliers(model, rng), 0.3 * best.value - 1)
-    narrowing.close_states()
+    narrowing = random_narrowing(model, 0.3 * best.value - 1, rng)
     target = narrowing.target + share * (best.value - narrowing.target)
     higher = narrowing.above(target)
     assert narrowing.target == 0.3 * best.value - 1
@@ -529,20 +534,18 @@ def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
     rng = np.random.default_rng(seed)
     model = some_model(problem.replace(objective=Objective()), rng)
     value = optimum(problem).value
-    narrowing = Narrowing(model, random_multipliers(model, rng), 0.5 * max(value, 0.0) - 1)
-    narrowing.close_states()
+    narrowing = random_narrowing(model, 0.5 * max(value, 0.0) - 1, rng)
     found = []
     for is_there, plain_nodes in ((False, 0), (True, 20), (True, -1)):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(compiled_search, "is_loaded", lambda: False)
             patch.setattr(compiled_search, "is_there", lambda there=is_there: there)
-            patch.setattr(following, "_PLAIN_NODES", plain_nodes)
-            patch.setattr(following, "_TAILS_AT_ONCE", 3)
+            patch.setattr(following, "PLAIN_NODES", plain_nodes)
             patch.setattr(following, "_NODES_AT_ONCE", 4)
             found.append(best_plan(narrowing, 10**6))
     assert found[0] == found[1] == found[2]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(following, "_PLAIN_NODES", -1)
+        patch.setattr(following, "PLAIN_NODES", -1)
         patch.setattr(following, "_NODES_AT_ONCE", 4)
         assert best_plan(narrowing, found[0].nodes) == found[0]
         if found[0].nodes:
@@ -571,7 +574,7 @@ def test_one_long_search_for_what_follows_looks_at_limits(monkeypatch: pytest.Mo
         return found
 
     monkeypatch.setattr(compiled_search.Running, "follow", noted)
-    monkeypatch.setattr(following, "_PLAIN_NODES", -1)
+    monkeypatch.setattr(following, "PLAIN_NODES", -1)
     monkeypatch.setattr(following, "_NODES_AT_ONCE", 500)
     with pytest.raises(LimitReached):
         best_plan(open_narrowing(1), 10**9, Calls(5))
