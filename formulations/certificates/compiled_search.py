@@ -41,6 +41,11 @@ def may_take_over(stop: Stop) -> bool:
     return is_there() and stop.seconds_left > _COMPILING
 
 
+def is_fast(stop: Stop) -> bool:
+    """Returns True if searches are compiled, or will be once they are long."""
+    return is_loaded() or may_take_over(stop)
+
+
 @dataclass(eq=False)
 class Running:
     """A search that has been begun.

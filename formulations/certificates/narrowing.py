@@ -237,8 +237,6 @@ class Narrowing:
     def above(self, target: float) -> "Narrowing":
         """Returns the same for a target that is not lower, for which more states are closed.
 
-        What changes later in one of the two does not change in the other.
-
         Raises
         ------
         CertificateError
@@ -246,12 +244,32 @@ class Narrowing:
         """
         if not self.target <= target < math.inf:
             raise CertificateError("certificate.paths_above: must be finite, and not below target")
+        other = self._copied()
+        other.target = target
+        other.close_states()
+        return other
+
+    def among(self, states: Sequence[BoolArray]) -> "Narrowing":
+        """Returns the same for plans of some states alone; it bounds no others.
+
+        Parameters
+        ----------
+        states : of each class, the states [T+1, S] that such plans may visit
+        """
+        other = self._copied()
+        for left, some in zip(other.left, states, strict=True):
+            left &= some
+        other.price()
+        other.close_states()
+        return other
+
+    def _copied(self) -> "Narrowing":
+        """Returns a copy; what changes later in one of the two does not change in the other."""
         other = copy(self)
-        other.target, other.constants = target, self.constants.copy()
+        other.constants = self.constants.copy()
         other.rewards = [some.copy() for some in self.rewards]
         other.left = [some.copy() for some in self.left]
         other._earlier = [some.copy() for some in self._earlier]
-        other.close_states()
         return other
 
     def _require_finite(self) -> None:

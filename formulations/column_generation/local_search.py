@@ -60,7 +60,7 @@ class Allowance(Stop):
         self.left -= 1
 
 
-def _nothing() -> None:
+def _nothing(*_: object) -> None:
     """Tells nobody."""
 
 
@@ -72,6 +72,7 @@ class LocalSearch:
     ----------
     rng : of roundings and perturbations
     tell : called before each best response and each best pair
+    found : told each plan where it ends
     taken_up : the plans from which it has started, and those where it has ended
     """
 
@@ -80,6 +81,7 @@ class LocalSearch:
     allowance: Allowance = field(default_factory=Allowance)
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     tell: Callable[[], None] = _nothing
+    found: Callable[[Incumbent], None] = _nothing
     taken_up: set[PlanKey] = field(default_factory=set)
 
     def from_mixture(
@@ -139,7 +141,9 @@ class LocalSearch:
         settled = self.with_best_responses(start.columns)
         if settled is None:
             return None
+        self.found(settled)
         best = self._with_best_pairs(settled, arcs)
+        self.found(best)
         self.taken_up.add(best.paths)
         for column in (*settled.columns, *best.columns):
             pool.add(column, FOUND_AMOUNT)
@@ -169,7 +173,9 @@ class LocalSearch:
         best = self.with_best_responses(sorted(columns, key=lambda column: column.robot))
         if best is None or best.value < plan.value * (1 - PROMISING):
             return best
-        return self._with_best_pairs(best, arcs)
+        best = self._with_best_pairs(best, arcs)
+        self.found(best)
+        return best
 
     def _check(self) -> None:
         """Raises LimitReached where it is stopped, or no more responses are allowed."""

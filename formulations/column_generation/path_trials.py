@@ -125,5 +125,4 @@ class PathTrials:
 
 def _fewest_nodes(stop: Stop) -> int:
     """Returns how many nodes any trial may take."""
-    is_fast = compiled_search.is_loaded() or compiled_search.may_take_over(stop)
-    return FEWEST_NODES if is_fast else FEWEST_PLAIN_NODES
+    return FEWEST_NODES if compiled_search.is_fast(stop) else FEWEST_PLAIN_NODES

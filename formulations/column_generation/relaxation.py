@@ -156,9 +156,13 @@ class Relaxation:
             search.perturb(self.master.arcs)
 
     def look_for_plans(self) -> None:
-        """Offers the plan that rounding and local search make of the last mixture."""
-        if self.solution is not None:
-            self.search.look_for_plans(self.solution.mixture, self.master.arcs)
+        """Offers what local search makes of the last mixture, and recombination of all plans."""
+        if self.solution is None:
+            return
+        self.search.look_for_plans(self.solution.mixture, self.master.arcs)
+        narrowing = None if self.decisions else self.search.narrowing(self.best.duals)
+        if narrowing is not None:
+            self.search.recombine(narrowing)
 
     def _enlarge_master(self, iteration: _Iteration, wanted: float) -> int:
         """Adds broken conflict rows and, unless converged, columns; returns how many are new."""

@@ -6,12 +6,13 @@ from dataclasses import dataclass, field, replace
 import msgspec
 import numpy as np
 
-from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.formulations.certificates import CertificateFile, Narrowing, ProofFile
 from cocap_opt.formulations.column_generation.columns import Arc
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.local_search import Allowance, LocalSearch
 from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.column_generation.pricing import Pricer
+from cocap_opt.formulations.column_generation.recombination import Recombination
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import (
     OPTIMALITY,
@@ -32,6 +33,7 @@ EXACT = 2e-8  # of what all robots see alone: no solver is more accurate than th
 # class, which take about a quarter of its time (field-long 0.2, measured).
 FIRST_RESPONSES = 2
 RESPONSES_PER_CLASS = 4
+MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
 OFTEN = 1.0  # seconds after which it is told that the search goes on
 INFEASIBLE = 1e-6  # of what all robots see alone: a bound so far below 0 proves it
 
@@ -48,6 +50,7 @@ class Search:
     spare : proves the lowest bound besides that of the relaxation that is pursued: by step
         envelopes, or of a relaxation that was given up
     lowest : the lowest bound that was reported
+    recombination : of the plans that local search has found
     pricer : prices multipliers for the model
     local_search : improves plans of the model
     allowance : best responses that it may still ask for
@@ -66,6 +69,7 @@ class Search:
     columns: int = 0
     spare: CertificateFile | None = None
     lowest: float = np.inf
+    recombination: Recombination = field(default_factory=Recombination)
 
     def __post_init__(self) -> None:
         """Compiles the parts of the model that pricing needs, and prices; raises LimitReached."""
@@ -74,8 +78,9 @@ class Search:
         self.allowance = Allowance(FIRST_RESPONSES * len(self.model.problem.robots))
         self.rng = np.random.default_rng(0)
         self.local_search = LocalSearch(
-            self.model, self.stop, self.allowance, self.rng, self.report_again
-        )
+            self.model, self.stop, self.allowance, self.rng, self.report_again,
+            found=self.recombination.add,
+        )  # fmt: skip
         self.largest = self.model.largest_roots()
         self.weights = self.model.problem.view_sum_weights
         self.alone = self.pricer(Duals.alone(self.model.problem))
@@ -140,6 +145,30 @@ class Search:
         """Offers the plan that local search makes of a mixture."""
         self.offer(self.local_search.from_mixture(mixture, arcs, self.incumbent))
 
+    def narrowing(self, duals: Duals) -> Narrowing | None:
+        """Returns where better plans can be by multipliers; None where that is not to be had.
+
+        That is without an incumbent, where pixels add up over time, and with too many states.
+        """
+        model = self.model
+        states = sum(robot_class.graph.n_states for robot_class in model.classes)
+        too_many = states * (model.problem.horizon + 1) > MOST_STATES
+        if self.incumbent is None or model.problem.objective.over_time or too_many:
+            return None
+        narrowing = Narrowing(model, duals.certificate(model), self.value)
+        narrowing.close_states()
+        return narrowing
+
+    def recombine(self, narrowing: Narrowing) -> None:
+        """Offers the best plan along the states of plans that were found; raises LimitReached."""
+        while self.incumbent is not None:
+            better = self.recombination.better(self.incumbent, narrowing, self.stop)
+            if better is None:
+                return
+            self.offer(better)
+            self.offer(self.local_search.with_best_responses(better.columns))
+            self.recombination.add(self.incumbent)
+
     def allow_responses(self, times: int = 1) -> None:
         """Allows local search what belongs to an iteration of a relaxation, or several times it."""
         each = len(self.model.problem.robots) / 2 + RESPONSES_PER_CLASS * len(self.model.classes)
@@ -154,7 +183,7 @@ class Search:
         """Returns the same search with every robot as a class of its own."""
         model = self.model.disaggregated()
         incumbent = None if self.incumbent is None else self.incumbent.in_model(model)
-        kept = self.columns, self.spare, self.lowest
+        kept = self.columns, self.spare, self.lowest, self.recombination
         return Search(model, self.stop, self.report, self.clock, incumbent, *kept)
 
     def result(

@@ -53,7 +53,6 @@ from cocap_opt.model import Model
 from cocap_opt.sums import exact_sum
 
 METHOD = "step-envelopes"
-MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
 MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
 MOST_AT_A_STEP = 1_000
 FEW_STATES_LEFT = 6_500  # over all steps: beyond it, lists are faster, where there can be any
@@ -97,14 +96,9 @@ def step_envelopes(
     LimitReached
         At a limit; what is proved until then is offered.
     """
-    model = search.model
-    if search.incumbent is None or model.problem.objective.over_time:
+    model, narrowing = search.model, search.narrowing(duals)
+    if search.incumbent is None or narrowing is None:
         return
-    states = sum(robot_class.graph.n_states for robot_class in model.classes)
-    if states * (model.problem.horizon + 1) > MOST_STATES:
-        return
-    narrowing = Narrowing(model, duals.certificate(model), search.value)
-    narrowing.close_states()
     steps = range(model.problem.first_step, model.problem.horizon + 1)
     known = Known.of(search.incumbent, steps, search.rng)
     for column in columns:
@@ -163,8 +157,9 @@ class _Envelopes:
 
     def run(self, cutoff: Callable[[], float]) -> None:
         """Adds stages as long as they close something; raises LimitReached."""
-        narrowing = self.narrowing
         for _ in range(MOST_ROUNDS):
+            self._raise_target()
+            narrowing = self.narrowing
             before = narrowing.pricing.bound
             open_ = before - cutoff()
             if open_ <= 0:
@@ -191,6 +186,16 @@ class _Envelopes:
                 break
         if self.bound > cutoff():
             self.trials.for_higher_targets(len(self.stages), self.nodes, self.offer)
+
+    def _raise_target(self) -> None:
+        """Repeats all stages for the best plan's J, if it is more: they close more states then."""
+        if self.search.value <= (1 + CLEARLY) * self.narrowing.target:
+            return
+        narrowing = self.search.narrowing(self.duals)
+        assert narrowing is not None
+        for stage in self.stages:
+            _repeat(stage, narrowing)
+        self.narrowing = self.trials.narrowing = narrowing
 
     def try_paths(self) -> bool:
         """Tries all paths of better plans that are left; returns True if that has ended."""
@@ -258,13 +263,9 @@ class _Envelopes:
                     constants.append(claim)
         finally:
             # What was lowered before a limit counts, so that the certificate has to tell of it.
-            self._close(Stage(constants=tuple(constants)))
-
-    def _close(self, stage: Stage) -> None:
-        """Ends a stage, and reports it."""
-        self.narrowing.close_states()
-        self.stages.append(stage)
-        self.report()
+            self.narrowing.close_states()
+            self.stages.append(Stage(constants=tuple(constants)))
+            self.report()
 
     def report(self) -> None:
         """Tells what is proved so far."""
@@ -286,6 +287,7 @@ class _Envelopes:
         before = self.search.value
         self.search.allow_responses(self.responses)
         self.search.look_for_plans(flow_mixture(self.model, flow), flow.keys())
+        self.search.recombine(self.narrowing)
         self.responses = RESPONSES if self.search.value > before else max(self.responses // 2, 1)
 
     def _heights(self, bundle: PaymentBundle, payments: FloatArray) -> dict[int, float]:
@@ -373,13 +375,21 @@ class _Envelopes:
         for t, height in heights.items():
             written += bundle.written(t, payments[bundle.span(t)], height)
         stage = Stage(tuple(written), tuple(StepConstant(t, heights[t]) for t in heights))
-        for part in stage.payments:
-            self.narrowing.pay(part)
-        self.narrowing.price()
-        for claim in stage.constants:
-            self.narrowing.lower_as_claimed(claim)
-        self._close(stage)
+        _repeat(stage, self.narrowing)
+        self.stages.append(stage)
+        self.report()
         return True
+
+
+def _repeat(stage: Stage, narrowing: Narrowing) -> None:
+    """Does in a narrowing what a stage says; that no joint state is higher is known."""
+    for part in stage.payments:
+        narrowing.pay(part)
+    if stage.payments:
+        narrowing.price()
+    for claim in stage.constants:
+        narrowing.lower_as_claimed(claim)
+    narrowing.close_states()
 
 
 def _few_nodes(states: int) -> int:

@@ -11,6 +11,9 @@ from cocap_opt.formulations.certificates import (
 )
 from cocap_opt.formulations.certificates.joint_paths import BestPlan
 from cocap_opt.formulations.column_generation import path_trials, step_envelopes
+from cocap_opt.formulations.column_generation.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.known_states import Known
+from cocap_opt.formulations.column_generation.list_lengths import ListLengths
 from cocap_opt.formulations.column_generation.path_trials import (
     FEWEST_NODES,
     FEWEST_PLAIN_NODES,
@@ -21,6 +24,7 @@ from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
+from cocap_opt.problem import Plan
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, LimitReached, Stop, TimeLimit
 
@@ -141,3 +145,32 @@ def test_what_trials_for_higher_targets_prove_is_verified(
     assert file.certificate.paths_above == pytest.approx(above, rel=1e-9)
     assert file.proved == pytest.approx(above, rel=1e-9)
     assert verify(root.search.model.problem, file).bound == file.proved
+
+
+def test_stages_are_repeated_for_a_better_plan() -> None:
+    """They close more states for its J, and a file claims what they prove then."""
+    root = solved_root()
+    search, duals = root.search, root.relaxation.best.duals
+    better = search.incumbent
+    assert better is not None
+    search.incumbent = Incumbent.of_plan(search.model, Plan.hovering(search.model.problem))
+    narrowing = search.narrowing(duals)
+    assert narrowing is not None
+    steps = range(1, search.model.problem.horizon + 1)
+    stages = step_envelopes._Envelopes(
+        search, narrowing, duals, Known.of(better, steps, search.rng), steps,
+        PathTrials(search, narrowing, is_on=False), ListLengths(len(steps)),
+    )  # fmt: skip
+    stages._lower()
+    stages._pay(root.cutoff)
+    before = stages.narrowing
+    stages._raise_target()
+    assert stages.narrowing is before
+    search.offer(better)
+    stages._raise_target()
+    after = stages.narrowing
+    assert stages.trials.narrowing is after and after.target == better.value > before.target
+    assert after.states_left.sum() < before.states_left.sum()
+    assert after.bound <= before.bound + before.rounding
+    file = stages.file()
+    assert verify(search.model.problem, file, model=search.model).bound == file.bound
