@@ -27,6 +27,7 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, RobotClass
+from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 
 MOST_PAIRS = 250_000  # of states at one step, for best pairs
@@ -99,7 +100,7 @@ class LocalSearch:
             pool.add(column, amount)
         for column in () if known is None else known.columns:
             pool.add(column, FOUND_AMOUNT)
-        for start in self._starts(mixture, pool):
+        for start in self._starts(mixture, pool, known):
             found = self._improved(start, pool, arcs)
             if found is not None and (best is None or found.clearly_better_than(best)):
                 best, in_vain = found, 0
@@ -108,10 +109,12 @@ class LocalSearch:
                 break
         return best
 
-    def _starts(self, mixture: Mixture, pool: ColumnPool) -> Iterator[LocalOptimum]:
+    def _starts(
+        self, mixture: Mixture, pool: ColumnPool, known: Incumbent | None
+    ) -> Iterator[LocalOptimum]:
         """Yields local optima of a pool that are not taken up yet, until no more are allowed."""
         with suppress(LimitReached):
-            rounded = self._rounded(mixture)
+            rounded = self._rounded(mixture, known)
             if rounded is None:
                 return
             first = pool.ascended(rounded)
@@ -261,15 +264,16 @@ class LocalSearch:
         found = self.best_pair(pair, {*arcs, *own}, plan.without(*pair))
         return None if found is None else plan.changed(self.model, *found)
 
-    def _rounded(self, mixture: Mixture) -> list[Column] | None:
+    def _rounded(self, mixture: Mixture, known: Incumbent | None) -> list[Column] | None:
         """Returns one column per robot without conflicts; None where none is left for a robot.
 
-        The most used ones come first, then best responses.
+        The most used ones come first, then best responses; at a limit, and where none is left,
+        columns of a known plan.
 
         Raises
         ------
         LimitReached
-            While robots without a column are left.
+            While robots without a column are left, and no plan is known.
         """
         columns, amounts, problem = mixture.columns, mixture.amounts, self.model.problem
         chosen: dict[int, Column] = {}
@@ -282,13 +286,36 @@ class LocalSearch:
             ):
                 chosen[column.robot] = column
         for robot in range(len(problem.robots)):
-            if robot not in chosen:
+            if robot in chosen:
+                continue
+            try:
                 self._check()
                 answer = self.best_response(robot, list(chosen.values()))
-                if answer is None:
-                    return None
-                chosen[robot] = answer
+            except LimitReached:
+                if known is None:
+                    raise
+                answer = None
+            if answer is None:
+                return None if known is None else _completed(chosen, known, problem)
+            chosen[robot] = answer
         return [chosen[robot] for robot in range(len(problem.robots))]
+
+
+def _completed(chosen: dict[int, Column], known: Incumbent, problem: Problem) -> list[Column]:
+    """Returns one column per robot without conflicts: the chosen ones, or those of a known plan.
+
+    The chosen ones are kept but for those in conflict with what others must take.
+    """
+    columns = {column.robot: column for column in known.columns} | chosen
+    waiting = [robot for robot in columns if robot not in chosen]
+    while waiting:
+        new = columns[waiting.pop()]
+        for robot, column in columns.items():
+            theirs = known.columns[robot]
+            if column is not theirs and column.conflicts_with(new, problem):
+                columns[robot] = theirs
+                waiting.append(robot)
+    return [columns[robot] for robot in range(len(columns))]
 
 
 def _pairs(model: Model, plan: Incumbent) -> list[tuple[int, int]]:

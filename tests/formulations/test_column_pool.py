@@ -8,7 +8,7 @@ import pytest
 from brute_force import optimum
 from hypothesis import given
 from pool import meetings, problems
-from strategies import examples
+from strategies import Calls, examples
 
 from cocap_opt.formulations.column_generation.column_pool import ColumnPool
 from cocap_opt.formulations.column_generation.columns import Column
@@ -107,6 +107,25 @@ def test_local_search_from_a_mixture_is_a_plan_below_the_optimum(problem: Proble
     assert verdict.valid
     assert verdict.reward == pytest.approx(found.value, rel=1e-9, abs=1e-9)
     assert found.value <= optimum(problem).value * (1 + 1e-9) + 1e-9
+
+
+@examples(30)
+@given(problem=some_problems, calls=st.integers(0, 3), seed=st.integers(0, 10**9))
+def test_a_rounding_that_is_stopped_is_completed_from_a_known_plan(
+    problem: Problem, calls: int, seed: int
+) -> None:
+    """Whatever the mixture, all robots have paths that obey the rules."""
+    model, rng = compiled(problem), np.random.default_rng(seed)
+    known = LocalSearch(model).from_mixture(Mixture([], np.zeros(0)), [])
+    if known is None:
+        return
+    _, own = pooled(model)
+    columns = [column for column in chain.from_iterable(own) if rng.random() < 0.7]
+    mixture = Mixture(columns, rng.random(len(columns)))
+    found = LocalSearch(model, Calls(calls)).from_mixture(mixture, [], known)
+    assert found is not None
+    verdict = check(problem, model.plan(found.paths))
+    assert verdict.valid and verdict.reward == pytest.approx(found.value, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -223,8 +223,7 @@ def test_a_limit_without_masters_leaves_the_bound_and_the_plan_so_far(
     assert result.bound < 1.01 * OPTIMA["corridor"]
     assert result.plan is not None
     assert check(problem, result.plan).reward == pytest.approx(result.value)
-    # Before the ascent is done there is only the plan of drones that hover.
-    assert (result.value > 0.99 * OPTIMA["corridor"]) == (name != "step")
+    assert result.value > 0.99 * OPTIMA["corridor"]
 
 
 def test_moves_before_a_limit_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
