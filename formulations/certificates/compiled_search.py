@@ -145,7 +145,7 @@ class Running:
         from cocap_opt.formulations.certificates import search_kernel as kernel
 
         nodes = min(nodes, len(self.memory.collected))  # each collects one joint state at most
-        arrays = kernel.Choices(*choices, floors)
+        arrays = kernel.MoveLists(*choices, floors)
         found = np.zeros(len(self.memory.collected), dtype=np.int64)
         tail = int(kernel.follow(self.data, self.memory, arrays, *tails, nodes, found))
         n = self._n_found

@@ -249,8 +249,10 @@ class JointStates:
 
     def worths(self, chosen: IntArray) -> FloatArray:
         """Returns F of some joint states [K, R], each the same in whatever company."""
-        roots = np.sqrt(self.pixels[chosen].sum(axis=1)) * self.weights
-        worths: FloatArray = roots.sum(axis=1)
+        seen = np.zeros((len(chosen), len(self.weights)))
+        for k in range(chosen.shape[1]):
+            seen += self.pixels[chosen[:, k]]
+        worths: FloatArray = (np.sqrt(seen) * self.weights).sum(axis=1)
         return worths
 
     def height(self, chosen: Sequence[int]) -> float:

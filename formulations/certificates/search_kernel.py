@@ -56,7 +56,7 @@ class Memory(NamedTuple):
     collected: IntArray  # [most, R] positions of those that are collected
 
 
-class Choices(NamedTuple):
+class MoveLists(NamedTuple):
     """The states that may be taken from each of L joint states before, robot by robot."""
 
     first: IntArray  # [K+1] first entry of each list of states
@@ -255,7 +255,7 @@ def advance(data: Data, memory: Memory, best: float, floor: float, nodes: int) -
 
 
 @_compiled
-def _begin_with_choices(memory: Memory, choices: Choices, tail: int) -> None:
+def _begin_with_choices(memory: Memory, choices: MoveLists, tail: int) -> None:
     """Begins a search among the states that may be taken from a joint state before."""
     n = 0
     for robot in range(choices.lists.shape[1]):
@@ -269,7 +269,7 @@ def _begin_with_choices(memory: Memory, choices: Choices, tail: int) -> None:
 
 @compiled
 def follow(
-    data: Data, memory: Memory, choices: Choices, tail: int, end: int, nodes: int, tails: IntArray
+    data: Data, memory: Memory, choices: MoveLists, tail: int, end: int, nodes: int, tails: IntArray
 ) -> int:
     """Collects what follows each of some joint states; returns the number of the first not done.
 

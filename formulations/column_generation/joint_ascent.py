@@ -38,7 +38,7 @@ def ascended(
 
 def that_count(joint: JointStates, teams: IntArray) -> BoolArray:
     """Returns which of some joint states [K, R] count, that is, obey `JointStates.counts`."""
-    low = worths(joint, teams) - joint.charge[teams].sum(axis=1)
+    low = joint.worths(teams) - joint.charge[teams].sum(axis=1)
     able: BoolArray = low >= joint.floor - joint.margin
     for k in range(teams.shape[1]):
         for other in range(k):
@@ -46,18 +46,9 @@ def that_count(joint: JointStates, teams: IntArray) -> BoolArray:
     return able
 
 
-def worths(joint: JointStates, teams: IntArray) -> FloatArray:
-    """Returns the worth of each of some joint states [K, R], whose states are all there."""
-    seen = np.zeros((len(teams), len(joint.weights)))
-    for k in range(teams.shape[1]):
-        seen += joint.pixels[teams[:, k]]
-    worth: FloatArray = np.sqrt(seen) @ joint.weights
-    return worth
-
-
 def heights(joint: JointStates, teams: IntArray) -> FloatArray:
     """Returns the height of each of some joint states [K, R]."""
-    height: FloatArray = worths(joint, teams) - joint.payment[teams].sum(axis=1)
+    height: FloatArray = joint.worths(teams) - joint.payment[teams].sum(axis=1)
     return height
 
 
