@@ -24,11 +24,10 @@ from cocap_opt.formulations.certificates import (
     compiled_search,
     may_be_used,
 )
+from cocap_opt.formulations.column_generation.column_pool import PlanKey
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.model import Model, Path
+from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
-
-PlanKey = tuple[Path, ...]
 
 FIRST_PLANS, MORE_PLANS = 4, 2  # how many are taken at first; how many times more each time
 MOST_PLANS = 64  # beyond which only the best are kept
@@ -65,7 +64,7 @@ class Recombination:
 
         Parameters
         ----------
-        narrowing : of the same model; its target may be higher than the plan's J
+        narrowing : of the same model; its target is not above the plan's J
 
         Raises
         ------
@@ -92,7 +91,7 @@ class Recombination:
         parents = frozenset((best.paths, *self._best(most)))
         if parents in self._done:
             return best
-        above = narrowing.above(max(best.value, narrowing.target))
+        above = narrowing.above(best.value)
         try:
             found = best_plan(
                 above.among(_states(narrowing.model, parents, above.left)), _most_nodes(stop), stop
