@@ -42,6 +42,7 @@ from cocap_opt.experiments.sweeps.work import cover
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.documents import FileError, encode
 from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.certificates import compiled_search
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
@@ -51,6 +52,11 @@ from cocap_opt.stop import Interrupt, Stop
 
 _ENDINGS = {"--trace": (".csv",)}  # of files; all others hold JSON
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
+_WITH_STEP_ENVELOPES = ("branch-and-price", AT_THE_ROOT)
+_NOT_COMPILED = (
+    "numba is not installed, so step envelopes were left out where many states were open: "
+    "`pip install -e '.[fast]'` adds it"
+)
 _SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
 
 _Start = Annotated[Path | None, Parameter(help="file of a plan to start from")]
@@ -249,7 +255,10 @@ class _Task(NamedTuple):
     def answer(self, seed: int, method: str, judged: Judged[CertifiedResult]) -> Record:
         """Returns what the command prints."""
         judged.warn(self.problem, seed, method)
-        return asdict(PlanRow.certified(self.problem, seed, method, judged)) | self.about
+        record: Record = asdict(PlanRow.certified(self.problem, seed, method, judged)) | self.about
+        if judged.result.gap > OPTIMALITY and method in _WITH_STEP_ENVELOPES:
+            _say(record, "" if compiled_search.is_there() else _NOT_COMPILED)
+        return record
 
 
 def _check_outputs(paths: Mapping[str, Path | None], *inputs: str | Path | None) -> None:

@@ -103,7 +103,8 @@ class Watch:
         lines = [Text(text, no_wrap=True, overflow="ellipsis") for text in texts if text]
         if self._parts is None:
             return Group(*lines)
-        return Group(ProgressBar(self._parts, self._finished, width=_BAR_WIDTH), *lines)
+        # A bar ends without a line break.
+        return Group(*lines, ProgressBar(self._parts, self._finished, width=_BAR_WIDTH))
 
     def _head(self) -> str:
         passed = self._clock.seconds

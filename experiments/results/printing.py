@@ -38,6 +38,8 @@ _LABELS = {
     "columns": "columns (paths) made",
     "rows": "collision rows",
     "cuts": "envelope cuts",
+    "stages": "stages of step envelopes",
+    "paths_above": "all plans were tried above J =",
     "step": "seconds of a step",
     "duration": "seconds of the flight",
     "deviation": "most from the straight flight at any moment (m)",

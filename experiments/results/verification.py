@@ -177,10 +177,10 @@ class Verified:
         """Yields what is wrong with the plan, and with what is claimed of it."""
         if self.verdict is None:
             return
-        yield from self.verdict.violations
-        yield from self.verdict.conflicts
         if claimed is not None and claimed.digest != problem_digest(self.problem):
             yield "digest: the plan belongs to another scene, seed, rules or objective"
+        yield from self.verdict.violations
+        yield from self.verdict.conflicts
         if self.verdict.violations:
             return
         for value in values if claimed is None else (claimed.reward, *values):

@@ -1,6 +1,8 @@
 """Compiling by numba; only imported where numba is installed."""
 
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -14,6 +16,22 @@ def compiled(function: Callable[..., Any], forceinline: bool = False) -> Any:
     forceinline : compile it into its callers
     """
     try:
-        return numba.njit(cache=True, forceinline=forceinline)(function)
+        kept = numba.njit(cache=True, forceinline=forceinline)(function)
     except RuntimeError:
         return numba.njit(forceinline=forceinline)(function)
+    if (folder := kept.stats.cache_path) is not None:
+        _forget_what_is_older(Path(folder), function)
+    return kept
+
+
+def _forget_what_is_older(folder: Path, function: Callable[..., Any]) -> None:
+    """Removes what was kept of an earlier source, which may name what is no longer there.
+
+    numba compares times as well, but only once it has read what was kept, which may fail.
+    """
+    with suppress(OSError):
+        changed = Path(function.__code__.co_filename).stat().st_mtime
+        stem = function.__module__.rpartition(".")[2]
+        for file in folder.glob(f"{stem}.{function.__qualname__}-*.nb[ic]"):
+            if file.stat().st_mtime < changed:
+                file.unlink(missing_ok=True)

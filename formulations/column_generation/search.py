@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import msgspec
 import numpy as np
 
-from cocap_opt.formulations.certificates import CertificateFile, Narrowing, ProofFile
+from cocap_opt.formulations.certificates import CertificateFile, Narrowing, ProofFile, Staged
 from cocap_opt.formulations.column_generation.columns import Arc
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.local_search import Allowance, LocalSearch
@@ -204,6 +204,7 @@ class Search:
         """
         if self.spare is not None and self.spare.proved < file.proved:
             file = msgspec.structs.replace(self.spare, method=file.method)
+            statistics = {**statistics, **_what_was_tried(self.spare)}
         plan = None if self.incumbent is None else self.model.plan(self.incumbent.paths)
         reached = relative_gap(self.value, file.proved)
         if reached <= OPTIMALITY or file.proved - self.value <= EXACT * self.scale:
@@ -219,3 +220,12 @@ class Search:
             message=message, statistics=statistics, certificate=file,
         )  # fmt: skip
         return replace(result, limit=limit) if reason is Reason.STOPPED else result
+
+
+def _what_was_tried(file: CertificateFile) -> dict[str, float]:
+    """Returns how many stages a certificate has, and the J above which all plans were tried."""
+    staged = file.certificate
+    if not isinstance(staged, Staged):
+        return {}
+    above = {} if staged.paths_above is None else {"paths_above": staged.paths_above}
+    return {"stages": len(staged.stages), **above}

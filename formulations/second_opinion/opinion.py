@@ -74,7 +74,7 @@ def require_small(problem: Problem, file: CertificateFile | ProofFile) -> None:
     if isinstance(file, CertificateFile) and isinstance(file.certificate, Staged):
         raise TooLargeError(
             "the certificate narrows joint states down in stages, which networkx cannot price; "
-            "`bound` with --method envelope gives one of multipliers alone"
+            "on scenes of a few steps `bound` with --method envelope gives one of multipliers alone"
         )
     known: dict[tuple[object, ...], int] = {}
     edges = 0

@@ -875,25 +875,25 @@ def test_verify_keeps_the_lower_of_two_bounds(
 def test_a_gap_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`verify --explain` prints terms that add up and says what they mean; --json has them all."""
     plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
-    Run(capsys, "solve", "tiny-queue", "--certificate", proof)
-    Run(capsys, "plan", "tiny-queue", "--planner", "cocap", "-o", plan)
-    answer = Run(capsys, "verify", "tiny-queue", plan, proof, "--explain", "--json").json
+    Run(capsys, "solve", "corridor-tight", "--certificate", proof)
+    Run(capsys, "plan", "corridor-tight", "--planner", "cocap", "-o", plan)
+    answer = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain", "--json").json
     told = answer["explanation"]
     assert sum(term["amount"] for term in told["terms"]) == pytest.approx(told["difference"])
     assert told["difference"] == pytest.approx(answer["bound"] - answer["reward"])
     assert {"path", "face", "stages", "rounding"} <= {term["kind"] for term in told["terms"]}
     assert {one["robot"] for one in told["replans"]} <= {0, 1}
-    text = Run(capsys, "verify", "tiny-queue", plan, proof, "--explain").out
+    text = Run(capsys, "verify", "corridor-tight", plan, proof, "--explain").out
     total, difference = re.findall(r"^(?:sum|bound - J) +([\d,.]+)", text, re.MULTILINE)
     assert total == difference
     words = " ".join(text.split())
     assert all(sentence in words for sentence in told["sentences"])
-    page, show = tmp_path / "plan.html", ("show", "tiny-queue", plan, "-o", tmp_path / "plan.html")
+    page, show = tmp_path / "plan.html", ("show", "corridor-tight", plan, "-o", tmp_path / "plan.html")
     assert Run(capsys, *show, "--certificate", proof).code == 0
     assert '"losses":[[' in page.read_text()
     refused = Run(capsys, *show, "--certificate", plan)
     assert (refused.code, "must be a certificate or a proof" in refused.err) == (2, True)
-    alone = Run(capsys, "verify", "tiny-queue", plan, "--explain")
+    alone = Run(capsys, "verify", "corridor-tight", plan, "--explain")
     assert (alone.code, "certificate or a proof" in alone.err) == (2, True)
 
 
