@@ -4,6 +4,7 @@ Robots are apart here: which of them goes where is part of what is searched. A s
 bounds of that for the highest joint state (`joint_states`), and takes all that count.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -22,8 +23,10 @@ from cocap_opt.formulations.certificates.joint_states import (
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.stop import Stop
 
-NODES_OF_MOVE = 5  # as many nodes take as long as what is done with a move that is found
-_NODES_AT_ONCE = AT_ONCE  # between two looks at the stop
+# As many nodes take as long as what is done with a move that is found, of a team of so many pairs:
+# conflicts on the way are looked for pair by pair.
+NODES_OF_MOVE, PAIRS = 5, 15
+_NODES_AT_ONCE = AT_ONCE  # between two looks at the stop, likewise
 
 
 class Found(NamedTuple):
@@ -107,6 +110,7 @@ class Following:
     """
 
     nodes_left: int
+    _times: int = 1  # times PAIRS, how many pairs of robots there are; at least 1
     _plain_nodes: int = 0  # that plain searches took
 
     def found(
@@ -126,6 +130,7 @@ class Following:
         LimitReached
             At a limit.
         """
+        self._times = max(math.comb(len(choices.robots), 2) // PAIRS, 1)
         tail = 0
         while tail < len(floors) and not compiled_search.is_loaded():
             at = choices.of_tail(tail)
@@ -155,7 +160,7 @@ class Following:
 
     def _spend(self, nodes: int, moves: int) -> None:
         """Takes down what a search took; raises NotEndedError if that was too much."""
-        self.nodes_left -= nodes + NODES_OF_MOVE * moves
+        self.nodes_left -= nodes + NODES_OF_MOVE * self._times * moves
         if self.nodes_left < 0:
             raise NotEndedError
 
@@ -171,7 +176,7 @@ class Following:
             stop.check()
             begun = tail
             # One more: whether a node is the last one may only be seen after it.
-            nodes = min(self.nodes_left + 1, _NODES_AT_ONCE)
+            nodes = min(self.nodes_left + 1, max(_NODES_AT_ONCE // self._times, 1))
             tail, tails, heads = running.follow(lists, least, (begun, len(floors)), nodes)
             n_found += int(np.count_nonzero(tails == begun))
             if n_found > MOST_FOUND:

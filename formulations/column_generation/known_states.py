@@ -38,13 +38,17 @@ class Known:
     def of(cls, incumbent: Incumbent, steps: Iterable[int], rng: np.random.Generator) -> "Known":
         """Returns the paths and the joint states of a plan."""
         known = cls(rng)
-        numbers = [column.along.class_number for column in incumbent.columns]
-        for number, path in zip(numbers, incumbent.paths, strict=True):
-            known.add_path(number, path)
-        for t in steps:
-            at = ((number, path[t]) for number, path in zip(numbers, incumbent.paths, strict=True))
-            known._joint[t] = {tuple(sorted(at)): None}
+        known.add_plan(incumbent, steps)
         return known
+
+    def add_plan(self, plan: Incumbent, steps: Iterable[int]) -> None:
+        """Remembers the paths and the joint states of a plan."""
+        numbers = [column.along.class_number for column in plan.columns]
+        for number, path in zip(numbers, plan.paths, strict=True):
+            self.add_path(number, path)
+        for t in steps:
+            at = ((number, path[t]) for number, path in zip(numbers, plan.paths, strict=True))
+            self._joint.setdefault(t, {})[tuple(sorted(at))] = None
 
     def add_path(self, number: int, path: Path) -> bool:
         """Remembers a path of a class; returns True if it is new."""

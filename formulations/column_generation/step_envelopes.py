@@ -189,10 +189,13 @@ class _Envelopes:
 
     def _raise_target(self) -> None:
         """Repeats all stages for the best plan's J, if it is more: they close more states then."""
-        if self.search.value <= (1 + CLEARLY) * self.narrowing.target:
+        plan = self.search.incumbent
+        if plan is None or plan.value <= (1 + CLEARLY) * self.narrowing.target:
             return
         narrowing = self.search.narrowing(self.duals)
         assert narrowing is not None
+        # Of the paths that are known, these are sure to be among the states that are left.
+        self.known.add_plan(plan, self.steps)
         for stage in self.stages:
             _repeat(stage, narrowing)
         self.narrowing = self.trials.narrowing = narrowing

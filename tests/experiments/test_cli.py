@@ -888,7 +888,10 @@ def test_a_gap_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert total == difference
     words = " ".join(text.split())
     assert all(sentence in words for sentence in told["sentences"])
-    page, show = tmp_path / "plan.html", ("show", "corridor-tight", plan, "-o", tmp_path / "plan.html")
+    page, show = (
+        tmp_path / "plan.html",
+        ("show", "corridor-tight", plan, "-o", tmp_path / "plan.html"),
+    )
     assert Run(capsys, *show, "--certificate", proof).code == 0
     assert '"losses":[[' in page.read_text()
     refused = Run(capsys, *show, "--certificate", plan)

@@ -172,5 +172,6 @@ def test_stages_are_repeated_for_a_better_plan() -> None:
     assert stages.trials.narrowing is after and after.target == better.value > before.target
     assert after.states_left.sum() < before.states_left.sum()
     assert after.bound <= before.bound + before.rounding
+    assert {path for _, path in stages.known.paths} >= set(better.paths)
     file = stages.file()
     assert verify(search.model.problem, file, model=search.model).bound == file.bound
