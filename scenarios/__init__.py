@@ -17,6 +17,7 @@ from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.scenarios.built_in import bottleneck, bridge, corridor, field, passage, tiny
 from cocap_opt.scenarios.formats import conventions, hughes, movingai
 from cocap_opt.scenarios.formats.options import NOTHING, Options
+from cocap_opt.text import meant
 
 __all__ = ["FORMATS", "NOTHING", "SCENES", "has_seed", "load_scene", "read_foreign_plan",
            "scene_of_plan"]  # fmt: skip
@@ -243,7 +244,10 @@ def _find_file(name_or_path: str) -> tuple[Path, _Format]:
     if not os.path.exists(path):
         if path.suffix or len(path.parts) > 1:
             raise FileError(f"{name_or_path}: no such file")
-        raise FileError(f"{name_or_path}: no such scene or file; scenes: {', '.join(SCENES)}")
+        question = meant(str(name_or_path), SCENES)
+        raise FileError(
+            f"{name_or_path}: no such scene or file{question}; scenes: {', '.join(SCENES)}"
+        )
     if os.path.isfile(path) and _is_blank(path):
         raise FileError(f"{path}: is empty, and no scene")
     found = next((kind for kind in FORMATS.values() if kind.scenes.has(path)), None)

@@ -44,7 +44,7 @@ class Option(NamedTuple):
         seconds = _number(value)
         if not 0 <= seconds <= LARGEST:
             raise UsageError(
-                f"{self.name}: must be a finite number of seconds, 0..{LARGEST}, not {value!r}"
+                f"{self.name}: must be a finite number of seconds, 0 or more, not {value!r}"
             )
         return seconds
 

@@ -14,6 +14,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from cocap_opt.experiments.results.conflicts import grouped_conflicts
 from cocap_opt.stop import NO_LIMIT
@@ -26,6 +27,7 @@ _UNBOUNDED = 10_000  # characters of a line that is measured only
 _WIDE = 200  # characters of a line that goes to a file or a pipe
 _USUAL = 80  # characters of a line of a terminal
 _BREAK = "\n"
+_FEW_NOTES = 3  # below a table: more of them are a list, so that one sees where each begins
 _MARKS = "|`*[]\\"  # what Markdown gives a meaning besides HTML
 # Names of statistics, as people read them; JSON has the keys.
 _LABELS = {
@@ -159,8 +161,14 @@ class Listing(NamedTuple):
         """Prints it on standard output."""
         _console(self._least_width).print(self._table())
         console = _console()
+        if len(self.notes) <= _FEW_NOTES:
+            for words in self.notes:
+                console.print(printable(words, _BREAK), markup=False)
+            return
+        listed = Table.grid(padding=(0, 1))
         for words in self.notes:
-            console.print(printable(words, _BREAK), markup=False)
+            listed.add_row("-", Text(printable(words, _BREAK)))
+        console.print(listed)
 
     def first(self, number: int, what: str) -> "Listing":
         """Returns it with its first rows only, and a note that says so.
