@@ -54,8 +54,8 @@ _ENDINGS = {"--trace": (".csv",)}  # of files; all others hold JSON
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 _WITH_STEP_ENVELOPES = ("branch-and-price", AT_THE_ROOT)
 _NOT_COMPILED = (
-    "numba is not installed, so step envelopes were left out where many states were open: "
-    "`pip install -e '.[fast]'` adds it"
+    "numba is not installed; with it (`pip install -e '.[fast]'`) step envelopes may lower the "
+    "bound further"
 )
 _SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
 
@@ -256,7 +256,8 @@ class _Task(NamedTuple):
         """Returns what the command prints."""
         judged.warn(self.problem, seed, method)
         record: Record = asdict(PlanRow.certified(self.problem, seed, method, judged)) | self.about
-        if judged.result.gap > OPTIMALITY and method in _WITH_STEP_ENVELOPES:
+        is_open = OPTIMALITY < judged.result.gap < math.inf
+        if is_open and method in _WITH_STEP_ENVELOPES and not self.problem.objective.over_time:
             _say(record, "" if compiled_search.is_there() else _NOT_COMPILED)
         return record
 

@@ -41,7 +41,7 @@ _LABELS = {
     "rows": "collision rows",
     "cuts": "envelope cuts",
     "stages": "stages of step envelopes",
-    "paths_above": "all plans were tried above J =",
+    "paths_above": "J above which all plans were tried",
     "step": "seconds of a step",
     "duration": "seconds of the flight",
     "deviation": "most from the straight flight at any moment (m)",

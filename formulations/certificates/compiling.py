@@ -19,7 +19,9 @@ def compiled(function: Callable[..., Any], forceinline: bool = False) -> Any:
         kept = numba.njit(cache=True, forceinline=forceinline)(function)
     except RuntimeError:
         return numba.njit(forceinline=forceinline)(function)
-    if (folder := kept.stats.cache_path) is not None:
+    # Where NUMBA_DISABLE_JIT is set, it is the function itself.
+    folder = kept.stats.cache_path if hasattr(kept, "stats") else None
+    if folder is not None:
         _forget_what_is_older(Path(folder), function)
     return kept
 

@@ -159,7 +159,11 @@ class Narrowing:
     @property
     def room(self) -> float:
         """The right side of (*), rounding included."""
-        return self.bound + 2 * self.rounding - self.target
+        return self.room_above(self.target)
+
+    def room_above(self, target: float) -> float:
+        """Returns the right side of (*) for another target."""
+        return self.bound + 2 * self.rounding - target
 
     @property
     def states_left(self) -> IntArray:
@@ -249,19 +253,22 @@ class Narrowing:
         other.close_states()
         return other
 
-    def among(self, states: Sequence[BoolArray]) -> "Narrowing":
-        """Returns the same for plans of some states alone; it bounds no others.
+    def among(self, states: Sequence[BoolArray], target: float) -> "Narrowing":
+        """Returns the same for plans of some states alone, above a target; it bounds no others.
 
         Parameters
         ----------
         states : of each class, the states [T+1, S] that such plans may visit
+
+        Raises
+        ------
+        CertificateError
+            As for `above`.
         """
         other = self._copied()
         for left, some in zip(other.left, states, strict=True):
             left &= some
-        other.price()
-        other.close_states()
-        return other
+        return other.above(target)
 
     def _copied(self) -> "Narrowing":
         """Returns a copy; what changes later in one of the two does not change in the other."""

@@ -20,7 +20,6 @@ from cocap_opt.formulations.column_generation.pricing import Priced
 from cocap_opt.formulations.column_generation.ruled_ascent import RuledAscent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.model import Model, Path
-from cocap_opt.stop import LimitReached
 
 # Robots times steps, from which on masters take too long: one of field-large's 64 drones and 40
 # steps takes six to eight seconds, and gains next to nothing.
@@ -77,7 +76,7 @@ class LargeRoot:
         LimitReached
             At a limit; the plan that the mixture gives so far is offered.
         """
-        try:
+        with self.search.rounding_at_a_limit(lambda: self.ascent.mixture):
             self._steps(FIRST_STEPS)
             # Rows that come in at first cost more than they should: no bound is the best for a
             # while.
@@ -85,9 +84,6 @@ class LargeRoot:
                 if self._is_near():
                     break
                 self._steps(1)
-        except LimitReached:
-            self.search.look_for_plans(self.ascent.mixture, ())
-            raise
 
     def solve(self, cutoff: Callable[[], float]) -> None:
         """Raises the plan and lowers the bound until neither gains; raises LimitReached.

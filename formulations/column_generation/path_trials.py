@@ -19,15 +19,15 @@ from cocap_opt.formulations.certificates import (
     may_be_used,
 )
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.recombination import LESS_ROOM
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.stop import Stop
 
 # Nodes of any trial, compiled or not: a tenth of a second. The bottleneck and the passage need
 # 16,000 before there are any stages.
 FEWEST_NODES, FEWEST_PLAIN_NODES = 100_000, 5_000
-# A trial that has failed is not made again until so much less is open, times what was, or so much
-# more allowed: nodes grow tenfold from a room to one twice as large (field, seed 1).
-LESS_ROOM, MORE_NODES = 0.7, 2.0
+# A trial that has failed is not made again until LESS_ROOM is open, or so much more allowed.
+MORE_NODES = 2.0
 SHARE_OF_NODES = 0.25  # of what stages took, that all trials may take: most of them are in vain
 # Of what is open, by which higher targets are above the best plan. Each of the later trials takes
 # about four times as many nodes as the one before (field, seed 1), and may take ten times as many.
@@ -72,7 +72,7 @@ class PathTrials:
         nodes : that their searches took
         """
         allowed = max(int(SHARE_OF_NODES * nodes) - self.nodes, _fewest_nodes(self.search.stop))
-        room = self.narrowing.room
+        room = self.narrowing.room_above(self.search.value)
         is_easier = room <= LESS_ROOM * self._failed_room
         if not is_easier and allowed < MORE_NODES * self._failed_nodes:
             return False

@@ -10,9 +10,9 @@ Compare optimal recombination in genetic algorithms (Aggarwal, Orlin, Tai 1997; 
 2014), which finds the best offspring of two parents.
 """
 
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,11 +29,22 @@ from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
-FIRST_PLANS, MORE_PLANS = 4, 2  # how many are taken at first; how many times more each time
-MOST_PLANS = 64  # beyond which only the best are kept
-# Of the searches from all joint states, each time: one or two seconds, compiled.
+# How many plans are taken at first, and how many times more each time: on field-long four take
+# 0.1 s, eight 0.5 s, sixteen 4 s (seed 0).
+FIRST_PLANS, MORE_PLANS = 4, 2
+MOST_PLANS = 64  # so many are kept, once there are twice as many
+# Of the searches from all joint states, each time: one or two seconds, compiled or not.
 MOST_NODES, MOST_PLAIN_NODES = 3_000_000, 10_000
-LESS_ROOM = 0.7  # where plans were too many: so much less must be open for another try
+# What was too much is not tried again until so much less is open, times what was: nodes grow
+# tenfold from a room to one twice as large (field, seed 1).
+LESS_ROOM = 0.7
+
+
+class _Failure(NamedTuple):
+    """A recombination of too many plans."""
+
+    plans: int
+    room: float
 
 
 @dataclass
@@ -47,70 +58,85 @@ class Recombination:
 
     values: dict[PlanKey, float] = field(default_factory=dict)
     _done: set[frozenset[PlanKey]] = field(default_factory=set)
-    _failed: tuple[float, float] = (math.inf, math.inf)  # number of plans, and the room then
+    _failure: _Failure | None = None
 
     def add(self, plan: Incumbent) -> None:
-        """Adds a plan; of too many, the worst are forgotten."""
+        """Adds a plan; once there are 2 MOST_PLANS, only the best MOST_PLANS are kept."""
         self.values[plan.paths] = plan.value
         if len(self.values) > 2 * MOST_PLANS:
-            self.values = {key: self.values[key] for key in self._best(MOST_PLANS)}
+            self.values = {key: self.values[key] for key in self._best_keys(MOST_PLANS)}
 
-    def _best(self, most: int) -> list[PlanKey]:
+    def _best_keys(self, most: int) -> list[PlanKey]:
         """Returns the best plans, those first that were found first if they are equal."""
         return sorted(self.values, key=lambda key: -self.values[key])[:most]
 
-    def better(self, plan: Incumbent, narrowing: Narrowing, stop: Stop = never) -> Incumbent | None:
-        """Returns the best plan along the states of a plan and others; None if it is no better.
+    def applies_to(self, model: Model) -> bool:
+        """Returns True if there are plans to recombine, and joint states decide J of the model."""
+        return len(self.values) > 1 and may_be_used(model)
+
+    def better_plans(
+        self, plan: Incumbent, narrowing: Narrowing, stop: Stop = never
+    ) -> Iterator[Incumbent]:
+        """Yields better plans along the states of a plan and others, each the best of more plans.
 
         Parameters
         ----------
-        narrowing : of the same model; its target is not above the plan's J
+        narrowing : of the same model, to which recombination applies; its target is not above J
 
         Raises
         ------
         LimitReached
             At a limit.
         """
-        if not may_be_used(narrowing.model):
-            return None
-        best, most = plan, FIRST_PLANS
-        too_many, room = self._failed
-        while most < too_many or narrowing.room <= LESS_ROOM * room:
-            found = self._of(most, best, narrowing, stop)
-            if found is None:
-                self._failed = most, narrowing.room
-                break
-            best = found
+        best, most, failure = plan, FIRST_PLANS, self._failure
+        while True:
+            room = narrowing.room_above(best.value)
+            if failure and most >= failure.plans and room > LESS_ROOM * failure.room:
+                return
+            parents = frozenset((best.paths, *self._best_keys(most)))
+            try:
+                better = self._recombined(parents, best, narrowing, stop)
+            except NotEndedError:
+                self._failure = _Failure(most, room)
+                return
+            if better is not None:
+                yield (best := better)
             if most >= len(self.values):
-                break
+                return
             most *= MORE_PLANS
-        return best if best.clearly_better_than(plan) else None
 
-    def _of(self, most: int, best: Incumbent, narrowing: Narrowing, stop: Stop) -> Incumbent | None:
-        """Returns the best plan along the states of the best plans; None if these are too many."""
-        parents = frozenset((best.paths, *self._best(most)))
+    def _recombined(
+        self, parents: frozenset[PlanKey], best: Incumbent, narrowing: Narrowing, stop: Stop
+    ) -> Incumbent | None:
+        """Returns the best plan along the states of some plans; None if it is not better.
+
+        Raises
+        ------
+        NotEndedError
+            If these are too many.
+        LimitReached
+            At a limit.
+        """
         if parents in self._done:
-            return best
-        above = narrowing.above(best.value)
-        try:
-            found = best_plan(
-                above.among(_states(narrowing.model, parents, above.left)), _most_nodes(stop), stop
-            )
-        except NotEndedError:
             return None
+        stop.check()
+        visited = _visited_states(narrowing.model, parents)
+        found = best_plan(narrowing.among(visited, best.value), _most_nodes(stop), stop)
         self._done.add(parents)
         better = Incumbent.along(narrowing.model, found.paths) if found.paths else None
-        return best if better is None or not better.clearly_better_than(best) else better
+        return None if better is None or not better.clearly_better_than(best) else better
 
 
-def _states(model: Model, plans: Iterable[PlanKey], like: Sequence[BoolArray]) -> list[BoolArray]:
+def _visited_states(model: Model, plans: Iterable[PlanKey]) -> list[BoolArray]:
     """Returns the states [T+1, S] of each class that its robots visit in any of some plans."""
-    visited = [np.zeros_like(some) for some in like]
-    for number, robot_class in enumerate(model.classes):
-        steps = np.arange(len(visited[number]))
+    steps = np.arange(model.problem.horizon + 1)
+    visited = []
+    for robot_class in model.classes:
+        own = np.zeros((len(steps), robot_class.graph.n_states), dtype=np.bool_)
         for paths in plans:
             for robot in robot_class.robots:
-                visited[number][steps, paths[robot]] = True
+                own[steps, paths[robot]] = True
+        visited.append(own)
     return visited
 
 

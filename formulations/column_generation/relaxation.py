@@ -156,11 +156,19 @@ class Relaxation:
             search.perturb(self.master.arcs)
 
     def look_for_plans(self) -> None:
-        """Offers what local search makes of the last mixture, and recombination of all plans."""
+        """Offers what local search makes of the last mixture, and recombination of all plans.
+
+        Raises
+        ------
+        LimitReached
+            At a limit, in recombination.
+        """
         if self.solution is None:
             return
         self.search.look_for_plans(self.solution.mixture, self.master.arcs)
-        narrowing = None if self.decisions else self.search.narrowing(self.best.duals)
+        if self.decisions or not self.search.can_recombine:
+            return
+        narrowing = self.search.narrowing(self.best.duals)
         if narrowing is not None:
             self.search.recombine(narrowing)
 

@@ -13,7 +13,6 @@ from cocap_opt.formulations.column_generation.mixture_ascent import mixture_asce
 from cocap_opt.formulations.column_generation.relaxation import MOST_IDLE, Relaxation
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
-from cocap_opt.stop import LimitReached
 
 ENOUGH = 0.003  # of the bound, to which the first mixture is raised
 ENOUGH_LARGE = 0.015  # likewise, where rules come in before there is any master
@@ -94,16 +93,13 @@ class Root:
         search, relaxation = self.search, self.relaxation
         steps = mixture_ascent(search.model, search.pricer, relaxation.best, search.stop)
         mixture = Mixture([], np.zeros(0))
-        try:
+        with search.rounding_at_a_limit(lambda: mixture):
             for step in islice(steps, MOST_RAISES):
                 mixture = step.mixture
                 relaxation.best = min(relaxation.best, step.priced, key=lambda some: some.bound)
                 search.report(search.snapshot(relaxation.best.bound))
                 if relaxation.best.bound - step.value <= enough * relaxation.best.bound:
                     break
-        except LimitReached:
-            search.look_for_plans(mixture, ())
-            raise
         return mixture
 
     def _begin(self, mixture: Mixture) -> None:

@@ -1,6 +1,7 @@
 """The state that all nodes of one search share: model, limits, and the best plan so far."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import msgspec
@@ -25,7 +26,7 @@ from cocap_opt.formulations.result import (
 from cocap_opt.model import Model
 from cocap_opt.problem import Plan
 from cocap_opt.result import Reason, relative_gap
-from cocap_opt.stop import Clock, Limit, Stop, never
+from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 
 EXACT = 2e-8  # of what all robots see alone: no solver is more accurate than that
 # Best responses that local search may ask for, the first plan's own included: at first, for each
@@ -146,28 +147,51 @@ class Search:
         self.offer(self.local_search.from_mixture(mixture, arcs, self.incumbent))
 
     def narrowing(self, duals: Duals) -> Narrowing | None:
-        """Returns where better plans can be by multipliers; None where that is not to be had.
+        """Returns where better plans can be, by multipliers.
 
-        That is without an incumbent, where pixels add up over time, and with too many states.
+        None without an incumbent, where pixels add up over time, or with more than MOST_STATES.
+
+        Raises
+        ------
+        LimitReached
+            At a limit.
         """
         model = self.model
         states = sum(robot_class.graph.n_states for robot_class in model.classes)
         too_many = states * (model.problem.horizon + 1) > MOST_STATES
         if self.incumbent is None or model.problem.objective.over_time or too_many:
             return None
-        narrowing = Narrowing(model, duals.certificate(model), self.value)
+        narrowing = Narrowing(model, duals.certificate(model), self.value, self.stop)
         narrowing.close_states()
         return narrowing
 
+    @property
+    def can_recombine(self) -> bool:
+        """True if several plans were found, and joint states decide J."""
+        return self.recombination.applies_to(self.model)
+
+    @contextmanager
+    def rounding_at_a_limit(self, mixture: Callable[[], Mixture]) -> Iterator[None]:
+        """Offers the plan of the mixture so far where a limit ends what is done within.
+
+        It takes 0.8 s on field-large, where there would be only drones that hover otherwise.
+        """
+        try:
+            yield
+        except LimitReached:
+            self.look_for_plans(mixture(), ())
+            raise
+
     def recombine(self, narrowing: Narrowing) -> None:
         """Offers the best plan along the states of plans that were found; raises LimitReached."""
-        while self.incumbent is not None:
-            better = self.recombination.better(self.incumbent, narrowing, self.stop)
-            if better is None:
-                return
-            self.offer(better)
-            self.offer(self.local_search.with_best_responses(better.columns))
-            self.recombination.add(self.incumbent)
+        before = -np.inf
+        while self.incumbent is not None and self.value > before and self.can_recombine:
+            before, plan = self.value, self.incumbent
+            for better in self.recombination.better_plans(plan, narrowing, self.stop):
+                self.offer(better)
+            if self.value > before:
+                self.offer(self.local_search.with_best_responses(self.incumbent.columns))
+                self.recombination.add(self.incumbent)
 
     def allow_responses(self, times: int = 1) -> None:
         """Allows local search what belongs to an iteration of a relaxation, or several times it."""
@@ -183,7 +207,8 @@ class Search:
         """Returns the same search with every robot as a class of its own."""
         model = self.model.disaggregated()
         incumbent = None if self.incumbent is None else self.incumbent.in_model(model)
-        kept = self.columns, self.spare, self.lowest, self.recombination
+        # Robots of one class share their states; so what was tried need not hold of single ones.
+        kept = self.columns, self.spare, self.lowest, Recombination(dict(self.recombination.values))
         return Search(model, self.stop, self.report, self.clock, incumbent, *kept)
 
     def result(
@@ -204,7 +229,7 @@ class Search:
         """
         if self.spare is not None and self.spare.proved < file.proved:
             file = msgspec.structs.replace(self.spare, method=file.method)
-            statistics = {**statistics, **_what_was_tried(self.spare)}
+            statistics = {**statistics, **_staged_statistics(self.spare)}
         plan = None if self.incumbent is None else self.model.plan(self.incumbent.paths)
         reached = relative_gap(self.value, file.proved)
         if reached <= OPTIMALITY or file.proved - self.value <= EXACT * self.scale:
@@ -222,7 +247,7 @@ class Search:
         return replace(result, limit=limit) if reason is Reason.STOPPED else result
 
 
-def _what_was_tried(file: CertificateFile) -> dict[str, float]:
+def _staged_statistics(file: CertificateFile) -> dict[str, float]:
     """Returns how many stages a certificate has, and the J above which all plans were tried."""
     staged = file.certificate
     if not isinstance(staged, Staged):

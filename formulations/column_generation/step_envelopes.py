@@ -14,7 +14,8 @@ Where many states are left, each round has a short list of states for each step:
 slack. They are paid no less than before, and all other states so much more that none of these is
 in a joint state above the new constant (`certificates.narrowing`); so the search is over the list
 alone. The next round's lists are those of the new payments, shorter where searches took long. The
-mixture of paths behind the payments is where local search then looks for better plans.
+mixture of paths behind the payments is where local search then looks for better plans, and plans
+are recombined. Once one is better, it is the target, and all stages are repeated for it.
 
 Before the first stage and after each the paths of all robots together may be few enough to be tried
 (`path_trials`), which proves what the best plan is. Where stages close no more, those of plans
@@ -63,7 +64,7 @@ FEW_WORK, FEW_PLAIN_WORK = 500_000, 50_000  # nodes times states, of a search th
 FEW_NODES = 10_000
 RESPONSES = 10  # iterations' worth of best responses, for plans after each bundle
 MOST_CORRECTIONS = 4  # of payments, by joint states that only the exact search finds
-CLEARLY = 1e-9  # of the bound, that stages must take off it
+CLEARLY = 1e-9  # of the bound, that stages must take off it; of J, above which a plan is better
 LEAST_ROUND = 0.05  # of what is open, that a round must close for another one
 # Likewise, for lists of so many times the first slack: their rounds take as long as trials for
 # higher targets, which close more.
@@ -175,6 +176,8 @@ class _Envelopes:
             self._pay(cutoff)
             if listed and self.try_paths():
                 return
+            if self._has_better_plan():
+                continue
             closed = (before - narrowing.pricing.bound) / open_
             may_grow = listed and self.lengths.can_grow
             if listed and closed < LEAST_LISTED:
@@ -184,19 +187,31 @@ class _Envelopes:
                 break
             if closed < LEAST_ROUND and not may_grow and not (listed and self._is_small()):
                 break
+        self._raise_target()
         if self.bound > cutoff():
             self.trials.for_higher_targets(len(self.stages), self.nodes, self.offer)
 
+    def _has_better_plan(self) -> bool:
+        """Returns True if a plan is clearly above the target of the stages."""
+        return self.search.value > (1 + CLEARLY) * self.narrowing.target
+
     def _raise_target(self) -> None:
-        """Repeats all stages for the best plan's J, if it is more: they close more states then."""
+        """Repeats all stages for the best plan's J, if it is more: they close more states then.
+
+        Raises
+        ------
+        LimitReached
+            At a limit; the target and what is left are as before.
+        """
         plan = self.search.incumbent
-        if plan is None or plan.value <= (1 + CLEARLY) * self.narrowing.target:
+        narrowing = self.search.narrowing(self.duals) if self._has_better_plan() else None
+        if plan is None or narrowing is None:
             return
-        narrowing = self.search.narrowing(self.duals)
-        assert narrowing is not None
         # Of the paths that are known, these are sure to be among the states that are left.
         self.known.add_plan(plan, self.steps)
         for stage in self.stages:
+            self.search.stop.check()
+            self.search.report_again()
             _repeat(stage, narrowing)
         self.narrowing = self.trials.narrowing = narrowing
 
@@ -286,7 +301,13 @@ class _Envelopes:
                 return
 
     def _look_for_plans(self, flow: Mapping[Arc, float]) -> None:
-        """Offers the plan that local search makes of the mixture behind the latest payments."""
+        """Offers plans that are made of the mixture behind the latest payments.
+
+        Raises
+        ------
+        LimitReached
+            At a limit, in recombination.
+        """
         before = self.search.value
         self.search.allow_responses(self.responses)
         self.search.look_for_plans(flow_mixture(self.model, flow), flow.keys())

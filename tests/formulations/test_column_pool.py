@@ -10,6 +10,7 @@ from hypothesis import given
 from pool import meetings, problems
 from strategies import Calls, examples
 
+from cocap_opt.formulations.column_generation import local_search
 from cocap_opt.formulations.column_generation.column_pool import ColumnPool
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
@@ -19,7 +20,7 @@ from cocap_opt.formulations.column_generation.mixture_ascent import mixture_asce
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import objective
-from cocap_opt.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 
@@ -126,6 +127,25 @@ def test_a_rounding_that_is_stopped_is_completed_from_a_known_plan(
     assert found is not None
     verdict = check(problem, model.plan(found.paths))
     assert verdict.valid and verdict.reward == pytest.approx(found.value, rel=1e-9, abs=1e-9)
+
+
+def test_robots_whose_way_is_taken_have_that_of_the_known_plan() -> None:
+    """One that must give up its column may be in the way of the next."""
+    model = compiled(load_scene("tiny-queue", 0))
+    _, own = pooled(model)
+    known = Incumbent.of_plan(model, Plan.hovering(model.problem))
+    assert known is not None
+    number = 0
+    for columns in product(*own):
+        for left_out in range(len(own)):
+            chosen = {one.robot: one for one in columns if one.robot != left_out}
+            completed = local_search._completed(chosen, known, model.problem)
+            assert Incumbent.of(model, completed) is not None
+            assert completed[left_out] is known.columns[left_out]
+            number += any(
+                one is not chosen.get(one.robot) for one in completed if one.robot != left_out
+            )
+    assert number  # of cases in which a chosen column is given up
 
 
 @pytest.mark.slow

@@ -175,3 +175,24 @@ def test_stages_are_repeated_for_a_better_plan() -> None:
     assert {path for _, path in stages.known.paths} >= set(better.paths)
     file = stages.file()
     assert verify(search.model.problem, file, model=search.model).bound == file.bound
+
+
+def test_a_better_plan_found_in_a_round_is_the_target_of_the_next(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Also where the round has closed nothing, after which there would be none."""
+    root = solved_root()
+    search, duals = root.search, root.relaxation.best.duals
+    better = search.incumbent
+    assert better is not None
+    search.incumbent = Incumbent.of_plan(search.model, Plan.hovering(search.model.problem))
+    targets = []
+
+    def finding(self: step_envelopes._Envelopes, _: object) -> None:
+        targets.append(self.narrowing.target)
+        search.offer(better)
+
+    monkeypatch.setattr(step_envelopes._Envelopes, "_pay", finding)
+    step_envelopes.step_envelopes(search, duals, root.cutoff, tries_paths=False)
+    assert targets[0] < better.value
+    assert targets[1] == better.value

@@ -1,6 +1,6 @@
 """Recombination: the best plan along the states of several plans."""
 
-from itertools import islice, product
+from itertools import count, islice, product
 
 import numpy as np
 import pytest
@@ -12,17 +12,19 @@ from random_certificates import random_multipliers
 from strategies import Calls, examples, tiny
 
 from cocap_opt.formulations.certificates import Narrowing, NotEndedError
+from cocap_opt.formulations.certificates.joint_paths import BestPlan
 from cocap_opt.formulations.column_generation import recombination
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.recombination import MOST_PLANS, Recombination
+from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Objective, Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.stop import LimitReached
+from cocap_opt.stop import Limit, LimitReached
 
 
 def some_plans(model: Model, rng: np.random.Generator, most: int = 4) -> list[Incumbent]:
-    """Some plans of a small problem that obey the rules, drawn at random."""
+    """Plans of a small problem that obey the rules, drawn at random; some may be equal."""
     problem = model.problem
     paths = [all_paths(problem, robot) for robot in range(len(problem.robots))]
     if not all(paths):
@@ -78,99 +80,139 @@ def narrowing_of(model: Model, value: float, rng: np.random.Generator) -> Narrow
     return narrowing
 
 
+def known(plans: list[Incumbent]) -> Recombination:
+    """A recombination of some plans."""
+    found = Recombination()
+    for plan in plans:
+        found.add(plan)
+    return found
+
+
+@pytest.fixture
+def drawn() -> tuple[list[Incumbent], Narrowing]:
+    """Plans of the tiny scene, and what is left above the first of them."""
+    rng, model = np.random.default_rng(0), compiled(tiny())
+    plans = some_plans(model, rng, 12)
+    return plans, narrowing_of(model, plans[0].value - 1, rng)
+
+
 @examples(40)
 @given(
     st.one_of(problems(robots=[2, 3], most_plans=400), meetings(), meetings(team=3)),
     st.integers(0, 10**9),
+    st.sampled_from([1, 4]),
 )
-def test_the_best_plan_along_the_states_of_several_is_found(problem: Problem, seed: int) -> None:
-    """By enumeration, there is none that is better."""
+def test_the_best_plan_along_the_states_of_several_is_found(
+    problem: Problem, seed: int, first_plans: int
+) -> None:
+    """By enumeration, there is none that is better, however many are taken at first."""
     rng, problem = np.random.default_rng(seed), problem.replace(objective=Objective())
     model = compiled(problem)
     plans = some_plans(model, rng)
-    if not plans:
+    if len(plans) < 2:
         return
-    found = Recombination()
-    for plan in plans:
-        found.add(plan)
     first = plans[0]
-    better = found.better(first, narrowing_of(model, first.value - 1, rng))
-    best = first if better is None else better
-    assert best.value == pytest.approx(best_along(problem, plans, model))
-    assert better is None or check(problem, model.plan(better.paths)).valid
+    narrowing = narrowing_of(model, first.value - 1, rng)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recombination, "FIRST_PLANS", first_plans)
+        better = [*known(plans).better_plans(first, narrowing)]
+    values = [first.value, *(plan.value for plan in better)]
+    assert values == sorted(set(values))
+    assert values[-1] == pytest.approx(best_along(problem, plans, model))
+    assert all(check(problem, model.plan(plan.paths)).valid for plan in better)
 
 
-def test_it_is_not_done_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nor again for too many plans, before less is open."""
-    rng, model = np.random.default_rng(0), compiled(tiny())
-    plans = some_plans(model, rng)
-    found = Recombination()
-    for plan in plans:
-        found.add(plan)
-    narrowing, asked = narrowing_of(model, plans[0].value - 1, rng), list[float]()
-    best_plan = recombination.best_plan
+def test_more_and_more_plans_are_taken_and_none_twice(
+    drawn: tuple[list[Incumbent], Narrowing], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twice as many each time; what has ended is not begun again."""
+    plans, narrowing = drawn
+    asked = count()
 
-    def asking(some: Narrowing, *args: object) -> object:
-        asked.append(some.target)
-        return best_plan(some, *args)  # type: ignore[arg-type]
+    def nothing(_: Narrowing, *__: object) -> BestPlan:
+        next(asked)
+        return BestPlan(-np.inf)
 
-    monkeypatch.setattr(recombination, "best_plan", asking)
-    best = found.better(plans[0], narrowing) or plans[0]
-    assert len(asked) == 1
-    assert found.better(best, narrowing) is None
-    assert len(asked) == 1 + (best is not plans[0] and best.paths not in found.values)
+    monkeypatch.setattr(recombination, "best_plan", nothing)
+    found = known(plans)
+    assert 8 < len(found.values) <= 16
+    assert not [*found.better_plans(plans[0], narrowing)]
+    assert not [*found.better_plans(plans[0], narrowing)]
+    assert next(asked) == 3  # of 4, 8 and 16
 
-    def failing(some: Narrowing, *_: object) -> object:
-        asked.append(some.target)
+
+def test_too_many_plans_are_tried_again_once_less_is_open(
+    drawn: tuple[list[Incumbent], Narrowing], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not before, as it would fail again."""
+    plans, narrowing = drawn
+    asked = count()
+
+    def failing(_: Narrowing, *__: object) -> BestPlan:
+        next(asked)
         raise NotEndedError
 
     monkeypatch.setattr(recombination, "best_plan", failing)
-    found, room = Recombination(), narrowing.room
-    for plan in plans:
-        found.add(plan)
-    asked.clear()
-    for number in (1, 2):
-        for _ in range(2):
-            assert found.better(plans[0], narrowing) is None
-            assert len(asked) == number
-        narrowing.constants -= 0.5 * room / len(narrowing.constants)
+    found, room = known(plans), narrowing.room_above(plans[0].value)
+    for _ in range(2):
+        assert not [*found.better_plans(plans[0], narrowing)]
+    assert next(asked) == 1
+    narrowing.constants -= 0.5 * room / len(narrowing.constants)
+    assert not [*found.better_plans(plans[0], narrowing)]
+    assert next(asked) == 3
+
+
+def test_a_better_plan_is_kept_where_a_limit_ends_the_next_recombination(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The search has it, though it does not end."""
+    model = compiled(tiny())
+    search = Search(model)
+    plans = sorted(some_plans(model, np.random.default_rng(0), 12), key=lambda plan: plan.value)
+    best, calls = plans[-1], count()
+    search.incumbent = plans[0]
+    search.recombination.values = {plan.paths: plan.value for plan in plans[:-1]}
+
+    def limited(_: Narrowing, *__: object) -> BestPlan:
+        if next(calls):
+            raise LimitReached(Limit.TIME)
+        return BestPlan(best.value, best.paths)
+
+    monkeypatch.setattr(recombination, "best_plan", limited)
+    narrowing = search.narrowing(search.alone.duals)
+    assert narrowing is not None
+    with pytest.raises(LimitReached):
+        search.recombine(narrowing)
+    assert search.incumbent is not None and search.incumbent.paths == best.paths
 
 
 def test_the_best_plans_are_kept() -> None:
-    """Where too many are found."""
+    """Once there are twice as many as are kept, the others are forgotten."""
     plan = some_plans(compiled(tiny()), np.random.default_rng(0))[0]
-    found = Recombination()
-    for k in range(3 * MOST_PLANS):
+    found, values = Recombination(), [float(k * 37 % 1000) for k in range(3 * MOST_PLANS)]
+    for k, value in enumerate(values):
         columns = [
             column._replace(along=column.along._replace(states=(*column.path[:-1], k)))
             for column in plan.columns
         ]
-        found.add(Incumbent(float(k % 100), tuple(columns)))
-    assert MOST_PLANS <= len(found.values) <= 2 * MOST_PLANS
-    assert max(found.values.values()) == 99.0
+        found.add(Incumbent(value, tuple(columns)))
     kept = sorted(found.values.values())
-    assert kept[-MOST_PLANS] >= 99 - MOST_PLANS
+    assert len(kept) <= 2 * MOST_PLANS
+    assert kept[-MOST_PLANS:] == sorted(values)[-MOST_PLANS:]
 
 
-def test_it_is_left_out_where_joint_states_do_not_decide() -> None:
-    """Where moves are rewarded, plans come from local search alone."""
-    rng, model = np.random.default_rng(0), compiled(tiny().replace(
-        objective=Objective(stationarity=3.0)
-    ))  # fmt: skip
-    plans = some_plans(model, rng)
-    found = Recombination()
-    for plan in plans:
-        found.add(plan)
-    assert found.better(plans[0], narrowing_of(model, plans[0].value - 1, rng)) is None
+def test_joint_states_must_decide_and_there_must_be_several_plans() -> None:
+    """Where moves are rewarded, and of one plan alone, there is no recombination."""
+    model = compiled(tiny())
+    plans = some_plans(model, np.random.default_rng(0))
+    assert known(plans).applies_to(model)
+    assert not known(plans[:1]).applies_to(model)
+    rewarded = compiled(tiny().replace(objective=Objective(stationarity=3.0)))
+    assert not known(plans).applies_to(rewarded)
 
 
-def test_it_keeps_to_its_limit() -> None:
-    """As all that is long."""
-    rng, model = np.random.default_rng(0), compiled(tiny())
-    plans = some_plans(model, rng)
-    found = Recombination()
-    for plan in plans:
-        found.add(plan)
-    narrowing = narrowing_of(model, plans[0].value - 1, rng)
+def test_recombination_keeps_to_its_limit(drawn: tuple[list[Incumbent], Narrowing]) -> None:
+    """It is looked at before each recombination."""
+    plans, narrowing = drawn
     with pytest.raises(LimitReached):
-        found.better(plans[0], narrowing, Calls(0))
+        next(known(plans).better_plans(plans[0], narrowing, Calls(0)))
