@@ -16,8 +16,12 @@ SHOW, FLY = "show scene.toml -o bad.html", "fly scene.toml plan.json --smooth -o
 
 
 def in_words(text: str) -> list[str]:
-    """Lines of a text with single blanks, so that the widths of columns do not matter."""
-    return [" ".join(line.split()) for line in text.splitlines() if line.strip()]
+    """Lines of a text with single blanks, so that the widths of columns do not matter.
+
+    Nor does it matter whether notes are a list, which depends on how many there are.
+    """
+    lines = (" ".join(line.split()).removeprefix("- ") for line in text.splitlines())
+    return [line for line in lines if line]
 
 
 class Reader:
