@@ -257,8 +257,9 @@ class _Task(NamedTuple):
         judged.warn(self.problem, seed, method)
         record: Record = asdict(PlanRow.certified(self.problem, seed, method, judged)) | self.about
         is_open = OPTIMALITY < judged.result.gap < math.inf
-        if is_open and method in _WITH_STEP_ENVELOPES and not self.problem.objective.over_time:
-            _say(record, "" if compiled_search.is_there() else _NOT_COMPILED)
+        may_have = method in _WITH_STEP_ENVELOPES and not self.problem.objective.over_time
+        if is_open and may_have and not compiled_search.is_there():
+            _say(record, _NOT_COMPILED)
         return record
 
 

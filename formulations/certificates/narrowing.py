@@ -238,8 +238,14 @@ class Narrowing:
         self._floors = self.constants - self.room
         self._closing = _Closing(self.constants.copy(), self.slack)
 
-    def above(self, target: float) -> "Narrowing":
+    def above(self, target: float, among: Sequence[BoolArray] | None = None) -> "Narrowing":
         """Returns the same for a target that is not lower, for which more states are closed.
+
+        What changes later in one of the two does not change in the other.
+
+        Parameters
+        ----------
+        among : of each class, the only states [T+1, S] that plans may visit; no others are bounded
 
         Raises
         ------
@@ -248,35 +254,14 @@ class Narrowing:
         """
         if not self.target <= target < math.inf:
             raise CertificateError("certificate.paths_above: must be finite, and not below target")
-        other = self._copied()
-        other.target = target
-        other.close_states()
-        return other
-
-    def among(self, states: Sequence[BoolArray], target: float) -> "Narrowing":
-        """Returns the same for plans of some states alone, above a target; it bounds no others.
-
-        Parameters
-        ----------
-        states : of each class, the states [T+1, S] that such plans may visit
-
-        Raises
-        ------
-        CertificateError
-            As for `above`.
-        """
-        other = self._copied()
-        for left, some in zip(other.left, states, strict=True):
-            left &= some
-        return other.above(target)
-
-    def _copied(self) -> "Narrowing":
-        """Returns a copy; what changes later in one of the two does not change in the other."""
         other = copy(self)
-        other.constants = self.constants.copy()
+        other.target, other.constants = target, self.constants.copy()
         other.rewards = [some.copy() for some in self.rewards]
         other.left = [some.copy() for some in self.left]
         other._earlier = [some.copy() for some in self._earlier]
+        for left, some in zip(other.left, among or other.left, strict=True):
+            left &= some
+        other.close_states()
         return other
 
     def _require_finite(self) -> None:

@@ -121,7 +121,7 @@ class Recombination:
             return None
         stop.check()
         visited = _visited_states(narrowing.model, parents)
-        found = best_plan(narrowing.among(visited, best.value), _most_nodes(stop), stop)
+        found = best_plan(narrowing.above(best.value, visited), _most_nodes(stop), stop)
         self._done.add(parents)
         better = Incumbent.along(narrowing.model, found.paths) if found.paths else None
         return None if better is None or not better.clearly_better_than(best) else better

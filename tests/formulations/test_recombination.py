@@ -8,7 +8,7 @@ from brute_force import all_paths, pixels_of, views_of
 from hypothesis import given
 from hypothesis import strategies as st
 from pool import meetings, problems
-from random_certificates import random_multipliers
+from random_certificates import random_narrowing
 from strategies import Calls, examples, tiny
 
 from cocap_opt.formulations.certificates import Narrowing, NotEndedError
@@ -73,13 +73,6 @@ def best_along(problem: Problem, plans: list[Incumbent], model: Model) -> float:
     raise AssertionError("some of the plans obey the rules")
 
 
-def narrowing_of(model: Model, value: float, rng: np.random.Generator) -> Narrowing:
-    """What random multipliers leave above the J of a plan."""
-    narrowing = Narrowing(model, random_multipliers(model, rng), value)
-    narrowing.close_states()
-    return narrowing
-
-
 def known(plans: list[Incumbent]) -> Recombination:
     """A recombination of some plans."""
     found = Recombination()
@@ -93,7 +86,7 @@ def drawn() -> tuple[list[Incumbent], Narrowing]:
     """Plans of the tiny scene, and what is left above the first of them."""
     rng, model = np.random.default_rng(0), compiled(tiny())
     plans = some_plans(model, rng, 12)
-    return plans, narrowing_of(model, plans[0].value - 1, rng)
+    return plans, random_narrowing(model, plans[0].value - 1, rng)
 
 
 @examples(40)
@@ -112,7 +105,7 @@ def test_the_best_plan_along_the_states_of_several_is_found(
     if len(plans) < 2:
         return
     first = plans[0]
-    narrowing = narrowing_of(model, first.value - 1, rng)
+    narrowing = random_narrowing(model, first.value - 1, rng)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(recombination, "FIRST_PLANS", first_plans)
         better = [*known(plans).better_plans(first, narrowing)]

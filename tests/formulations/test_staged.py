@@ -15,7 +15,7 @@ from brute_force import all_paths, objective_from_scratch, optimum
 from hypothesis import given
 from hypothesis import strategies as st
 from pool import meetings, problems
-from random_certificates import as_rows, random_multipliers, some_model
+from random_certificates import as_rows, random_multipliers, random_narrowing, some_model
 from strategies import Calls, examples, tiny
 
 import cocap_opt.formulations.certificates.staged as checker
@@ -445,13 +445,6 @@ def test_a_search_that_is_too_long_says_so() -> None:
     joint = random_joint_states(np.random.default_rng(1))
     with pytest.raises(NotEndedError):
         joint.highest(Wanted(-np.inf, 1))
-
-
-def random_narrowing(model: Model, target: float, rng: np.random.Generator) -> Narrowing:
-    """What random multipliers leave above a target."""
-    narrowing = Narrowing(model, random_multipliers(model, rng), target)
-    narrowing.close_states()
-    return narrowing
 
 
 @examples(30)

@@ -15,6 +15,7 @@ from cocap_opt.formulations.certificates import (
     Move,
     Moves,
     Multipliers,
+    Narrowing,
     ProofFile,
     Resource,
     Row,
@@ -167,3 +168,10 @@ def random_proof(model: Model, rng: np.random.Generator) -> ProofFile:
         bound=0.0,
         nodes=tuple(nodes),
     )
+
+
+def random_narrowing(model: Model, target: float, rng: np.random.Generator) -> Narrowing:
+    """What random multipliers leave above a target."""
+    narrowing = Narrowing(model, random_multipliers(model, rng), target)
+    narrowing.close_states()
+    return narrowing
