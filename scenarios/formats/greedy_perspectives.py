@@ -31,6 +31,7 @@ import msgspec
 import numpy as np
 import yaml
 from msgspec import Meta
+from yamlcore import CoreLoader
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.messages import in_words
@@ -322,10 +323,12 @@ def _require_index(value: int, size: int, field: str) -> None:
         raise ProblemError(f"{field}: must be 0..{size - 1}, not {value}")
 
 
-class _Loader(yaml.SafeLoader):
-    """PyYAML's safe loader, made to fail in one way at a scalar of the wrong form or a key twice.
+class _Loader(CoreLoader):  # type: ignore[misc]  # yamlcore has no annotations
+    """A safe loader of YAML 1.2's core schema, made to fail in one way at what it cannot read.
 
-    The loader in C, which msgspec.yaml takes, crashes on text that is nested too deeply.
+    By that schema 1e-05 is a number, 012 is twelve, and yes, 1_000, 1:30 and dates are text, which
+    PyYAML and msgspec.yaml, of YAML 1.1, read otherwise. The loader in C, which msgspec.yaml takes,
+    crashes on text that is nested too deeply.
     """
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
@@ -344,6 +347,9 @@ class _Loader(yaml.SafeLoader):
         if len(set(keys)) < len(keys):
             twice = next(key for k, key in enumerate(keys) if key in keys[:k])
             raise ProblemError(f"{twice[:40]}: must be given once in a mapping, not twice")
+        if "<<" in keys:  # YAML 1.1 merges what follows; it must not be lost
+            line = node.start_mark.line + 1
+            raise ProblemError(f"line {line}: must have no merge key <<; write its fields out")
         mapping: dict[Any, Any] = super().construct_mapping(node, deep)
         return mapping
 

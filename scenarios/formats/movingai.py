@@ -162,6 +162,14 @@ def read(
         )
 
 
+class _Found(NamedTuple):
+    """The robots' starts and the actors' walks that rows give."""
+
+    starts: list[GridCell]
+    walks: list[list[GridCell]]
+    others: int = 0  # free starts of the rows that actors leave, near somebody or not
+
+
 class _Cast(NamedTuple):
     """The robots and actors that are wanted; the fields are the arguments of `read`."""
 
@@ -201,53 +209,57 @@ class _Cast(NamedTuple):
             order = iter(trips)
             starts = list(islice(_distinct_starts(order, free), self.robots))
             walks = list(islice(_walks(order, graph), self.actors))
-            return self._require_all(starts, walks, "")
-        first = self._people_first(trips, free, graph, height_map)
-        for k in range(1, _ATTEMPTS if self.actors else 0):
-            if len(first[0]) >= self.robots or len(first[1]) < self.actors:
-                break
-            skipped = k * self.actors % len(trips)
-            others = trips[skipped:] + trips[:skipped]
-            found = self._people_first(others, free, graph, height_map)
-            if len(found[0]) >= self.robots and len(found[1]) == self.actors:
-                return self._require_all(*found)
-        return self._require_all(*first)
+            found = _Found(starts, walks)
+        else:
+            found = self._people_first(trips, free, graph, height_map)
+            for k in range(1, _ATTEMPTS if self.actors else 0):
+                if self._is_enough(found) or len(found.walks) < self.actors:
+                    break
+                skipped = k * self.actors % len(trips)
+                others = trips[skipped:] + trips[:skipped]
+                other = self._people_first(others, free, graph, height_map)
+                if self._is_enough(other):
+                    found = other
+        if not self._is_enough(found):
+            raise ProblemError(f"rows: {self._too_few(found, trips, free, graph)}")
+        return found.starts, found.walks
 
-    def _require_all(
-        self, starts: list[GridCell], walks: list[list[GridCell]], why: str
-    ) -> tuple[list[GridCell], list[list[GridCell]]]:
-        """Returns starts and walks, if they are as many as wanted."""
-        _require(
-            (len(starts), len(walks)) == (self.robots, self.actors),
-            "rows",
-            f"must give {self.robots} drones a free start of their own and {self.actors} people a "
-            f"path to their goal, but give only {len(starts)} and {len(walks)}{why}",
+    def _is_enough(self, found: _Found) -> bool:
+        """Returns True if starts and walks are as many as wanted."""
+        return (len(found.starts), len(found.walks)) == (self.robots, self.actors)
+
+    def _too_few(self, found: _Found, trips: list[_Trip], free: BoolArray, graph: Graph) -> str:
+        """Says which of starts and walks are too few, with the counts of the whole file."""
+        starts = sum(1 for _ in _distinct_starts(trips, free))
+        words = (
+            f"must give {self.robots} drones a free start of their own and {self.actors} people, "
+            f"from other rows, a path to their goal; {len(trips)} rows have {starts} such starts "
+            f"and {_paths(trips, graph)} such paths"
         )
-        return starts, walks
+        if self.near is None:
+            return (
+                f"{words}; drones take the first rows, and these and the rest give only "
+                f"{len(found.starts)} and {len(found.walks)}"
+            )
+        if len(found.walks) < self.actors or found.others < self.robots:
+            return words
+        return (
+            f"{words}; only from {len(found.starts)} of the {found.others} free starts that people "
+            f"leave a drone comes within near = {self.near:g} m of somebody in sight in "
+            f"{self.steps} steps; fewer drones, another seed, more steps or a larger near may do"
+        )
 
     def _people_first(
         self, trips: list[_Trip], free: BoolArray, graph: Graph, height_map: HeightMap
-    ) -> tuple[list[GridCell], list[list[GridCell]], str]:
-        """Returns starts near the people of the first rows, their walks, and why they are few."""
+    ) -> _Found:
+        """Returns the walks of the people of the first rows, and starts near them."""
+        assert self.near is not None
         order = iter(trips)
         walks = list(islice(_walks(order, graph), self.actors))
-        starts, why = self._near_people(list(_distinct_starts(order, free)), walks, height_map)
-        return starts, walks, why
-
-    def _near_people(
-        self, rows: list[GridCell], walks: list[list[GridCell]], height_map: HeightMap
-    ) -> tuple[list[GridCell], str]:
-        """Returns the starts that are soonest near somebody, and why they are too few."""
-        assert self.near is not None
+        rows = list(_distinct_starts(order, free))
         workspace, people = Workspace(height_map), self.people(walks)
         starts = _nearest(rows, self.near, people, workspace, self.motion) if people else rows
-        if len(starts) >= self.robots:
-            return starts[: self.robots], ""
-        return starts, (
-            f"; only from {len(starts)} of the {len(rows)} free starts a drone comes within near = "
-            f"{self.near:g} m of somebody in sight in {self.steps} steps; fewer drones, another "
-            "seed, more steps or a larger near may do"
-        )
+        return _Found(starts[: self.robots], walks, len(rows))
 
 
 def _nearest(
@@ -380,6 +392,15 @@ def _distinct_starts(trips: Iterable[_Trip], free: BoolArray) -> Iterator[GridCe
 
 def _walks(trips: Iterable[_Trip], graph: Graph) -> Iterator[list[GridCell]]:
     return (walk for trip in trips if (walk := trip.walk(graph)) is not None)
+
+
+def _paths(trips: Iterable[_Trip], graph: Graph) -> int:
+    """Returns the number of trips whose ends are joined by a path."""
+    import networkx as nx
+
+    parts = enumerate(nx.connected_components(graph))
+    part_of = {cell: k for k, cells in parts for cell in cells}
+    return sum(part_of.get(trip.start, -1) == part_of.get(trip.goal, -2) for trip in trips)
 
 
 def _robot(start: GridCell, walks: Sequence[Sequence[GridCell]], motion: Motion) -> Robot:
