@@ -15,6 +15,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.scenarios.built_in import bottleneck, bridge, corridor, field, passage, tiny
+from cocap_opt.scenarios.foreign import JSON, WKT, kind_of
 from cocap_opt.scenarios.formats import conventions, hughes, movingai
 from cocap_opt.scenarios.formats.options import NOTHING, Options
 from cocap_opt.text import meant
@@ -251,6 +252,9 @@ def _find_file(name_or_path: str) -> tuple[Path, _Format]:
     if os.path.isfile(path) and _is_blank(path):
         raise FileError(f"{path}: is empty, and no scene")
     found = next((kind for kind in FORMATS.values() if kind.scenes.has(path)), None)
+    foreign = None if found else kind_of(path)
+    if foreign is not None and foreign not in (JSON, WKT):  # of which the name says more
+        raise FileError(f"{path}: is no scene, but {foreign.name}; {foreign.way_out}")
     if found is None and (way := _WAYS_OUT.get(path.suffix.lower())):
         raise FileError(f"{path}: is no scene; {way}")
     if found is None:

@@ -30,9 +30,14 @@ WAYS_OUT: Mapping[str, str] = {  # what to do with a file that is named as a sce
 }
 
 
+def is_wkt(text: str) -> bool:
+    """Returns True if a text begins as WKT does."""
+    return _WKT.match(text) is not None
+
+
 def kind_of(text: str) -> str | None:
     """Returns the kind of a text, one of those in `WAYS_OUT`, or None if it is no such text."""
-    if _WKT.match(text):
+    if is_wkt(text):
         return WKT
     try:
         content: Any = msgspec.json.decode(text)

@@ -1,22 +1,18 @@
 """Text files and numbers in them, and the errors of one line that all readers of files raise."""
 
+import codecs
 import csv
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import unreadable
 from cocap_opt.files.messages import no_text
+from cocap_opt.scenarios.foreign import Kind, require
 
-# How files begin that are no text, and the way out.
-_NO_TEXT = {
-    b"\x89HDF\r\n\x1a\n": "is HDF5; write its dataset of trajectories as text, with the columns "
-    "id frame x y",
-    b"SQLite format 3\0": "is an SQLite database; as JuPedSim writes them, they are people, for "
-    "[[tracks]] of a recipe",
-}
+_UTF_16 = codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE
 
 
 @contextmanager
@@ -39,26 +35,26 @@ def _require_regular(path: Path) -> None:
         raise ProblemError(words)
 
 
-def read_text(path: Path) -> str:
-    """Returns the text of a UTF-8 file, without a byte order mark.
+def read_text(path: Path, takes: Collection[Kind] = ()) -> str:
+    """Returns the text of a UTF-8 file, or of UTF-16 with its mark; marks are left out.
+
+    Parameters
+    ----------
+    takes
+        The kinds of files that the caller reads, of those that have first bytes of their own; any
+        other is refused.
 
     Raises
     ------
     ProblemError
-        If the file cannot be opened, is a pipe or a device, or is not UTF-8; of known kinds of
-        files that are no text the message names the way out.
+        If the file cannot be opened, is a pipe or a device, is no text, or of a kind that the
+        caller does not read; of known kinds the message names the way out.
     """
     _require_regular(path)
+    require(path, takes)
     try:
-        with path.open("rb") as file:
-            begin = file.read(max(map(len, _NO_TEXT)))
-    except OSError as error:
-        raise ProblemError(f"cannot be read: {error.strerror}") from error
-    for magic, words in _NO_TEXT.items():
-        if begin.startswith(magic):
-            raise ProblemError(words)
-    try:
-        return path.read_text(encoding="utf-8-sig")
+        content = path.read_bytes()
+        return content.decode("utf-16" if content.startswith(_UTF_16) else "utf-8-sig")
     except OSError as error:
         raise ProblemError(f"cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:

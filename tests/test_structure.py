@@ -29,7 +29,9 @@ ORDER = {
         "brute_force",
         "relaxations", "column_generation", "integer_programs",
     ),
-    "scenarios": ("text", "kinds", "cameras", "airframes", "formats", "recipe", "built_in"),
+    "scenarios": (
+        "kinds", "foreign", "text", "cameras", "airframes", "formats", "recipe", "built_in",
+    ),
     "experiments": (
         "console", "results", "missions", "sweeps", "report", "api", "studies", "notebooks", "cli",
         "manual",

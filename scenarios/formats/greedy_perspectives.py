@@ -46,6 +46,7 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.scenarios.foreign import JSON, NUMPY, require
 from cocap_opt.scenarios.formats.conventions import Conventions
 from cocap_opt.scenarios.formats.options import NOTHING
 from cocap_opt.scenarios.text import integer, naming, number, read_table, read_text
@@ -145,7 +146,7 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
     """
     conventions = Conventions.of(options)
     with naming(path):
-        world = _world(read_text(path))
+        world = _world(read_text(path, (JSON,)))
         shape = TriangulatedCuboid if conventions.triangles else Cuboid
         actors = _actors(world, shape(height=2.5))
         cameras = _cameras(world, conventions)
@@ -296,7 +297,7 @@ def start_sets(path: Path) -> int:
         naming the file.
     """
     with naming(path):
-        robots = len(_world(read_text(path)).agents)
+        robots = len(_world(read_text(path, (JSON,))).agents)
     file = path.with_name("starts.csv")
     if not os.path.lexists(file):
         return 0
@@ -432,6 +433,7 @@ def _map_file(path: Path, stated: str) -> Path:
 
 
 def _heights(path: Path) -> FloatArray:
+    require(path, (NUMPY,))
     try:
         with path.open("rb") as file:
             version = np.lib.format.read_magic(file)

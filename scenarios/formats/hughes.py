@@ -53,6 +53,7 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
+from cocap_opt.scenarios.foreign import JSON
 from cocap_opt.scenarios.formats.options import NO_YES, NOTHING, Options
 from cocap_opt.scenarios.text import integer, naming, number, read_table, read_text
 from cocap_opt.text import printable
@@ -331,7 +332,7 @@ def _starts(path: Path, solution: _Solution, size: tuple[int, int]) -> list[Stat
 
 
 def _decode(path: Path, kind: type[T]) -> T:
-    text = read_text(path)
+    text = read_text(path, (JSON,))
     try:
         return decode_json(text, kind)
     except (msgspec.MsgspecError, RecursionError) as error:

@@ -10,6 +10,7 @@ import msgspec
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import SceneFile
 from cocap_opt.problem import Problem
+from cocap_opt.scenarios.foreign import JSON, WKT
 from cocap_opt.scenarios.kinds import WAYS_OUT, kind_of
 from cocap_opt.scenarios.text import naming, read_text
 
@@ -23,7 +24,7 @@ def read(path: Path, seed: int = 0) -> Problem:
         If the file cannot be used; one line, naming the file.
     """
     with naming(path):
-        _require_own(read_text(path))
+        _require_own(read_text(path, (JSON, WKT)))
     return SceneFile.read(path).problem
 
 

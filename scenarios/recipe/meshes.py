@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.scenarios.foreign import MESHES, require
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Coordinate, Table, Unit
 from cocap_opt.scenarios.text import naming
 from cocap_opt.world.workspace import Mesh
@@ -39,6 +40,7 @@ class MeshTable(Table):
 
         path = folder / self.file
         with naming(path):
+            require(path, MESHES)
             if path.suffix.lower() not in SUFFIXES:
                 raise ProblemError(f"must be named {', '.join(SUFFIXES)}")
             vertices, triangles = read_mesh(path)

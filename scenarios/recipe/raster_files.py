@@ -16,6 +16,7 @@ from typing import BinaryIO
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.scenarios.foreign import ESRI_ASCII, TIFF, require
 from cocap_opt.scenarios.recipe import geotiff
 from cocap_opt.scenarios.recipe.raster import Layout, Raster, Window
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Unit
@@ -78,6 +79,7 @@ def read_raster(
 def _read(
     path: Path, band: int | None, nodata: float | None, window: Window | None, unit: Unit
 ) -> Raster:
+    require(path, (TIFF, ESRI_ASCII))
     match path.suffix.lower():
         case ".asc":
             if band not in (None, 1):

@@ -16,6 +16,7 @@ from msgspec import Meta
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Actor, Earth, Objective, Problem, Robot
+from cocap_opt.scenarios.foreign import JSON
 from cocap_opt.scenarios.recipe.airspace import AirspaceTable, NoFlyTable
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings, say_moved
 from cocap_opt.scenarios.recipe.earth import EarthTable, Projection, require_likely
@@ -258,7 +259,7 @@ def _names(recipe: _Recipe) -> Iterator[tuple[str, str]]:
 
 
 def _decode(path: Path) -> _Recipe:
-    text = read_text(path)
+    text = read_text(path, (JSON,))  # `[[1]]` is TOML, too
     try:
         return msgspec.toml.decode(text, type=_Recipe)
     except (msgspec.MsgspecError, RecursionError) as error:

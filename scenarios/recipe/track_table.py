@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cocap_opt.data import LARGEST, FloatArray, IntArray, ProblemError
+from cocap_opt.scenarios.foreign import GPX, SQLITE, require
 from cocap_opt.scenarios.recipe.earth import Projection
 from cocap_opt.scenarios.recipe.tables import PER_METRE
 from cocap_opt.scenarios.recipe.track_database import Database
@@ -72,6 +73,7 @@ class TrackTable(NamedTuple):
             without the file's name.
         """
         _check_options(unit, fps, delimiter)
+        require(path, (SQLITE, GPX))
         if not Database.is_one(path):
             return cls._of_text(read_text(path), columns, unit, fps, delimiter, projection)
         for field, value in {"columns": columns, "delimiter": delimiter}.items():

@@ -8,6 +8,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.scenarios.foreign import JSON, WKT
 from cocap_opt.scenarios.recipe.earth import NOWHERE, Projection
 from cocap_opt.scenarios.recipe.ground_plans import GroundPlan, Meaning, ground_plan
 from cocap_opt.scenarios.recipe.tables import (
@@ -55,7 +56,7 @@ class WallsTable(Table):
         """
         base = lowest if self.base is None else self.base
         with naming(folder / self.file):
-            text = read_text(folder / self.file)
+            text = read_text(folder / self.file, (JSON, WKT))
             plan = ground_plan(text, self.name, self.unit, self.polygons, projection)
             areas = list(plan.obstacles)
             if self.border > 0:
