@@ -8,27 +8,41 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
-from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.data import LARGEST, FloatArray, ProblemError
 from cocap_opt.problem import Actor, Shape
 from cocap_opt.scenarios.recipe.earth import Projection
 from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE, pace_warning
-from cocap_opt.scenarios.recipe.tables import Count, Heading, Point, Size, Table, Unit
+from cocap_opt.scenarios.recipe.tables import (
+    Count,
+    Heading,
+    Point,
+    Size,
+    Table,
+    TimeUnit,
+    Unit,
+)
 from cocap_opt.scenarios.recipe.terrain import Terrain
+from cocap_opt.scenarios.recipe.track_files import on_one_clock
+from cocap_opt.scenarios.recipe.track_times import SINCE_1970, Clock, likely_unit
 from cocap_opt.scenarios.recipe.tracks import BODY, MOST_GAP, SLACK, STILL, Track
 
 log = logging.getLogger(__name__)
 
+_MOSTLY = 0.5  # of all ways between rows, from which on rows are too far apart for anything
+_LONGEST = 60.0  # s, for which somebody's way may be meant to be straight
 _LEAST_WALK = 0.5  # of the scene's duration; who walks for less may be meant to walk on
 
 
 class TracksTable(Table):
     """One of the tables `tracks` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
 
-    file: str
+    file: str | Annotated[list[str], Meta(min_length=1)]  # several are on one clock
     columns: list[str] | None = None
     unit: Unit | None = None
     fps: float | None = None
     delimiter: str | None = None
+    time_unit: TimeUnit | None = None
+    gap: Annotated[float, Meta(gt=0, le=LARGEST)] | None = None
     begin: float | None = None
     ids: Annotated[list[int | str], Meta(min_length=1)] | None = None
     count: Count | None = None
@@ -38,12 +52,14 @@ class TracksTable(Table):
 
     def actors(
         self, folder: Path, terrain: Terrain, step: float, steps: int, projection: Projection
-    ) -> list[Actor]:
-        """Reads the people of the file who are there at all steps, standing on the ground.
+    ) -> tuple[list[Actor], Clock | None]:
+        """Reads the people of the files who are there at all steps, standing on the ground.
+
+        Returns them, and the moment of step 0 where times are dates.
 
         Parameters
         ----------
-        folder : of the file that the table names
+        folder : of the files that the table names
         terrain : the ground
         step : seconds between steps
         steps : horizon T
@@ -52,12 +68,9 @@ class TracksTable(Table):
         Raises
         ------
         ProblemError
-            If the file cannot be read or has no such people; one line.
+            If a file cannot be read or has no such people; one line.
         """
-        tracks = Track.read_all(
-            folder / self.file, columns=self.columns, unit=self.unit, fps=self.fps,
-            delimiter=self.delimiter, projection=projection,
-        )  # fmt: skip
+        tracks = self._tracks(folder, projection)
         begin, chosen = self._chosen(tracks, step, steps)
         actors = [
             track._replace(points=track.points + np.array(self.at)).actor(
@@ -67,32 +80,63 @@ class TracksTable(Table):
         ]
         names, causes = [f"id {track.id}" for track in chosen], "unit, fps, step and all its rows"
         if warning := pace_warning(names, actors, step, causes):
-            log.warning("%s: %s", self.file, warning)
-        return actors
+            log.warning("%s: %s", self._named, warning)
+        clock = chosen[0].clock
+        return actors, clock and clock.later(begin)
+
+    @property
+    def _files(self) -> list[str]:
+        return [self.file] if isinstance(self.file, str) else self.file
+
+    @property
+    def _named(self) -> str:
+        return ", ".join(self._files)
+
+    def _tracks(self, folder: Path, projection: Projection) -> list[Track]:
+        """Returns the tracks of all files."""
+        if len(set(self._files)) < len(self._files):
+            raise ProblemError("file: must be files that differ")
+        files = {
+            name: Track.read_all(
+                folder / name, columns=self.columns, unit=self.unit, fps=self.fps,
+                delimiter=self.delimiter, time_unit=self.time_unit, gap=self.gap,
+                projection=projection,
+            )
+            for name in self._files
+        }  # fmt: skip
+        return files[self._files[0]] if len(files) == 1 else on_one_clock(files)
+
+    def _begin(self, tracks: list[Track]) -> float | None:
+        """Returns the second of step 0 that is wished; it may count from 1970 as the file does."""
+        clock = tracks[0].clock
+        if self.begin is None or clock is None or self.begin < SINCE_1970:
+            return self.begin
+        return self.begin - clock.nanoseconds / 1e9
 
     def _chosen(self, tracks: list[Track], step: float, steps: int) -> tuple[float, list[Track]]:
         """Returns the time (s) of step 0, and the people who are filmed."""
+        wished = self._begin(tracks)
         if (self.ids is None) == (self.count is None):
-            present = _present(tracks, steps * step, self.begin)
+            present = _present(tracks, steps * step, wished)
             raise ProblemError(f"must have either ids or a count; {present}")
         candidates = tracks if self.ids is None else _named(self.ids, tracks)
         wanted = self.count or len(candidates)
         # More people are there only from a time at which someone appears.
         moments = sorted({begin for track in candidates for begin, _ in track.spans()})
         most = 0
-        for begin in moments if self.begin is None else [self.begin]:
+        for begin in moments if wished is None else [wished]:
             there = [track for track in candidates if track.is_there(begin, step, steps)]
             if len(there) >= wanted:
-                if self.begin is None:
+                if wished is None:
                     self._say_begin(candidates, wanted, begin, step * steps)
                 return begin, there[:wanted]
             most = max(most, len(there))
-        when = "at no time" if self.begin is None else f"not from {self.begin:g} s on"
+        when = "at no time" if wished is None else f"not from {wished:.12g} s on"
         self._require_dense(candidates)
         shown = candidates if self.ids else [one for one in candidates if len(one.spans()) > 1]
         shown = shown or sorted(candidates, key=lambda track: track.times[0] - track.times[-1])
         who = "; ".join(f"{track.id} is there {track.presence()}" for track in shown[:4])
-        self._require_lasting(candidates, wanted, step, steps, who)
+        self._require_lasting(candidates, wanted, step, steps, wished, who)
         raise ProblemError(
             f"begin: must be a time from which on all of {wanted} are there for {steps * step:g} "
             f"s, which they are {when}; at most {most} are; {who}"
@@ -108,15 +152,16 @@ class TracksTable(Table):
         log.warning(
             "%s: step 0 is %.6g s into the tracks%s, because %d people are there for %.6g s only "
             "from then on; %s is there %s; begin names another time",
-            self.file, begin - first, own, wanted, seconds, late.id, late.presence(),
+            self._named, begin - first, own, wanted, seconds, late.id, late.presence(),
         )  # fmt: skip
 
     def _require_lasting(
-        self, tracks: list[Track], wanted: int, step: float, steps: int, who: str
-    ) -> None:
+        self, tracks: list[Track], wanted: int, step: float, steps: int, begin: float | None,
+        who: str,
+    ) -> None:  # fmt: skip
         """Raises a ProblemError that names the steps for which so many people are there at once."""
         spans = [span for track in tracks for span in track.spans()]
-        moments = {a for a, _ in spans} if self.begin is None else {self.begin}
+        moments = {a for a, _ in spans} if begin is None else {begin}
         lasting = [
             sorted((b - t for a, b in spans if a <= t + SLACK and b >= t), reverse=True)[:wanted]
             for t in moments
@@ -130,32 +175,42 @@ class TracksTable(Table):
             if fitting
             else "who stands may be a [[walk]] with one point and a heading"
         )
-        since = "" if self.begin is None else f" from begin = {self.begin:g} s on"
+        since = "" if begin is None else f" from begin = {begin:.12g} s on"
         raise ProblemError(
             f"must have people for {steps} steps of {step:g} s, {steps * step:g} s, but the tracks "
             f"of {wanted} last {most:.6g} s at most{since}; {way_out}"
-            f"{'' if self.begin is None else ', or another begin'}; {who}"
+            f"{'' if begin is None else ', or another begin'}; {who}"
         )
 
     def _require_dense(self, tracks: list[Track]) -> None:
         """Raises a ProblemError if rows of a person are too far apart for following anybody."""
         ways = np.concatenate([np.zeros(0), *(np.diff(track.times) for track in tracks)])
+        lost = np.concatenate([np.zeros(0, bool), *(track.lost() for track in tracks)])
         apart = float(np.median(ways)) if len(ways) else 0.0
-        if apart <= MOST_GAP:
+        if not len(lost) or lost.mean() < _MOSTLY:
             return
+        most = MOST_GAP if self.gap is None else self.gap
         words = (
             f"rows of a person are {apart:.6g} s apart, and people are followed over at most "
-            f"{MOST_GAP:g} s"
+            f"{most:g} s"
         )
         if self.fps is None or round(apart * self.fps) < 2:
-            raise ProblemError(
-                f"file: {words}; are its times right? A column of ms is named time [ms]"
-            )
+            raise ProblemError(f"file: {words}; {self._way_out(apart)}")
         frames = round(apart * self.fps)
         raise ProblemError(
             f"fps: must be the rate at which frame numbers count, {frames} times that of the rows, "
             f"for they go in steps of {frames}; at {self.fps:g} frames/s {words}"
         )
+
+    def _way_out(self, apart: float) -> str:
+        """Returns what may help where rows of a person are so many seconds apart."""
+        unit = likely_unit(apart) if self.time_unit is None and self.fps is None else None
+        ways = []
+        if unit not in (None, "s"):
+            ways.append(f'time_unit = "{unit}" says that they are in {unit}')
+        if not ways or apart <= _LONGEST:
+            ways.append(f"gap = {math.ceil(apart)} lets people walk straight so long")
+        return f"are its times right? {', '.join(ways)}"
 
 
 class WalkTable(Table):

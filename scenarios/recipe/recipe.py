@@ -4,6 +4,7 @@ The file is TOML. Files are named relative to its folder; lengths are in metres,
 degrees, times in seconds. `EXAMPLE` has every table once.
 """
 
+import logging
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,9 +26,12 @@ from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import RulesTable
 from cocap_opt.scenarios.recipe.tables import Flight, Table
 from cocap_opt.scenarios.recipe.terrain import MapTable, Terrain, area, ends
+from cocap_opt.scenarios.recipe.track_times import Clock
 from cocap_opt.scenarios.recipe.walls import WallsTable
 from cocap_opt.scenarios.text import naming, read_text
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
+
+log = logging.getLogger(__name__)
 
 MOST_DIGITS = 4300  # of a whole number, that Python reads
 _ROUND = 5.0  # m, to which the corner of a map is rounded that a message proposes
@@ -70,13 +74,18 @@ at = [30, 10]               # added to their points
 base = 50.0                 # altitude of their foot; left out: the lowest ground
 
 [[tracks]]
-file = "people.txt"         # or a database of JuPedSim
+file = "people.txt"         # or a database of JuPedSim, or GPX, where [earth] is known; several
+                            # files on one clock: ["ada.gpx", "ben.gpx"]
 columns = ["id", "frame", "x", "y", "z"]   # left out: as the file says; in place of x and y:
                             # latitude and longitude, where [earth] is known
 unit = "cm"                 # "m", "cm", "mm" or "ft"; left out, as fps: as the file says
 fps = 16
+# time_unit = "ms"          # "s", "ms", "us" or "ns", of times; left out: as the file says, else s
+gap = 1.0                   # s between rows in which people walk straight on; left out: 1, and 10
+                            # within a segment of GPX
 begin = 37.0                # s of the tracks at step 0; left out: the first from which all are
-                            # there at all steps, which a gap of more than 1 s may make late
+                            # there at all steps, which a longer gap may make late; dates, and
+                            # times since 1970, count from the first of them
 ids = [12, 15, 16]          # or: count = 3, the first that are there at all steps
 at = [40, 20]               # added to their points
 delimiter = " "             # left out: what the first row looks like
@@ -315,13 +324,30 @@ def _require_on_map(
         )
 
 
+def _say_moments(begins: dict[int, Clock]) -> None:
+    """Warns if tables of dated tracks begin at moments that differ, by number of the table."""
+    for k, begin in list(begins.items())[1:]:
+        first = next(iter(begins))
+        if begin.is_universal == begins[first].is_universal and begin != begins[first]:
+            log.warning(
+                "tracks[%d]: step 0 is %s for its people, and %s for those of tracks[%d], who are "
+                'filmed as if it were at once; file = ["..", ".."] in one table puts files on one '
+                "clock",
+                k, begin, begins[first], first,
+            )  # fmt: skip
+
+
 def _actors(
     recipe: _Recipe, folder: Path, terrain: Terrain, projection: Projection
 ) -> Iterator[Actor]:
+    begins: dict[int, Clock] = {}
     for k, given in enumerate(recipe.tracks):
         with naming(f"tracks[{k}]"):
-            actors = given.actors(folder, terrain, recipe.step, recipe.steps, projection)
+            actors, begin = given.actors(folder, terrain, recipe.step, recipe.steps, projection)
+        if begin is not None:
+            begins[k] = begin
         yield from actors
+    _say_moments(begins)
     for k, walk in enumerate(recipe.walk):
         with naming(f"walk[{k}]"):
             actor = walk.actor(terrain, recipe.step, recipe.steps)

@@ -9,6 +9,7 @@ from cocap_opt.data import LARGEST, SMALLEST
 
 Flight = Literal["above-ground", "above-sea"]
 Unit = Literal["m", "cm", "mm", "ft"]
+TimeUnit = Literal["s", "ms", "us", "ns"]
 PER_METRE: dict[str, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "ft": 1 / 0.3048}
 Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]  # m, or degrees
 Length = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]  # m

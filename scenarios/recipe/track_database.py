@@ -18,7 +18,6 @@ import numpy as np
 from cocap_opt.data import FloatArray, ProblemError
 
 DATABASE_COLUMNS = {"id": "id", "frame": "frame", "x": "pos_x", "y": "pos_y"}  # by role
-_MAGIC = b"SQLite format 3\0"
 _TABLE = "trajectory_data"
 _NEWEST = 2  # version of the format
 
@@ -29,15 +28,6 @@ class Database(NamedTuple):
     values: dict[str, FloatArray]  # role -> [n]
     rates: set[float]  # frames per second; none where it states none
     unit: str = "m"
-
-    @staticmethod
-    def is_one(path: Path) -> bool:
-        """Returns True if a file is an SQLite database; False, too, if it cannot be read."""
-        try:
-            with path.open("rb") as file:
-                return file.read(len(_MAGIC)) == _MAGIC
-        except OSError:
-            return False
 
     @classmethod
     def read(cls, path: Path) -> "Database":

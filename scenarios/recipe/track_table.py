@@ -7,7 +7,8 @@ comments that state the columns, their unit and the frame rate, as PeTrack and J
     # framerate: 25 fps
     # id frame x/m y/m z/m
 
-JuPedSim's own files are databases, which say all of this (`track_database`).
+A row of units may stand below the names, as Pathfinder writes it. JuPedSim's own files are
+databases, which say all of this (`track_database`); GPX is what receivers of GPS record (`gpx`).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -20,27 +21,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cocap_opt.data import LARGEST, FloatArray, IntArray, ProblemError
-from cocap_opt.scenarios.foreign import GPX, SQLITE, require
+from cocap_opt.scenarios.foreign import GPX, SQLITE, kind_of
 from cocap_opt.scenarios.recipe.earth import Projection
+from cocap_opt.scenarios.recipe.gpx import Gpx
 from cocap_opt.scenarios.recipe.tables import PER_METRE
+from cocap_opt.scenarios.recipe.track_columns import PER_SECOND, Name, Places, places_of, settled
 from cocap_opt.scenarios.recipe.track_database import Database
-from cocap_opt.scenarios.recipe.track_layout import (
-    Layout,
-    check_rate,
-    per_second,
-    places_of,
-    settled,
-    settled_rate,
-)
+from cocap_opt.scenarios.recipe.track_layout import Layout, check_rate, settled_rate
 from cocap_opt.scenarios.recipe.track_order import in_likely_order
-from cocap_opt.scenarios.recipe.track_rows import Values, row_lines, values_of
+from cocap_opt.scenarios.recipe.track_rows import Values, column_of, row_lines, values_of
+from cocap_opt.scenarios.recipe.track_times import (
+    Clock,
+    is_date,
+    times_of_dates,
+    times_of_numbers,
+)
 from cocap_opt.scenarios.text import read_text
 
 DELIMITERS = (" ", "\t", ",", ";")
-MOST = 1e12  # of ids, frames and times, which may count seconds since 1970
-
-
+MOST = 1e12  # of ids, frames and times
+HEADS = 0.9, 2.5  # m, the median of what is called a height; names such as z promise less
 _MOST = {"x": LARGEST, "y": LARGEST, "z": LARGEST, "latitude": 90.0, "longitude": 180.0}
+
+
+class Form(NamedTuple):
+    """What a caller says of a file; None: the file says it."""
+
+    columns: Sequence[str] | None = None
+    unit: str | None = None
+    fps: float | None = None
+    delimiter: str | None = None
+    time_unit: str | None = None
+
+    def require_left_out(self, what: str, *fields: str) -> None:
+        """Raises a ProblemError if a field is given that a kind of files has no use for."""
+        for field in fields:
+            if getattr(self, field) is not None:
+                raise ProblemError(f"{field}: must be left out for {what}")
 
 
 class TrackTable(NamedTuple):
@@ -53,18 +70,12 @@ class TrackTable(NamedTuple):
     where: Callable[[int], str]  # names a row's place, such as "line 7"; slow, for messages
     unit: str  # of the file
     rate: float | None  # frames/s; None: the file has times
+    clock: Clock | None = None  # of times that are dates
+    segments: IntArray | None = None  # [n] numbers of parts between which nothing was recorded
 
     @classmethod
-    def read(
-        cls,
-        path: Path,
-        columns: Sequence[str] | None,
-        unit: str | None,
-        fps: float | None,
-        delimiter: str | None,
-        projection: Projection,
-    ) -> "TrackTable":
-        """Reads the rows of a file; the parameters are those of `Track.read_all`.
+    def read(cls, path: Path, form: Form, projection: Projection) -> "TrackTable":
+        """Reads the rows of a file.
 
         Raises
         ------
@@ -72,63 +83,87 @@ class TrackTable(NamedTuple):
             If something is missing, not allowed, or stated otherwise by the file; one line,
             without the file's name.
         """
-        _check_options(unit, fps, delimiter)
-        require(path, (SQLITE, GPX))
-        if not Database.is_one(path):
-            return cls._of_text(read_text(path), columns, unit, fps, delimiter, projection)
-        for field, value in {"columns": columns, "delimiter": delimiter}.items():
-            if value is not None:
-                raise ProblemError(f"{field}: must be left out for a database of JuPedSim")
+        _check_options(form)
+        kind = kind_of(path)
+        if kind is SQLITE:
+            return cls._of_database(path, form)
+        if kind is GPX:
+            return cls._of_gpx(path, form, projection)
+        return cls._of_text(read_text(path), form, projection)
+
+    @classmethod
+    def _of_database(cls, path: Path, form: Form) -> "TrackTable":
+        form.require_left_out("a database of JuPedSim", "columns", "delimiter", "time_unit")
         database = Database.read(path)
         _check(database.values, Database.where)
-        rate = settled_rate(database.rates, fps)
-        unit = settled("unit", {database.unit}, unit)
+        rate = settled_rate(database.rates, form.fps)
+        unit = settled("unit", {database.unit}, form.unit)
         return cls._of(database.values, None, Database.where, unit, rate)
 
     @classmethod
-    def _of_text(
-        cls,
-        text: str,
-        columns: Sequence[str] | None,
-        unit: str | None,
-        fps: float | None,
-        delimiter: str | None,
-        projection: Projection,
-    ) -> "TrackTable":
-        layout = Layout.of(text, delimiter)
-        names = layout.names(columns)
-        with _in_guessed_order(columns is None and layout.names_nothing()):
-            return cls._of_layout(text, layout, columns, names, unit, fps, projection)
+    def _of_gpx(cls, path: Path, form: Form, projection: Projection) -> "TrackTable":
+        form.require_left_out("GPX", "columns", "delimiter", "time_unit", "fps")
+        gpx = Gpx.read(path)
+        return cls(
+            ids=np.array(gpx.ids),
+            times=gpx.times.seconds,
+            points=projection.metres(*gpx.degrees.T),
+            heights=None,
+            where=gpx.places.__getitem__,
+            unit=settled("unit", {"m"}, form.unit),
+            rate=None,
+            clock=gpx.times.clock,
+            segments=gpx.segments,
+        )
+
+    @classmethod
+    def _of_text(cls, text: str, form: Form, projection: Projection) -> "TrackTable":
+        layout = Layout.of(text, form.delimiter)
+        names = layout.names(form.columns)
+        with _in_guessed_order(form.columns is None and layout.names_nothing()):
+            return cls._of_layout(text, layout, names, form, projection)
 
     @classmethod
     def _of_layout(
-        cls,
-        text: str,
-        layout: Layout,
-        columns: Sequence[str] | None,
-        names: Sequence[str],
-        unit: str | None,
-        fps: float | None,
-        projection: Projection,
+        cls, text: str, layout: Layout, names: Sequence[str], form: Form, projection: Projection
     ) -> "TrackTable":
-        places = places_of(names, "columns" if columns else "header")
+        places = places_of(names, "columns" if form.columns else "header")
         is_in_degrees = "latitude" in places
-        unit = settled("unit", layout.units(names), "m" if is_in_degrees and not unit else unit)
-        rate = layout.rate(places, fps)
-        values, words = values_of(text, layout, places, len(names))
+        default = "m" if is_in_degrees and not form.unit else form.unit
+        unit = settled("unit", layout.units(names), default)
+        time_unit = _time_unit(layout, names, places, form.time_unit)
+        rate = layout.rate(places, form.fps)
+        if rate is not None:
+            form.require_left_out("frames, whose rate is fps", "time_unit")
+            places.pop("time", None)
+        dates = None
+        numbers = dict(places)
+        if "time" in places and is_date(layout.row[places["time"]]):
+            form.require_left_out("dates", "time_unit")
+            dates = times_of_dates(column_of(text, layout, numbers.pop("time"), len(names)))
+        values, words = values_of(text, layout, numbers, len(names))
 
         def where(row: int) -> str:
             return f"line {next(islice(row_lines(text, layout), row, None))[0]}"
 
+        def texts() -> Iterator[str]:
+            return (field for _, field in column_of(text, layout, places["time"], len(names)))
+
+        clock = None
+        if "time" in places:
+            ids = values["id"] if words is None else None
+            times = dates or times_of_numbers(values["time"], ids, time_unit, texts)
+            values["time"], clock = times
         _check(values, where)
         if is_in_degrees:
             points = projection.metres(values.pop("latitude"), values.pop("longitude"))
             values["x"], values["y"] = PER_METRE[unit] * points.T
-        if "time" in places:
-            values["time"] = values["time"] / per_second(names[places["time"]])
-        if columns is None and layout.names_nothing():
+        if form.columns is None and layout.names_nothing():
             values = in_likely_order(values, PER_METRE[unit], 1.0 if rate is None else rate)
-        return cls._of(values, words, where, unit, rate)
+        table = cls._of(values, words, where, unit, rate)._replace(clock=clock)
+        if "z" in places and names[places["z"]].strip().lower().startswith("height"):
+            _require_heads(table, names)
+        return table
 
     @classmethod
     def _of(
@@ -151,6 +186,32 @@ class TrackTable(NamedTuple):
         )
 
 
+def _time_unit(
+    layout: Layout, names: Sequence[str], places: Places, given: str | None
+) -> str | None:
+    """Returns the unit of times that the file or the caller states; None if neither does."""
+    stated = layout.time_units(names, places["time"]) if "time" in places else set()
+    return settled("time_unit", stated, given) if stated or given else None
+
+
+def _require_heads(table: TrackTable, names: Sequence[str]) -> None:
+    """Raises a ProblemError if a column called height is hardly one of heads above the floor."""
+    heights = table.heights
+    if heights is None or not (heights > 0).any():
+        return
+    median = float(np.median(heights[heights > 0]))
+    if HEADS[0] <= median <= HEADS[1]:
+        return
+    kept = ", ".join(
+        f'"{"-" if Name.of(name).role == "z" else Name.of(name).role or "-"}"' for name in names
+    )
+    raise ProblemError(
+        f"height: must be that of heads above the floor, {HEADS[0]:g}..{HEADS[1]:g} m, not "
+        f"{median:.3g} m, its median: is it that of boxes, or is the unit {table.unit} right? "
+        f"columns = [{kept}] in [[tracks]] leaves it out"
+    )
+
+
 @contextmanager
 def _in_guessed_order(is_guessed: bool) -> Iterator[None]:
     """Says in errors that nothing names the columns, where that is so."""
@@ -165,14 +226,16 @@ def _in_guessed_order(is_guessed: bool) -> Iterator[None]:
         ) from error
 
 
-def _check_options(unit: str | None, fps: float | None, delimiter: str | None) -> None:
-    if unit is not None and unit not in PER_METRE:
-        raise ProblemError(f"unit: must be {', '.join(PER_METRE)}, not {unit!r}")
-    if fps is not None:
-        check_rate(fps)
-    if delimiter is not None and delimiter not in DELIMITERS:
+def _check_options(form: Form) -> None:
+    if form.unit is not None and form.unit not in PER_METRE:
+        raise ProblemError(f"unit: must be {', '.join(PER_METRE)}, not {form.unit!r}")
+    if form.time_unit is not None and form.time_unit not in PER_SECOND:
+        raise ProblemError(f"time_unit: must be {', '.join(PER_SECOND)}, not {form.time_unit!r}")
+    if form.fps is not None:
+        check_rate(form.fps)
+    if form.delimiter is not None and form.delimiter not in DELIMITERS:
         allowed = "a blank, a tabulator, a comma or a semicolon"
-        raise ProblemError(f"delimiter: must be {allowed}, not {delimiter!r}")
+        raise ProblemError(f"delimiter: must be {allowed}, not {form.delimiter!r}")
 
 
 def _check(values: Values, where: Callable[[int], str]) -> None:

@@ -112,6 +112,11 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
             f"height of {len(odd)} of {len(known)} people outside {HEIGHTS[0]:g}..{HEIGHTS[1]:g} "
             f"m, {height:.3g} m of {names[odd[0]]}: is "
             f"{_likely(height, table.unit, HEIGHTS) or 'z a height above the floor'}?"
+            + (
+                " Who is lower has the height of the shape"
+                if (heights[odd] < HEIGHTS[0]).any()
+                else ""
+            )
         )
 
 

@@ -1,8 +1,8 @@
 """People whom others tracked, as actors: tracks from files, their points at steps, and headings.
 
 Source of the formats: text files of PeTrack and JuPedSim (ped.fz-juelich.de), whose columns are
-id, frame, x, y, z with z the height of the head above the floor, CSV files like them, and the
-databases of JuPedSim. A track is the way of one person:
+id, frame, x, y, z with z the height of the head above the floor, CSV files like them, the
+databases of JuPedSim, and GPX. A track is the way of one person:
 
     tracks = Track.read_all(Path("walk.txt"), unit="cm", fps=16)
     there = [track for track in tracks if track.is_there(begin=5.0, step=0.5, steps=20)]
@@ -10,7 +10,9 @@ databases of JuPedSim. A track is the way of one person:
 
 People are there from their first frame to their last. Between frames they walk straight on. In a
 gap of more than `MOST_GAP` nobody knows where they went, and at a step inside it they are not
-there. Steps at the times of frames have the frames' points.
+there. Receivers of GPS leave out points on straight ways, and begin a segment where they had no
+satellites, so that gaps in GPX are longer, `MOST_GAP_GPX`, within a segment. Steps at the times of
+frames have the frames' points.
 """
 
 import logging
@@ -24,9 +26,10 @@ import numpy as np
 from cocap_opt.data import LARGEST, MOST_STEPS, BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.problem import Actor, Prism, Shape
 from cocap_opt.scenarios.recipe.earth import NOWHERE, Projection
-from cocap_opt.scenarios.recipe.tables import Unit
-from cocap_opt.scenarios.recipe.track_table import TrackTable
-from cocap_opt.scenarios.recipe.track_warnings import track_warnings
+from cocap_opt.scenarios.recipe.tables import TimeUnit, Unit
+from cocap_opt.scenarios.recipe.track_table import Form, TrackTable
+from cocap_opt.scenarios.recipe.track_times import Clock
+from cocap_opt.scenarios.recipe.track_warnings import HEIGHTS, track_warnings
 from cocap_opt.scenarios.text import naming
 
 log = logging.getLogger(__name__)
@@ -34,6 +37,8 @@ log = logging.getLogger(__name__)
 BODY = Prism(sides=6, apothem=0.25, height=1.75)  # m, as wide as shoulders
 STILL = 0.1  # m/s, below which people keep their heading
 MOST_GAP = 1.0  # s, between frames
+MOST_GAP_GPX = 10.0  # s, between points of a segment
+LEAST_HEIGHT = HEIGHTS[0]  # m, of a head; what is lower is the height of the floor, or of a box
 SLACK = 1e-6  # s, by which rounding may shift times
 
 
@@ -44,6 +49,8 @@ class Track(NamedTuple):
     times: FloatArray  # [n] s, increasing
     points: FloatArray  # [n, 2] m, x and y
     height: float | None  # m, of the head above the floor; None where the file has none
+    gaps: BoolArray | None = None  # [n-1] where nobody knows the way; None: by `MOST_GAP`
+    clock: Clock | None = None  # that tells when 0 s is; None: a clock of the file's own
 
     @classmethod
     def read_all(
@@ -54,20 +61,22 @@ class Track(NamedTuple):
         unit: Unit | None = None,
         fps: float | None = None,
         delimiter: str | None = None,
+        time_unit: TimeUnit | None = None,
+        gap: float | None = None,
         projection: Projection = NOWHERE,
     ) -> list["Track"]:
         """Reads the tracks of a file, in the order of their ids; rows may have any order.
 
         Signs of a wrong unit or frame rate are logged as warnings. A track's height is the median
-        of its z, and None where that is not above 0, as in files which keep z at 0.
+        of its z, and None where that is below `LEAST_HEIGHT`, as in files whose z is the floor's.
 
         Parameters
         ----------
         path
-            A text file, or a database; `cocap_opt.scenarios.recipe.track_table` says how its lines
-            look.
+            A text file, a database or GPX; `cocap_opt.scenarios.recipe.track_table` says how the
+            lines of text look.
         columns
-            Names of all its columns: id, frame or time (s), x, y and, if there, z; others are not
+            Names of all its columns: id, frame or time, x, y and, if there, z; others are not
             read. None: the names in its header or in a comment, or else id, frame, x, y, z.
         unit
             Unit of x, y and z. None: as the file states.
@@ -75,8 +84,13 @@ class Track(NamedTuple):
             Frames per second. None: as the file states; not needed where there are times.
         delimiter
             " " (any blanks), tabulator, "," or ";". None: as in the first row.
+        time_unit
+            Unit of times. None: as the file states, else seconds; dates have none.
+        gap
+            Seconds between rows of a person in which the way is known to be straight. None:
+            `MOST_GAP`, or `MOST_GAP_GPX` within a segment of GPX.
         projection
-            Makes metres of latitudes and longitudes, where columns are named so.
+            Makes metres of latitudes and longitudes, as in GPX, or where columns are named so.
 
         Raises
         ------
@@ -86,10 +100,18 @@ class Track(NamedTuple):
             moment; one line, naming the file.
         """
         with naming(path):
-            table = TrackTable.read(path, columns, unit, fps, delimiter, projection)
-            tracks = _tracks(table)
+            form = Form(columns, unit, fps, delimiter, time_unit)
+            table = TrackTable.read(path, form, projection)
+            tracks = _tracks(table, gap)
         for warning in track_warnings(table):
             log.warning("%s: %s", path, warning)
+        longest = max(track.longest() for track in tracks)
+        if gap is None and longest > MOST_GAP + SLACK:
+            log.warning(
+                "%s: points are up to %.3g s apart, on ways that are taken for straight; gap = 1 "
+                "would end a stay there",
+                path, longest,
+            )  # fmt: skip
         return tracks
 
     def is_there(self, begin: float, step: float, steps: int) -> bool:
@@ -196,9 +218,19 @@ class Track(NamedTuple):
 
     def spans(self) -> list[tuple[float, float]]:
         """Returns the times (s) from when to when the person is there, between gaps."""
-        gaps = np.flatnonzero(np.diff(self.times) > MOST_GAP + SLACK)
+        gaps = np.flatnonzero(self.lost())
         begins, ends = self.times[[0, *(gaps + 1)]], self.times[[*gaps, -1]]
         return list(zip(begins.tolist(), ends.tolist(), strict=True))
+
+    def lost(self) -> BoolArray:
+        """Returns an array [n-1] that is true where nobody knows the way to the next point."""
+        if self.gaps is not None:
+            return self.gaps
+        return np.asarray(np.diff(self.times) > MOST_GAP + SLACK)
+
+    def longest(self) -> float:
+        """Returns the longest time (s) to the next point on a way that is known; 0 without any."""
+        return float(np.diff(self.times)[~self.lost()].max(initial=0.0))
 
     def presence(self) -> str:
         """Says from when to when the person is there."""
@@ -210,19 +242,20 @@ class Track(NamedTuple):
     def _absent(self, times: FloatArray) -> BoolArray:
         """Returns an array that is true at the times at which nobody knows where the person is."""
         after = np.searchsorted(self.times, times).clip(0, len(self.times) - 1)
-        last, following = self.times[np.maximum(after - 1, 0)], self.times[after]
-        gap = following - last > MOST_GAP + SLACK
+        before = np.maximum(after - 1, 0)
+        last, following = self.times[before], self.times[after]
+        gap = np.append(self.lost(), False)[before] & (before < after)
         lost = gap & (times > last + SLACK) & (times < following - SLACK)
         outside = (times < self.times[0] - SLACK) | (times > self.times[-1] + SLACK)
         return np.asarray(lost | outside)
 
 
-def _tracks(table: TrackTable) -> list[Track]:
+def _tracks(table: TrackTable, gap: float | None) -> list[Track]:
     ids, person = np.unique(table.ids, return_inverse=True)
     order = np.lexsort((table.times, person))
     _require_distinct(table, order)
     parts = np.split(order, np.flatnonzero(np.diff(person[order])) + 1)
-    return [_track(table, name, rows) for name, rows in zip(ids.tolist(), parts, strict=True)]
+    return [_track(table, name, rows, gap) for name, rows in zip(ids.tolist(), parts, strict=True)]
 
 
 def _require_distinct(table: TrackTable, order: IntArray) -> None:
@@ -236,12 +269,23 @@ def _require_distinct(table: TrackTable, order: IntArray) -> None:
         )
 
 
-def _track(table: TrackTable, name: int | str, rows: IntArray) -> Track:
+def _track(table: TrackTable, name: int | str, rows: IntArray, gap: float | None) -> Track:
     times, points = table.times[rows], table.points[rows]
     times.setflags(write=False)
     points.setflags(write=False)
     height = 0.0 if table.heights is None else float(np.median(table.heights[rows]))
-    return Track(name, times, points, height if height > 0 else None)
+    known = height if height >= LEAST_HEIGHT else None
+    return Track(name, times, points, known, _gaps(table, rows, gap), table.clock)
+
+
+def _gaps(table: TrackTable, rows: IntArray, gap: float | None) -> BoolArray:
+    """Returns an array [n-1] that is true where nobody knows the way to the row that follows."""
+    ways = np.diff(table.times[rows])
+    if table.segments is None:
+        return np.asarray(ways > (MOST_GAP if gap is None else gap) + SLACK)
+    within = np.diff(table.segments[rows]) == 0
+    most = np.where(within, MOST_GAP_GPX if gap is None else gap, MOST_GAP)
+    return np.asarray(ways > most + SLACK)
 
 
 def _times(begin: float, step: float, steps: int) -> FloatArray:

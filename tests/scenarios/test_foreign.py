@@ -201,9 +201,7 @@ def test_databases_are_told_apart(tmp_path: Path) -> None:
         (b'<g:gpx xmlns:g="http://www.topografix.com/GPX/1/0">', GPX),
     ],
 )  # fmt: skip
-def test_kinds_that_are_read_are_known_too(
-    tmp_path: Path, content: bytes, kind: object
-) -> None:
+def test_kinds_that_are_read_are_known_too(tmp_path: Path, content: bytes, kind: object) -> None:
     """So that a map that is named as tracks is told where it belongs."""
     (tmp_path / "some").write_bytes(content)
     assert kind_of(tmp_path / "some") is kind

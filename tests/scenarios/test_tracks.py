@@ -149,7 +149,7 @@ def test_feet_are_read(tmp_path: Path, header: str, unit: Any) -> None:
 def test_times_stand_for_frames(tmp_path: Path) -> None:
     """A column of seconds needs no frame rate; with frames beside it, the caller chooses."""
     text = "t,id,x,y\n1351038575.5,1,0,0\n1351038576,1,1,0\n"
-    assert read(tmp_path, text, unit="m")[0].times.tolist() == [1351038575.5, 1351038576.0]
+    assert read(tmp_path, text, unit="m")[0].times.tolist() == [0.0, 0.5]  # since 1970
     both = "id,frame,time/s,x,y\n1,10,0.5,0,0\n1,20,1.5,1,0\n"
     assert read(tmp_path, both, unit="m")[0].times.tolist() == [0.5, 1.5]
     assert read(tmp_path, both, unit="m", fps=10)[0].times.tolist() == [1.0, 2.0]
@@ -200,7 +200,7 @@ def test_height_is_the_median_of_z(tmp_path: Path) -> None:
         ("id,frame,x\n1,0,1\n", {}, "header: must name the columns id, frame or time, and x and y"),
         ("id,x,y\n1,0,1\n", {}, "header: must name the columns"),
         ("id,frame,x,X,y\n1,0,1,1,1\n", {}, "header: must name one column x, not two"),
-        ("id,time [min],x,y\n1,0,1,1\n", {}, "time: must be in s or ms, not min"),
+        ("id,time [min],x,y\n1,0,1,1\n", {}, "time: must be in s, ms, us, ns, not min"),
         (
             "id,t,lat,lon\n1,0,-34.6,-58.4\n",
             {"fps": None},
@@ -360,7 +360,7 @@ def test_when_step_0_is_is_said_if_tracks_begin_before(
     terrain = MapTable(size=(20.0, 4.0)).terrain(tmp_path, "above-ground")
     for steps, begin in ((3, 0.0), (9, 7.0)):
         caplog.clear()
-        actors = table.actors(tmp_path, terrain, 1.0, steps, NOWHERE)
+        actors, _ = table.actors(tmp_path, terrain, 1.0, steps, NOWHERE)
         assert [actor.begin for actor in actors] == [begin, begin]
         assert actors[0].poses[0, 0] == begin
         assert ("step 0 is 7 s into the tracks, because 2 people are there for 9 s only from then "

@@ -1,0 +1,277 @@
+"""What the columns of tracks say: units of times and lengths, boxes, and encodings."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cocap_opt.data import ProblemError
+from cocap_opt.scenarios.recipe.tracks import Track
+
+
+def read(folder: Path, text: str, **options: Any) -> list[Track]:
+    """Tracks of a file with this text."""
+    (folder / "walk.txt").write_bytes(text.encode())
+    return Track.read_all(folder / "walk.txt", **options)
+
+
+# -- times ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "per_second"),
+    [
+        ("time [s]", 1),
+        ("time_s", 1),
+        ("t", 1),
+        ("Seconds", 1),
+        ("timestamp (seconds)", 1),
+        ("t_ms", 10**3),
+        ("milliseconds", 10**3),
+        ("timestampMs", 10**3),
+        ("time/ms", 10**3),
+        ("timestamp_us", 10**6),
+        ("TimeUS", 10**6),
+        ("time [\u00b5s]", 10**6),
+        ("timestamp (microseconds)", 10**6),
+        ("time_usec", 10**6),
+        ("timestamp_micros", 10**6),
+        ("time [ns]", 10**9),
+        ("timestamp_ns", 10**9),
+        ("time (nanoseconds)", 10**9),
+        ("timestamp.nanos", 10**9),
+        ("unix_time_ns", 10**9),
+    ],
+)
+def test_the_name_of_the_times_says_their_unit(tmp_path: Path, name: str, per_second: int) -> None:
+    """From seconds to nanoseconds, short or spelt out; the recipe may repeat it."""
+    text = f"id,{name},x,y\n1,{per_second // 2 or 0.5},0,0\n1,{per_second * 3 // 2 or 1.5},1,0\n"
+    if per_second == 1:
+        text = f"id,{name},x,y\n1,0.5,0,0\n1,1.5,1,0\n"
+    unit = {1: "s", 10**3: "ms", 10**6: "us", 10**9: "ns"}[per_second]
+    for given in (None, unit):
+        assert read(tmp_path, text, unit="m", time_unit=given)[0].times.tolist() == [0.5, 1.5]
+
+
+@pytest.mark.parametrize(
+    ("unit", "per_second"), [("s", 1), ("ms", 10**3), ("us", 10**6), ("ns", 10**9)]
+)
+def test_times_since_1970_lose_nothing(tmp_path: Path, unit: Any, per_second: int) -> None:
+    """They count from the first of them, to the nanosecond, in any unit and order of rows."""
+    first = 1532402927 * per_second + 123456789 * per_second // 10**9
+    ticks = (7 * per_second // 10 or 1, 0, 3 * per_second // 10 or 2)
+    rows = "".join(f"ann,{first + tick},{k},0\n" for k, tick in enumerate(ticks))
+    for header, given in ((f"id,time_{unit},x,y", None), ("id,timestamp,x,y", unit)):
+        (found,) = read(tmp_path, f"{header}\n{rows}", unit="m", time_unit=given)
+        assert found.times.tolist() == [tick / per_second for tick in sorted(ticks)]
+        assert found.clock is not None and found.clock.nanoseconds * per_second == first * 10**9
+        assert str(found.clock).startswith("2018-07-24 03:28:47")
+
+
+@pytest.mark.parametrize(
+    ("rows", "options", "words"),
+    [
+        # Times since 1970 in a plain column, by their size.
+        ([1532402927647, 1532402928147], {}, 'as ms since 1970 it is 2018-07-24: time_unit = "ms"'),
+        (
+            [1532402927647951, 1532402928147951],
+            {},
+            "as us since 1970 it is 2018-07-24: time_unit =",
+        ),
+        ([1532402927647951000, 1532402928147951000], {}, "as ns since 1970 it is 2018-07-24: "),
+        # A clock that began when the device did, by how far rows are apart.
+        ([1600000000000, 1600033000000], {}, "in ns rows of a person follow as those of tracks do"),
+        # Beyond all units.
+        ([1e30, 2e30], {}, "time_unit in [[tracks]] is one of s, ms, us, ns"),
+        ([1532402927647951, 1532402928147951], {"time_unit": "ms"}, "is the unit ms right?"),
+    ],
+)
+def test_times_that_no_clock_shows_are_asked_about(
+    tmp_path: Path, rows: list[float], options: dict[str, Any], words: str
+) -> None:
+    """The message says which unit is likely, and what to write in the recipe."""
+    text = "id,timestamp,x,y\n" + "".join(f"1,{t},{k},0\n" for k, t in enumerate(rows))
+    with pytest.raises(ProblemError) as error:
+        read(tmp_path, text, unit="m", **options)
+    assert words in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "words"),
+    [
+        (
+            "id,time_ms,x,y\n1,0,0,0\n",
+            {"time_unit": "s"},
+            "time_unit: must be ms, as the file states",
+        ),
+        ('id,t,x,y\n"",us,m,m\n1,0,0,0\n', {"time_unit": "s"}, "time_unit: must be us, as the"),
+        (
+            "id,t_ms,x,y\n,us,m,m\n1,0,0,0\n",
+            {},
+            "time_unit: must be one, but the file states ms and us",
+        ),
+        ("# times are in us\nid,t_ms,x,y\n1,0,0,0\n", {}, "time_unit: must be one, but the file"),
+        (
+            "id,frame,x,y\n1,0,0,0\n",
+            {"fps": 1, "time_unit": "s"},
+            "time_unit: must be left out for fr",
+        ),
+        (
+            "id,t,x,y\n1,2026-05-01T10:00:00,0,0\n",
+            {"time_unit": "s"},
+            "time_unit: must be left out for d",
+        ),
+        (
+            "id,t,x,y\n1,0,0,0\n",
+            {"time_unit": "min"},
+            "time_unit: must be s, ms, us, ns, not 'min'",
+        ),
+        (
+            "id,t,x,y\n1,2026-05-01T10:00:00,0,0\n1,2026-05-01T10:00:01Z,0,0\n",
+            {},
+            "line 3, time: must have an offset such as Z or +02:00 in all rows, or in none",
+        ),
+        (
+            "id,t,x,y\n1,2026-05-01T10:00:00,0,0\n1,1066-10-14T10:00:01,0,0\n",
+            {},
+            "line 3, time: must",
+        ),
+    ],
+)
+def test_units_of_time_must_agree(
+    tmp_path: Path, text: str, options: dict[str, Any], words: str
+) -> None:
+    """Of two units for one column, or of one where there can be none, neither is believed."""
+    with pytest.raises(ProblemError) as error:
+        read(tmp_path, text, unit="m", **options)
+    assert f": {words}" in str(error.value)
+
+
+# -- a row of units, boxes, and encodings ----------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        (
+            '"t","id","name","x","y","z","v"\n"s","","","m","m","m","m/s"\n0.5,0,"00001",1,2,1.7,0\n',
+            {},
+        ),
+        ("t;id;x;y;z\nms;-;cm;cm;cm\n500;0;100;200;170\n", {}),
+        ("t\tid\tx\ty\tz\n[s]\t[-]\t[mm]\t[mm]\t[mm]\n0.5\t0\t1000\t2000\t1700\n", {}),
+        ("id,frame,x,y,z\n,,cm,cm,cm\n0,5,100,200,170\n", {"fps": 10}),
+        ("id frame x y z\n- - (m) (m) (m)\n0 5 1 2 1.7\n", {"fps": 10}),
+        ("# from a simulation\nt,id,x/m,y/m,z/m\nseconds,,metres,m,m\n0.5,0,1,2,1.7\n", {}),
+        ("a,b,c,d,e\ns,,m,m,m\n0.5,0,1,2,1.7\n", {"columns": ("time", "id", "x", "y", "z")}),
+    ],
+)
+def test_units_stand_below_the_header(tmp_path: Path, text: str, options: dict[str, Any]) -> None:
+    """A row of units says those of x, y, z and time, and is no person."""
+    (found,) = read(tmp_path, text, **options)
+    assert found.id == 0 and found.times.tolist() == [0.5]
+    assert found.points.tolist() == [[1.0, 2.0]] and found.height == 1.7
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "words"),
+    [
+        ("t,id,x,y\ns,,m,cm\n0,0,1,2\n", {}, "unit: must be one, but the file states cm and m"),
+        (
+            "t,id,x/cm,y/cm\ns,,m,m\n0,0,1,2\n",
+            {},
+            "unit: must be one, but the file states cm and m",
+        ),
+        (
+            "t,id,x,y\ns,,m,m\n0,0,1,2\n",
+            {"unit": "cm"},
+            "unit: must be m, as the file states, not cm",
+        ),
+        (
+            "t,id,x,y\ns,,px,px\n0,0,1,2\n",
+            {"unit": "m"},
+            "unit: must be m, cm, mm, ft, but the file",
+        ),
+        ("t,id,x,y\nmin,,m,m\n0,0,1,2\n", {}, "time: must be in s, ms, us, ns, not min"),
+        ("t,id,x,y\ns,m,m\n0,0,1,2\n", {}, "line 2: must have a unit, or nothing, for each of 4"),
+        (
+            "t,id,x,y\nfloat,int,float,float\n0,0,1,2\n",
+            {"unit": "m"},
+            "line 2, time: must be seconds",
+        ),
+    ],
+)
+def test_a_row_of_units_that_contradicts_is_refused(
+    tmp_path: Path, text: str, options: dict[str, Any], words: str
+) -> None:
+    """The header, the row below, and the recipe must say the same."""
+    with pytest.raises(ProblemError) as error:
+        read(tmp_path, text, **options)
+    assert f": {words}" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        (
+            "frame,trackId,x,y,width,height",
+            'header: width and height are those of a box, .* = ["frame", "id", "x", "y", "-", "-"]',
+        ),
+        ("frame,id,x,y,w,h", "header: w and h are those of a box"),
+        ("frame,id,x [m],y [m],bb_width [m],bb_height [m]", "header: bb_width .* of a box"),
+        ("frame,id,bb_left,bb_top,bb_width,bb_height", "write where each person stands as x and y"),
+        ("frame,id,left,top,width,height", "write where each person stands as x and y"),
+        ("frame,id,xmin,ymin,xmax,ymax", "xmin, ymin, xmax, ymax are edges of boxes"),
+        (
+            "frame,id,x,y,length,height",
+            "height: must be that of heads above the floor, 0.9..2.5 m, "
+            'not 0.62 m, its median: .* columns = ["frame", "id", "x", "y", "-", "-"]',
+        ),
+    ],
+)
+def test_the_height_of_a_box_is_no_height_of_a_head(
+    tmp_path: Path, header: str, words: str
+) -> None:
+    """It is asked about, and the columns that the message names read the file without it."""
+    rows = "".join(f"{k},1,{10 + 0.1 * k:g},6,0.55,0.62\n" for k in range(3))
+    text = f"{header}\n{rows}"
+    pattern = words.replace("[", r"\[").replace("]", r"\]")
+    with pytest.raises(ProblemError, match=pattern):
+        read(tmp_path, text, unit="m", fps=25)
+    with pytest.raises(ProblemError):
+        read(tmp_path, text, unit="m", fps=25, columns=header.split(","))
+    columns = ("frame", "id", "x", "y", "-", "-")
+    (found,) = read(tmp_path, text, unit="m", fps=25, columns=columns)
+    assert found.height is None and found.points[0].tolist() == [10.0, 6.0]
+    if "x [m]" not in header:
+        tall = text.replace("0.62", "1.62")
+        heads = ("frame", "id", "x", "y", "-", "z")
+        assert read(tmp_path, tall, unit="m", fps=25, columns=heads)[0].height == 1.62
+
+
+def test_a_height_that_is_one_is_taken(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A column called height may be of heads; z may be of the floor, and then says nothing."""
+    text = "id,frame,x,y,height\n1,0,1,2,1.6\n2,0,3,4,1.8\n"
+    assert [one.height for one in read(tmp_path, text, unit="m", fps=1)] == [1.6, 1.8]
+    flat = "id,frame,x,y,z\n1,0,1,2,0.02\n2,0,3,4,1.8\n"
+    assert [one.height for one in read(tmp_path, flat, unit="m", fps=1)] == [None, 1.8]
+    assert "0.02 m of 1: is z a height above the floor? Who is lower has the height" in caplog.text
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_tables_of_spreadsheets_are_read(tmp_path: Path, encoding: str, delimiter: str) -> None:
+    """In UTF-8 and, with its mark, in UTF-16, as Excel saves text."""
+    text = (
+        delimiter.join(["id", "t", "x", "y"]) + "\r\n" + delimiter.join(["zo\u00eb", "0", "1", "2"])
+    )
+    mark = "\ufeff" if encoding.endswith("e") else ""
+    (tmp_path / "some.txt").write_bytes((mark + text).encode(encoding))
+    (found,) = Track.read_all(tmp_path / "some.txt", unit="m")
+    assert (found.id, found.points.tolist()) == ("zo\u00eb", [[1.0, 2.0]])
+
+
+def test_decimal_commas_are_named(tmp_path: Path) -> None:
+    """They are not taken for anything else, whatever separates the fields."""
+    for text in ("id;t;x;y\n1;0,5;1,5;2\n", "id\tt\tx\ty\n1\t0\t1,5\t2\n"):
+        with pytest.raises(ProblemError, match="must have a decimal point, not a comma"):
+            read(tmp_path, text, unit="m")
