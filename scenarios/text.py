@@ -38,6 +38,8 @@ def _require_regular(path: Path) -> None:
 def read_text(path: Path, takes: Collection[Kind] = ()) -> str:
     """Returns the text of a UTF-8 file, or of UTF-16 with its mark; marks are left out.
 
+    Lines end with a line feed, however they end in the file.
+
     Parameters
     ----------
     takes
@@ -54,11 +56,12 @@ def read_text(path: Path, takes: Collection[Kind] = ()) -> str:
     require(path, takes)
     try:
         content = path.read_bytes()
-        return content.decode("utf-16" if content.startswith(_UTF_16) else "utf-8-sig")
+        text = content.decode("utf-16" if content.startswith(_UTF_16) else "utf-8-sig")
     except OSError as error:
         raise ProblemError(f"cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ProblemError(no_text(error)) from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[str, str]]]:

@@ -48,8 +48,8 @@ _UNIT_OF_NAME = re.compile(
 _IN_BRACKETS = re.compile(r"[\[(]\s*(.*?)\s*[\])]")
 
 # What a table of boxes in an image has, spelt as above, besides x and y.
-_WIDTHS = {"width", "w", "bbwidth", "bbw", "bboxwidth", "boxwidth"}
-_HEIGHTS = {"height", "h", "bbheight", "bbh", "bboxheight", "boxheight"}
+_BOX = r"(?:bb|bbox|box|boundingbox|rect)?"
+_WIDTH, _HEIGHT = re.compile(rf"{_BOX}(?:w|width)"), re.compile(rf"{_BOX}(?:h|height)")
 _CORNERS = {"left", "top", "right", "bottom", "xmin", "ymin", "xmax", "ymax", "x1", "y1", "x2",
             "y2", "bbleft", "bbtop", "bboxleft", "bboxtop"}  # fmt: skip
 _EDGES = 2  # of a box, at least, where it is told by its corners
@@ -142,8 +142,12 @@ def places_of(names: Sequence[str], field: str) -> Places:
     """
     _refuse_boxes(names, field)
     places: Places = {}
+    times = [name for name in names if Name.of(name).role == "time"]
+    plain = [name for name in times if _is_plain_time(name)]
     for place, name in enumerate(names):
         role = Name.of(name).role
+        if role == "time" and len(plain) == 1 < len(times) and name not in plain:
+            continue  # the same moments, told otherwise
         if role in places:
             raise ProblemError(f"{field}: must name one column {role}, not two")
         if role is not None:
@@ -157,6 +161,15 @@ def places_of(names: Sequence[str], field: str) -> Places:
     for axis in _AXES[metres]:  # that are not used, or not both there
         places.pop(axis, None)
     return places
+
+
+def _is_plain_time(name: str) -> bool:
+    """Returns True for the commonest names of times, which are taken where there are several."""
+    return _spelt(_bare(name)) in ("time", "t", "seconds", "timestamp") and Name.of(name).unit in (
+        None,
+        "s",
+        "ms",
+    )
 
 
 def names_people(names: Sequence[str]) -> bool:
@@ -182,8 +195,8 @@ def settled(field: str, stated: set[T], given: T | None) -> T:
 def _refuse_boxes(names: Sequence[str], field: str) -> None:
     """Raises a ProblemError where height is that of a box, and not of a head above the floor."""
     spelt = [_spelt(_bare(name)) for name in names]
-    widths = [name for name, word in zip(names, spelt, strict=True) if word in _WIDTHS]
-    heights = [name for name, word in zip(names, spelt, strict=True) if word in _HEIGHTS]
+    widths = [name for name, word in zip(names, spelt, strict=True) if _WIDTH.fullmatch(word)]
+    heights = [name for name, word in zip(names, spelt, strict=True) if _HEIGHT.fullmatch(word)]
     if not widths or not heights:
         return
     used = ["-" if name in (*widths, *heights) else Name.of(name).role or "-" for name in names]

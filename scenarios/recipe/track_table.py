@@ -251,4 +251,5 @@ def _check(values: Values, where: Callable[[int], str]) -> None:
             kind = "a whole number" if whole else "a number"
             raise ProblemError(
                 f"{where(row)}, {role}: must be {kind} within +-{most:g}, not {column[row]:g}"
+                + ("; is it a time? Name it time in columns" if role == "frame" else "")
             )

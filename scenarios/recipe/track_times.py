@@ -17,7 +17,7 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.recipe.track_columns import PER_SECOND
 
 A_DATE = "a date with a time such as 2026-05-01T10:00:00.25"
-_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]|\d{8}T\d")
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _YEARS = 1678, 2261  # whose nanoseconds since 1970 an int64 holds
 SINCE_1970 = 1e8  # s; no clock but that of dates is so late

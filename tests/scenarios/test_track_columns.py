@@ -147,6 +147,26 @@ def test_units_of_time_must_agree(
     assert f": {words}" in str(error.value)
 
 
+def test_of_several_times_the_plainest_is_taken(tmp_path: Path) -> None:
+    """Files tell a moment twice; two columns that are alike are asked about."""
+    for header in ("id,time,timestamp_ns,x,y", "id,t [s],datetime,x,y", "id,timestamp,epoch,x,y"):
+        (found,) = read(tmp_path, f"{header}\n1,0.5,7,0,0\n1,1,8,1,0\n", unit="m")
+        assert found.times.tolist() == [0.5, 1.0]
+    with pytest.raises(ProblemError, match="header: must name one column time, not two"):
+        read(tmp_path, "id,secs,nsecs,x,y\n1,0,7,0,0\n", unit="m")
+
+
+def test_frames_that_are_times_are_asked_about(tmp_path: Path) -> None:
+    """A rate makes nothing of milliseconds since 1970."""
+    text = "id,frame,x,y\n1,1532402927647,0,0\n"
+    with pytest.raises(
+        ProblemError, match="is it a time? Name it time in columns".replace("?", ".")
+    ):
+        read(tmp_path, text, unit="m", fps=1000)
+    columns = ("id", "time_ms", "x", "y")
+    assert read(tmp_path, text, unit="m", columns=columns)[0].times.tolist() == [0.0]
+
+
 # -- a row of units, boxes, and encodings ----------------------------------------------------
 
 

@@ -160,7 +160,12 @@ def test_times_of_trackers_are_read(tmp_path: Path) -> None:
     for name in ("time [ms]", "time_ms", "timestamp (ms)", "t/ms"):
         found = read(tmp_path, f"id,{name},x,y\n1,500,0,0\n1,1500,1,0\n", unit="m")
         assert found[0].times.tolist() == [0.5, 1.5]
-    for date in ("2026-05-01T10:00:{}", "2026-05-01 10:00:{}", "2026-05-01T10:00:{}+02:00"):
+    for date in (
+        "2026-05-01T10:00:{}",
+        "2026-05-01 10:00:{}",
+        "2026-05-01T10:00:{}+02:00",
+        "20260501T1000{}Z",
+    ):
         rows = "".join(f"anna,{date.format(s)},{s},0\n" for s in ("03", "01", "01.250"))
         (track,) = read(tmp_path, "id,timestamp,x,y\n" + rows, unit="m")
         assert track.times == pytest.approx([0.0, 0.25, 2.0])
