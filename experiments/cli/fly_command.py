@@ -1,10 +1,12 @@
 """The command `fly`, which makes of a plan what drones fly."""
 
+import logging
 import re
 from collections.abc import Collection, Iterator, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -17,6 +19,7 @@ from cocap_opt.experiments.cli.options import (
     PlanPath,
     Scene,
     Seed,
+    Whole,
     load_planned,
 )
 from cocap_opt.experiments.console.options import Option, UsageError
@@ -25,7 +28,13 @@ from cocap_opt.experiments.results.printing import Listing, Record, print_result
 from cocap_opt.files.documents import FileError
 from cocap_opt.stop import Interrupt
 
-_OPTIONS = "every", "smooth", "start"
+if TYPE_CHECKING:
+    from cocap_opt.experiments.missions import Writer
+
+_log = logging.getLogger(__name__)
+
+Autopilot = Literal["px4", "ardupilot"]
+_OPTIONS = "every", "smooth", "start", "items"
 _EARTHLY = ".geojson", ".kml", ".plan", ".waypoints"  # which have latitudes and longitudes
 _PLACES = "earth.crs", "earth.origin"
 _MANY, _FEW = 12, 6  # drones of a table that is cut, and rows that it keeps
@@ -47,6 +56,14 @@ def _fly(
         str | None,
         Parameter(help="when step 0 is, such as 2026-05-01T10:00:00Z, in files that hold dates"),
     ] = None,
+    autopilot: Annotated[
+        Autopilot | None,
+        Parameter(help="that missions are for; px4 for .plan, ardupilot for .waypoints"),
+    ] = None,
+    items: Annotated[
+        Whole | None,
+        Parameter(help="items of a mission that its board holds, if that is not as usual"),
+    ] = None,
     local: Annotated[bool, FLAG(name="--local", help="leave out latitudes and longitudes")] = False,
     json: Json = False,
 ) -> int:
@@ -65,8 +82,9 @@ def _fly(
     A smooth flight that comes too near to people is refused with the way out: a plan that keeps so
     much more from them, flown with --margin, keeps what it did before.
 
-    Missions of waypoints, a file per drone: .plan (QGroundControl, for PX4) and .waypoints (for
-    ArduPilot). By one clock fly .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).
+    Missions of waypoints, a file per drone: .plan (QGroundControl, for PX4, or for ArduPilot with
+    --autopilot) and .waypoints (for ArduPilot). Each is for the autopilot in its name only. By one
+    clock fly .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).
 
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """
@@ -79,11 +97,12 @@ def _fly(
         raise UsageError("--every: must be more than 0 seconds")
     if local and suffix in _EARTHLY:
         raise UsageError(f"--local: must be left out for {suffix}, which has places on the Earth")
+    write = _writer(suffix, autopilot, items)
     check_output(output, scene, plan)
     problem, planned = PlanReader(scene, load_planned(scene, seed)).plan(plan)
     try:
         flight = flown.flight(problem, planned, local)
-        mission = WRITERS[suffix](flight._replace(start=begins), every)
+        mission = write(flight._replace(start=begins), every)
     except ProblemError as error:
         raise _in_words(error, scene, plan, suffix, flown.step is not None) from error
     record = flight.record()
@@ -93,6 +112,8 @@ def _fly(
     answer: Record = {"scene": problem.name, "seed": seed, **record, **mission.facts}
     notes = [*flight.notes(), *mission.notes]
     notes += _strays(output, suffix, files)
+    for warning in mission.warnings:
+        _log.warning("%s", warning)
     with Interrupt.caught():  # who presses Ctrl-C now is told what is written, unless pressed twice
         save_files(files)
         if json:
@@ -102,6 +123,29 @@ def _fly(
             print_result({**answer, "file": " ".join(map(str, files))}, json)
             _tightest(flight.rows(), notes).print()
     return 0
+
+
+def _writer(suffix: str, autopilot: str | None, items: int | None) -> "Writer":
+    """Returns what writes files of an ending, for an autopilot and its board."""
+    from cocap_opt.experiments.missions import FOR_AUTOPILOTS, WRITERS
+
+    known = FOR_AUTOPILOTS.get(suffix)
+    if known is None:
+        for name, value in (("--autopilot", autopilot), ("--items", items)):
+            if value is not None:
+                raise UsageError(f"{name}: must be left out for {suffix}, which holds no mission")
+        return WRITERS[suffix]
+    if autopilot is not None and autopilot not in known:
+        others = " or ".join(known)
+        raise UsageError(
+            f"--autopilot: must be {others} for {suffix}, not {autopilot}; .plan is for both"
+        )
+    write = known[autopilot or next(iter(known))]
+    if items is None:
+        return write
+    if not items > 0:
+        raise UsageError("--items: must be more than 0")
+    return partial(write, most=items)
 
 
 def _tightest(rows: Sequence[Record], notes: Sequence[str]) -> Listing:

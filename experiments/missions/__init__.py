@@ -1,11 +1,11 @@
 """Files of flights that others read, by the ending of their names."""
 
 from cocap_opt.experiments.missions.crazyflie import crazyflie
-from cocap_opt.experiments.missions.export import Export, Writer
+from cocap_opt.experiments.missions.export import Export, MissionWriter, Writer
 from cocap_opt.experiments.missions.geojson import geojson
 from cocap_opt.experiments.missions.gltf import gltf
 from cocap_opt.experiments.missions.kml import kml
-from cocap_opt.experiments.missions.qgroundcontrol import plan
+from cocap_opt.experiments.missions.qgroundcontrol import ardupilot_plan, px4_plan
 from cocap_opt.experiments.missions.sheet import sheet
 from cocap_opt.experiments.missions.skybrush import skybrush
 from cocap_opt.experiments.missions.table import table
@@ -17,11 +17,16 @@ WRITERS: dict[str, Writer] = {
     ".kml": kml,
     ".glb": gltf,
     ".pdf": sheet,
-    ".plan": plan,
+    ".plan": px4_plan,
     ".waypoints": waypoint_list,
     ".skyc": skybrush,
     ".crazyflie.csv": crazyflie,
 }
+# Writers of missions by the autopilot that they are for, the usual one first.
+FOR_AUTOPILOTS: dict[str, dict[str, MissionWriter]] = {
+    ".plan": {"px4": px4_plan, "ardupilot": ardupilot_plan},
+    ".waypoints": {"ardupilot": waypoint_list},
+}
 DATED = ".geojson", ".kml", ".pdf"  # those that hold dates, not seconds alone
 
-__all__ = ["DATED", "WRITERS", "Export", "Writer"]
+__all__ = ["DATED", "FOR_AUTOPILOTS", "WRITERS", "Export", "MissionWriter", "Writer"]

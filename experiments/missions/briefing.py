@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FieldError, FloatArray
-from cocap_opt.experiments.missions.waypoints import seconds_to_step_0
+from cocap_opt.experiments.missions.routes import seconds_to_step_0
 from cocap_opt.experiments.results.flights import Flight, cells_below
 from cocap_opt.experiments.results.robustness import (
     people_and_delay,

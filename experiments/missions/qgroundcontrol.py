@@ -1,4 +1,4 @@
-"""Missions of waypoints as plans of QGroundControl (.plan), one per drone, for PX4.
+"""Missions of waypoints as plans of QGroundControl (.plan), one per drone, with their geofence.
 
 Source: "Plan File Format", QGroundControl Developer Guide,
 https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html
@@ -7,40 +7,62 @@ https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html
 import json
 from typing import Any
 
+from cocap_opt.experiments.missions.autopilots import ARDUPILOT, PX4, Autopilot
 from cocap_opt.experiments.missions.export import Export
-from cocap_opt.experiments.missions.waypoints import PX4, Item, Route, items, waypoint_mission
+from cocap_opt.experiments.missions.items import Item
+from cocap_opt.experiments.missions.waypoints import Mission, waypoint_mission
+from cocap_opt.experiments.missions.zones import Zone
 from cocap_opt.experiments.results.flights import Flight
 
 _QUADROTOR = 2  # MAV_TYPE
 _ABOVE_TAKEOFF = 1  # QGroundControl's altitude mode
 
 
-def plan(flight: Flight, every: float | None) -> Export:
+def px4_plan(flight: Flight, every: float | None, most: int = PX4.most) -> Export:
     """Returns a plan for each drone, of a straight flight in a scene with a place on the Earth."""
-    return waypoint_mission(flight, every, PX4, _document)
+    return _plan(flight, every, PX4._replace(most=most))
 
 
-def _document(route: Route) -> bytes:
-    latitude, longitude, _ = route.places[0].tolist()
+def ardupilot_plan(flight: Flight, every: float | None, most: int = ARDUPILOT.most) -> Export:
+    """Returns the same for ArduPilot."""
+    return _plan(flight, every, ARDUPILOT._replace(most=most))
+
+
+def _plan(flight: Flight, every: float | None, autopilot: Autopilot) -> Export:
+    def written(mission: Mission) -> bytes:
+        return _document(mission, autopilot)
+
+    return waypoint_mission(flight, every, autopilot, written, has_fence=True)
+
+
+def _document(mission: Mission, autopilot: Autopilot) -> bytes:
+    route = mission.route
+    latitude, longitude, _ = route.place(0)
     fastest = route.fastest or 1.0  # a drone that stays has no speed
+    fence = {"circles": [], "polygons": [_outside(zone) for zone in mission.fence], "version": 2}
     document = {
         "fileType": "Plan",
         "version": 1,
         "groundStation": "QGroundControl",
-        "geoFence": {"circles": [], "polygons": [], "version": 2},
+        "geoFence": fence,
         "rallyPoints": {"points": [], "version": 2},
         "mission": {
             "version": 2,
-            "firmwareType": PX4.autopilot,
+            "firmwareType": autopilot.number,
             "vehicleType": _QUADROTOR,
             "globalPlanAltitudeMode": _ABOVE_TAKEOFF,
             "cruiseSpeed": fastest,
             "hoverSpeed": fastest,
             "plannedHomePosition": [latitude, longitude, route.sea],
-            "items": [_simple(item, k + 1) for k, item in enumerate(items(route, PX4))],
+            "items": [_simple(item, k + 1) for k, item in enumerate(mission.items)],
         },
     }
     return json.dumps(document, indent=1, allow_nan=False).encode()
+
+
+def _outside(zone: Zone) -> dict[str, Any]:
+    """Returns a polygon that drones stay out of."""
+    return {"inclusion": False, "polygon": zone.corners[:, ::-1].tolist(), "version": 1}
 
 
 def _simple(item: Item, number: int) -> dict[str, Any]:

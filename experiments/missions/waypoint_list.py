@@ -6,33 +6,28 @@ the place where it is armed there.
 Source: "Mission Plain-Text File Format", https://mavlink.io/en/file_formats/
 """
 
+from cocap_opt.experiments.missions.autopilots import ARDUPILOT
 from cocap_opt.experiments.missions.export import Export
-from cocap_opt.experiments.missions.waypoints import (
-    ARDUPILOT,
-    Command,
-    Item,
-    Route,
-    items,
-    waypoint_mission,
-)
+from cocap_opt.experiments.missions.items import Command, Item
+from cocap_opt.experiments.missions.waypoints import Mission, waypoint_mission
 from cocap_opt.experiments.results.flights import Flight
 
 _HEADER = "QGC WPL 110"
 _ABSOLUTE = 0  # MAV_FRAME_GLOBAL
 
 
-def waypoint_list(flight: Flight, every: float | None) -> Export:
+def waypoint_list(flight: Flight, every: float | None, most: int = ARDUPILOT.most) -> Export:
     """Returns a list for each drone, of a straight flight in a scene with a place on the Earth."""
-    return waypoint_mission(flight, every, ARDUPILOT, _text)
+    return waypoint_mission(flight, every, ARDUPILOT._replace(most=most), _text, has_fence=False)
 
 
-def _text(route: Route) -> bytes:
-    latitude, longitude, _ = route.places[0].tolist()
+def _text(mission: Mission) -> bytes:
+    latitude, longitude, _ = mission.route.place(0)
     # Text has no way to say that a height is not known.
-    place = (latitude, longitude, route.sea or 0.0)
+    place = (latitude, longitude, mission.route.sea or 0.0)
     home = Item(Command.WAYPOINT, (0.0, 0.0, 0.0, 0.0, *place))
     rows = [_HEADER, _row(0, _ABSOLUTE, home)]
-    rows += (_row(k + 1, item.frame, item) for k, item in enumerate(items(route, ARDUPILOT)))
+    rows += (_row(k + 1, item.frame, item) for k, item in enumerate(mission.items))
     return "".join(f"{row}\n" for row in rows).encode()
 
 

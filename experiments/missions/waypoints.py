@@ -1,13 +1,13 @@
 """Missions of waypoints: what an autopilot of MAVLink flies alone, item by item.
 
 A drone takes off, goes to its start, waits there (MAV_CMD_NAV_DELAY), and then flies each leg of
-its plan with the speed that the plan has there. Nothing holds it to the times of the plan.
+its plan in the time that the plan has for it, by the rules of its autopilot (`autopilots`). Nothing
+holds it to the times of the plan.
 
 - Altitudes are above the drone's take-off (MAV_FRAME_GLOBAL_RELATIVE_ALT): autopilots know that
   from the moment they are armed, whatever the map's heights are above.
 - Yaw is in degrees from true north, clockwise.
-- A speed over ground is that along the ground; climbs and descents have their own (SPEED_TYPE).
-- A drone that stays where it is waits by MAV_CMD_NAV_DELAY; to turn there, it gets a waypoint.
+- Each move has a waypoint and its own speed; turns and tilts are said where they change.
 - The camera's pitch is set by MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, against the horizon and with
   the drone's own yaw. MAV_CMD_DO_MOUNT_CONTROL is deprecated since 2020, and its yaw turns the
   whole drone to the north on an ArduPilot whose gimbal has no yaw (ArduCopter,
@@ -15,23 +15,20 @@ its plan with the speed that the plan has there. Nothing holds it to the times o
 - At the end the drone hovers (MAV_CMD_NAV_LOITER_UNLIM). Nobody has planned a way home, and
   drones that all return at once may meet.
 
-PX4 and ArduPilot differ in two things. PX4 takes a waypoint's yaw, and lets a mission move the
-gimbal only after MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE (`InputMavlinkGimbalV2`). ArduCopter ignores
-a waypoint's yaw and wants MAV_CMD_CONDITION_YAW, and refuses the former. So there are two dialects.
-
 Sources: https://mavlink.io/en/messages/common.html, "Mission Mode" of PX4's user guide, "Mission
 Command List" of ArduCopter's.
 """
 
 import math
 from collections.abc import Callable, Iterator
-from enum import IntEnum
 from typing import NamedTuple
 
-import numpy as np
-
-from cocap_opt.data import FieldError, FloatArray
+from cocap_opt.data import FieldError, ProblemError
+from cocap_opt.experiments.missions.autopilots import Autopilot, Late
 from cocap_opt.experiments.missions.export import Export, require_nothing_else
+from cocap_opt.experiments.missions.items import Item
+from cocap_opt.experiments.missions.routes import RISE, Route, routes, seconds_to_step_0
+from cocap_opt.experiments.missions.zones import Zone, crossed, zones
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.experiments.results.robustness import (
     people_and_delay,
@@ -39,124 +36,45 @@ from cocap_opt.experiments.results.robustness import (
     tolerated_delay_of_people,
     written_delay,
 )
-from cocap_opt.flight.earth import Geodesy
 from cocap_opt.problem import CollisionRules
 from cocap_opt.scenarios.recipe.rules import SEPARATION
 
-_RELATIVE, _NO_PLACE = 3, 2  # MAV_FRAME_GLOBAL_RELATIVE_ALT, MAV_FRAME_MISSION
-_GROUND, _CLIMB, _DESCENT = 1, 2, 3  # SPEED_TYPE
 _PART = "no-common-clock.drone"
-_HORIZON = 4 | 8  # GIMBAL_MANAGER_FLAGS_ROLL_LOCK, GIMBAL_MANAGER_FLAGS_PITCH_LOCK
-_ITSELF, _UNCHANGED = -2.0, -1.0  # who controls a gimbal
-_RISE = 1.0  # m/s, at which drones are thought to take off
-_SETTLE = 10.0  # s, that the last one has left then
-_REACHED = 0.5  # m from a waypoint; a quarter of the shortest leg if that is less
+_LITTLE = 0.1  # s, of which nobody is told
+_FEW = 3  # legs that are told one by one
 
 
-class Command(IntEnum):
-    """The commands of MAVLink (MAV_CMD) that missions have."""
-
-    WAYPOINT = 16
-    HOVER = 17
-    TAKEOFF = 22
-    DELAY = 93
-    YAW = 115
-    SPEED = 178
-    GIMBAL = 1000
-    GIMBAL_CONTROL = 1001
-
-
-class Item(NamedTuple):
-    """An item of a mission.
+class Mission(NamedTuple):
+    """What stands in the file of a drone.
 
     Attributes
     ----------
-    params : seven; of items that have a place the last are latitude, longitude (degrees) and
-        altitude (m); None: not set
+    fence : the no-fly zones that the drones go around
     """
 
-    command: Command
-    params: tuple[float | None, ...]
-
-    @property
-    def has_place(self) -> bool:
-        """True if the drone goes there."""
-        return self.command in (Command.WAYPOINT, Command.HOVER, Command.TAKEOFF)
-
-    @property
-    def frame(self) -> int:
-        """The number of what its altitude is above (MAV_FRAME)."""
-        return _RELATIVE if self.has_place else _NO_PLACE
-
-
-class _Dialect(NamedTuple):
-    """The wishes of an autopilot that others do not have.
-
-    Attributes
-    ----------
-    autopilot : its number (MAV_AUTOPILOT)
-    turns_by_command : True: a waypoint's yaw has no effect, MAV_CMD_CONDITION_YAW has
-    note : what must be known to fly with it
-    """
-
-    autopilot: int
-    turns_by_command: bool
-    note: str
-
-
-PX4 = _Dialect(
-    12, False, "for PX4 (ArduPilot refuses to command its gimbal so: .waypoints is for it)"
-)
-ARDUPILOT = _Dialect(
-    3, True,
-    "for ArduPilot (.plan is for PX4): set WP_YAW_BEHAVIOR to 0, so that it looks where the plan "
-    "does, and WPNAV_RADIUS to what corners may be cut by; it takes whole degrees of pitch",
-)  # fmt: skip
-
-
-class Route(NamedTuple):
-    """The waypoints of a drone at the steps 0..T.
-
-    Attributes
-    ----------
-    places : [T+1, 3] latitude, longitude (degrees) and m above the take-off
-    yaw : [T+1] degrees from true north, clockwise
-    pitch : [T+1] degrees, of the camera, 0 is level and below the horizon is negative
-    lengths : [T] m along the ground
-    step : s
-    sea : m above the sea at the take-off; None: nobody knows
-    wait : s at the start
-    """
-
-    places: FloatArray
-    yaw: FloatArray
-    pitch: FloatArray
-    lengths: FloatArray
-    step: float
-    sea: float | None
-    wait: float
-
-    @property
-    def fastest(self) -> float:
-        """Largest speed over ground, m/s."""
-        return float(self.lengths.max() / self.step)
-
-    @property
-    def reached(self) -> float:
-        """Distance (m) from which on a waypoint counts as reached."""
-        legs = np.hypot(self.lengths, np.diff(self.places[:, 2]))
-        return min(_REACHED, float(legs[legs > 0].min(initial=np.inf)) / 4)
+    route: Route
+    items: list[Item]
+    fence: list[Zone]
 
 
 def waypoint_mission(
-    flight: Flight, every: float | None, dialect: _Dialect, write: Callable[[Route], bytes]
+    flight: Flight,
+    every: float | None,
+    autopilot: Autopilot,
+    write: Callable[[Mission], bytes],
+    has_fence: bool,
 ) -> Export:
     """Returns a mission of waypoints for each drone.
+
+    Parameters
+    ----------
+    has_fence : the files can hold no-fly zones
 
     Raises
     ------
     ProblemError
-        If nobody knows where on the Earth the scene is, or the flight is smooth.
+        If nobody knows where on the Earth the scene is, the flight is smooth, an autopilot does
+        not hold so many items, or a battery does not last from the take-off to the last step.
     """
     if flight.geodesy is None:
         raise FieldError(
@@ -168,111 +86,130 @@ def waypoint_mission(
     if flight.is_smooth:
         raise FieldError("smooth", "must be left out, for waypoints have straight legs between")
     require_nothing_else(every, "the waypoints are the steps of the plan")
-    routes = list(_routes(flight, flight.geodesy))
-    delay = told_delay(flight, _asked(flight)) if len(routes) > 1 else None
+    found = routes(flight, flight.geodesy)
+    items = [autopilot.items(route) for route in found]
+    _require_few(items, autopilot)
+    _require_batteries(flight, found)
+    known = zones(flight, flight.geodesy)
+    fence = [zone for zone in known if has_fence and not crossed(flight, zone)]
+    missions = [Mission(*own, fence) for own in zip(found, items, strict=True)]
+    delay = told_delay(flight, _asked(flight)) if len(found) > 1 else None
     to_people = tolerated_delay_of_people(flight)
-    words = *_clock(flight, delay), *people_and_delay(flight, to_people), *_ends(flight, routes)
+    late = [one for route in found for one in autopilot.late(route)]
+    warnings = (
+        *_lateness(late),
+        *_waits(max(map(autopilot.behind, found)), autopilot, delay, to_people),
+    )
+    words = (
+        *warnings, *_clock(flight, delay), *people_and_delay(flight, to_people),
+        *_ends(flight, found), *_fences(flight, autopilot, has_fence, known, fence),
+    )  # fmt: skip
     return Export(
-        {f"{_PART}{i}": write(route) for i, route in enumerate(routes)},
-        (*words, dialect.note),
+        {f"{autopilot.name}.{_PART}{i}": write(mission) for i, mission in enumerate(missions)},
+        (*words, autopilot.note),
         {
+            "autopilot": autopilot.title,
+            "items": max(map(len, items)),
+            "late": _latest(late),
             "delay_tolerance": written_delay(delay),
             "delay_tolerance_to_people": written_delay(to_people),
         },
+        warnings,
     )
 
 
-def seconds_to_step_0(flight: Flight) -> float:
-    """Returns the seconds from the start of all missions of waypoints to step 0 of the plan.
-
-    Drones are thought to rise at 1 m/s; the one that rises highest has 10 s left then.
-    """
-    columns = flight.columns(flight.flown.seconds)
-    return _SETTLE + float(columns["above_takeoff"][columns["t"] == 0].max()) / _RISE
-
-
-def items(route: Route, dialect: _Dialect) -> Iterator[Item]:
-    """Yields the items of a drone's mission."""
-    last = len(route.places) - 1
-    yield _going(Command.TAKEOFF, route, 0)
-    if not dialect.turns_by_command:
-        control = (_ITSELF, _ITSELF, _UNCHANGED, _UNCHANGED, None, None, 0.0)
-        yield Item(Command.GIMBAL_CONTROL, control)
-    yield _pitch(route, 0)
-    yield from _arriving(route, 0, dialect)
-    yield _waiting(route.wait)
-    stayed = 0.0
-    for k in range(1, last + 1):
-        stays = (route.places[k] == route.places[k - 1]).all()
-        looks = (route.yaw[k], route.pitch[k]) == (route.yaw[k - 1], route.pitch[k - 1])
-        if stayed and not (stays and looks):
-            yield _waiting(stayed)
-            stayed = 0.0
-        if not stays:
-            yield from _speeds(route, k)
-        if route.pitch[k] != route.pitch[k - 1]:
-            yield _pitch(route, k)
-        if not stays or route.yaw[k] != route.yaw[k - 1]:
-            yield from _arriving(route, k, dialect)
-        stayed += route.step * stays
-    if stayed:
-        yield _waiting(stayed)
-    yield _going(Command.HOVER, route, last)
+def _require_few(items: list[list[Item]], autopilot: Autopilot) -> None:
+    """Refuses missions that an autopilot does not hold; the home position counts as one."""
+    drone = max(range(len(items)), key=lambda i: len(items[i]))
+    count = len(items[drone]) + 1
+    if count > autopilot.most:
+        raise FieldError(
+            "items",
+            f"must be given where the board holds more, for the mission of drone {drone} has "
+            f"{count} items, and {autopilot.title} takes {autopilot.most} ({autopilot.holds}); or "
+            "plan fewer steps, longer ones, or parts of the scene one after the other, each a "
+            "mission of its own",
+        )
 
 
-def _going(command: Command, route: Route, k: int) -> Item:
-    """Returns an item that sends a drone to a waypoint."""
-    place = tuple(route.places[k].tolist())
-    reached = route.reached if command == Command.WAYPOINT else 0.0
-    return Item(command, (0.0, reached, 0.0, float(route.yaw[k]), *place))
+def _require_batteries(flight: Flight, found: list[Route]) -> None:
+    """Refuses missions longer than a battery lasts, with the rise and the wait at the start."""
+    for route, robot in zip(found, flight.flown.problem.robots, strict=True):
+        seconds = route.in_the_air
+        if robot.limits is not None and robot.limits.outlasted_by(seconds):
+            rise = seconds - flight.flown.seconds
+            raise ProblemError(
+                f"drone {route.drone} cannot fly this mission: from the take-off to the last step "
+                f"it is {seconds:.4g} s in the air, {rise:.3g} s of them on the way up and waiting "
+                f"for the others, and its battery lasts {robot.limits.endurance:.4g} s; fewer "
+                "steps would do"
+            )
 
 
-def _arriving(route: Route, k: int, dialect: _Dialect) -> Iterator[Item]:
-    """Yields what lets a drone fly to a waypoint and look as it is meant to."""
-    if dialect.turns_by_command:
-        yield Item(Command.YAW, (float(route.yaw[k]), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-    yield _going(Command.WAYPOINT, route, k)
+def _latest(late: list[Late]) -> float:
+    """Returns how late (s) a drone is at the end, the worst one."""
+    sums = dict[int, float]()
+    for one in late:
+        sums[one.drone] = sums.get(one.drone, 0.0) + one.seconds
+    return max(sums.values(), default=0.0)
 
 
-def _speeds(route: Route, k: int) -> Iterator[Item]:
-    """Yields the speeds of the leg that ends at a waypoint, along the ground and in height."""
-    rise = float(route.places[k, 2] - route.places[k - 1, 2]) / route.step
-    kinds = {
-        _GROUND: float(route.lengths[k - 1]) / route.step,
-        _CLIMB: rise,
-        _DESCENT: -rise,
-    }
-    for kind, speed in kinds.items():
-        if speed > 0:
-            yield Item(Command.SPEED, (float(kind), speed, -1.0, 0.0, 0.0, 0.0, 0.0))
+def _lateness(late: list[Late]) -> Iterator[str]:
+    """Yields which legs take longer than planned, and what to do."""
+    if not late:
+        return
+    shown = sorted(late, key=lambda one: -one.seconds)[:_FEW]
+    more = f", and {len(late) - len(shown)} more such legs" if len(late) > len(shown) else ""
+    yield (
+        f"NOT IN TIME: {'; '.join(map(str, shown))}{more}; the drone is up to {_latest(late):.2f} "
+        "s late at the end. Plan with longer steps, or with [drones.limits] that keep to this"
+    )
 
 
-def _pitch(route: Route, k: int) -> Item:
-    pitch = float(route.pitch[k])
-    return Item(Command.GIMBAL, (pitch, 0.0, None, None, float(_HORIZON), 0.0, 0.0))
+def _waits(
+    behind: float, autopilot: Autopilot, delay: float | None, to_people: float | None
+) -> Iterator[str]:
+    """Yields how far drones are behind their plans where they wait before a leg."""
+    if behind < _LITTLE:
+        return
+    yield (
+        f"{autopilot.title} cannot be told to fly some legs as slowly as planned (straight up or "
+        f"down, or very slow): drones wait before them, and then arrive in time; in between they "
+        f"are up to {behind:.2f} s behind the plan"
+    )
+    tolerated = min(value for value in (delay, to_people, math.inf) if value is not None)
+    if behind >= tolerated:
+        yield (
+            f"TOO LATE: {behind:.2f} s behind the plan are more than the delay tolerance, "
+            f"{tolerated:.2f} s; plan with larger distances, or let drones climb on their way"
+        )
 
 
-def _waiting(seconds: float) -> Item:
-    return Item(Command.DELAY, (seconds, -1.0, -1.0, -1.0, 0.0, 0.0, 0.0))
-
-
-def _routes(flight: Flight, geodesy: Geodesy) -> Iterator[Route]:
-    """Yields the waypoints of each drone."""
-    problem, columns = flight.flown.problem, flight.columns()
-    rows = {name: column.reshape(len(problem.robots), -1) for name, column in columns.items()}
-    height, earth = rows["above_takeoff"], problem.earth
-    wait = seconds_to_step_0(flight) - height[:, 0] / _RISE
-    for i in range(len(problem.robots)):
-        x, y, ground = rows["x"][i], rows["y"][i], float(rows["z"][i, 0] - height[i, 0])
-        above_sea = earth is not None and earth.heights == "sea"
-        yield Route(
-            np.column_stack([rows["latitude"][i], rows["longitude"][i], height[i]]),
-            geodesy.compass(x, y, np.radians(rows["yaw"][i])),
-            rows["pitch"][i],
-            geodesy.lengths(x, y),
-            flight.flown.step,
-            ground + earth.base if earth is not None and above_sea else None,
-            float(wait[i]),
+def _fences(
+    flight: Flight, autopilot: Autopilot, has_fence: bool, known: list[Zone], fence: list[Zone]
+) -> Iterator[str]:
+    """Yields which limits of the airspace are in the files, and which are not."""
+    if known and not has_fence:
+        yield (
+            "no-fly zones are not in these files, which hold no fence: QGroundControl and Mission "
+            "Planner load it from a .plan file of the same flight, with --autopilot ardupilot"
+        )
+    if fence:
+        yield (
+            "no-fly zones are the geofence of these files, from the ground up, whatever their "
+            "heights are; upload it with the mission"
+        )
+    for zone in known if has_fence else ():
+        if zone not in fence:
+            yield (
+                f"{zone.name}, is not in the geofence, for a drone flies above or below it and a "
+                "geofence has no heights"
+            )
+    ceiling = flight.flown.problem.airspace.ceiling
+    if ceiling is not None:
+        yield (
+            f"the ceiling, {ceiling:g} m {flight.over_datum}, is not in these files: "
+            f"{autopilot.ceiling} of {autopilot.title} is one above the take-off"
         )
 
 
@@ -299,12 +236,12 @@ def _clock(flight: Flight, delay: float | None) -> Iterator[str]:
     yield "offboard control along a .csv file, or Skybrush (.skyc), keeps drones together"
 
 
-def _ends(flight: Flight, routes: list[Route]) -> Iterator[str]:
+def _ends(flight: Flight, found: list[Route]) -> Iterator[str]:
     """Yields what happens before and after the plan, and at its corners."""
     at = f"{seconds_to_step_0(flight):.3g} s"
     yield (
         f"start all missions at once: each waits at its start until {at}, if it rises at "
-        f"{_RISE:g} m/s; at the end it hovers, and the way home is not in it"
+        f"{RISE:g} m/s; at the end it hovers, and the way home is not in it"
     )
     if flight.flown.problem.actors:
         yield f"give people their signal {at} after starting the missions: that is step 0"
@@ -313,5 +250,5 @@ def _ends(flight: Flight, routes: list[Route]) -> Iterator[str]:
         "on the way up"
     )
     yield "in these files yaw is clockwise from true north, and altitudes are above the take-off"
-    if any(route.sea is None for route in routes):
+    if any(route.sea is None for route in found):
         yield "the home's height above the sea is not known"

@@ -49,6 +49,8 @@ _LABELS = {
     "people_distance": "least distance to a person at any moment, from above (m)",
     "delay_tolerance": "delay tolerance: drones may be apart in time by less than (s)",
     "delay_tolerance_to_people": "delay tolerance to people: drones may be ahead or behind by (s)",
+    "items": "items of the longest mission",
+    "late": "late at the end at most, for legs that cannot be flown in time (s)",
     "slowed": "steps at which a drone passes more slowly, to be safe",
     "shortened": "steps at which a drone changes speed in less time, to be safe",
     "reward_straight": "J, straight, between the steps too",

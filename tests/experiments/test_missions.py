@@ -3,15 +3,17 @@ import json
 import math
 import re
 import zipfile
-from collections.abc import Iterator
 from contextlib import nullcontext
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
+from ardupilot_missions import ardupilot_moments
+from mission_rows import Moment, read_plan, read_waypoints
 from numpy.polynomial import Polynomial
+from px4_missions import px4_moments
 from test_cli import Run
 
 import cocap_opt as co
@@ -37,7 +39,8 @@ PATHS = (
     ((7, 3, 0, 2, 0), (8, 4, 0, 2, 0), (9, 4, 0, 3, 0), (9, 5, 0, 3, 0), (9, 5, 0, 3, 0),
      (9, 5, 0, 3, 0), (8, 6, 1, 4, 1), (7, 6, 1, 4, 1)),
 )  # fmt: skip
-STEP = 1.5
+STEP = 2.0
+NAMES = {".plan": "px4", ".waypoints": "ardupilot"}
 
 
 def scene(crs: str | None = "EPSG:25830", **more: Any) -> tuple[Problem, Plan]:
@@ -68,112 +71,11 @@ def written(ending: str, flight: Flight) -> list[bytes]:
     return list(WRITERS[ending](flight, None).files.values())
 
 
-class Row(NamedTuple):
-    """An item of a mission, as its reader tells it."""
-
-    command: int
-    frame: int
-    params: list[float | None]
-
-
-class Moment(NamedTuple):
-    """Where a drone is in a mission that is flown as it says."""
-
-    t: float
-    place: tuple[float, float, float]
-    compass: float
-    pitch: float
-
-
-def read_plan(content: bytes) -> list[Row]:
-    """The items of a .plan file that is as its description says."""
-    document = json.loads(content)
-    assert set(document) == {
-        "fileType", "version", "groundStation", "geoFence", "rallyPoints", "mission",
-    }  # fmt: skip
-    assert (document["fileType"], document["version"]) == ("Plan", 1)
-    assert document["groundStation"] == "QGroundControl"
-    assert document["geoFence"] == {"circles": [], "polygons": [], "version": 2}
-    assert document["rallyPoints"] == {"points": [], "version": 2}
-    mission = document["mission"]
-    assert set(mission) == {
-        "version", "firmwareType", "vehicleType", "globalPlanAltitudeMode", "cruiseSpeed",
-        "hoverSpeed", "plannedHomePosition", "items",
-    }  # fmt: skip
-    assert (mission["version"], mission["firmwareType"], mission["vehicleType"]) == (2, 12, 2)
-    assert mission["cruiseSpeed"] > 0 and mission["hoverSpeed"] > 0
-    home = mission["plannedHomePosition"]
-    assert len(home) == 3 and all(isinstance(v, float) for v in home[:2])
-    for k, item in enumerate(mission["items"], 1):
-        assert (item["type"], item["doJumpId"], item["autoContinue"]) == ("SimpleItem", k, True)
-        assert len(item["params"]) == 7
-        assert all(v is None or isinstance(v, float) for v in item["params"])
-        if item["frame"] == 3:
-            assert item["Altitude"] == item["params"][6]
-            assert item["AltitudeMode"] == 1 and item["AMSLAltAboveTerrain"] is None
-    return [Row(item["command"], item["frame"], item["params"]) for item in mission["items"]]
-
-
-def read_waypoints(content: bytes, folder: Path) -> list[Row]:
-    """The items of a .waypoints file after the home position, as pymavlink reads them."""
-    mavwp = pytest.importorskip("pymavlink.mavwp")
-    path = folder / "mission.waypoints"
-    path.write_bytes(content)
-    loader = mavwp.MAVWPLoader()
-    count = loader.load(str(path))
-    points = [loader.wp(k) for k in range(count)]
-    assert [point.seq for point in points] == list(range(count))
-    assert [point.current for point in points] == [1] + [0] * (count - 1)
-    assert all(point.autocontinue == 1 for point in points)
-    home = points[0]
-    assert (home.command, home.frame) == (16, 0)
-    assert (home.x, home.y) == (points[1].x, points[1].y)
-    return [
-        Row(p.command, p.frame, [p.param1, p.param2, p.param3, p.param4, p.x, p.y, p.z])
-        for p in points[1:]
-    ]
-
-
-def moments(rows: list[Row], turns_by_command: bool) -> Iterator[Moment]:
-    """Flies a mission: each place that a drone reaches, from the end of the wait at its start."""
-    assert rows[0].command == 22 and rows[-1].command == 17
-    place = tuple(rows[0].params[4:])
-    compass = pitch = t = math.nan
-    speeds: dict[float, float] = {}
-    for command, frame, params in rows:
-        assert frame == (3 if command in (16, 17, 22) else 2)
-        first, second = params[:2]
-        if command == 178:
-            assert params[2] == -1
-            assert second > 0
-            speeds[first] = second
-        elif command == 1000:
-            assert params[4] == 12  # the horizon, and not the north
-            pitch = first
-        elif command == 115:
-            assert turns_by_command and params[3] == 0
-            compass = first
-        elif command == 16:
-            assert 0 < second <= 0.5
-            assert not turns_by_command or compass == params[3]
-            compass, goal = params[3], tuple(params[4:])
-            if not math.isnan(t):
-                up = goal[2] - place[2]
-                t += max(
-                    metres(place, goal) / speeds[1] if goal[:2] != place[:2] else 0.0,
-                    abs(up) / speeds[2 if up > 0 else 3] if up else 0.0,
-                )
-            place, speeds = goal, {}
-            yield Moment(t, place, compass, pitch)
-        elif command == 93:
-            assert params[1:4] == [-1, -1, -1]
-            t = 0.0 if math.isnan(t) else t + first
-            yield Moment(t, place, compass, pitch)
-
-
-def metres(one: tuple[float, ...], other: tuple[float, ...]) -> float:
-    """Metres along the ground between two latitudes and longitudes."""
-    return float(pyproj.Geod(ellps="GRS80").inv(one[1], one[0], other[1], other[0])[2])
+def told_moments(ending: str, content: bytes, folder: Path) -> list[Moment]:
+    """What the autopilot of a file makes of it."""
+    if ending == ".plan":
+        return list(px4_moments(read_plan(content)))
+    return list(ardupilot_moments(read_waypoints(content, folder)))
 
 
 @pytest.mark.parametrize("crs", SYSTEMS)
@@ -192,18 +94,15 @@ def test_waypoints_are_the_plan_s_places_times_and_looks(
     corner = np.array(grid.transform(*SYSTEMS[crs][::-1]))
     off = []
     for drone, content in enumerate(written(ending, flight)):
-        is_plan = ending == ".plan"
-        rows = read_plan(content) if is_plan else read_waypoints(content, tmp_path)
         at: dict[int, Moment] = {}
-        for moment in moments(rows, turns_by_command=not is_plan):
-            if not math.isnan(moment.t):
-                step = round(moment.t / STEP)
-                assert abs(moment.t - step * STEP) < 0.1
+        for moment in told_moments(ending, content, tmp_path):
+            step = 0 if math.isnan(moment.t) else round(moment.t / STEP)
+            if not abs(moment.t - step * STEP) >= 0.1:  # a wait may end in the middle of a step
                 at.setdefault(step, moment)
         own = np.stack([columns[k][drone] for k in ("x", "y", "above_takeoff", "yaw", "pitch")], 1)
         changes = np.flatnonzero((np.diff(own, axis=0) != 0).any(axis=1)) + 1
         assert {0, *changes.tolist(), len(own) - 1} <= set(at)
-        for step, (_, (latitude, longitude, height), compass, pitch) in at.items():
+        for step, (_, (latitude, longitude, height), compass, pitch, _) in at.items():
             here = np.array(grid.transform(longitude, latitude)) - corner
             ahead = grid.transform(*geod.fwd(longitude, latitude, compass, 5.0)[:2]) - corner - here
             yaw = math.degrees(math.atan2(ahead[1], ahead[0]))
@@ -211,7 +110,6 @@ def test_waypoints_are_the_plan_s_places_times_and_looks(
             assert math.remainder(yaw - own[step, 3], 360) == pytest.approx(0, abs=0.01)
             assert pitch == pytest.approx(own[step, 4])
             off.append(abs(math.remainder(90 - compass - own[step, 3], 360)))
-        assert rows[-1].params[3:] == pytest.approx([compass, latitude, longitude, height])
     assert (min(off) > 10) == (max(off) > 2) == (crs == "EPSG:3034")
 
 
@@ -220,7 +118,9 @@ def test_files_of_waypoints_say_that_drones_keep_no_common_clock() -> None:
     flight = flown()
     for ending in (".plan", ".waypoints"):
         mission = WRITERS[ending](flight, None)
-        assert list(mission.files) == [f"no-common-clock.drone{i}" for i in range(3)]
+        assert list(mission.files) == [
+            f"{NAMES[ending]}.no-common-clock.drone{i}" for i in range(3)
+        ]
         bears = bearable_delay(flight.flown, CollisionRules(separation=2.0))
         shown = mission.facts["delay_tolerance"]
         assert shown is not None and bears - 0.01 < shown <= bears
@@ -235,7 +135,7 @@ def test_files_of_waypoints_say_that_drones_keep_no_common_clock() -> None:
     alone = alone.replace(robots=alone.robots[:1])
     mission = WRITERS[".plan"](Flight.of(alone, Plan(paths=plan.paths[:1]), False), None)
     assert "common clock" not in said(mission)
-    assert mission.facts == {"delay_tolerance": None, "delay_tolerance_to_people": None}
+    assert mission.facts["delay_tolerance"] is mission.facts["delay_tolerance_to_people"] is None
 
 
 def test_files_of_waypoints_say_what_late_drones_are_to_people() -> None:
@@ -437,7 +337,7 @@ def test_missions_are_written_whole_or_not_at_all(
         assert re.search(expected, line), line
         assert set(tmp_path.iterdir()) == before
     for words, names in (
-        (["f.plan"], [f"f.no-common-clock.drone{i}.plan" for i in (0, 1)]),
+        (["f.plan"], [f"f.px4.no-common-clock.drone{i}.plan" for i in (0, 1)]),
         (["f.SKYC"], ["f.SKYC"]),
         (["g.crazyflie.csv", "--smooth"], [f"g.drone{i}.crazyflie.csv" for i in (0, 1)]),
     ):
@@ -448,7 +348,7 @@ def test_missions_are_written_whole_or_not_at_all(
         assert [Path(name).name for name in run.json["files"]] == names
         assert ("delay_tolerance" in run.json) == (words == ["f.plan"])
         before |= set(tmp_path.iterdir())
-    old = tmp_path / "f.no-common-clock.drone2.plan"
+    old = tmp_path / "f.px4.no-common-clock.drone2.plan"
     old.write_text("{}")
     run = Run(capsys, "fly", scene, plan, "-o", tmp_path / "f.plan", "--json")
     (note,) = [words for words in run.json["notes"] if "of another flight" in words]
