@@ -178,12 +178,12 @@ def footprints_on_earth(flight: Flight) -> Iterator[Footprint]:
         prints = footprints(problem.height_map, robot.camera, *pose)
         for t in np.flatnonzero(~np.isnan(prints.corners).any(axis=(1, 2))).tolist():
             latitude, longitude = geodesy.degrees(*prints.corners[t, :, :2].T)
-            rings = _rings(np.column_stack([longitude, latitude]))
+            rings = rings_of(np.column_stack([longitude, latitude]))
             if rings:
                 yield Footprint(i, t, rings, float(prints.reach[t]), bool(prints.cut[t]))
 
 
-def _rings(corners: FloatArray) -> list[FloatArray]:
+def rings_of(corners: FloatArray) -> list[FloatArray]:
     """Returns the polygon of corners [n, 2] (degrees), cut at the antimeridian.
 
     Where the walls of a map let its sides cross, it is the convex hull.

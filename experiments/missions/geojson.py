@@ -22,9 +22,11 @@ from cocap_opt.experiments.missions.earth_tracks import (
     drone_tracks,
     footprints_on_earth,
     geodesy_of,
+    rings_of,
     walks,
 )
 from cocap_opt.experiments.missions.export import Export
+from cocap_opt.experiments.missions.zones import ZONE, ends, zones
 from cocap_opt.experiments.results.flights import Flight
 
 _DEGREES = 8  # decimals, a millimetre
@@ -77,6 +79,8 @@ class _Writer:
         for j, walk in enumerate(walks(flight)):
             name = flight.flown.problem.person(j)
             yield self._line(walk, {"kind": "walk", "person": j, "name": name, "stroke": PERSON})
+        yield from self._zones()
+        yield from self._ends()
 
     def _positions(self, track: Track) -> list[list[float]]:
         columns = [track.longitude.round(_DEGREES), track.latitude.round(_DEGREES)]
@@ -120,11 +124,37 @@ class _Writer:
                 "stroke": colour_of(found.drone), "fill": colour_of(found.drone),
                 "fill-opacity": 0.08,
             }  # fmt: skip
-            rings = [[_closed(ring)] for ring in found.rings]
-            if len(rings) == 1:
-                yield _feature("Polygon", rings[0], properties)
-            else:
-                yield _feature("MultiPolygon", rings, properties)
+            yield _polygons(found.rings, properties)
+
+    def _zones(self) -> Iterator[_Feature]:
+        """Yields no-fly zones, with their lowest and highest points as properties."""
+        for zone in zones(self._flight, geodesy_of(self._flight)):
+            properties = {
+                "kind": "no-fly zone", "zone": zone.number, "name": zone.name, "stroke": ZONE,
+                "fill": ZONE, "fill-opacity": 0.3,
+            }  # fmt: skip
+            for name, (low, high) in zone.heights.items():
+                properties[f"lowest_{name}"] = None if low is None else round(low, _METRES)
+                properties[f"highest_{name}"] = None if high is None else round(high, _METRES)
+            yield _polygons(rings_of(zone.corners), properties)
+
+    def _ends(self) -> Iterator[_Feature]:
+        """Yields where drones take off and land."""
+        for end in ends(self._flight, geodesy_of(self._flight)):
+            properties = {
+                "kind": end.kind, "drone": end.drone, "name": end.name,
+                "marker-color": colour_of(end.drone),
+            }  # fmt: skip
+            at = [round(end.longitude, _DEGREES), round(end.latitude, _DEGREES)]
+            yield _feature("Point", at, properties)
+
+
+def _polygons(rings: list[FloatArray], properties: dict[str, Any]) -> _Feature:
+    """Returns a polygon, or two on both sides of the antimeridian."""
+    closed = [[_closed(ring)] for ring in rings]
+    if len(closed) == 1:
+        return _feature("Polygon", closed[0], properties)
+    return _feature("MultiPolygon", closed, properties)
 
 
 def _feature(kind: str, coordinates: object, properties: dict[str, Any]) -> _Feature:

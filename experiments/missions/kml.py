@@ -22,9 +22,12 @@ from cocap_opt.experiments.missions.earth_tracks import (
     colour_of,
     drone_tracks,
     footprints_on_earth,
+    geodesy_of,
+    rings_of,
     walks,
 )
 from cocap_opt.experiments.missions.export import Export
+from cocap_opt.experiments.missions.zones import ZONE, End, Zone, ends, zones
 from cocap_opt.experiments.results.flights import Flight
 
 _KML = "http://www.opengis.net/kml/2.2"
@@ -58,6 +61,12 @@ def kml(flight: Flight, every: float | None) -> Export:
     folder = _folder(document, "footprints")
     for found in footprints_on_earth(flight):
         writer.add_footprint(folder, found)
+    folder = _folder(document, "no-fly zones")
+    for zone in zones(flight, geodesy_of(flight)):
+        _add_zone(folder, zone)
+    folder = _folder(document, "take-off and landing")
+    for end in ends(flight, geodesy_of(flight)):
+        _add_end(folder, end)
     ElementTree.indent(root, "")
     text = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
     return Export({"": text + b"\n"}, notes)
@@ -134,13 +143,7 @@ class _Writer(NamedTuple):
         _add(place, "name", f"drone {found.drone}, step {found.step}")
         self._add_span(_add(place, "TimeSpan"), t, t + self.step)
         _add(place, "styleUrl", f"#footprint{found.drone}")
-        into = _add(place, "MultiGeometry") if len(found.rings) > 1 else place
-        for ring in found.rings:
-            polygon = _add(into, "Polygon")
-            _add(polygon, "tessellate", "1")
-            _add(polygon, "altitudeMode", "clampToGround")
-            outer = _add(_add(polygon, "outerBoundaryIs"), "LinearRing")
-            _add(outer, "coordinates", " ".join(_corners(ring)))
+        _add_polygons(place, found.rings)
 
     def _add_span(self, span: ElementTree.Element, first: float, last: float) -> None:
         _add(span, "begin", self.clock.text(first))
@@ -154,6 +157,39 @@ def _add(
     element = ElementTree.SubElement(parent, f"{{{space}}}{tag}", attributes)
     element.text = text
     return element
+
+
+def _add_polygons(
+    place: ElementTree.Element, rings: list[FloatArray], top: float | None = None
+) -> None:
+    """Adds polygons on the ground, or from a height above the sea (m) down to it."""
+    into = _add(place, "MultiGeometry") if len(rings) > 1 else place
+    for ring in rings:
+        polygon = _add(into, "Polygon")
+        _add(polygon, "tessellate" if top is None else "extrude", "1")
+        _add(polygon, "altitudeMode", "clampToGround" if top is None else "absolute")
+        outer = _add(_add(polygon, "outerBoundaryIs"), "LinearRing")
+        height = "" if top is None else f",{top:.3f}"
+        _add(outer, "coordinates", " ".join(f"{corner}{height}" for corner in _corners(ring)))
+
+
+def _add_zone(folder: ElementTree.Element, zone: Zone) -> None:
+    """Adds a no-fly zone; one in the air is drawn down to the ground, and its name says where."""
+    place = _add(folder, "Placemark")
+    _add(place, "name", zone.name)
+    _add(place, "styleUrl", "#zone")
+    _, top = zone.heights.get("above_sea", (None, None))
+    _add_polygons(place, rings_of(zone.corners), top)
+
+
+def _add_end(folder: ElementTree.Element, end: End) -> None:
+    """Adds where a drone takes off or lands."""
+    place = _add(folder, "Placemark")
+    _add(place, "name", end.name)
+    _add(place, "styleUrl", f"#drone{end.drone}")
+    point = _add(place, "Point")
+    _add(point, "altitudeMode", "clampToGround")
+    _add(point, "coordinates", f"{end.longitude:.8f},{end.latitude:.8f}")
 
 
 def _folder(document: ElementTree.Element, name: str) -> ElementTree.Element:
@@ -175,6 +211,9 @@ def _add_styles(document: ElementTree.Element, drones: int) -> None:
         style = _add(document, "Style", id=f"footprint{i}")
         _add(_add(style, "LineStyle"), "color", _colour(colour_of(i), 200))
         _add(_add(style, "PolyStyle"), "color", _colour(colour_of(i), 60))
+    style = _add(document, "Style", id="zone")
+    _add(_add(style, "LineStyle"), "color", _colour(ZONE, 255))
+    _add(_add(style, "PolyStyle"), "color", _colour(ZONE, 90))
     schema = _add(document, "Schema", id=_SCHEMA, name="drone")
     field = _add(schema, "SimpleArrayField", space=_GX, name="pitch", type="float")
     _add(field, "displayName", "pitch of the camera (degrees)")

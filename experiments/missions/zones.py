@@ -6,10 +6,12 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from cocap_opt.data import FloatArray
+from cocap_opt.data import LARGEST, FloatArray
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.world import Mesh
+
+ZONE = "#d03030"  # the colour of no-fly zones
 
 
 class Zone(NamedTuple):
@@ -20,14 +22,14 @@ class Zone(NamedTuple):
     number : of the zone in the scene; one that is in several parts has several of these
     outline : m, x and y; holes are left out of it, so nothing of the zone is outside
     corners : [n, 2] longitudes and latitudes, counter-clockwise, the first point not repeated
-    heights : its lowest and its highest point (m), by what they are above: `z`, the map's, and
-        `above_sea` or `above_ellipsoid` where that is known
+    heights : its lowest and its highest point (m; None: it has no end there), by what they are
+        above: `z`, the map's, and `above_sea` or `above_ellipsoid` where that is known
     """
 
     number: int
     outline: shapely.Polygon
     corners: FloatArray
-    heights: dict[str, tuple[float, float]]
+    heights: dict[str, tuple[float | None, float | None]]
 
     @property
     def name(self) -> str:
@@ -39,9 +41,12 @@ class Zone(NamedTuple):
         """Its heights in words: above the sea or the ellipsoid, or else by the map's zero."""
         name = next((name for name in self.heights if name != "z"), "z")
         low, high = self.heights[name]
-        if name == "z":
-            return f"z {low:.6g} to {high:.6g} m"
-        return f"{low:.6g} to {high:.6g} m above the {name.removeprefix('above_')}"
+        above = "above z = 0 of the map" if name == "z" else name.replace("above_", "above the ")
+        if low is None and high is None:
+            return "at all heights"
+        if low is None or high is None:
+            return f"up to {high:.6g} m {above}" if low is None else f"from {low:.6g} m {above} on"
+        return f"from {low:.6g} to {high:.6g} m {above}"
 
 
 class End(NamedTuple):
@@ -52,16 +57,21 @@ class End(NamedTuple):
     longitude: float
     latitude: float
 
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return f"{self.kind} of drone {self.drone}"
+
 
 def zones(flight: Flight, geodesy: Geodesy) -> list[Zone]:
     """Returns the parts of the no-fly zones of a flight's scene."""
     problem, found = flight.flown.problem, []
-    base = None if problem.earth is None or problem.earth.heights is None else problem.earth.base
+    earth = problem.earth
     for number, mesh in enumerate(problem.airspace.no_fly):
-        low, high = float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max())
-        heights = {"z": (low, high)}
-        if problem.earth is not None and base is not None:
-            heights[f"above_{problem.earth.heights}"] = low + base, high + base
+        ends = float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max())
+        heights = {"z": _limits(ends, 0.0)}
+        if earth is not None and earth.heights is not None:
+            heights[f"above_{earth.heights}"] = _limits(ends, earth.base)
         for outline in _outlines(mesh):
             x, y = np.array(outline.exterior.coords)[:-1].T
             latitude, longitude = geodesy.degrees(x, y)
@@ -86,6 +96,12 @@ def ends(flight: Flight, geodesy: Geodesy) -> Iterator[End]:
     for k, drone in enumerate(found.drone.tolist()):
         kind = "landing" if k % 2 else "take-off"
         yield End(drone, kind, float(longitude[k]), float(latitude[k]))
+
+
+def _limits(ends: tuple[float, float], base: float) -> tuple[float | None, float | None]:
+    """Returns the lower and the upper end of a zone (m), those that there are, above a base (m)."""
+    low, high = (None if abs(end) >= LARGEST else end + base for end in ends)
+    return low, high
 
 
 def _outlines(mesh: Mesh) -> list[shapely.Polygon]:

@@ -119,7 +119,7 @@ def test_geojson_has_tracks_steps_footprints_and_walks(
         row = shapely.geometry.shape(feature["geometry"]), feature["properties"]
         by_kind.setdefault(row[1]["kind"], []).append(row)
     assert {kind: len(rows) for kind, rows in by_kind.items()} == {
-        "track": 2, "step": 10, "footprint": 10, "walk": 1,
+        "track": 2, "step": 10, "footprint": 10, "walk": 1, "take-off": 2, "landing": 2,
     }  # fmt: skip
     for line, values in by_kind["track"]:
         own = truth.of_drone(values["drone"])
