@@ -93,6 +93,7 @@ class Autopilot(NamedTuple):
     Attributes
     ----------
     name : in names of files, and of the option
+    endings : of the files that it has
     title : its own name
     number : MAV_AUTOPILOT
     turns_by_command : True: a waypoint's yaw has no effect, MAV_CMD_CONDITION_YAW has
@@ -104,6 +105,7 @@ class Autopilot(NamedTuple):
     """
 
     name: str
+    endings: tuple[str, ...]
     title: str
     number: int
     turns_by_command: bool
@@ -116,6 +118,10 @@ class Autopilot(NamedTuple):
     def items(self, route: Route) -> list[Item]:
         """Returns the items of a drone's mission."""
         return _Mission(self, route).items
+
+    def late_by(self, route: Route) -> float:
+        """Returns how late (s) a drone is at its end."""
+        return math.fsum(one.seconds for one in self.late(route))
 
     def behind(self, route: Route) -> float:
         """Returns how far (s) a drone is behind its plan at most, on legs for which it waits."""
@@ -247,13 +253,13 @@ class _Mission:
 
 
 PX4 = Autopilot(
-    "px4", "PX4", 12, False, _px4_pace,
+    "px4", (".plan",), "PX4", 12, False, _px4_pace,
     500, "NUM_MISSIONS_SUPPORTED, since 1.13 and on most boards", "GF_MAX_VER_DIST",
     "for PX4 with its usual MPC_Z_V_AUTO_UP 3, MPC_Z_V_AUTO_DN 1.5 and MPC_YAWRAUTO_MAX 45; an "
     "ArduPilot would fly its climbs too fast or too slowly, and refuse to command its gimbal so",
 )  # fmt: skip
 ARDUPILOT = Autopilot(
-    "ardupilot", "ArduPilot", 3, True, _ardupilot_pace,
+    "ardupilot", (".waypoints", ".plan"), "ArduPilot", 3, True, _ardupilot_pace,
     718, "on boards with 16 kB of storage", "FENCE_ALT_MAX",
     "for ArduPilot (a PX4 would take each speed for the one over ground): set WP_YAW_BEHAVIOR to "
     "0, so that it looks where the plan does, and WPNAV_RADIUS to what corners may be cut by; it "

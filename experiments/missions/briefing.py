@@ -8,8 +8,17 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FieldError, FloatArray
-from cocap_opt.experiments.missions.routes import seconds_to_step_0
+from cocap_opt.experiments.missions.autopilots import AUTOPILOTS
+from cocap_opt.experiments.missions.routes import (
+    RISE,
+    routes,
+    seconds_in_the_air,
+    seconds_to_step_0,
+)
+from cocap_opt.experiments.missions.waypoints import lateness
+from cocap_opt.experiments.missions.zones import zones
 from cocap_opt.experiments.results.flights import Flight, cells_below
+from cocap_opt.experiments.results.heights import over_datum
 from cocap_opt.experiments.results.robustness import (
     people_and_delay,
     tolerated_delay,
@@ -47,13 +56,13 @@ def briefing(flight: Flight, every: float | None) -> list[Section]:
     ----------
     every : s between rows of the tables of places
     """
-    problem = flight.flown.problem
     return [
         Section("Flight", list(_summary(flight))),
-        Section("Drones", list(_drones(problem))),
+        Section("Drones", list(_drones(flight))),
         Section("Distances and limits", [*_distances(flight), "", *_limits(flight)]),
         Section("Late drones and people", list(_delays(flight))),
         Section("Take-off and landing (a suggestion)", list(_legs(flight))),
+        *_missions(flight),
         *_places(flight, every),
         *_walks(flight, every),
         Section("Not checked", [f"- {words}" for words in (*_UNCHECKED, *flight.warnings())]),
@@ -117,8 +126,9 @@ def _tracks(problem: Problem) -> Iterator[str]:
         yield f"Step 0 is at {begin:.6g} s of the tracks of {who}."
 
 
-def _drones(problem: Problem) -> Iterator[str]:
+def _drones(flight: Flight) -> Iterator[str]:
     """Yields the camera, the airframe and the battery of each drone, or a blank for the crew."""
+    problem = flight.flown.problem
     yield f"drone  {'camera':<22}{'airframe':<22}battery"
     for i, robot in enumerate(problem.robots):
         lasts = robot.limits.endurance if robot.limits else None
@@ -126,6 +136,25 @@ def _drones(problem: Problem) -> Iterator[str]:
         airframe = airframe_name(robot.limits) or _BLANK
         yield (f"{i:>5}  {camera_name(robot.camera) or _BLANK:<22}{airframe:<22}{battery} min")
     yield "Batteries last so long by the maker, in calm air; less in wind and cold."
+    yield from _in_the_air(flight)
+
+
+def _in_the_air(flight: Flight) -> Iterator[str]:
+    """Yields how long drones are in the air, and whose battery does not last for it."""
+    seconds = seconds_in_the_air(flight)
+    before = seconds - flight.flown.seconds
+    waits = "" if flight.is_smooth else ", where missions of waypoints wait for each other"
+    yield (
+        f"In the air: {seconds:.4g} s ({seconds / 60:.1f} min) from take-off to the last step, "
+        f"{before:.3g} s of them up to the first place at {RISE:g} m/s{waits}; the way down comes "
+        "on top."
+    )
+    for i, robot in enumerate(flight.flown.problem.robots):
+        if robot.limits is not None and robot.limits.outlasted_by(seconds):
+            yield (
+                f"THE BATTERY OF DRONE {i} DOES NOT LAST: {robot.limits.endurance:.4g} s are less "
+                f"than {seconds:.4g} s."
+            )
 
 
 def _altitude(flight: Flight) -> str:
@@ -160,6 +189,11 @@ def _distances(flight: Flight) -> Iterator[str]:
             f"near x {x:.1f}, y {y:.1f}, z {z:.1f}."
         )
     yield f"Airspace: {str(problem.airspace) or 'no zones, no ceiling, no distance to people'}."
+    if problem.airspace.ceiling is not None:
+        yield f"The ceiling is {problem.airspace.ceiling:g} m {over_datum(problem)}."
+    if flight.geodesy is not None:
+        for zone in zones(flight, flight.geodesy):
+            yield f"N{zone.name[1:]}."
     if flight.asked is not None:
         yield f"The scene asks for {flight.asked.told_people}, and is flown with less, by --margin."
 
@@ -207,6 +241,19 @@ def _legs(flight: Flight) -> Iterator[str]:
             f"{ends.drone[k]:>5} {words:<8}{x:>10.1f} {y:>12.1f} {surface:>11.2f} {z:>10.2f} "
             f"{z - surface:>11.2f}{_degrees(flight, x, y)}"
         )
+
+
+def _missions(flight: Flight) -> Iterator[Section]:
+    """Yields what the crew must know of each autopilot's missions of this flight."""
+    if flight.is_smooth or flight.geodesy is None:
+        return
+    lines = ["A mission flies on the autopilot that its file names, and on no other:"]
+    found = routes(flight, flight.geodesy)
+    for autopilot in AUTOPILOTS.values():
+        names = " or ".join(f"*.{autopilot.name}.*{ending}" for ending in autopilot.endings)
+        lines.append(f"- {names}: {autopilot.note}.")
+        lines += (f"  {words}." for words in lateness(autopilot, found))
+    yield Section("Missions of waypoints", lines)
 
 
 def _order(flight: Flight) -> str:
@@ -282,4 +329,5 @@ def _walks(flight: Flight, every: float | None) -> Iterator[Section]:
             f"{t:>8.2f}{x:>12.2f}{y:>13.2f}{_degrees(flight, x, y)}"
             for t, x, y in zip(times.tolist(), *(axis.tolist() for axis in walk), strict=True)
         ]
-        yield Section(problem.person(j).capitalize(), [head, *lines])
+        person = problem.person(j)
+        yield Section(f"{person[0].upper()}{person[1:]}", [head, *lines])

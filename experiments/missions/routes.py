@@ -76,11 +76,6 @@ class Route(NamedTuple):
         legs = np.hypot(self.lengths, np.diff(self.places[:, 2]))
         return min(_REACHED, float(legs[legs > _STAYS].min(initial=np.inf)) / 4)
 
-    @property
-    def in_the_air(self) -> float:
-        """Seconds from the take-off to the last step; the way down is not in them."""
-        return float(self.places[0, 2] / RISE + self.wait + self.step * len(self.lengths))
-
     def place(self, step: int) -> Place:
         """Returns where the drone is at a step."""
         return tuple(self.places[step].tolist())
@@ -123,6 +118,16 @@ def seconds_to_step_0(flight: Flight) -> float:
     Drones are thought to rise at 1 m/s; the one that rises highest has 10 s left then.
     """
     return _SETTLE + float(_first_heights(flight).max()) / RISE
+
+
+def seconds_in_the_air(flight: Flight) -> float:
+    """Returns the seconds from the take-off of drones to the last step, the same for all.
+
+    A drone rises and waits as missions of waypoints do; with smooth flights, which begin when all
+    are there, the one that rises highest does not wait. The way down is not in them.
+    """
+    settles = _SETTLE if flight.is_smooth else 0.0
+    return seconds_to_step_0(flight) - settles + flight.flown.seconds
 
 
 def waits_at_starts(flight: Flight) -> FloatArray:

@@ -24,12 +24,19 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from cocap_opt.data import FieldError, ProblemError
-from cocap_opt.experiments.missions.autopilots import Autopilot, Late
+from cocap_opt.experiments.missions.autopilots import Autopilot
 from cocap_opt.experiments.missions.export import Export, require_nothing_else
 from cocap_opt.experiments.missions.items import Item
-from cocap_opt.experiments.missions.routes import RISE, Route, routes, seconds_to_step_0
+from cocap_opt.experiments.missions.routes import (
+    RISE,
+    Route,
+    routes,
+    seconds_in_the_air,
+    seconds_to_step_0,
+)
 from cocap_opt.experiments.missions.zones import Zone, crossed, zones
 from cocap_opt.experiments.results.flights import Flight
+from cocap_opt.experiments.results.heights import over_datum
 from cocap_opt.experiments.results.robustness import (
     people_and_delay,
     told_delay,
@@ -89,15 +96,15 @@ def waypoint_mission(
     found = routes(flight, flight.geodesy)
     items = [autopilot.items(route) for route in found]
     _require_few(items, autopilot)
-    _require_batteries(flight, found)
+    _require_batteries(flight)
     known = zones(flight, flight.geodesy)
     fence = [zone for zone in known if has_fence and not crossed(flight, zone)]
     missions = [Mission(*own, fence) for own in zip(found, items, strict=True)]
     delay = told_delay(flight, _asked(flight)) if len(found) > 1 else None
     to_people = tolerated_delay_of_people(flight)
-    late = [one for route in found for one in autopilot.late(route)]
+    late = lateness(autopilot, found)
     warnings = (
-        *_lateness(late),
+        *late,
         *_waits(max(map(autopilot.behind, found)), autopilot, delay, to_people),
     )
     words = (
@@ -110,7 +117,7 @@ def waypoint_mission(
         {
             "autopilot": autopilot.title,
             "items": max(map(len, items)),
-            "late": _latest(late),
+            "late": max(map(autopilot.late_by, found)),
             "delay_tolerance": written_delay(delay),
             "delay_tolerance_to_people": written_delay(to_people),
         },
@@ -132,38 +139,34 @@ def _require_few(items: list[list[Item]], autopilot: Autopilot) -> None:
         )
 
 
-def _require_batteries(flight: Flight, found: list[Route]) -> None:
+def _require_batteries(flight: Flight) -> None:
     """Refuses missions longer than a battery lasts, with the rise and the wait at the start."""
-    for route, robot in zip(found, flight.flown.problem.robots, strict=True):
-        seconds = route.in_the_air
+    seconds = seconds_in_the_air(flight)
+    rise = seconds - flight.flown.seconds
+    for i, robot in enumerate(flight.flown.problem.robots):
         if robot.limits is not None and robot.limits.outlasted_by(seconds):
-            rise = seconds - flight.flown.seconds
             raise ProblemError(
-                f"drone {route.drone} cannot fly this mission: from the take-off to the last step "
+                f"drone {i} cannot fly this mission: from the take-off to the last step "
                 f"it is {seconds:.4g} s in the air, {rise:.3g} s of them on the way up and waiting "
                 f"for the others, and its battery lasts {robot.limits.endurance:.4g} s; fewer "
                 "steps would do"
             )
 
 
-def _latest(late: list[Late]) -> float:
-    """Returns how late (s) a drone is at the end, the worst one."""
-    sums = dict[int, float]()
-    for one in late:
-        sums[one.drone] = sums.get(one.drone, 0.0) + one.seconds
-    return max(sums.values(), default=0.0)
-
-
-def _lateness(late: list[Late]) -> Iterator[str]:
-    """Yields which legs take longer than planned, and what to do."""
-    if not late:
-        return
-    shown = sorted(late, key=lambda one: -one.seconds)[:_FEW]
-    more = f", and {len(late) - len(shown)} more such legs" if len(late) > len(shown) else ""
-    yield (
-        f"NOT IN TIME: {'; '.join(map(str, shown))}{more}; the drone is up to {_latest(late):.2f} "
-        "s late at the end. Plan with longer steps, or with [drones.limits] that keep to this"
+def lateness(autopilot: Autopilot, found: list[Route]) -> list[str]:
+    """Returns which legs take longer than planned, and what to do, in words; none if none do."""
+    late = sorted(
+        (one for route in found for one in autopilot.late(route)), key=lambda one: -one.seconds
     )
+    if not late:
+        return []
+    shown, rest = late[:_FEW], len(late[_FEW:])
+    more = f", and {rest} more such legs" if rest else ""
+    return [
+        f"NOT IN TIME: {'; '.join(map(str, shown))}{more}; a drone is up to "
+        f"{max(map(autopilot.late_by, found)):.2f} s late at the end. Plan with longer steps, or "
+        "with [drones.limits] that keep to this"
+    ]
 
 
 def _waits(
@@ -205,11 +208,11 @@ def _fences(
                 f"{zone.name}, is not in the geofence, for a drone flies above or below it and a "
                 "geofence has no heights"
             )
-    ceiling = flight.flown.problem.airspace.ceiling
-    if ceiling is not None:
+    problem = flight.flown.problem
+    if problem.airspace.ceiling is not None:
         yield (
-            f"the ceiling, {ceiling:g} m {flight.over_datum}, is not in these files: "
-            f"{autopilot.ceiling} of {autopilot.title} is one above the take-off"
+            f"the ceiling, {problem.airspace.ceiling:g} m {over_datum(problem)}, is not in these "
+            f"files: {autopilot.ceiling} of {autopilot.title} is one above the take-off"
         )
 
 

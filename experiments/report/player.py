@@ -14,6 +14,7 @@ from cocap_opt.experiments.report.pages import PageFile
 from cocap_opt.experiments.report.player_plan import PlanData, digits
 from cocap_opt.experiments.report.player_scene import SceneData
 from cocap_opt.experiments.results.files import save_bytes
+from cocap_opt.experiments.results.heights import over_datum
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.problem import Cone, Plan, Problem
@@ -88,6 +89,7 @@ class Player:
             "steps": problem.horizon,
             "first": problem.first_step,
             "layers": len(problem.layers),
+            "over": over_datum(problem),
             "unit": _unit(problem),
             "most": digits(max(float(plan.seen.max(initial=0.0)) for plan in plans)) or 1.0,
             "mostReward": max(max(plan["rewards"]) for plan in shown),

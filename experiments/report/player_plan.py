@@ -22,7 +22,6 @@ from cocap_opt.problem import Conflict, Plan, Problem, Robot, State, VertexConfl
 from cocap_opt.referee import check
 
 _DIGITS = 5  # of px/m2 and shares as they are shown; rewards have all digits
-_NEAR = 1.25  # times the separation; drones that pass nearer come close
 _COSTLIEST = 5  # moves that are marked
 _LEAST = 5e-6  # of the bound, a loss to speak of
 _ROUNDING = 1e-6  # of distances
@@ -143,15 +142,15 @@ class PlanData:
     def _near(self) -> list[Data]:
         """Returns the nearest that two drones come in each step, where that is close.
 
-        Close is nearer than half a cell, or 1.25 times the separation. Pairs in conflict are not
-        told.
+        Close is nearer than half a cell, in scenes whose rules have no separation; who keeps one
+        is far enough. Pairs in conflict are not told.
         """
         rules, cell = self._problem.rules, self._problem.height_map.resolution
-        if not self._pairs:
+        if not self._pairs or rules.separation:
             return []
         closest = rules.closest(self._ways[:, :-1], self._ways[:, 1:])
         apart = np.where(self._in_conflict(), np.inf, closest.distance)
-        close = max(_NEAR * rules.separation, cell / 2) * (1 - _ROUNDING)
+        close = cell / 2 * (1 - _ROUNDING)
         return [
             self._approach(self._pairs[k], t + float(closest.share[k, t]), float(apart[k, t]))
             for t, k in enumerate(apart.argmin(axis=0).tolist())

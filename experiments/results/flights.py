@@ -101,16 +101,6 @@ class Flight(NamedTuple):
         """True if speeds do not jump."""
         return self.flown is not self.straight
 
-    @property
-    def over_datum(self) -> str:
-        """Says what heights of layers and of the ceiling are above."""
-        height_map, earth = self.flown.problem.height_map, self.flown.problem.earth
-        if height_map.datum is not None:
-            return "above the ground"
-        if earth is None or earth.heights is None or earth.base:
-            return "above z = 0 of the map"
-        return "above the sea" if earth.heights == "sea" else "above the ellipsoid"
-
     def columns(self, every: float | None = None) -> dict[str, FloatArray]:
         """Returns the flights as columns: drone, t (s), x, y, z (m), yaw, pitch (degrees), ..
 

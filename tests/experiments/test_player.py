@@ -30,6 +30,7 @@ from cocap_opt.problem import (
     Actor,
     Airspace,
     Camera,
+    CollisionRules,
     Cone,
     Motion,
     Objective,
@@ -152,6 +153,17 @@ def test_close_approaches_are_told_and_conflicts_are_not_told_twice() -> None:
         "plans"
     ]
     assert shown["near"] == [] and len(shown["conflicts"]) == 1
+
+
+def test_who_keeps_the_separation_comes_not_close() -> None:
+    """At exactly the distance that is allowed, and beyond it, nothing is marked."""
+    problem, plan = crossing()
+    problem = problem.replace(horizon=1)
+    apart = tuple((path[0],) * 2 for path in plan.paths)
+    for separation in (0.0, 0.4, 1.0):
+        kept = problem.replace(rules=CollisionRules(separation=separation))
+        (shown,) = Player(kept, [("", Plan(paths=apart))]).data()["plans"]
+        assert shown["near"] == [] == shown["conflicts"]
 
 
 def test_cones_are_no_pixels() -> None:

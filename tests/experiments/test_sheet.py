@@ -53,6 +53,54 @@ def test_a_battery_is_what_the_scene_knows() -> None:
     assert lines[2].split() == ["1", "__________", "__________", "20.0", "min"]
 
 
+def test_names_stay_as_they_are() -> None:
+    """A person's table has her name over it as the scene writes it."""
+    problem, plan = scene()
+    (actor,) = problem.actors
+    for name, title in ((None, "Person 0"), ("Ada LOVELACE", "Person 0 (Ada LOVELACE)"),
+                        ("ada", "Person 0 (ada)")):  # fmt: skip
+        named = problem.replace(actors=(actor.replace(name=name),))
+        assert title in text_of(Flight.of(named, plan, False))
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_battery_has_to_last_for_the_way_up_and_the_wait(smooth: bool) -> None:
+    """The sheet says how long drones are in the air, and whose battery is too small for that."""
+    problem, plan = scene()
+    flight = Flight.of(problem, plan, smooth)
+    heights = flight.columns(flight.flown.seconds)
+    rise = heights["above_takeoff"][heights["t"] == 0].max()
+    seconds = rise + (0 if smooth else 10) + flight.flown.seconds
+    for endurance, lasts in ((seconds - 0.1, False), (seconds + 0.1, True)):
+        limits = Limits(endurance=endurance)
+        robots = (problem.robots[0], problem.robots[1].replace(limits=limits))
+        lines = text_of(Flight.of(problem.replace(robots=robots), plan, smooth))["Drones"]
+        (told,) = [line for line in lines if line.startswith("In the air:")]
+        assert numbers(told)[0] == pytest.approx(seconds, abs=0.06)
+        assert any("BATTERY OF DRONE 1 DOES NOT LAST" in line for line in lines) != lasts
+        assert not any("DRONE 0" in line for line in lines)
+
+
+def test_the_crew_reads_which_file_is_for_which_autopilot() -> None:
+    """And above what the ceiling is, and where no-fly zones are."""
+    problem, plan = scene()
+    earth = co.Earth(crs="EPSG:25830", origin=(43.26, -2.93), heights="sea", base=3.0)
+    airspace = problem.airspace.replace(ceiling=50.0)
+    flight = Flight.of(problem.replace(earth=earth, airspace=airspace), plan, False)
+    sections = text_of(flight)
+    lines = "\n".join(sections["Missions of waypoints"])
+    assert "*.px4.*.plan: for PX4" in lines
+    assert "*.ardupilot.*.waypoints or *.ardupilot.*.plan: for ArduPilot" in lines
+    limits = "\n".join(sections["Distances and limits"])
+    assert "The ceiling is 50 m above " in limits
+    assert "No-fly zone 0, " in limits
+    for other in (
+        Flight.of(problem.replace(earth=earth), plan, True),
+        Flight.of(problem.replace(earth=None), plan, False),
+    ):
+        assert "Missions of waypoints" not in text_of(other)
+
+
 def test_the_crew_reads_where_in_their_tracks_people_begin() -> None:
     """Step 0 need not be the first moment of a track."""
     problem, plan = scene()

@@ -184,6 +184,7 @@ class Panel {
     this.stamp = stamp;
     this.chips.forEach(({ chip, text }, i) => {
       const height = data.layers > 1 ? `${heightOf(plan, i, step)} m  ` : "";
+      chip.title = height ? `${height.trim()} ${data.over}` : "";
       put(text, height + (plan.adds.length ? short(plan.adds[i][step]) : ""));
       chip.setAttribute("aria-pressed", String(i === picked));
     });

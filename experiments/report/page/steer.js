@@ -86,7 +86,7 @@ class Steering {
     const drone = view.labels.droneAt(x, y);
     if (drone === undefined) return undefined;
     const adds = plan.adds.length ? `, adds ${reward(plan.adds[drone][step])}` : "";
-    return `drone ${drone}, ${heightOf(plan, drone, step)} m high${adds}`;
+    return `drone ${drone}, ${heightOf(plan, drone, step)} m ${data.over}${adds}`;
   }
 }
 
