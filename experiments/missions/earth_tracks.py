@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from cocap_opt.data import FieldError, FloatArray, ProblemError
 from cocap_opt.drawing import DRONE_COLOURS
 from cocap_opt.experiments.results.flights import Flight, cells_below
+from cocap_opt.experiments.results.heights import over_datum
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.footprint import REACH, footprints
 from cocap_opt.problem import Camera
@@ -244,6 +245,9 @@ def caveats(flight: Flight, every: float | None) -> Iterator[str]:
     yield from flight.between_rows(every)
     if flight.start is None:
         yield "times begin at 1970-01-01T00:00:00Z; --start says when the flight does"
+    problem = flight.flown.problem
+    if problem.airspace.ceiling is not None:
+        yield f"the ceiling is {problem.airspace.ceiling:g} m {over_datum(problem)}"
     cameras = [isinstance(robot.camera, Camera) for robot in flight.flown.problem.robots]
     if any(cameras):
         yield (

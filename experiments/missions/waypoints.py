@@ -48,6 +48,7 @@ from cocap_opt.scenarios.recipe.rules import SEPARATION
 
 _PART = "no-common-clock.drone"
 _LITTLE = 0.1  # s, of which nobody is told
+_CORNERS = 64  # of a geofence: DM_KEY_FENCE_POINTS_MAX of PX4, which newer ones have doubled
 _FEW = 3  # legs that are told one by one
 
 
@@ -201,6 +202,12 @@ def _fences(
         yield (
             "no-fly zones are the geofence of these files, from the ground up, whatever their "
             "heights are; upload it with the mission"
+        )
+    corners = sum(len(zone.corners) for zone in fence)
+    if corners > _CORNERS:
+        yield (
+            f"the geofence has {corners} corners, and autopilots may hold no more than {_CORNERS}: "
+            "see that yours has taken it whole"
         )
     for zone in known if has_fence else ():
         if zone not in fence:

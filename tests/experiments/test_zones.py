@@ -84,6 +84,14 @@ def test_files_that_hold_no_fence_or_ceiling_say_so() -> None:
         assert "fence" not in free and "ceiling" not in free
 
 
+def test_tracks_say_what_the_ceiling_is_above() -> None:
+    """GeoJSON and KML have it in their notes."""
+    for ending in (".geojson", ".kml"):
+        assert "the ceiling is 9.5 m above z = 0" in said(
+            WRITERS[ending](flight_with(ceiling=9.5), None)
+        )
+
+
 def test_zones_and_ends_are_in_geojson() -> None:
     """Polygons with their heights, and points for take-offs and landings."""
     flight = flight_with(*BOXES)
