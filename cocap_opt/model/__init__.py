@@ -5,6 +5,6 @@ which problems that differ in their rules share.
 """
 
 from cocap_opt.model.coverage_tables import Path
-from cocap_opt.model.model import Model, RobotClass, compiled
+from cocap_opt.model.model import Model, RobotClass, compiled, compiled_anew
 
-__all__ = ["Model", "Path", "RobotClass", "compiled"]
+__all__ = ["Model", "Path", "RobotClass", "compiled", "compiled_anew"]

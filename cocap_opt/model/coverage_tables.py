@@ -13,7 +13,7 @@ from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.memory import require_memory
 from cocap_opt.problem import AnyCamera, Motion, Problem, Robot
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
-from cocap_opt.vision.cache import TableCache
+from cocap_opt.vision.cache import Computed, TableCache
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable, Progress
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import Views
@@ -52,6 +52,7 @@ class CoverageTables:
         self._tables: dict[Sight, CoverageTable] = {}
         self._reachable: dict[Sight, BoolArray] = {}
         self._growing: dict[Sight, GrowingTable] = {}
+        self._spent: dict[Sight, float] = {}  # s, in which each table was computed
         # The stop that has ended coverage early, and by which limit.
         self._ended: tuple[Stop, Limit] | None = None
 
@@ -141,13 +142,16 @@ class CoverageTables:
             self.seconds += clock.seconds
 
     def _made(self, spec: Robot, stop: Stop, progress: Progress) -> CoverageTable:
-        def make() -> CoverageTable:
-            table = self._table_of(spec)
-            table.grow(stop, progress)
-            return table.table()
+        def make() -> Computed:
+            table, clock, before = self._table_of(spec), Clock(), self._spent.get(_sight(spec), 0.0)
+            try:
+                table.grow(stop, progress)
+            finally:  # what a limit has ended goes on where it was
+                self._spent[_sight(spec)] = before + clock.seconds
+            return Computed(table.table(), self._spent[_sight(spec)])
 
         if not self._use_cache:
-            return self._by_view_sum(make())
+            return self._by_view_sum(make().table)
         problem = self.problem
         poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
         shapes = [actor.shape for actor in problem.actors]
@@ -157,7 +161,8 @@ class CoverageTables:
             self._starts(spec), problem.horizon, problem.face_samples, problem.first_step, poses,
             shapes,
         )  # fmt: skip
-        return self._by_view_sum(TableCache.of_user().table(key, make))
+        table, self._spent[_sight(spec)] = TableCache.of_user().table(key, make)
+        return self._by_view_sum(table)
 
     def _by_view_sum(self, table: CoverageTable) -> CoverageTable:
         """Return a table whose pixels add up over time, if those of the problem do."""
@@ -188,6 +193,18 @@ class CoverageTables:
         """The table as far as it is known."""
         found = self._tables.get(_sight(spec))
         return self._by_view_sum(self._table_of(spec).table()) if found is None else found
+
+    @property
+    def cost(self) -> float | None:
+        """Seconds in which all tables were computed, here or elsewhere; None if one is missing."""
+        sights = {_sight(robot) for robot in self.problem.robots}
+        if not sights <= self._tables.keys():
+            return None
+        return sum(self._spent[sight] for sight in sights)
+
+    def take(self, other: "CoverageTables") -> None:
+        """Take over the tables of the same problem, as far as they are known, and nothing else."""
+        self._tables, self._growing, self._spent = other._tables, other._growing, other._spent
 
     def so_far(self) -> "CoverageTables":
         """Return a copy in which nobody sees anything at the steps that are not known."""

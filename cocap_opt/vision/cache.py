@@ -32,6 +32,18 @@ CODE = tuple(
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
 
+class Computed(NamedTuple):
+    """A coverage table, and what it took to compute it.
+
+    Attributes
+    ----------
+    seconds : wall-clock time, whenever and in whatever process that was
+    """
+
+    table: CoverageTable
+    seconds: float
+
+
 class TableCache(NamedTuple):
     """A folder of coverage tables; None keeps nothing."""
 
@@ -52,16 +64,16 @@ class TableCache(NamedTuple):
         digest.update(msgspec.msgpack.encode(parts, enc_hook=_plain))
         return digest.hexdigest()
 
-    def table(self, key: str, make: Callable[[], CoverageTable]) -> CoverageTable:
+    def table(self, key: str, make: Callable[[], Computed]) -> Computed:
         """Reads the table with this content key from disk, or makes it and writes it there."""
         if self.folder is None:
             return make()
         path = self.folder / f"{key}.coverage"
-        table = _read(path)
-        if table is None:
-            table = make()
-            _write(path, table)
-        return table
+        found = _read(path)
+        if found is None:
+            found = make()
+            _write(path, found)
+        return found
 
 
 def _users_folder() -> Path | None:
@@ -88,7 +100,7 @@ def _plain(value: object) -> object:
     raise TypeError(f"no digest for {type(value).__name__}")
 
 
-def _read(path: Path) -> CoverageTable | None:
+def _read(path: Path) -> Computed | None:
     try:
         if not path.is_file():  # opening a pipe would wait for someone to write into it
             return None
@@ -99,14 +111,15 @@ def _read(path: Path) -> CoverageTable | None:
     if hashlib.sha256(body).digest() == digest:
         # NumPy names no set of errors for files of other kinds.
         with suppress(Exception), np.load(io.BytesIO(body), allow_pickle=False) as arrays:
-            return CoverageTable(**{name: arrays[name] for name in CoverageTable._fields})
+            table = CoverageTable(**{name: arrays[name] for name in CoverageTable._fields})
+            return Computed(table, float(arrays["seconds"]))
     log.warning("cache file %s is damaged; computing its content again", path)
     return None
 
 
-def _write(path: Path, table: CoverageTable) -> None:
+def _write(path: Path, computed: Computed) -> None:
     body = io.BytesIO()
-    np.savez(body, **table._asdict())
+    np.savez(body, seconds=np.float64(computed.seconds), **computed.table._asdict())
     content = hashlib.sha256(body.getvalue()).digest() + body.getvalue()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -45,7 +45,8 @@ def gap(
         cocap-lns, and with one or two drones joint
     seeds : of the scenes; a scene that is the same for several seeds is taken once, and so is a
         problem, whose seed is 0
-    time_limit : seconds for each plan, and for each of the two bounds of a scene and seed
+    time_limit : seconds for each plan, and for each of the two bounds of a scene and seed; they
+        count from when coverage is there, which is charged to nobody
     work_limit : units of work for each of them: pricing rounds, or nodes of CoCap's tree. With it
         the table, but for its seconds, is the same on every machine that needs less than the time
         limit

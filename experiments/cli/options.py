@@ -38,7 +38,10 @@ Whole = Annotated[int, Parameter(converter=_whole)]
 Seed = Annotated[int, Parameter(converter=_whole, help="seed of the scene, >= 0")]
 Seconds = Annotated[
     float,
-    Parameter(name="--time-limit", help="seconds for each computation, its coverage included"),
+    Parameter(
+        name="--time-limit",
+        help="seconds for each computation, its coverage included; in `gap` from when it is there",
+    ),
 ]
 Work = Annotated[
     int | None,

@@ -89,7 +89,8 @@ def _of_times(run: RunFile) -> Iterator[str]:
     workers = ", ".join(dict.fromkeys(one.workers for one in run.runs))
     yield (
         f"Seconds are wall-clock time, by {workers}, and include other load on the machine. "
-        "Coverage of all states is computed before, within the limit, and has seconds of its own; "
+        "Coverage of all states is computed before any limit begins, has seconds of its own, and "
+        "is charged to nobody; "
         "planners that look only at "
         f"states that they touch ({', '.join(sorted(LAZY))}) compute coverage while they run, and "
         "there it counts."

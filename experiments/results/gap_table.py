@@ -12,6 +12,7 @@ from cocap_opt.stop import NO_LIMIT
 from cocap_opt.text import shortened
 
 _OPEN = "*"  # marks a bound that a limit stopped
+_LATE = "!"  # marks the seconds of a planner that overran its time limit
 PROVED = ("optimal", "infeasible")
 _MISSING = {  # why there is no bound
     "stopped": "a limit stopped its search before there was one",
@@ -22,7 +23,10 @@ _MISSING = {  # why there is no bound
 _UNFINISHED = (Reason.UNSUPPORTED, Reason.FAILED, Reason.INFEASIBLE, Reason.STOPPED)
 _NAMED = 3  # cases that are named in a sentence
 # What a narrow terminal does without, the least useful first.
-_SPARE = ("gap_free", "seconds", "reason", "bound", "seed", "limit", "reward_rendered", "reward")
+_SPARE = (
+    "coverage_seconds", "gap_free", "seconds", "reason", "bound", "seed", "limit",
+    "reward_rendered", "reward",
+)  # fmt: skip
 _SPARE_MEANS = ("gap_free", "seconds", "bound", "bounds proved", "reward")
 _MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
@@ -41,7 +45,7 @@ def _print_rows(rows: Sequence[Row]) -> None:
     keys += ["bound", "gap", "gap_free", "conflicts", "reason"]
     if any(row.limit != NO_LIMIT for row in rows):
         keys.append("limit")
-    keys.append("seconds")
+    keys += ["seconds", "coverage_seconds"]
     table: list[Record] = [{key: _shown(row, key) for key in keys} for row in rows]
     listing = Listing(_title(rows), table).fitted(_spare(rows, table), "--json or --out DIR")
     listing._replace(notes=[*listing.notes, *_notes(rows, listing.rows)]).print()
@@ -50,6 +54,7 @@ def _print_rows(rows: Sequence[Row]) -> None:
 def _spare(rows: Sequence[Row], table: Sequence[Record]) -> list[str]:
     """Returns the columns that need not be there: no bounds with marks, nor seeds that differ."""
     kept = {"bound"} if any(shown["bound"].mark == _OPEN for shown in table) else set()
+    kept |= {"seconds"} if any(row.overrun is not None for row in rows) else set()
     kept |= {"seed"} if len({row.seed for row in rows}) > 1 else set()
     return [key for key in _SPARE if key not in kept]
 
@@ -61,6 +66,18 @@ def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:
         yield (
             f"{_OPEN} A limit stopped the search for this bound: it is certified, but the optimum "
             "may be lower."
+        )
+    late = [
+        f"{row.planner} on {_name(row)} ({row.seconds:.1f} s of {row.time_limit:g} s)"
+        for row in rows
+        if row.overrun is not None
+    ]
+    if late:
+        yield f"{_LATE} Longer than the time limit allows: {_first(late)}."
+    if any(row.coverage_seconds is not None for row in rows):
+        yield (
+            "Coverage was computed once per scene and seed before any time limit began, and is "
+            "charged to nobody."
         )
     yield from _missing_bounds(rows)
     sampled = [_name(row) for row in rows if row.coverage == SAMPLED_COVERAGE]
@@ -85,6 +102,8 @@ def _shown(row: Row, key: str) -> object:
     if value is UNSET:
         return None
     reasons = {"bound": row.bound_reason, "gap_free": row.bound_free_reason}
+    if key == "seconds":
+        return value if row.overrun is None else Marked(value, _LATE)
     if key not in reasons:
         return value
     if key == "bound" and reasons[key] == Reason.INFEASIBLE:

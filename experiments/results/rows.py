@@ -26,6 +26,9 @@ EXACT_COVERAGE, SAMPLED_COVERAGE = "exact", "sampled"
 OWN_STARTS = "those in the scene's own file"
 _REWARD = "sqrt(px/m2)"
 _ANY = {"unit": _REWARD, "least": -(2**63 - 1)}  # a bound below 0 proves that there is no plan
+# Planners ask for the time every second or so, and may have to end what they are at. Who takes more
+# than a quarter above the limit and a second besides has not kept to it.
+_TOLERATED, _TOLERATED_SECONDS = 1.25, 1.0
 _SHARE = {"unit": "1", "least": -ROUNDING, "most": 1 + ROUNDING}
 
 _Bound = Annotated[
@@ -65,12 +68,20 @@ class PlanRow:
     ]
     limit: Annotated[str, Column("The limit that stopped the planner, or none.")]
     seconds: Annotated[
-        _Number, Column("Wall-clock time of the search; coverage and checking are apart.", unit="s")
+        _Number,
+        Column(
+            "Wall-clock time of the search; coverage and checking are apart, but for planners that "
+            "evaluate single views, whose search that is.",
+            unit="s",
+        ),
     ]
     coverage_seconds: Annotated[
         _Number,
         Column(
-            "Wall-clock time of the coverage that the search used, in this process; 0 for planners "
+            "Wall-clock time of the coverage of all states. In the gap table it is the scene's: "
+            "computed once, before the time of any planner or bound begins, charged to nobody, and "
+            "the same in all rows; from the disk cache it comes with what it took when it was "
+            "computed. Of plan, bound and solve it is what this process spent, and 0 for planners "
             "that evaluate single views.",
             unit="s",
         ),
@@ -146,7 +157,18 @@ class PlannedRow(PlanRow):
     coverage: Annotated[
         str, Column("exact, or sampled: past meshes that are not convex, rays sample what is seen.")
     ] = EXACT_COVERAGE
-    time_limit: Annotated[_Number, Column("Time that the planner was allowed.", unit="s")] = None
+    time_limit: Annotated[
+        _Number,
+        Column("Time that the planner was allowed, from when coverage was there.", unit="s"),
+    ] = None
+    overrun: Annotated[
+        _Number,
+        Column(
+            "Time that the planner took beyond its limit, where that is more than a quarter of the "
+            "limit and a second; empty where it kept to it.",
+            unit="s",
+        ),
+    ] = None
     work_limit: Annotated[
         _Count, Column("Units of work that the planner was allowed; empty without such a limit.")
     ] = None
@@ -160,8 +182,10 @@ class PlannedRow(PlanRow):
         cls, problem: Problem, seed: int, planner: str, judged: Judged[Any], **more: Any
     ) -> "PlannedRow":
         """Returns the row of a plan of the gap table, with more columns by their names."""
+        row = PlanRow.of(problem, seed, planner, judged)
         return PlannedRow(**{
-            **_fields(PlanRow.of(problem, seed, planner, judged)),
+            **_fields(row),
+            "overrun": _overrun(row.seconds, more.get("time_limit")),
             "colliding": judged.colliding(problem),
             "robots": len(problem.robots),
             "actors": len(problem.actors),
@@ -186,7 +210,12 @@ class BoundColumns:
     bound_limit: Annotated[str, Column("The limit that stopped this search, or none.")] = NO_LIMIT
     bound_seconds: Annotated[_Number, Column("Wall-clock time of this search.", unit="s")] = None
     bound_time_limit: Annotated[
-        _Number, Column("Time that each of the two searches for bounds was allowed.", unit="s")
+        _Number,
+        Column(
+            "Time that each of the two searches for bounds was allowed, from when coverage was "
+            "there.",
+            unit="s",
+        ),
     ] = None
     bound_work_limit: Annotated[
         _Count, Column("Units of work that each of them was allowed; empty without such a limit.")
@@ -349,6 +378,13 @@ def _gap(plan: PlanRow, bound: float | None) -> float | None:
     if plan.reward is None or bound is None or not plan.valid:
         return None
     return _finite(relative_gap(plan.reward, bound))
+
+
+def _overrun(seconds: float | None, limit: float | None) -> float | None:
+    """Returns the seconds beyond a limit, if they are more than is tolerated."""
+    if seconds is None or limit is None or seconds <= _TOLERATED * limit + _TOLERATED_SECONDS:
+        return None
+    return seconds - limit
 
 
 def _finite(value: float) -> float | None:

@@ -132,12 +132,13 @@ class CellFile(Document, frozen=True, kw_only=True):
     """The result of a cell, or why it has none."""
 
     format: Literal["cocap-opt cell"] = "cocap-opt cell"
-    version: Literal[3] = 3
+    version: Literal[3, 4] = 4
     cell: Cell
     status: Status
     message: str = ""  # why it has no result, in words
     traceback: str = ""  # of an error
     seconds: float = 0.0  # of the whole cell, coverage included
+    coverage_seconds: float | None = None  # in which it was computed; None: it is not known
     machine: str = ""  # where it was computed
     row: PlannedRow | None = None  # of a planner
     columns: BoundColumns | None = None  # of BOUND

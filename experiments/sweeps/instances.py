@@ -201,6 +201,7 @@ class Instance:
         """Returns a row per plan; a cell that failed has one, too."""
         bound = _bound_columns(self.proved())
         rows = [Row.joined(planned, bound, self.digest) for planned in self._planned_rows()]
+        rows = [replace(row, coverage_seconds=self.coverage_seconds) for row in rows]
         if self._own_starts:
             rows = [replace(row, seed=None, starts=OWN_STARTS) for row in rows]
         return rows
@@ -218,6 +219,12 @@ class Instance:
             return self.held(_lower(self.bound, earlier))
         except RefereeError as error:
             return CellFile.failed(self.bound.cell, Status.ERROR, f"RefereeError: {error}")
+
+    @property
+    def coverage_seconds(self) -> float | None:
+        """Seconds of the scene's coverage; the least, where several workers have computed it."""
+        found = (content.coverage_seconds for content in self.contents)
+        return min((seconds for seconds in found if seconds is not None), default=None)
 
     def _planned_rows(self) -> list[PlannedRow]:
         return [self._planned_row(self.found[cell]) for cell in self.cells.values()]

@@ -11,7 +11,13 @@ from typing import Any, NamedTuple
 import msgspec
 
 from cocap_opt.experiments.console.progress import Watch
-from cocap_opt.experiments.results.judging import BOUND_METHOD, Allowance, Judged, RefereeError
+from cocap_opt.experiments.results.judging import (
+    BOUND_METHOD,
+    Allowance,
+    Awaiting,
+    Judged,
+    RefereeError,
+)
 from cocap_opt.experiments.results.rows import BoundColumns, PlannedRow
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
@@ -20,7 +26,7 @@ from cocap_opt.files.documents import encode, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report
-from cocap_opt.model import compiled
+from cocap_opt.model import compiled, compiled_anew
 from cocap_opt.planners import LAZY, Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, relative_gap
@@ -31,9 +37,9 @@ _WITHOUT_RULES, _WITH_RULES = "without rules", "with rules"  # names of the two 
 
 
 def cover(problem: Problem, method: str, stop: Stop, watch: Watch) -> None:
-    """Computes the coverage that a method needs, in its own time, and shows how far it is.
+    """Computes the coverage that a method needs, and shows how far it is.
 
-    Without it the method would do it by itself, in silence. Where the limit comes first, planners
+    Without it the method would do it by itself, in silence. Where a limit comes first, planners
     leave time for planning with what there is, and bounds for a bound.
     """
     model, progress = compiled(problem), watch.counter("coverage")
@@ -58,18 +64,26 @@ class Task(NamedTuple):
 
         Parameters
         ----------
-        stop : a limit besides the cell's own, of coverage, too
+        stop : a limit besides the cell's own, which count from when coverage is there
         """
         clock = Clock()
         compute = _bound if self.cell.planner == BOUND else _plan
         try:
+            compiled_anew(self.problem)
             found = compute(self, stop, watch or Watch())
+            coverage_seconds = compiled(self.problem).coverage_cost
         except Exception as error:  # whatever it is, the other cells go on
             where = extract_tb(error.__traceback__)[-1]
             words = f"{type(error).__name__}: {error} (in {where.name}, line {where.lineno})"
             trace = "".join(format_exception(error))
             found = CellFile.failed(self.cell, Status.ERROR, words, traceback=trace)
-        return msgspec.structs.replace(found, seconds=clock.seconds, machine=platform.node())
+            coverage_seconds = None
+        return msgspec.structs.replace(
+            found,
+            seconds=clock.seconds,
+            coverage_seconds=coverage_seconds,
+            machine=platform.node(),
+        )
 
     def given(self, plan: Plan) -> CellFile:
         """Returns a plan of others as if a planner had found it; its seconds are not known."""
@@ -79,9 +93,10 @@ class Task(NamedTuple):
 def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
     """Runs a planner."""
     cell, problem = task.cell, task.problem
-    begun = cell.allowance.begin(stop)
-    cover(problem, cell.planner, begun, watch)
-    judged = Judged.planned(problem, cell.planner, begun, task.own)
+    allowed = Awaiting(stop, cell.allowance)
+    cover(problem, cell.planner, allowed, watch)
+    allowed.begin()
+    judged = Judged.planned(problem, cell.planner, allowed, task.own)
     columns = {"time_limit": cell.time_limit, "work_limit": cell.work_limit}
     if judged.result.reason is Reason.UNSUPPORTED:  # nobody timed it
         columns["seconds"] = None
@@ -215,8 +230,9 @@ class _Bounds:
         return _joined(best, bound)
 
     def _run(self, problem: Problem, start: Judged[Any], name: str) -> Judged[CertifiedResult]:
-        stop = self._allowance.begin(self._stop)
+        stop = Awaiting(self._stop, self._allowance)
         cover(problem, BOUND_METHOD, stop, self._watch)
+        stop.begin()
         return Judged.certified(
             problem, BOUND_METHOD, stop, start.result.plan, self._report_to(name)
         )

@@ -27,7 +27,7 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.vision import cache
-from cocap_opt.vision.cache import CODE, TableCache
+from cocap_opt.vision.cache import CODE, Computed, TableCache
 from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.world.workspace import HeightMap
 
@@ -323,10 +323,11 @@ def test_no_pickle_is_ever_loaded(folder: Path) -> None:
 
     good = tables(tiny())[0]
     trap = np.array([Trap()], dtype=object)
-    cache._write(folder / "key.coverage", good._replace(nodes=trap))
+    cache._write(folder / "key.coverage", Computed(good._replace(nodes=trap), 1.0))
     for path in folder.glob("sprung"):
         path.rmdir()
-    assert same([TableCache.of_user().table("key", lambda: good)], [good])
+    found = TableCache.of_user().table("key", lambda: Computed(good, 2.0))
+    assert same([found.table], [good]) and found.seconds == 2.0
     assert not (folder / "sprung").exists()
 
 

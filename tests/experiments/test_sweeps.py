@@ -412,20 +412,21 @@ def test_rows_do_not_depend_on_where_cells_are_kept(tmp_path: Path) -> None:
     assert untimed(unnamed) == untimed(free)
 
 
-def test_a_limit_counts_the_coverage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As in `plan` and `bound`: without any time there is none, and yet a plan and a bound."""
+def test_a_limit_counts_from_when_coverage_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without any time there is coverage, and a plan and a bound."""
     settings = msgspec.structs.replace(SETTINGS, time_limit=0.0, bound_time_limit=0.0)
-    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
-    compiled.cache_clear()
-    # Without planners, the bound is what is missing.
-    plan, bound = (
-        instances(range(1), planners, settings)[0].missing()[0].run()
-        for planners in (("cocap",), ())
-    )
-    assert plan.row is not None and plan.row.limit == "time" and plan.row.reward is not None
-    assert bound.columns is not None and bound.columns.bound is not None
-    assert plan.row.reward <= bound.columns.bound
-    assert not list(tmp_path.glob("*.coverage"))
+    for number, planners in enumerate((("cocap",), ())):  # without planners, the bound is missing
+        monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path / str(number)))
+        compiled.cache_clear()
+        content = instances(range(1), planners, settings)[0].missing()[0].run()
+        assert content.coverage_seconds and list(tmp_path.glob(f"{number}/*.coverage"))
+        if planners:
+            assert content.row is not None and content.row.reward is not None
+            assert content.row.limit == "time" and "coverage" not in content.row.message
+        else:
+            assert content.columns is not None and content.columns.bound is not None
 
 
 @pytest.mark.parametrize("change", ["limit", "problem", "planner", "seed", "code", "rendered"])
