@@ -114,7 +114,7 @@ def _about_mesh(problem: Problem, mesh: Mesh) -> Iterator[str]:
 
 def _not_closed(mesh: Mesh) -> str:
     """Says what it means that a mesh is not closed: it may only lack a floor."""
-    edges = np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges = np.sort(mesh.surface[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     distinct, counts = np.unique(edges, axis=0, return_counts=True)
     ends = mesh.vertices[distinct[counts == 1].ravel(), 2]
     lowest = float(mesh.vertices[:, 2].min())
@@ -252,7 +252,7 @@ def _mesh_spans(meshes: tuple[Mesh, ...], x: float, y: float) -> list[tuple[floa
     for mesh in meshes:
         vertices = (mesh.vertices - np.array([x, y, 0.0])) / np.array([_PROBE, _PROBE, 1.0])
         middle = np.array([0.5, 0.5, 0.0])
-        spans = Spans.of_mesh(vertices + middle, mesh.triangles, (1, 1), mesh.is_solid)
+        spans = Spans.of_mesh(vertices + middle, mesh.surface, (1, 1), mesh.is_solid)
         found += zip(spans.low.tolist(), spans.high.tolist(), strict=True)
     return found
 

@@ -186,9 +186,9 @@ def _run(values: BoolArray) -> int:
 
 
 def _convex_solid(mesh: Mesh, origin: FloatArray) -> _Solid | None:
-    if not mesh.is_solid or not len(mesh.triangles):
+    if not mesh.is_solid or not len(mesh.surface):
         return None
-    corners = mesh.vertices[np.unique(mesh.triangles)] - origin
+    corners = mesh.vertices[np.unique(mesh.surface)] - origin
     # Neither place nor size decides if a mesh is convex, but for the rounding of coordinates.
     size, farthest = float(np.ptp(corners, axis=0).max()), float(np.abs(mesh.vertices).max())
     flat = _FLAT * max(1.0, size) + 8 * np.finfo(float).eps * farthest
@@ -196,12 +196,16 @@ def _convex_solid(mesh: Mesh, origin: FloatArray) -> _Solid | None:
     for triangle in mesh.corners - origin:
         doubled = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
         length = float(np.linalg.norm(doubled))
-        if length == 0 or ((corners - triangle[0]) @ doubled > flat * length).any():
+        if length == 0:
+            continue  # it has no area, and its corners are those of others
+        if ((corners - triangle[0]) @ doubled > flat * length).any():
             return None  # a corner is beyond this triangle's plane
         if not any(np.abs(doubled / length - normal).max() <= _FLAT for normal in normals):
             normals.append(doubled / length)
         if len(normals) > _MOST_PLANES:
             return None
+    if not normals:
+        return None
     offsets = (corners @ np.array(normals).T).max(axis=0)
     on = np.abs(corners @ np.array(normals).T - offsets) <= flat
     return _Solid(np.array(normals), offsets, _neighbours(on), corners)

@@ -21,6 +21,7 @@ from cocap_opt.data import (
     within,
 )
 from cocap_opt.world.columns import NO_SPANS, Columns, Spans
+from cocap_opt.world.triangles import close, counting
 
 MOST_TRIANGLES = 1_000_000
 
@@ -142,7 +143,8 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
     """A solid or a surface made of triangles, for shapes that a height map cannot hold.
 
     It blocks motion and hides actors. If its triangles are a closed surface, its inside is solid,
-    too; otherwise the triangles are thin plates.
+    too; otherwise the triangles are thin plates. Triangles with two corners at the same place do
+    not count, nor does a second one of the same corners.
 
     Attributes
     ----------
@@ -192,18 +194,19 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
         return cls(vertices=vertices, triangles=np.concatenate(triangles))
 
     @cached_property
+    def surface(self) -> IntArray:
+        """The triangles [n, 3] that count, see `cocap_opt.world.triangles.counting`."""
+        return counting(self.vertices, self.triangles)
+
+    @cached_property
     def is_solid(self) -> bool:
-        """True if the triangles close: each edge is passed as often one way as the other."""
-        edges = np.concatenate([self.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
-        low, high = edges.min(axis=1), edges.max(axis=1)
-        _, number = np.unique(low * len(self.vertices) + high, return_inverse=True)
-        balance = np.bincount(number, weights=np.where(edges[:, 0] == low, 1, -1))
-        return not balance.any()
+        """True if the surface closes: each edge is passed as often one way as the other."""
+        return close(self.surface)
 
     @property
     def corners(self) -> FloatArray:
-        """Corners of the triangles [M, 3, 3] (m)."""
-        result: FloatArray = self.vertices[self.triangles]
+        """Corners of the triangles [n, 3, 3] (m) of its surface."""
+        result: FloatArray = self.vertices[self.surface]
         return result
 
 
@@ -252,7 +255,7 @@ def _spans(mesh: Mesh, height_map: HeightMap) -> Spans:
     corner = np.array([*height_map.origin, 0.0])
     scale = np.array([height_map.resolution, height_map.resolution, 1.0])
     vertices = (mesh.vertices - corner) / scale
-    return Spans.of_mesh(vertices, mesh.triangles, height_map.shape, mesh.is_solid)
+    return Spans.of_mesh(vertices, mesh.surface, height_map.shape, mesh.is_solid)
 
 
 def _surface(height_map: HeightMap) -> FloatArray:

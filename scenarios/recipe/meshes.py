@@ -11,12 +11,12 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.foreign import MESHES, require
+from cocap_opt.scenarios.recipe.mesh_files import READERS, read_mesh
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Coordinate, Table, Unit
 from cocap_opt.scenarios.text import naming
 from cocap_opt.world.workspace import Mesh
 
 UP = {".glb": "y", ".gltf": "y"}  # axis that is upwards; in other files it is z, as in surveys
-SUFFIXES = (".obj", ".glb", ".gltf", ".stl", ".ply", ".off")
 
 
 class MeshTable(Table):
@@ -34,17 +34,14 @@ class MeshTable(Table):
         Raises
         ------
         ProblemError
-            If the file cannot be read or holds no triangles; one line, naming the file.
+            If the file cannot be read whole or holds no triangles; one line, naming the file.
         """
-        from cocap_opt.scenarios.recipe.mesh_files import read_mesh  # trimesh is slow to import
-
         path = folder / self.file
         with naming(path):
             require(path, MESHES)
-            if path.suffix.lower() not in SUFFIXES:
-                raise ProblemError(f"must be named {', '.join(SUFFIXES)}")
-            vertices, triangles = read_mesh(path)
-            vertices = vertices / PER_METRE[self.unit]
+            if path.suffix.lower() not in READERS:
+                raise ProblemError(f"must be named {', '.join(READERS)}")
+            vertices, triangles = read_mesh(path, PER_METRE[self.unit])
             if (self.up or UP.get(path.suffix.lower(), "z")) == "y":
                 vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
             turn = math.radians(self.turn)

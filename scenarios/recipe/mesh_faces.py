@@ -1,0 +1,145 @@
+"""Faces of mesh files, with any number of corners, and the triangles that they are cut into."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Self
+
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
+from cocap_opt.world.triangles import close, firsts
+
+_FLAT = 1e-9  # share of a face's size squared; less is no area
+
+
+class Faces(NamedTuple):
+    """What a mesh file holds: faces by the numbers of their vertices, face after face."""
+
+    vertices: FloatArray  # [V, 3]
+    sizes: IntArray  # [F] number of corners of each face
+    corners: IntArray  # [sum of sizes]
+
+    @classmethod
+    def of_lists(cls, vertices: FloatArray, faces: Sequence[Sequence[int]]) -> Self:
+        """Returns faces that are given as lists of vertices."""
+        sizes = np.array([len(face) for face in faces], dtype=np.int64)
+        corners = np.array([corner for face in faces for corner in face], dtype=np.int64)
+        return cls(np.reshape(vertices, (-1, 3)), sizes, corners)
+
+    @classmethod
+    def of_triangles(cls, vertices: FloatArray, triangles: IntArray) -> Self:
+        """Returns faces that are triangles [M, 3]."""
+        corners = np.asarray(triangles, dtype=np.int64).ravel()
+        return cls(vertices, np.full(len(corners) // 3, 3), corners)
+
+    def welded(self) -> Self:
+        """Returns the same faces of vertices of which one is at each place; repeats are left out.
+
+        A corner repeats if it is at the place of the one before it in its face.
+        """
+        number = firsts(self.vertices)
+        kept = np.flatnonzero(number == np.arange(len(number)))
+        corners = np.searchsorted(kept, number)[self.corners]
+        face = np.repeat(np.arange(len(self.sizes)), self.sizes)
+        ends = np.cumsum(self.sizes)
+        before = np.arange(len(corners)) - 1
+        begins = (ends - self.sizes)[self.sizes > 0]
+        before[begins] = ends[self.sizes > 0] - 1
+        stays = corners != corners[before]
+        sizes = np.bincount(face[stays], minlength=len(self.sizes))
+        return self._replace(vertices=self.vertices[kept], sizes=sizes, corners=corners[stays])
+
+    def triangles(self) -> IntArray:
+        """Cuts the faces into triangles [M, 3], which have all corners and edges of the faces.
+
+        Faces of fewer than three corners are points and lines, and are left out.
+
+        Raises
+        ------
+        ProblemError
+            If a face crosses itself.
+        """
+        parts = list(self._triangles())
+        order = np.argsort(np.concatenate([faces for faces, _ in parts]), kind="stable")
+        result: IntArray = np.concatenate([triangles for _, triangles in parts])[order]
+        return result
+
+    def _triangles(self) -> Iterator[tuple[IntArray, IntArray]]:
+        """Yields triangles [n, 3] and the numbers [n] of the faces of which they are."""
+        yield np.zeros(0, dtype=np.int64), np.zeros((0, 3), dtype=np.int64)
+        begins = np.cumsum(self.sizes) - self.sizes
+        for size in np.unique(self.sizes[self.sizes >= 3]).tolist():
+            faces = np.flatnonzero(self.sizes == size)
+            corners = self.corners[begins[faces, None] + np.arange(size)]
+            fans = _fans(corners)
+            if size > 3:
+                flat = _seen_from_ahead(self.vertices[corners])
+                for k in np.flatnonzero(~_turn_one_way(flat)).tolist():
+                    fans[k] = _cut(corners[k], flat[k], int(faces[k]))
+            yield np.repeat(faces, size - 2), fans.reshape(-1, 3)
+
+
+def strip(corners: Sequence[int]) -> list[list[int]]:
+    """Returns the triangles of a strip, every second one turned so that all look the same way."""
+    return [
+        [corners[k + k % 2], corners[k + 1 - k % 2], corners[k + 2]]
+        for k in range(len(corners) - 2)
+    ]
+
+
+def _fans(corners: IntArray) -> IntArray:
+    """Returns the triangles [F, n - 2, 3] from the first corner of each face [F, n]."""
+    first = np.broadcast_to(corners[:, :1], corners[:, 2:].shape)
+    return np.stack([first, corners[:, 1:-1], corners[:, 2:]], axis=2)
+
+
+def _seen_from_ahead(corners: FloatArray) -> FloatArray:
+    """Returns corners [F, n, 3] without the axis along which each face looks most [F, n, 2].
+
+    All faces are counter-clockwise there.
+    """
+    local = corners - corners[:, :1]
+    normals = np.cross(local, np.roll(local, -1, axis=1)).sum(axis=1)  # Newell's method
+    axis = np.abs(normals).argmax(axis=1)
+    backwards = np.take_along_axis(normals, axis[:, None], axis=1)[:, 0] < 0
+    axes = np.where(backwards[:, None], (axis[:, None] + [2, 1]) % 3, (axis[:, None] + [1, 2]) % 3)
+    result: FloatArray = np.take_along_axis(local, axes[:, None, :], axis=2)
+    return result
+
+
+def _turn_one_way(flat: FloatArray) -> BoolArray:
+    """Returns an array [F], true where triangles from the first corner of [F, n, 2] make the face.
+
+    They do if none of them turns back; so they do, too, if the face has no area.
+    """
+    ways = flat[:, 1:] - flat[:, :1]
+    areas = ways[:, :-1, 0] * ways[:, 1:, 1] - ways[:, :-1, 1] * ways[:, 1:, 0]
+    least = -_FLAT * np.abs(flat).max(axis=(1, 2)) ** 2
+    return np.asarray((areas >= least[:, None]).all(axis=1))
+
+
+def _cut(corners: IntArray, flat: FloatArray, face: int) -> IntArray:
+    """Cuts a face [n] whose places in a plane are [n, 2] into triangles [n - 2, 3]."""
+    places = [tuple(place) for place in flat.tolist()]
+    number = dict(zip(places, corners.tolist(), strict=True))
+    try:
+        pieces = shapely.constrained_delaunay_triangles(Polygon(places)).geoms
+        found = [[number[place] for place in _ring(piece)] for piece in pieces]
+    except (shapely.errors.GEOSException, KeyError):
+        found = []
+    triangles = np.array(found, dtype=np.int64).reshape(-1, 3)
+    back = _fans(corners[None, ::-1])[0]  # closes what has just the edges of the face
+    if len(triangles) != len(corners) - 2 or not close(np.concatenate([triangles, back])):
+        raise ProblemError(
+            f"faces[{face}]: must not cross itself; in Blender, Face > Triangulate Faces cuts such "
+            "faces into triangles"
+        )
+    return triangles
+
+
+def _ring(piece: BaseGeometry) -> list[tuple[float, float]]:
+    """Returns the corners of a triangle, counter-clockwise."""
+    return [(x, y) for x, y in orient(Polygon(piece.boundary.coords)).exterior.coords[:3]]
