@@ -30,9 +30,13 @@ if TYPE_CHECKING:
     from cocap_opt.experiments.results.verification import Verified
     from cocap_opt.files.documents import FileError
     from cocap_opt.formulations import BOUNDS, EXACT
-    from cocap_opt.formulations.certificates.format import CertificateError
+    from cocap_opt.formulations.certificates.format import (
+        CertificateError,
+        CertificateFile,
+        ProofFile,
+    )
     from cocap_opt.formulations.result import CertifiedResult, Snapshot
-    from cocap_opt.planners import PLANNERS
+    from cocap_opt.planners import PLANNERS, Planner
     from cocap_opt.problem import (
         NO_RULES,
         PAPER_RULES,
@@ -62,6 +66,8 @@ if TYPE_CHECKING:
     from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, WorkLimit, never
     from cocap_opt.world.workspace import HeightMap, Mesh
 
+    __version__: str
+
 # The module of each name.
 _MODULES = {
     "cocap_opt.referee": ("Verdict",),
@@ -79,9 +85,11 @@ _MODULES = {
     "cocap_opt.experiments.report.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),
     "cocap_opt.formulations": ("BOUNDS", "EXACT"),
-    "cocap_opt.formulations.certificates.format": ("CertificateError",),
+    "cocap_opt.formulations.certificates.format": (
+        "CertificateError", "CertificateFile", "ProofFile",
+    ),
     "cocap_opt.formulations.result": ("CertifiedResult", "Snapshot"),
-    "cocap_opt.planners": ("PLANNERS",),
+    "cocap_opt.planners": ("PLANNERS", "Planner"),
     "cocap_opt.problem": (
         "NO_RULES", "PAPER_RULES", "Actor", "Airspace", "Camera", "CollisionRules", "Cone",
         "Cuboid", "Earth", "Limits", "Motion", "Objective", "PassConflict", "Plan", "Prism",
@@ -94,18 +102,30 @@ _MODULES = {
 }  # fmt: skip
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
-__all__ = sorted(_HOME)
+# Written out, since type checkers read it and compute nothing.
+__all__ = [
+    "BOUNDS", "EXACT", "FORMATS", "NO_RULES", "PAPER_RULES", "PLANNERS", "SCENES", "Actor",
+    "Airspace", "Camera", "CertificateError", "CertificateFile", "CertifiedResult",
+    "CollisionRules", "Cone", "Cuboid", "Earth", "FileError", "FirstOf", "HeightMap", "Limit",
+    "Limits", "Mesh", "Motion", "Objective", "PassConflict", "Plan", "Planner", "Player",
+    "Prism", "Problem", "ProblemError", "ProofFile", "Reason", "Result", "Robot", "Snapshot",
+    "State", "Stop", "SwapConflict", "TimeLimit", "TriangulatedCuboid", "UnsupportedError",
+    "Verdict", "Verified", "VertexConflict", "WorkLimit", "benchmark", "bound", "check",
+    "coverage", "explain", "gap", "load", "never", "plan", "read", "replans", "robustness",
+    "save", "show", "show_versions", "solve", "trajectory", "verify",
+]  # fmt: skip
 
+if not TYPE_CHECKING:  # or any misspelt name would be one for type checkers
 
-def __getattr__(name: str) -> Any:
-    """Import a name when it is first used."""
-    if name == "__version__":  # which pyproject.toml states
-        return version("cocap-opt")
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(_HOME[name]), name)
-    globals()[name] = value
-    return value
+    def __getattr__(name: str) -> Any:
+        """Import a name when it is first used."""
+        if name == "__version__":  # which pyproject.toml states
+            return version("cocap-opt")
+        if name not in _HOME:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = getattr(import_module(_HOME[name]), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

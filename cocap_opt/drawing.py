@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, overload
 
 import numpy as np
 
@@ -16,6 +16,18 @@ from cocap_opt.data import FloatArray, IntArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    class WholeAxes(Axes):
+        """Axes that stand in a whole figure, which can be saved, and in no part of one.
+
+        For type checkers alone: matplotlib says of no axes which of the two they stand in.
+        """
+
+        @property
+        def figure(self) -> Figure:
+            """The figure."""
+
 
 GROUND, COVERED, WALL, LOW, PERSON = "#f4f1ea", "#cfc8b8", "#6b6f76", "#a9b18f", "#d1495b"
 # Colours of drones, of matplotlib's ten; red is kept for people.
@@ -32,6 +44,12 @@ class TopView(NamedTuple):
     height: float  # m, at which cells block
     walks: Sequence[FloatArray]  # per person [T+1, 2] m
     flights: Sequence[FloatArray]  # per drone [T+1, 3] x, y (m) and yaw (rad); or its start [1, 3]
+
+    @overload
+    def draw(self, ax: None = None) -> WholeAxes: ...
+
+    @overload
+    def draw(self, ax: Axes | None) -> Axes: ...
 
     def draw(self, ax: Axes | None = None) -> Axes:
         """Draw the map, the walks of people from a cross to a disc, and the drones' flights.

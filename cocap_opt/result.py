@@ -6,13 +6,15 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Self, overload
 
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.stop import Limit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from cocap_opt.drawing import WholeAxes
 
 
 class UnsupportedError(ValueError):
@@ -98,8 +100,18 @@ class Result:
         words = ", ".join(" ".join(line.split()) for line in self.summary().splitlines()[:5])
         return f"{type(self).__name__}({words})"
 
+    @overload
+    def plot(self, ax: None = None) -> "WholeAxes": ...
+
+    @overload
+    def plot(self, ax: "Axes | None") -> "Axes": ...
+
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the plan from above.
+
+        Parameters
+        ----------
+        ax : matplotlib axes; those of a figure of its own if not given
 
         Raises
         ------

@@ -26,3 +26,13 @@ def meant(word: str, known: Iterable[str]) -> str:
     """Returns a question after the known word that is most like another; nothing if none is."""
     close = get_close_matches(word, list(known), n=1)
     return f"; did you mean {close[0]}?" if close else ""
+
+
+def other_scene(theirs: str, own: str) -> str:
+    """Returns words for the scene that something was made for, where it is not one's own.
+
+    Both are named; two of one name differ in what they are.
+    """
+    if theirs != own:
+        return f"{shortened(printable(theirs))}, not {shortened(printable(own))}"
+    return f"{shortened(printable(own))} of another seed, content, rules or objective"

@@ -77,13 +77,14 @@ def test_examples_of_help_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     problem = co.load("tiny-queue")
     best = co.solve(problem)
     greedy, cocap = (co.plan(problem, name) for name in ("greedy", "cocap"))
-    at_hand = {"co": co, "Player": co.Player, "problem": problem, "greedy": greedy,
-               "cocap": cocap, "result": best, "best": best}  # fmt: skip
+    at_hand = {"co": co, "problem": problem, "greedy": greedy, "cocap": cocap, "result": best,
+               "best": best}  # fmt: skip
     ran = 0
-    for name in (*FUNCTIONS, "show_versions"):
+    for name in (*FUNCTIONS, "coverage", "Player", "show_versions"):
         if name != "gap":  # its example takes long; tests of the table are elsewhere
+            names: dict[str, Any] = dict(at_hand)
             for example in doctest.DocTestParser().get_examples(getattr(co, name).__doc__ or ""):
-                exec(example.source, dict(at_hand))
+                exec(example.source, names)
                 ran += 1
     assert ran > 10
 
@@ -444,12 +445,74 @@ def test_misuse_is_said_in_words(misuse: str) -> None:
 def test_a_plan_of_another_problem_is_not_shown_or_written(tmp_path: Path) -> None:
     """What cannot be flown in a problem is refused before a page or a file is made."""
     result, other = co.plan(co.load("tiny-queue")), co.load("corridor")
-    for call in (lambda: co.show(other, result), lambda: co.save(tmp_path / "x", result, other)):
-        with pytest.raises(ValueError, match=r"plan.*: paths"):
+    for call in (
+        lambda: co.show(other, result.plan),
+        lambda: co.save(tmp_path / "x", result.plan, other),
+    ):
+        with pytest.raises(ValueError, match=r"(plan|content).*: paths"):
             call()
     assert not any(tmp_path.iterdir())
     tuples = co.Plan(paths=[[tuple(state) for state in path] for path in result.plan.paths])
     assert co.check(co.load("tiny-queue"), tuples).reward == pytest.approx(result.value)
+
+
+def test_results_of_another_scene_are_refused_by_name(tmp_path: Path) -> None:
+    """One line names both scenes, wherever a result, its file or its certificate is given."""
+    scene, other = co.load("tiny-queue"), co.load("tiny-share")
+    result, best = co.plan(other, "greedy"), co.solve(other)
+    co.save(tmp_path / "plan.json", best)
+    plan = co.read(tmp_path / "plan.json", co.Plan)
+    for given in (result, best, plan):
+        for use in (
+            lambda given: co.verify(scene, given),
+            lambda given: co.show(scene, given),
+            lambda given: co.check(scene, given),
+            lambda given: co.explain(scene, given, best),
+            lambda given: co.solve(scene, start=given),
+            lambda given: co.bound(scene, start=given),
+            lambda given: co.save(tmp_path / "x.json", given, scene),
+        ):
+            with pytest.raises(ValueError, match=r"made for tiny-share, not tiny-queue; .* alone"):
+                use(given)
+    with pytest.raises(co.CertificateError, match="was made for tiny-share, not tiny-queue"):
+        co.verify(scene, best.certificate)
+    longer = scene.replace(horizon=scene.horizon + 1)
+    with pytest.raises(ValueError, match="start: cannot be flown in tiny-queue: "):
+        co.solve(longer, start=co.plan(scene).plan)
+    with pytest.raises(ValueError, match="start: it was made for tiny-queue of another seed, con"):
+        co.solve(longer, start=co.plan(scene))
+
+
+def test_plans_and_certificates_that_are_missing_are_refused(tmp_path: Path) -> None:
+    """None stands for the plan or the certificate of a result without one; a line says so."""
+    problem = co.load("tiny-queue")
+    lost = co.Result.without_plan(co.Reason.FAILED, "none was found")
+    with pytest.raises(ValueError, match="claims: must not be None; a result without a plan"):
+        co.verify(problem, lost.plan)
+    with pytest.raises(ValueError, match="plan: the result has no plan that could be checked"):
+        co.check(problem, lost.plan)
+    with pytest.raises(ValueError, match="content: must not be None; the result has no plan"):
+        co.save(tmp_path / "plan.json", lost.plan)
+
+
+def test_files_are_read_as_the_kind_that_is_asked_for(tmp_path: Path) -> None:
+    """Another kind of file is refused, so that type checkers may believe the kind."""
+    problem = co.load("tiny-queue")
+    best = co.solve(problem)
+    for name, content in (("scene", problem), ("plan", best), ("proof", best.certificate)):
+        co.save(tmp_path / f"{name}.json", content)
+    assert co.read(tmp_path / "plan.json", co.Plan) == best.plan
+    assert problem_digest(co.read(tmp_path / "scene.json", co.Problem)) == problem_digest(problem)
+    kind = type(best.certificate)
+    assert isinstance(co.read(tmp_path / "proof.json", kind), kind)
+    with pytest.raises(
+        co.FileError, match="format: must be 'cocap-opt plan', not"
+    ):
+        co.read(tmp_path / "scene.json", co.Plan)
+    with pytest.raises(
+        TypeError, match="kind: must be one of Problem, Plan, Cert"
+    ):
+        co.read(tmp_path / "scene.json", dict)
 
 
 def test_a_plan_that_was_read_is_for_the_problem_of_its_file(tmp_path: Path) -> None:
@@ -463,9 +526,9 @@ def test_a_plan_that_was_read_is_for_the_problem_of_its_file(tmp_path: Path) -> 
     assert co.check(problem, plan).reward == made.value
     co.verify(problem.replace(name="other"), plan)
     for use in (co.show, co.check, co.verify):
-        with pytest.raises(ValueError, match=r"plan.*: its file says that it was made for another"):
+        with pytest.raises(ValueError, match=r"plan.*: it was made for tiny-share of another seed"):
             use(other, plan)
-    with pytest.raises(ValueError, match="made for another problem"):
+    with pytest.raises(ValueError, match="content: it was made for tiny-share of another seed"):
         co.save(tmp_path / "again.json", plan, other)
     assert not (tmp_path / "again.json").exists()
     assert co.check(other, co.Plan(paths=plan.paths)).valid

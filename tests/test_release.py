@@ -58,7 +58,7 @@ def test_the_wheel_works_without_the_repository(tmp_path: Path) -> None:
         for path in (ROOT / name).rglob("*")
         if path.is_file() and path.suffix in (".py", ".js", ".css", ".html", ".ipynb", ".csv")
     }
-    assert {path.as_posix() for path in expected} <= within
+    assert {path.as_posix() for path in expected} | {"cocap_opt/py.typed"} <= within
     run([sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--no-compile",
          "--target", installed, wheel], tmp_path)  # fmt: skip
     alone = {"PYTHONPATH": str(installed), "COCAP_OPT_CACHE": str(tmp_path / "cache")}
@@ -72,6 +72,24 @@ def test_the_wheel_works_without_the_repository(tmp_path: Path) -> None:
     lines += ["import cocap_opt", "print(cocap_opt.__file__)"]
     found = run([sys.executable, "-c", "\n".join(lines)], tmp_path, **alone)
     assert Path(found.strip()) == installed / "cocap_opt" / "__init__.py"
+
+
+@pytest.mark.slow
+def test_type_checkers_find_an_editable_install(tmp_path: Path) -> None:
+    """It names the folder of the project in a .pth file, which they follow, unlike import hooks."""
+    source, built = tmp_path / "source", tmp_path / "built"
+    for name in PACKAGES:
+        (source / name).mkdir(parents=True)
+        (source / name / "__init__.py").touch()
+    for name in PUBLISHED[:3]:
+        shutil.copy(ROOT / name, source / name)
+    built.mkdir()
+    code = f"from setuptools.build_meta import build_editable; build_editable({str(built)!r})"
+    run([sys.executable, "-c", code], source)
+    (wheel,) = built.glob("*.whl")
+    with ZipFile(wheel) as content:
+        paths = [name for name in content.namelist() if name.endswith(".pth")]
+        assert [content.read(name).decode().strip() for name in paths] == [str(source)]
 
 
 def test_the_version_is_stated_once() -> None:

@@ -28,17 +28,27 @@ from cocap_opt.problem import Problem
 from cocap_opt.result import Result
 from cocap_opt.stop import Stop, never
 
-__all__ = ["LAZY", "PLANNERS", "RECOMMENDED", "Planner"]
+__all__ = ["LAZY", "PLANNERS", "RECOMMENDED", "NamedPlanner", "Planner"]
 
 
 class Planner(Protocol):
-    """A method that plans all robots of a problem, and proves nothing unless it says so."""
+    """A method that plans all robots of a problem, and proves nothing unless it says so.
+
+    Any function that takes a problem and a stop and returns a `Result` is one.
+    """
+
+    def __call__(self, problem: Problem, stop: Stop, /) -> Result:
+        """Plan a problem; at a limit, return the best plan so far."""
+
+
+class NamedPlanner(Planner, Protocol):
+    """A planner that has a name here; it can be called with a problem alone."""
 
     def __call__(self, problem: Problem, stop: Stop = never) -> Result:
         """Plan a problem; at a limit, return the best plan so far."""
 
 
-PLANNERS: Mapping[str, Planner] = MappingProxyType(
+PLANNERS: Mapping[str, NamedPlanner] = MappingProxyType(
     {
         "greedy": greedy,
         "greedy-rounds": greedy_rounds,

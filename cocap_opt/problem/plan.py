@@ -80,10 +80,16 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         """Digest of the problem that the plan's file says it is for; empty if nobody says it."""
         return str(vars(self).get("_made_for", ""))
 
-    def of_problem(self, digest: str) -> "Plan":
+    @property
+    def scene(self) -> str:
+        """Name of the problem that the plan's file says it is for; empty if nobody says it."""
+        return str(vars(self).get("_scene", ""))
+
+    def of_problem(self, digest: str, scene: str) -> "Plan":
         """Returns the same plan, which says what problem it was made for; it stays equal."""
         plan = Plan(paths=self.paths)
-        vars(plan)["_made_for"] = digest  # no field, for it is no part of what is flown
+        # No fields, for they are no part of what is flown.
+        vars(plan)["_made_for"], vars(plan)["_scene"] = digest, scene
         return plan
 
     def __repr__(self) -> str:

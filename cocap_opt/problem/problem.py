@@ -16,7 +16,7 @@ import math
 from collections.abc import Sequence
 from functools import cached_property
 from operator import eq
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, overload
 
 import msgspec
 import numpy as np
@@ -49,6 +49,8 @@ from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from cocap_opt.drawing import WholeAxes
 
 
 class _Paths(Protocol):
@@ -227,6 +229,15 @@ class Problem(Data, frozen=True, eq=False, dict=True):
     def _repr_html_(self) -> str:
         """Describes the problem in a notebook, with a picture."""
         return f"<p>{html.escape(repr(self))}</p>{self.top_view().image()}"
+
+    @overload
+    def plot(self, plan: "_Paths | None" = None, ax: None = None) -> "WholeAxes": ...
+
+    @overload
+    def plot(self, plan: "_Paths | None" = None, *, ax: "Axes | None") -> "Axes": ...
+
+    @overload
+    def plot(self, plan: "_Paths | None", ax: "Axes | None") -> "Axes": ...
 
     def plot(self, plan: "_Paths | None" = None, ax: "Axes | None" = None) -> "Axes":
         """Draws the scene from above, with the flights of a plan or the drones' starts.

@@ -8,8 +8,9 @@ from cocap_opt.files.messages import in_words
 from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
 from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.referee import Verdict
+from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Result
+from cocap_opt.text import other_scene
 
 Bound = CertificateFile | ProofFile
 
@@ -26,12 +27,19 @@ def require_problem(problem: object) -> None:
 
 
 def require_made_for(name: str, given: object, problem: Problem) -> None:
-    """Raises ValueError if a plan was read from a file that says it is for another problem."""
-    if isinstance(given, Plan) and given.made_for not in ("", problem_digest(problem)):
-        raise ValueError(
-            f"{name}: its file says that it was made for another problem (scene, seed, rules or "
-            "objective); Plan(paths=plan.paths) is the same plan, made for none"
-        )
+    """Raises ValueError if a result, or the file that a plan was read from, is of another problem.
+
+    The line names both, and how to use the plan all the same.
+    """
+    if isinstance(given, Plan) and given.made_for:
+        made_for, scene, way = given.made_for, given.scene, "Plan(paths=plan.paths)"
+    elif isinstance(given, Result) and given.problem is not None and given.problem is not problem:
+        made_for, scene, way = problem_digest(given.problem), given.problem.name, "result.plan"
+    else:
+        return
+    if made_for != problem_digest(problem):
+        which = other_scene(scene, problem.name)
+        raise ValueError(f"{name}: it was made for {which}; {way} is the plan alone, made for none")
 
 
 def require_flown(name: str, verdict: Verdict) -> None:
@@ -51,7 +59,9 @@ def plan_of(given: Plan | Result | None) -> Plan | None:
         raise ValueError(f"plan: {in_words(error, 'plan', Plan)}") from None
 
 
-def plan_for(problem: Problem, given: Plan | Result, purpose: str, name: str = "plan") -> Plan:
+def plan_for(
+    problem: Problem, given: Plan | Result | None, purpose: str, name: str = "plan"
+) -> Plan:
     """Returns a plan of a problem, of a result its plan.
 
     Parameters
@@ -62,13 +72,29 @@ def plan_for(problem: Problem, given: Plan | Result, purpose: str, name: str = "
     Raises
     ------
     ValueError
-        If the result has no plan, or the plan's file says that it is for another problem.
+        If the result has no plan, or is of another problem, or the plan's file says that it is.
     """
     require_problem(problem)
+    require_made_for(name, given, problem)
     plan = plan_of(given)
     if plan is None:
         raise ValueError(f"{name}: the result has no plan that could be {purpose}")
-    require_made_for("plan", given, problem)
+    return plan
+
+
+def start_for(problem: Problem, given: Plan | Result | None) -> Plan | None:
+    """Returns the plan that a method begins with, of a result its plan; None where there is none.
+
+    Raises
+    ------
+    ValueError
+        If it is of another problem, or cannot be flown in this one. A plan that breaks collision
+        rules is left to the method, which says so.
+    """
+    require_made_for("start", given, problem)
+    plan = plan_of(given)
+    if plan is not None and (violations := check(problem, plan).violations):
+        raise ValueError(f"start: cannot be flown in {problem.name}: {violations[0]}")
     return plan
 
 

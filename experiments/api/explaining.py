@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 
 def explain(
-    problem: Problem, plan: Plan | Result, certificate: Bound | CertifiedResult | None = None
+    problem: Problem,
+    plan: Plan | Result | None,
+    certificate: Bound | CertifiedResult | None = None,
 ) -> "pd.DataFrame":
     """Tell what the gap between a plan and a bound is made of, as terms that add up to it.
 
@@ -69,7 +71,7 @@ def explain(
     return frame
 
 
-def replans(problem: Problem, plan: Plan | Result) -> "pd.DataFrame":
+def replans(problem: Problem, plan: Plan | Result | None) -> "pd.DataFrame":
     """Plan each drone again past all others, which keep their paths, and tell what that gains.
 
     Parameters

@@ -1,6 +1,7 @@
 """The face's files: scenes of any format in, scenes, plans, certificates and proofs in and out."""
 
 from pathlib import Path
+from typing import TypeVar, overload
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from cocap_opt.experiments.api.arguments import (
     require_flown,
 )
 from cocap_opt.files.documents import (
+    Document,
     PlanFile,
     SceneFile,
     decode_document,
@@ -22,6 +24,8 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check as judge_plan
 from cocap_opt.result import Result
 from cocap_opt.scenarios import load_scene
+
+T = TypeVar("T", Problem, Plan, CertificateFile, ProofFile)
 
 
 def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
@@ -56,7 +60,9 @@ def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
 
 
 def save(
-    path: str | Path, content: Problem | Plan | Result | Bound, problem: Problem | None = None
+    path: str | Path,
+    content: Problem | Plan | Result | Bound | None,
+    problem: Problem | None = None,
 ) -> None:
     """Write a problem, a plan, a certificate or a proof to a file, whole or not at all.
 
@@ -72,13 +78,15 @@ def save(
         If the file cannot be written.
     ValueError
         If a plan comes without its problem, is for another or cannot be flown in it, or a result
-        has no plan.
+        has no plan, or no certificate, so that `content` is None.
 
     Examples
     --------
     >>> co.save("plan.json", result)
     >>> co.save("certificate.json", best.certificate)
     """
+    if content is None:
+        raise ValueError("content: must not be None; the result has no plan or certificate")
     words = "a problem, a plan, a result, a certificate or a proof"
     require(content, "content", words, Problem, Plan, Result, CertificateFile, ProofFile)
     if isinstance(content, Result):
@@ -91,12 +99,22 @@ def save(
     document.save(Path(path))
 
 
-def read(path: str | Path) -> Problem | Plan | Bound:
+@overload
+def read(path: str | Path) -> Problem | Plan | Bound: ...
+
+
+@overload
+def read(path: str | Path, kind: type[T]) -> T: ...
+
+
+def read(path: str | Path, kind: type | None = None) -> Problem | Plan | Bound:
     """Read a file that this project has written: a scene, a plan, a certificate or a proof.
 
     Parameters
     ----------
     path : the file; `load` reads scenes of other kinds
+    kind : `Problem`, `Plan`, `CertificateFile` or `ProofFile`, if it must be one of these, as which
+        type checkers then know it
 
     Returns
     -------
@@ -107,22 +125,34 @@ def read(path: str | Path) -> Problem | Plan | Bound:
     Raises
     ------
     FileError
-        If it is none of these, or is damaged; one line says what is wrong.
+        If it is none of these, another than `kind`, or is damaged; one line says what is wrong.
+    TypeError
+        If `kind` is none of the four.
 
     Examples
     --------
-    >>> plan = co.read("plan.json")
+    >>> plan = co.read("plan.json", co.Plan)
+    >>> co.check(problem, plan).reward
     """
-    name = Path(path)
-    found = decode_document(
-        read_bytes(name), str(name), SceneFile, PlanFile, CertificateFile, ProofFile
-    )
+    name, kinds = Path(path), list(_DOCUMENTS.values())
+    if kind is not None:
+        if kind not in _DOCUMENTS:
+            words = ", ".join(known.__name__ for known in _DOCUMENTS)
+            raise TypeError(f"kind: must be one of {words}, not {kind!r}")
+        kinds = [_DOCUMENTS[kind]]
+    found = decode_document(read_bytes(name), str(name), *kinds)
     if isinstance(found, SceneFile):
         return found.problem
     if isinstance(found, PlanFile):
-        return found.plan.of_problem(found.digest)
+        return found.plan.of_problem(found.digest, found.scene)
     assert isinstance(found, CertificateFile | ProofFile)
     return found
+
+
+# What is read, and the documents that it is written in.
+_DOCUMENTS: dict[type, type[Document]] = {
+    Problem: SceneFile, Plan: PlanFile, CertificateFile: CertificateFile, ProofFile: ProofFile
+}  # fmt: skip
 
 
 def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def trajectory(
     problem: Problem,
-    plan: Plan | Result,
+    plan: Plan | Result | None,
     *,
     smooth: bool = False,
     step: float | None = None,
@@ -75,7 +75,7 @@ def trajectory(
 
 def robustness(
     problem: Problem,
-    plan: Plan | Result,
+    plan: Plan | Result | None,
     *,
     smooth: bool = False,
     step: float | None = None,

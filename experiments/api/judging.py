@@ -24,7 +24,7 @@ from cocap_opt.referee import check as judge_plan
 from cocap_opt.result import Reason, Result
 
 
-def check(problem: Problem, plan: Plan | Result) -> Verdict:
+def check(problem: Problem, plan: Plan | Result | None) -> Verdict:
     """Ask the referee if a plan can be flown, which rules it breaks, and what its J is.
 
     The referee trusts no planner; it recomputes everything by slow, obvious loops.
@@ -32,7 +32,7 @@ def check(problem: Problem, plan: Plan | Result) -> Verdict:
     Parameters
     ----------
     problem : that the plan is for
-    plan : a plan, or a result that has one
+    plan : a plan, or a result that has one; None, which a result without a plan has, is refused
 
     Returns
     -------
@@ -51,7 +51,9 @@ def check(problem: Problem, plan: Plan | Result) -> Verdict:
     return judge_plan(problem, plan_for(problem, plan, "checked"))
 
 
-def verify(problem: Problem, *claims: Plan | Result | Bound, networkx: bool = False) -> Verified:
+def verify(
+    problem: Problem, *claims: Plan | Result | Bound | None, networkx: bool = False
+) -> Verified:
     """Check plans, certificates and proofs, trusting nobody and calling no solver.
 
     Parameters
@@ -74,36 +76,45 @@ def verify(problem: Problem, *claims: Plan | Result | Bound, networkx: bool = Fa
     TooLargeError
         If networkx would take longer than some minutes.
     ValueError
-        If a plan is for another problem, breaks a rule or cannot be flown, its J is not the one
-        claimed or above the bound, a result claims a lower bound than its certificate, there are
-        two plans, nothing to check, or a result has a bound, such as that of brute force, and no
-        certificate is among the claims. Its plan alone, `result.plan`, can be checked.
+        If a plan or a result is for another problem, a plan breaks a rule or cannot be flown, its J
+        is not the one claimed or above the bound, a result claims a lower bound than its
+        certificate, there are two plans, nothing to check, or a result has a bound, such as that of
+        brute force, and no certificate is among the claims. Its plan alone, `result.plan`, can be
+        checked. A claim that is None, as the plan of a result without one, is refused, too.
 
     Examples
     --------
-    >>> co.verify(problem, result.plan, result.certificate).gap
+    >>> co.verify(problem, result.plan, best.certificate).gap
     """
     require_problem(problem)
-    for claim in claims:
-        words = "a plan, a result, a certificate or a proof; `read` reads files of them"
-        require(claim, "claims", words, Plan, Result, CertificateFile, ProofFile)
-        require_made_for("plan", claim, problem)
-    plans = [p for p in map(_plan_in, claims) if p is not None]
-    bounds = [b for b in map(bound_in, claims) if b is not None]
+    given = [_claim(claim, problem) for claim in claims]
+    plans = [p for p in map(_plan_in, given) if p is not None]
+    bounds = [b for b in map(bound_in, given) if b is not None]
     if len(plans) > 1:
         raise ValueError("claims: name at most one plan")
     if not bounds:
-        _require_checkable(claims, plans)
+        _require_checkable(given, plans)
     model = Model(problem, use_cache=False) if bounds else None
     proved = [ProvedBound.of(model, file, networkx) for file in bounds if model is not None]
-    for claim in claims:
+    for claim in given:
         if isinstance(claim, Result):
             _require_consistent(claim)
-    values = [one.value for one in claims if isinstance(one, Result) and one.plan is not None]
+    values = [one.value for one in given if isinstance(one, Result) and one.plan is not None]
     verified = Verified.of(problem, plans[0] if plans else None, values=values, bounds=proved)
     if verified.violations:
         raise ValueError(verified.violations[0])
     return verified
+
+
+def _claim(claim: Plan | Result | Bound | None, problem: Problem) -> Plan | Result | Bound:
+    """Returns a claim that can be checked; refuses what is none, or is about another problem."""
+    if claim is None:
+        words = "a result without a plan or a certificate has none that could be checked"
+        raise ValueError(f"claims: must not be None; {words}")
+    words = "a plan, a result, a certificate or a proof; `read` reads files of them"
+    require(claim, "claims", words, Plan, Result, CertificateFile, ProofFile)
+    require_made_for("plan", claim, problem)
+    return claim
 
 
 def _require_consistent(claim: Result) -> None:

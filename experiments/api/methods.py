@@ -1,18 +1,16 @@
 """The face's planners, bounds and exact methods: by name or callable, with a limit."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
-from cocap_opt.experiments.api.arguments import plan_of, require, require_problem
+from cocap_opt.experiments.api.arguments import require, require_problem, start_for
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import (
     OPTIMALITY,
-    BoundMethod,
     CertifiedResult,
-    ExactMethod,
     Report,
     proved_reason,
     silent,
@@ -24,6 +22,15 @@ from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, never
 
 M = TypeVar("M")
 R = TypeVar("R", bound=Result)
+
+# What is called here: methods of one's own need no defaults.
+_Bound = Callable[[Problem, Stop, Plan | None, Report], CertifiedResult]
+
+
+class _Exact(Protocol):
+    def __call__(
+        self, problem: Problem, stop: Stop, start: Plan | None, report: Report, /, *, gap: float
+    ) -> CertifiedResult: ...
 
 
 def plan(
@@ -69,7 +76,7 @@ def plan(
 
 def bound(
     problem: Problem,
-    method: str | BoundMethod = "column-generation",
+    method: str | _Bound = "column-generation",
     *,
     time_limit: float | None = None,
     stop: Stop = never,
@@ -97,7 +104,8 @@ def bound(
     UnsupportedError
         If the method takes no such problems.
     ValueError
-        If there is no method of this name, or the time limit is negative.
+        If there is no method of this name, the time limit is negative, or the start is a plan of
+        another problem or cannot be flown.
 
     Examples
     --------
@@ -105,13 +113,14 @@ def bound(
     """
     call, clock = _named("method", method, BOUNDS), Clock()
     require_problem(problem)
-    result = call(problem, _limits(time_limit, stop), plan_of(start), report)
+    begin = start_for(problem, start)
+    result = call(problem, _limits(time_limit, stop), begin, report)
     return _whole(result, problem, method, clock)
 
 
 def solve(
     problem: Problem,
-    method: str | ExactMethod = "branch-and-price",
+    method: str | _Exact = "branch-and-price",
     *,
     time_limit: float | None = None,
     stop: Stop = never,
@@ -143,7 +152,8 @@ def solve(
     UnsupportedError
         If the method takes no such problems, or a solver that it needs is not installed.
     ValueError
-        If there is no method of this name, the time limit is negative, or `gap` is not in [0, 1).
+        If there is no method of this name, the time limit is negative, `gap` is not in [0, 1), or
+        the start is a plan of another problem or cannot be flown.
 
     Examples
     --------
@@ -154,8 +164,9 @@ def solve(
     if not 0 <= gap < 1:
         raise ValueError(f"gap: must be at least 0 and less than 1, not {gap}")
     call, clock = _named("method", method, EXACT), Clock()
+    begin = start_for(problem, start)
     stop = _limits(time_limit, stop)
-    result = call(problem, stop, plan_of(start), report, gap=max(gap, OPTIMALITY))
+    result = call(problem, stop, begin, report, gap=max(gap, OPTIMALITY))
     result = _whole(result, problem, method, clock)
     return replace(result, reason=proved_reason(result.reason, result.bound, result.gap))
 

@@ -20,15 +20,17 @@ if TYPE_CHECKING:
 
 
 def show(
-    problem: Problem, *plans: Plan | Result, certificate: Bound | CertifiedResult | None = None
+    problem: Problem,
+    *plans: Plan | Result | None,
+    certificate: Bound | CertifiedResult | None = None,
 ) -> "Player":
     """Play plans side by side, inline in a notebook; `.save("plans.html")` writes the page.
 
     Parameters
     ----------
     problem : that the plans are for
-    plans : plans, or results that have one, whose J is in their titles; without any the drones are
-        shown at their starts
+    plans : plans, or results that have one, whose J is in their titles; who has none, or None, is
+        left out, and without any the drones are shown at their starts
     certificate : a certificate, a proof or a result that has one, by which the player tells the
         bound, what is proved of each plan, and what is lost by leaving each step
 
@@ -42,8 +44,8 @@ def show(
     CertificateError
         If the certificate belongs to another problem, is not valid, or claims too low a bound.
     ValueError
-        If a plan cannot be flown in this problem, or its file says that it is for another; one
-        that breaks collision rules is shown.
+        If a plan cannot be flown in this problem, or it is known to be for another; one that breaks
+        collision rules is shown.
 
     Examples
     --------
@@ -53,9 +55,10 @@ def show(
     from cocap_opt.experiments.report.player import Player
 
     require_problem(problem)
-    known = [(given, own) for given in plans if (own := plan_of(given)) is not None]
-    for n, (given, own) in enumerate(known, 1):
+    for n, given in enumerate(plans, 1):
         require_made_for(f"plan {n}", given, problem)
+    known = [(given, own) for given in plans if given and (own := plan_of(given)) is not None]
+    for n, (_, own) in enumerate(known, 1):
         require_flown(f"plan {n}", judge_plan(problem, own))
     gaps = []
     if certificate is not None and known:

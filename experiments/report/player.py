@@ -42,7 +42,7 @@ class Player:
 
     Examples
     --------
-    >>> Player(problem, [("greedy", greedy.plan), ("CoCap", cocap.plan)]).save("plans.html")
+    >>> co.show(problem, greedy, cocap).save("plans.html")
     """
 
     def __init__(

@@ -22,7 +22,7 @@ from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import read_foreign_plan, scene_of_plan
-from cocap_opt.text import printable, shortened
+from cocap_opt.text import other_scene, printable, shortened
 
 log = logging.getLogger(__name__)
 RowT = TypeVar("RowT", bound=tuple[Any, ...])
@@ -189,12 +189,11 @@ def _require_made_for(problem: Problem, file: PlanFile, path: Path) -> None:
     """Raises a FileError if a plan was made for another scene; another name alone is logged."""
     own, other = shortened(printable(problem.name)), shortened(printable(file.scene))
     if file.digest != problem_digest(problem):
-        which = (
-            f"scene: the plan was made for {other}, not {own}"
-            if file.scene != problem.name
-            else f"digest: the plan was made for {own} of another seed, content, rules or "
-            "objective, or its file has changed since"
+        alike = file.scene == problem.name
+        field, since = ("digest", ", or its file has changed since") if alike else ("scene", "")
+        raise FileError(
+            f"{path}: {field}: the plan was made for {other_scene(file.scene, problem.name)}{since}"
+            "; name the scene and seed that it is for"
         )
-        raise FileError(f"{path}: {which}; name the scene and seed that it is for")
     if file.scene != problem.name:
         log.warning("%s: was made for %s, which is the same scene as %s", path, other, own)

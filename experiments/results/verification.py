@@ -21,6 +21,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import Stop, never
+from cocap_opt.text import other_scene
 
 Progress = Callable[[int, int], None]
 
@@ -178,7 +179,8 @@ class Verified:
         if self.verdict is None:
             return
         if claimed is not None and claimed.digest != problem_digest(self.problem):
-            yield "digest: the plan belongs to another scene, seed, rules or objective"
+            which = other_scene(claimed.scene, self.problem.name)
+            yield f"digest: the plan was made for {which}"
         yield from self.verdict.violations
         yield from self.verdict.conflicts
         if self.verdict.violations:

@@ -17,6 +17,7 @@ from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
 from cocap_opt.stop import LimitReached, Stop, never
+from cocap_opt.text import other_scene
 
 
 def certify(
@@ -67,9 +68,8 @@ def verify(
     """
     proof = isinstance(file, ProofFile)
     if file.digest != problem_digest(problem):
-        raise CertificateError(
-            f"digest: the {'proof' if proof else 'certificate'} belongs to another scene"
-        )
+        what, which = "proof" if proof else "certificate", other_scene(file.scene, problem.name)
+        raise CertificateError(f"digest: the {what} was made for {which}")
     model = Model(problem, use_cache=False) if model is None else model
     model = model.disaggregated() if file.classes == "single" else model
     try:
