@@ -505,13 +505,9 @@ def test_files_are_read_as_the_kind_that_is_asked_for(tmp_path: Path) -> None:
     assert problem_digest(co.read(tmp_path / "scene.json", co.Problem)) == problem_digest(problem)
     kind = type(best.certificate)
     assert isinstance(co.read(tmp_path / "proof.json", kind), kind)
-    with pytest.raises(
-        co.FileError, match="format: must be 'cocap-opt plan', not"
-    ):
+    with pytest.raises(co.FileError, match="format: must be 'cocap-opt plan', not"):
         co.read(tmp_path / "scene.json", co.Plan)
-    with pytest.raises(
-        TypeError, match="kind: must be one of Problem, Plan, Cert"
-    ):
+    with pytest.raises(TypeError, match="kind: must be one of Problem, Plan, Cert"):
         co.read(tmp_path / "scene.json", dict)
 
 
