@@ -52,7 +52,8 @@ OFF = Kind("an OFF", f"a mesh, {_MESH}")
 STL = Kind("an STL", f"a mesh, {_MESH}")
 MESHES = GLB, PLY, OFF, STL, JSON  # a .gltf is JSON
 
-_JSON_LINES = Kind("JSON lines (as of TrajNet++)", f"read each line as JSON, and {_PEOPLE}")
+_JSON_LINES = Kind("JSON lines (as of TrajNet++)", f"read each line as JSON, and {_PEOPLE}; in "
+                   "TrajNet++ p is an id, and f a frame")  # fmt: skip
 _ZIP = Kind("a ZIP archive", _UNPACK)
 _KMZ = Kind("a KMZ", f"unzip it; it holds KML: {_GPSBABEL}")
 _EXCEL = Kind("an Excel or other Office file", "save its table as CSV in UTF-8")

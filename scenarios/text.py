@@ -61,6 +61,8 @@ def read_text(path: Path, takes: Collection[Kind] = ()) -> str:
         raise ProblemError(f"cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ProblemError(no_text(error)) from error
+    if "\0" in text:
+        raise ProblemError("must be a text file in UTF-8; it has characters NUL, as UTF-16 has")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 

@@ -40,6 +40,7 @@ _TIMES = {
 _TIME_UNITS = {word: unit for unit, words in _TIMES.items() for word in words.split()}
 _NO_UNIT = {"utc", "gmt", "local", "iso", "iso8601", "unix", "epoch"}  # what else may stand there
 
+_NONE = {"", "-", "--", "n/a", "na", "none", "nan", "unitless"}  # what is no unit, below a header
 _TIME_SUFFIXES = "|".join(_TIME_UNITS)
 # As in "x/m", "x [m]" and "x_m", where any word but an axis is a unit.
 _UNIT_OF_NAME = re.compile(
@@ -235,9 +236,10 @@ def _spelt(word: str) -> str:
 
 
 def _of_row(field: str) -> str:
-    """Returns the unit that a field of a row of units states, maybe in brackets."""
+    """Returns the unit that a field of a row of units states, maybe in brackets; "" if none."""
     found = _IN_BRACKETS.fullmatch(field)
-    return _short(found[1] if found else field)
+    unit = _short(found[1] if found else field)
+    return "" if unit in _NONE else unit
 
 
 def _short(unit: str) -> str:

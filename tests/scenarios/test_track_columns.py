@@ -178,6 +178,7 @@ def test_frames_that_are_times_are_asked_about(tmp_path: Path) -> None:
         ("t;id;x;y;z\nms;-;cm;cm;cm\n500;0;100;200;170\n", {}),
         ("t\tid\tx\ty\tz\n[s]\t[-]\t[mm]\t[mm]\t[mm]\n0.5\t0\t1000\t2000\t1700\n", {}),
         ("id,frame,x,y,z\n,,cm,cm,cm\n0,5,100,200,170\n", {"fps": 10}),
+        ("id,t,x,y,z\nnone,-,cm,cm,n/a\n0,0.5,100,200,170\n", {}),
         ("id frame x y z\n- - (m) (m) (m)\n0 5 1 2 1.7\n", {"fps": 10}),
         ("# from a simulation\nt,id,x/m,y/m,z/m\nseconds,,metres,m,m\n0.5,0,1,2,1.7\n", {}),
         ("a,b,c,d,e\ns,,m,m,m\n0.5,0,1,2,1.7\n", {"columns": ("time", "id", "x", "y", "z")}),
@@ -288,6 +289,13 @@ def test_tables_of_spreadsheets_are_read(
     (tmp_path / "some.txt").write_bytes((mark + text).encode(encoding))
     (found,) = Track.read_all(tmp_path / "some.txt", unit="m")
     assert (found.id, found.points.tolist()) == ("zo\u00eb", [[1.0, 2.0]])
+
+
+def test_utf_16_without_its_mark_is_named(tmp_path: Path) -> None:
+    """Its bytes are those of UTF-8, too, with a NUL after each."""
+    (tmp_path / "some.txt").write_bytes("id,t,x,y\n1,0,1,2\n".encode("utf-16-le"))
+    with pytest.raises(ProblemError, match="must be a text file in UTF-8; it has characters NUL"):
+        Track.read_all(tmp_path / "some.txt", unit="m")
 
 
 def test_decimal_commas_are_named(tmp_path: Path) -> None:
