@@ -56,6 +56,7 @@ _JSON_LINES = Kind("JSON lines (as of TrajNet++)", f"read each line as JSON, and
                    "TrajNet++ p is an id, and f a frame")  # fmt: skip
 _ZIP = Kind("a ZIP archive", _UNPACK)
 _KMZ = Kind("a KMZ", f"unzip it; it holds KML: {_GPSBABEL}")
+_MESH_ARCHIVE = Kind("a 3MF or USDZ", _TO_MESH)
 _EXCEL = Kind("an Excel or other Office file", "save its table as CSV in UTF-8")
 _OPEN_DOCUMENT = Kind("an OpenDocument file", "save its table as CSV in UTF-8")
 _NPZ = Kind("an archive of NumPy arrays", f"numpy.savetxt writes one as text: {_PEOPLE}")
@@ -68,6 +69,13 @@ _BYTES: dict[bytes | tuple[int, bytes], Kind] = {
     b"\x89HDF\r\n\x1a\n": Kind("HDF5", "write its dataset of trajectories as text, with the "
                                "columns id frame x y; if it is NetCDF, gdal_translate writes its "
                                "heights as .tif"),
+    (8, b"DUCK"): Kind("a DuckDB database", f"its COPY writes CSV: {_PEOPLE}"),
+    (4, b"Standard Jet DB"): Kind("an Access database", f"save its table as CSV: {_PEOPLE}"),
+    (4, b"Standard ACE DB"): Kind("an Access database", f"save its table as CSV: {_PEOPLE}"),
+    b"PGDMP": Kind("a dump of PostgreSQL", f"restore it, and {_PEOPLE}"),
+    b"-- PostgreSQL database dump": Kind("a dump of PostgreSQL", f"restore it, and {_PEOPLE}"),
+    b"--\n-- PostgreSQL database dump": Kind("a dump of PostgreSQL", f"restore it, and {_PEOPLE}"),
+    b"-- MySQL dump": Kind("a dump of MySQL", f"restore it, and {_PEOPLE}"),
     b"CDF\x01": Kind("NetCDF", _TO_MAP),
     b"CDF\x02": Kind("NetCDF", _TO_MAP),
     b"CDF\x05": Kind("NetCDF", _TO_MAP),
@@ -97,6 +105,7 @@ _BYTES: dict[bytes | tuple[int, bytes], Kind] = {
     (257, b"ustar"): Kind("a tar archive", _UNPACK),
     b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1": Kind("an old Excel or Word file",
                                               "save its table as CSV in UTF-8"),
+    b"{\\rtf": Kind("rich text", "save it as plain text in UTF-8"),
     b"%PDF": Kind("a PDF", "it has pages, no heights or positions: ask for the data behind it"),
     b"\x89PNG\r\n\x1a\n": Kind("a PNG", _PICTURE),
     b"\xff\xd8\xff": Kind("a JPEG", _PICTURE),
@@ -233,6 +242,8 @@ def _closer(kind: Kind, begin: bytes) -> Kind:
         return _KMZ
     if first.endswith(b".npy"):
         return _NPZ
+    if first.endswith((b".usdc", b".usda", b".usd", b".model")) or b"3D/" in begin:
+        return _MESH_ARCHIVE
     if first.startswith((b"[Content_Types]", b"_rels/", b"xl/", b"docProps/")):
         return _EXCEL
     is_document = first == b"mimetype" and b"opendocument" in begin[38:120]

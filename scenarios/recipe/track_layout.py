@@ -86,12 +86,7 @@ class Layout(NamedTuple):
             # All fields are looked at, since an id may be a word.
             is_row = any(map(is_number, fields))
             if not (is_row or below) and (header or any(comments)) and is_units(fields):
-                below = fields
-                if header and len(header) != len(below):
-                    raise ProblemError(
-                        f"line {line}: must have a unit, or nothing, for each of {len(header)} "
-                        f"columns, not {len(below)}"
-                    )
+                below = _units_of(content, fields, header, line)
                 continue
             if header is None and not is_row:
                 header = fields
@@ -204,6 +199,19 @@ def require_values(line: int, count: int, row: list[str], delimiter: str | None)
             f"line {line}: must have {count} values, not {len(row)}"
             + ("; are commas decimal? Decimals must have points" if cut else "")
         )
+
+
+def _units_of(content: str, fields: list[str], header: list[str] | None, line: int) -> list[str]:
+    """Returns the fields of a row of units, of which some may be empty."""
+    if header is None or len(header) == len(fields):
+        return fields
+    between = fields_of(content, "\t")
+    if len(header) == len(between):
+        return between
+    raise ProblemError(
+        f"line {line}: must have a unit, or - for none, for each of {len(header)} columns, not "
+        f"{len(fields)}"
+    )
 
 
 def _separator(line: str) -> str:

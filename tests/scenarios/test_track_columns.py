@@ -178,6 +178,7 @@ def test_frames_that_are_times_are_asked_about(tmp_path: Path) -> None:
         ("t;id;x;y;z\nms;-;cm;cm;cm\n500;0;100;200;170\n", {}),
         ("t\tid\tx\ty\tz\n[s]\t[-]\t[mm]\t[mm]\t[mm]\n0.5\t0\t1000\t2000\t1700\n", {}),
         ("id,frame,x,y,z\n,,cm,cm,cm\n0,5,100,200,170\n", {"fps": 10}),
+        ("id\tt\tx\ty\tz\n\ts\tm\tm\tm\n0\t0.5\t1\t2\t1.7\n", {}),
         ("id,t,x,y,z\nnone,-,cm,cm,n/a\n0,0.5,100,200,170\n", {}),
         ("id frame x y z\n- - (m) (m) (m)\n0 5 1 2 1.7\n", {"fps": 10}),
         ("# from a simulation\nt,id,x/m,y/m,z/m\nseconds,,metres,m,m\n0.5,0,1,2,1.7\n", {}),
@@ -208,10 +209,14 @@ def test_units_stand_below_the_header(tmp_path: Path, text: str, options: dict[s
         (
             "t,id,x,y\ns,,px,px\n0,0,1,2\n",
             {"unit": "m"},
-            "unit: must be m, cm, mm, ft, but the file",
+            "unit: must be m, cm, mm, ft",
         ),
         ("t,id,x,y\nmin,,m,m\n0,0,1,2\n", {}, "time: must be in s, ms, us, ns, not min"),
-        ("t,id,x,y\ns,m,m\n0,0,1,2\n", {}, "line 2: must have a unit, or nothing, for each of 4"),
+        (
+            "t,id,x,y\ns,m,m\n0,0,1,2\n",
+            {},
+            "line 2: must have a unit, or - for none, for each of 4",
+        ),
         (
             "t,id,x,y\nfloat,int,float,float\n0,0,1,2\n",
             {"unit": "m"},
