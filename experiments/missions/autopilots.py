@@ -32,7 +32,7 @@ Defaults of PX4's parameters are those of mc_pos_control and navigator (1.15).
 
 import math
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from cocap_opt.experiments.missions.items import (
     CLIMB,
@@ -114,6 +114,10 @@ class Autopilot(NamedTuple):
     holds: str
     ceiling: str
     note: str
+
+    def holding(self, most: int) -> Self:
+        """Returns the autopilot on a board that holds so many items."""
+        return self if most == self.most else self._replace(most=most, holds="as it was told")
 
     def items(self, route: Route) -> list[Item]:
         """Returns the items of a drone's mission."""

@@ -20,12 +20,12 @@ _ABOVE_TAKEOFF = 1  # QGroundControl's altitude mode
 
 def px4_plan(flight: Flight, every: float | None, most: int = PX4.most) -> Export:
     """Returns a plan for each drone, of a straight flight in a scene with a place on the Earth."""
-    return _plan(flight, every, PX4._replace(most=most))
+    return _plan(flight, every, PX4.holding(most))
 
 
 def ardupilot_plan(flight: Flight, every: float | None, most: int = ARDUPILOT.most) -> Export:
     """Returns the same for ArduPilot."""
-    return _plan(flight, every, ARDUPILOT._replace(most=most))
+    return _plan(flight, every, ARDUPILOT.holding(most))
 
 
 def _plan(flight: Flight, every: float | None, autopilot: Autopilot) -> Export:

@@ -18,7 +18,7 @@ _ABSOLUTE = 0  # MAV_FRAME_GLOBAL
 
 def waypoint_list(flight: Flight, every: float | None, most: int = ARDUPILOT.most) -> Export:
     """Returns a list for each drone, of a straight flight in a scene with a place on the Earth."""
-    return waypoint_mission(flight, every, ARDUPILOT._replace(most=most), _text, has_fence=False)
+    return waypoint_mission(flight, every, ARDUPILOT.holding(most), _text, has_fence=False)
 
 
 def _text(mission: Mission) -> bytes:

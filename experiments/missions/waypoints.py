@@ -215,12 +215,22 @@ def _fences(
                 f"{zone.name}, is not in the geofence, for a drone flies above or below it and a "
                 "geofence has no heights"
             )
-    problem = flight.flown.problem
-    if problem.airspace.ceiling is not None:
-        yield (
-            f"the ceiling, {problem.airspace.ceiling:g} m {over_datum(problem)}, is not in these "
-            f"files: {autopilot.ceiling} of {autopilot.title} is one above the take-off"
-        )
+    yield from _ceiling(flight, autopilot)
+
+
+def _ceiling(flight: Flight, autopilot: Autopilot) -> Iterator[str]:
+    """Yields what the ceiling is above the take-offs, which files of missions do not say."""
+    problem, ceiling = flight.flown.problem, flight.flown.problem.airspace.ceiling
+    if ceiling is None:
+        return
+    altitude, surface = problem.height_map.altitude, problem.height_map.heights
+    starts = [robot.start for robot in problem.robots]
+    least = min(altitude(s.x, s.y, ceiling) - float(surface[s.x, s.y]) for s in starts)
+    yield (
+        f"the ceiling, {ceiling:g} m {over_datum(problem)}, is not in these files: set "
+        f"{autopilot.ceiling} of {autopilot.title}, which is above the take-off, to {least:.4g} m "
+        "or less"
+    )
 
 
 def _asked(flight: Flight) -> CollisionRules:

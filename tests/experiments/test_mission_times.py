@@ -212,6 +212,22 @@ def test_px4_has_one_speed_a_leg_and_ardupilot_one_of_each_kind() -> None:
                 assert 16 in rest  # a leg follows
 
 
+RECIPE = """
+steps = 3
+step = 4
+[map]
+size = [12, 8]
+[earth]
+crs = "EPSG:25830"
+latitude = 43.26
+longitude = -2.93
+[[drones]]
+starts = [{ x = 2.5, y = 2.5, height = 4 }]
+[drones.motion]
+layers = [4, 6]
+"""
+
+
 def test_legs_that_cannot_be_flown_in_time_are_said() -> None:
     """Which legs, by how much, by which parameter; they are among the warnings."""
     hasty = flight_of(WAYS["climbs on its way"], 0.5)
@@ -227,6 +243,25 @@ def test_legs_that_cannot_be_flown_in_time_are_said() -> None:
     assert other.facts["late"] == 0 and "NOT IN TIME" not in said(other)
     calm = WRITERS[".plan"](flight_of(WAYS["climbs on its way"]), None)
     assert calm.facts["late"] == 0 and calm.warnings == ()
+
+
+def test_a_warning_comes_before_the_files(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """It is logged before they are written, which is standard error, and among the notes."""
+    scene, plan = tmp_path / "a.toml", tmp_path / "plan.json"
+    scene.write_text(RECIPE.replace("step = 4", "step = 1"))
+    problem = co.load(scene)
+    (start,) = (robot.start for robot in problem.robots)
+    path = (start, *(start._replace(layer=k) for k in (1, 0, 1)))
+    co.save(plan, Plan(paths=(path,)), problem)
+    for ending, count in ((".plan", 1), (".waypoints", 0)):
+        caplog.clear()
+        run = Run(capsys, "fly", scene, plan, "-o", tmp_path / f"f{ending}", "--json")
+        assert run.code == 0 and len(run.json["files"]) == 1
+        assert (run.json["late"] > 0.3) == (count > 0)
+        warned = [line for line in caplog.messages if "NOT IN TIME" in line]
+        assert len(warned) == count == sum("NOT IN TIME" in note for note in run.json["notes"])
 
 
 def test_waits_before_a_leg_are_said_beside_the_delay_tolerance() -> None:
@@ -275,20 +310,6 @@ def test_a_battery_lasts_for_the_way_up_and_the_wait_too() -> None:
         for ending in (".plan", ".waypoints"):
             with pytest.raises(ProblemError, match=r"it is 26 s in the air, 14 s of them .* 25.9"):
                 WRITERS[ending](limited, None)
-
-
-RECIPE = """
-steps = 3
-step = 4
-[map]
-size = [12, 8]
-[[drones]]
-starts = [{ x = 2.5, y = 2.5 }]
-[earth]
-crs = "EPSG:25830"
-latitude = 43.26
-longitude = -2.93
-"""
 
 
 def test_the_autopilot_is_chosen_and_named(
