@@ -124,6 +124,14 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
         f"plan scene.toml --planner sequential -o plan.json; {FLY}",
         swapped("scene.toml", "people = 3.5", "people = 4.5"),
     ),
+    "--items: must be given where the board holds more": (
+        "fly scene.toml plan.json --margin 0.5 --items 9 -o bad.plan", lambda: None,
+    ),
+    "cannot fly this mission: from the take-off": (
+        "plan scene.toml --planner sequential -o plan.json; "
+        "fly scene.toml plan.json --margin 0.5 -o bad.plan",
+        swapped("scene.toml", "endurance = 1200", "endurance = 20"),
+    ),
     "--smooth: must be left out, for waypoints have straight legs": (
         FLY.replace("bad.csv", "bad.plan --margin 0.5"), lambda: None,
     ),
