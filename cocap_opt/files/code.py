@@ -34,7 +34,7 @@ def code_digest(*modules: str) -> str:
     """
     digest = hashlib.sha256()
     for module in sorted({inner for name in modules for inner in _modules(name)}):
-        digest.update(f"\n# module {module}\n{_normal_form(_text(module))}".encode())
+        digest.update(f"\n# module {module}\n{normal_form(_text(module))}".encode())
     return digest.hexdigest()
 
 
@@ -64,7 +64,7 @@ def _text(module: str) -> str:
 
 
 @cache  # coverage and results each have a digest, of modules that are largely the same
-def _normal_form(text: str) -> str:
+def normal_form(text: str) -> str:
     """Returns code without docstrings, comments and its own layout."""
     tree = ast.parse(text)
     for node in ast.walk(tree):

@@ -6,7 +6,7 @@ They are JSON with a format and a version, read strictly, and written whole or n
 import hashlib
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_type_hints
 
 import msgspec
 import numpy as np
@@ -17,6 +17,11 @@ from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.stop import Limit
+
+# Those of `cocap_opt.result`, which is no part of what must be trusted to check a certificate.
+_Reason = Literal["optimal", "finished", "infeasible", "failed", "unsupported", "stopped"]
+_Amount = Annotated[float, msgspec.Meta(ge=0)]
+_Count = Annotated[int, msgspec.Meta(ge=0)]
 
 
 class FileError(ValueError):
@@ -96,17 +101,25 @@ class PlanFile(Document, frozen=True, kw_only=True):
     digest : of the scene
     planner : the name of the planner
     limit : the limit that stopped the planner; None: none did, or nobody wrote it
+    reason : why the planner stopped; None: nobody wrote it
+    seconds : s, wall-clock time of the search; None: nobody wrote it
+    time_limit : s that the planner was allowed; None: it had no limit, or nobody wrote it
+    work_limit : units of work that it was allowed; None likewise
     reward : J as the planner claims it
     plan : a path for each drone
     """
 
     older = SAMPLED
     format: Literal["cocap-opt plan"] = "cocap-opt plan"
-    version: Literal[2, 3] = 3
+    version: Literal[2, 3, 4] = 4
     scene: str
     digest: str
     planner: str
     limit: Limit | None = None
+    reason: _Reason | None = None
+    seconds: _Amount | None = None
+    time_limit: _Amount | None = None
+    work_limit: _Count | None = None
     reward: float
     plan: Plan
 

@@ -1,8 +1,10 @@
 """The face's files: scenes of any format in, scenes, plans, certificates and proofs in and out."""
 
+import math
 from pathlib import Path
 from typing import TypeVar, overload
 
+import msgspec
 import numpy as np
 
 from cocap_opt.experiments.api.arguments import (
@@ -161,8 +163,13 @@ def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     own = plan_for(problem, content, "written", "content")
     verdict = judge_plan(problem, own)
     require_flown("plan", verdict)
-    planner, limit = (content.method, content.limit) if isinstance(content, Result) else ("", None)
-    return PlanFile(
-        scene=problem.name, digest=problem_digest(problem), planner=planner, limit=limit,
-        reward=verdict.reward, plan=own,
+    file = PlanFile(
+        scene=problem.name, digest=problem_digest(problem), planner="", reward=verdict.reward,
+        plan=own,
+    )  # fmt: skip
+    if not isinstance(content, Result):
+        return file
+    return msgspec.structs.replace(
+        file, planner=content.method, limit=content.limit, reason=content.reason.value,
+        seconds=content.seconds if math.isfinite(content.seconds) else None,
     )  # fmt: skip

@@ -1,7 +1,7 @@
 """The face's measurements: the gap table, and the stored runs of exact methods."""
 
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from cocap_opt.experiments.report.benchmark import Benchmark
+    from cocap_opt.experiments.sweeps.own_planners import OwnPlanner
 
 _Build = Callable[[int], Problem]  # makes the problem of a seed
 _Scene = str | Path | Problem | _Build  # a name, a file, the problem itself, or what makes it
@@ -24,7 +25,7 @@ _Scene = str | Path | Problem | _Build  # a name, a file, the problem itself, or
 def gap(
     scenes: _Scene | Sequence[_Scene],
     planners: Sequence[str | Planner] | None = None,
-    seeds: Iterable[int] = (0,),
+    seeds: Iterable[int] | str = (0,),
     *,
     time_limit: float = 60.0,
     work_limit: int | None = None,
@@ -33,18 +34,20 @@ def gap(
 ) -> "pd.DataFrame":
     """Measure planners against certified bounds: the gap table, as `cocap-opt gap` makes it.
 
-    A planner of your own is a function, beside the names of others. Its rows have the function's
-    name. It runs in this process, and nothing is kept: a folder knows results by the digest of this
-    project's code, which says nothing of yours.
+    A planner of your own is a function of a problem and a stop, beside the names of others; its
+    rows have the function's name. If it has a parameter `seed`, it gets that of the scene. With
+    `out` it must be defined at the top level of a module or script: a folder knows its results by
+    the digest of that file, and of all that it imports from beside it.
 
     Parameters
     ----------
     scenes : names, files, problems, or functions that make the problem of a seed; one, or several
-    planners : names in `PLANNERS` or `EXACT`, or callables that take a problem and a stop and
-        return a `Result`, as `plan` takes them; if not given greedy, sequential, cocap, cocap-vs,
-        cocap-lns, and with one or two drones joint
-    seeds : of the scenes; a scene that is the same for several seeds is taken once, and so is a
-        problem, whose seed is 0
+    planners : names in `PLANNERS` or `EXACT`, "module:function", names that installed packages
+        offer, or callables that take a problem and a stop and return a `Result`, as `plan` takes
+        them; if not given greedy, sequential, cocap, cocap-vs, cocap-lns, and with one or two
+        drones joint
+    seeds : of the scenes, or words such as "0-3"; a scene that is the same for several seeds is
+        taken once, and so is a problem, whose seed is 0
     time_limit : seconds for each plan, and for each of the two bounds of a scene and seed; they
         count from when coverage is there, which is charged to nobody
     work_limit : units of work for each of them: pricing rounds, or nodes of CoCap's tree. With it
@@ -63,8 +66,8 @@ def gap(
     ------
     ValueError
         If there is no such scene or planner, a limit is negative, there are not so many cores,
-        `out` cannot be used, a function is to be kept or sent to workers, or a script that takes
-        `workers` has no line ``if __name__ == "__main__":``.
+        `out` cannot be used, a function is to be kept and nobody would know it again, or a script
+        that takes `workers` has no line ``if __name__ == "__main__":``.
     KeyboardInterrupt
         After Ctrl-C, if there are no rows yet; else the rows so far are returned.
 
@@ -87,9 +90,8 @@ def gap(
     settings = Settings(
         time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit, kept=kept
     )
-    own = _own(planners or (), kept)
+    own = _own(planners or (), out is not None, workers is not None)
     names = None if planners is None else [_name(planner) for planner in planners]
-    _require_sweep(names or (), own)
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
     if hired.workers is not None:
         _require_guard()
@@ -132,21 +134,36 @@ def benchmark(path: str | Path | None = None) -> "Benchmark":
     return Benchmark.read(STORED / "solvers.csv" if path is None else Path(path))
 
 
-def _own(planners: Sequence[str | Planner], kept: bool) -> dict[str, Planner]:
-    """Returns the planners that are functions, by their names."""
+def _own(planners: Sequence[str | Planner], kept: bool, sent: bool) -> "dict[str, OwnPlanner]":
+    """Returns the planners that are none of this project's, by their names.
+
+    Parameters
+    ----------
+    kept : results are kept in a folder
+    sent : other processes compute
+    """
+    from cocap_opt.experiments.console.options import Option
+    from cocap_opt.experiments.sweeps.named_planners import own_planners
+    from cocap_opt.experiments.sweeps.own_planners import OwnPlanner, OwnPlannerError
+
     if isinstance(planners, str) or callable(planners):
         name = repr(planners) if isinstance(planners, str) else _name(planners)
         raise ValueError(f"planners: must be several, such as [{name}]")
-    own = [planner for planner in planners if not isinstance(planner, str)]
-    for planner in own:
+    if not isinstance(planners, Iterable):
+        raise ValueError(f"planners: must be names or functions, not {planners!r}")
+    functions = [planner for planner in planners if not isinstance(planner, str)]
+    for planner in functions:
         if not callable(planner):
             raise ValueError(f"planners: must be names or functions, not {planner!r}")
-    if own and kept:
-        raise ValueError(
-            f"planners: {_name(own[0])} is a function, which runs in this process and is not kept; "
-            "leave out `out` and `workers`, or give it a name as the page on adding a planner says"
-        )
-    return {_name(planner): planner for planner in own}
+    _require_free([_name(planner) for planner in planners], functions)
+    names = [planner for planner in planners if isinstance(planner, str)]
+    own = own_planners(Option("planners"), names)
+    try:
+        for call in functions:
+            own[_name(call)] = OwnPlanner.of_function(call, _name(call), kept)
+        return {name: one.to_be_sent() if sent else one for name, one in own.items()}
+    except OwnPlannerError as error:
+        raise ValueError(f"planners: {error}") from error
 
 
 def _name(given: str | Callable[..., object]) -> str:
@@ -156,22 +173,21 @@ def _name(given: str | Callable[..., object]) -> str:
     return str(getattr(given, "__name__", type(given).__name__))
 
 
-def _require_sweep(names: Sequence[str], own: Mapping[str, Planner]) -> None:
-    """Refuses names that nobody has, and functions that are called as another planner is."""
-    from cocap_opt.experiments.console.options import Option
+def _require_free(names: Sequence[str], functions: Sequence[Planner]) -> None:
+    """Refuses functions that are called as another planner is."""
     from cocap_opt.experiments.sweeps.cells import BOUND
 
-    known = {**PLANNERS, **EXACT}
-    for name in names:
-        if name in own and (names.count(name) > 1 or name in {**known, BOUND: None}):
+    for name in map(_name, functions):
+        if names.count(name) > 1 or name in {**PLANNERS, **EXACT, BOUND: None}:
             raise ValueError(f"planners: two are called {name}; give the function another name")
-        Option("planners").require_one_of(name, known if name not in own else own)
 
 
-def _whole_seeds(seeds: Iterable[int]) -> tuple[int, ...]:
+def _whole_seeds(seeds: Iterable[int] | str) -> tuple[int, ...]:
     """Returns seeds as plain numbers; refuses what is no seed."""
     from cocap_opt.experiments.console.options import Option
 
+    if isinstance(seeds, str):
+        return Option("seeds").numbers(seeds)
     if not isinstance(seeds, Iterable):
         raise ValueError(f"seeds: must be several, such as range(3), not {seeds!r}")
     return tuple(Option("seeds").require_whole(seed) for seed in seeds)

@@ -24,6 +24,7 @@ from cocap_opt.experiments.results.judging import SOLVERS
 from cocap_opt.experiments.results.printing import print_result
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
+from cocap_opt.experiments.sweeps.named_planners import FORMS, own_planners
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.result import Reason
@@ -71,7 +72,9 @@ def _gap(
     planner: Annotated[
         list[str] | None,
         Parameter(
-            negative="", show_default=False, help=f"may be repeated; one of {', '.join(SOLVERS)}"
+            negative="",
+            show_default=False,
+            help=f"may be repeated; one of {', '.join(SOLVERS)}; {FORMS}",
         ),
     ] = None,
     seeds: Annotated[str, Parameter(help="such as 0-9 or 0,3,7")] = "0",
@@ -117,8 +120,7 @@ def _gap(
 
     Example: cocap-opt gap corridor bottleneck --seeds 0-99 --workers 2 --out DIR
     """
-    for name in planner or []:
-        Option("--planner").require_one_of(name, SOLVERS)
+    own = own_planners(Option("--planner"), planner or [])
     kept = out is not None or workforce.is_elsewhere
     settings = _settings(budget, bound_limit, rendered, kept)
     if retry and out is None:
@@ -129,7 +131,7 @@ def _gap(
     instances = [
         Instance(
             problem, 0 if others.own_starts else seed, planner,
-            settings, others.of(problem), others.own_starts,
+            settings, others.of(problem), others.own_starts, own,
         )
         for (_, seed), problem in others.problems.items()
     ]  # fmt: skip

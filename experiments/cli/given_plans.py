@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, Self
 
+from msgspec.structs import replace
+
 from cocap_opt.experiments.console.options import UsageError
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.judging import SOLVERS
@@ -19,9 +21,13 @@ _TAKEN = (*SOLVERS, BOUND)  # names that mean something else in the table
 class _Given(NamedTuple):
     """The plan of a file, and the digest of the problem that it is for."""
 
-    plan: Plan
+    plan: Plan | PlanFile  # of a foreign file the plan alone
     digest: str
-    planner: str  # as the file names it; empty if it does not
+
+    @property
+    def planner(self) -> str:
+        """The planner as the file names it; empty if it does not."""
+        return printable(self.plan.planner) if isinstance(self.plan, PlanFile) else ""
 
 
 class GivenPlans(NamedTuple):
@@ -33,7 +39,7 @@ class GivenPlans(NamedTuple):
     own_starts : the drones start where the scene's own file says
     """
 
-    plans: dict[str, dict[str, Plan]]
+    plans: dict[str, dict[str, Plan | PlanFile]]
     problems: Problems
     own_starts: bool
 
@@ -41,8 +47,8 @@ class GivenPlans(NamedTuple):
     def read(cls, paths: Sequence[Path], problems: Problems) -> Self:
         """Reads plans, each for one of the problems.
 
-        Plans for several problems whose files name one planner have that name; others have their
-        files' names.
+        A plan has the name of its planner, as its file has it. Where that is one of ours, or of two
+        plans for one problem, its file is named besides; where it is not known, its file alone.
 
         Raises
         ------
@@ -54,13 +60,13 @@ class GivenPlans(NamedTuple):
             if title in _TAKEN:
                 raise UsageError(f"--plan: {title} is what a planner is called; rename the file")
         given, fitting = (_of_one if len(problems) == 1 else _of_several)(paths, problems)
-        plans: dict[str, dict[str, Plan]] = {}
+        plans: dict[str, dict[str, Plan | PlanFile]] = {}
         for name, one in zip(_names(titles, given), given, strict=True):
             plans.setdefault(one.digest, {})[name] = one.plan
         is_variant = any(fitting[key] is not problem for key, problem in problems.items())
         return cls(plans, fitting, is_variant)
 
-    def of(self, problem: Problem) -> dict[str, Plan]:
+    def of(self, problem: Problem) -> dict[str, Plan | PlanFile]:
         """Returns the plans for a problem, by name."""
         return self.plans.get(problem_digest(problem), {}) if self.plans else {}
 
@@ -68,9 +74,19 @@ class GivenPlans(NamedTuple):
 def _of_one(paths: Sequence[Path], problems: Problems) -> tuple[list[_Given], Problems]:
     """Reads plans for one problem, which may be foreign ones for a variant of it."""
     ((key, own),) = problems.items()
-    problem, plans = PlanReader(key[0], own).plans(paths)
+    reader = PlanReader(key[0], own)
+    problem, plans = reader.plans(paths)
     digest = problem_digest(problem)
-    return [_Given(plan, digest, "") for plan in plans], {key: problem}
+    given = [
+        _Given(_with_plan(reader.claim(path), plan), digest)
+        for path, plan in zip(paths, plans, strict=True)
+    ]
+    return given, {key: problem}
+
+
+def _with_plan(content: object, plan: Plan) -> Plan | PlanFile:
+    """Returns a plan with what its file says of its search, if it is one of ours."""
+    return replace(content, plan=plan) if isinstance(content, PlanFile) else plan
 
 
 def _of_several(paths: Sequence[Path], problems: Problems) -> tuple[list[_Given], Problems]:
@@ -95,20 +111,24 @@ def _matched(path: Path, readers: Mapping[str, PlanReader]) -> _Given:
             "another seed, content, rules or objective than those of this command"
         )
     _, plan = readers[content.digest].plan(path)
-    return _Given(plan, content.digest, printable(content.planner))
+    return _Given(_with_plan(content, plan), content.digest)
 
 
 def _names(titles: Sequence[str], given: Sequence[_Given]) -> list[str]:
-    """Returns planners' names where files for several problems share one, else files' names."""
+    """Returns the names of plans: their planners' where these are free, with or without files'."""
     digests: dict[str, list[str]] = {}
     for one in given:
         digests.setdefault(one.planner, []).append(one.digest)
-    shared = {
+    free = {
         planner
         for planner, own in digests.items()
-        if planner and planner not in _TAKEN and len(own) == len(set(own)) > 1
+        if planner not in (*_TAKEN, *titles) and ":" not in planner and len(own) == len(set(own))
     }
     return [
-        one.planner if one.planner in shared else title
+        title
+        if not one.planner or one.planner == title
+        else one.planner
+        if one.planner in free
+        else f"{one.planner} ({title})"
         for one, title in zip(given, titles, strict=True)
     ]

@@ -34,17 +34,20 @@ from cocap_opt.experiments.results.judging import (
     SOLVERS,
     Allowance,
     Judged,
+    RefereeError,
 )
 from cocap_opt.experiments.results.printing import Record, counted, print_result
 from cocap_opt.experiments.results.rows import OWN_STARTS, PlanRow
 from cocap_opt.experiments.results.trace import Trace
+from cocap_opt.experiments.sweeps.named_planners import FORMS, own_planners
+from cocap_opt.experiments.sweeps.own_planners import OwnPlannerError
 from cocap_opt.experiments.sweeps.work import cover
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.documents import FileError, encode
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import compiled_search
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
-from cocap_opt.planners import RECOMMENDED
+from cocap_opt.planners import RECOMMENDED, Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result, UnsupportedError
@@ -69,7 +72,7 @@ def _plan(
     scene: Scene,
     /,
     *,
-    planner: Annotated[str, Parameter(help=f"one of {', '.join(SOLVERS)}")] = RECOMMENDED,
+    planner: Annotated[str, Parameter(help=f"one of {', '.join(SOLVERS)}; {FORMS}")] = RECOMMENDED,
     seed: Seed = 0,
     free: Free = False,
     budget: Budget = USUAL,
@@ -80,21 +83,27 @@ def _plan(
 
     Example: cocap-opt plan corridor --seed 0 -o plan.json
     """
-    Option("--planner").require_one_of(planner, SOLVERS)
+    own = own_planners(Option("--planner"), [planner]).get(planner)
     allowance = budget.allowance
     _check_outputs({"-o": output}, scene)
     task = _Task.read(scene, seed, free, None)
     problem = task.problem
     say_strains(scene, seed, problem)
     with Interrupt.caught() as interrupt, Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
-        judged = _planned(problem, planner, allowance, interrupt, watch)
+        call = None if own is None else own.seeded(seed)
+        try:
+            judged = _planned(problem, planner, allowance, interrupt, watch, call)
+        except (OwnPlannerError, RefereeError) as error:
+            if own is None:  # a bug of ours
+                raise
+            raise UsageError(f"--planner: {error}") from error
         if judged.result.reason is Reason.UNSUPPORTED:
             raise UsageError(f"--planner: {judged.result.message}")
         if not judged.valid:
             say_narrow_way(scene, seed, problem)
         judged.warn(problem, seed, planner)
         answer = asdict(PlanRow.of(problem, seed, planner, judged)) | task.about
-        _save(answer, "plan", {"file": (output, judged.plan_file(problem, planner))})
+        _save(answer, "plan", {"file": (output, judged.plan_file(problem, planner, allowance))})
     answer |= judged.result.statistics
     if judged.verdict:
         answer |= judged.reward_parts
@@ -176,19 +185,24 @@ def _solve(
         proof = certificate, judged.result.certificate
         if judged.result.plan is None:
             say_narrow_way(scene, seed, task.problem)
-        made = output, judged.plan_file(task.problem, method)
+        made = output, judged.plan_file(task.problem, method, allowance)
         _save(answer, "plan", {"file": made, "certificate": proof})
     print_result({**answer, **judged.result.statistics}, json)
     return 0
 
 
 def _planned(
-    problem: Problem, planner: str, allowance: Allowance, interrupt: Stop, watch: Watch
+    problem: Problem,
+    planner: str,
+    allowance: Allowance,
+    interrupt: Stop,
+    watch: Watch,
+    own: Planner | None = None,
 ) -> Judged[Result]:
     """Plans; coverage comes before, in the same time, and is not in the search's seconds."""
     stop = allowance.begin(interrupt)
     cover(problem, planner, stop, watch)
-    return Judged.planned(problem, planner, stop)
+    return Judged.planned(problem, planner, stop, own)
 
 
 def _motion(problem: Problem) -> str:

@@ -45,7 +45,9 @@ def _print_rows(rows: Sequence[Row]) -> None:
     keys += ["bound", "gap", "gap_free", "conflicts", "reason"]
     if any(row.limit != NO_LIMIT for row in rows):
         keys.append("limit")
-    keys += ["seconds", "coverage_seconds"]
+    keys.append("seconds")
+    if any(row.coverage_seconds is not None for row in rows):
+        keys.append("coverage_seconds")
     table: list[Record] = [{key: _shown(row, key) for key in keys} for row in rows]
     listing = Listing(_title(rows), table).fitted(_spare(rows, table), "--json or --out DIR")
     listing._replace(notes=[*listing.notes, *_notes(rows, listing.rows)]).print()

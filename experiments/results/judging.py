@@ -3,6 +3,7 @@
 import logging
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from cocap_opt.files.documents import PlanFile, problem_digest
@@ -108,10 +109,21 @@ class Judged(NamedTuple, Generic[_R_co]):
         return Judged(result, verdict, checking_seconds=clock.seconds)
 
     @classmethod
-    def of_plan(cls, problem: Problem, plan: Plan) -> "Judged[Result]":
-        """Returns a plan of others, judged; its seconds are not known."""
-        verdict = check(problem, plan)
-        return Judged(Result(plan, verdict.reward, Reason.FINISHED, seconds=math.nan), verdict)
+    def of_plan(cls, problem: Problem, given: Plan | PlanFile) -> "Judged[Result]":
+        """Returns a plan of others, judged, with what its file says of its search."""
+        if isinstance(given, Plan):
+            verdict = check(problem, given)
+            return Judged(Result(given, verdict.reward, Reason.FINISHED, seconds=math.nan), verdict)
+        judged = cls.of_plan(problem, given.plan)
+        stopped = Reason.FINISHED if given.limit is None else Reason.STOPPED
+        return judged._replace(
+            result=replace(
+                judged.result,
+                reason=stopped if given.reason is None else Reason(given.reason),
+                limit=given.limit,
+                seconds=math.nan if given.seconds is None else given.seconds,
+            )
+        )
 
     @classmethod
     def planned(
@@ -121,7 +133,7 @@ class Judged(NamedTuple, Generic[_R_co]):
 
         Parameters
         ----------
-        own : a planner that is none of ours; `name` is what it is called
+        own : a planner that is none of ours, which returns results; `name` is what it is called
         """
         try:
             result = timed(own)(problem, stop) if own else SOLVERS[name](problem, stop)
@@ -241,8 +253,15 @@ class Judged(NamedTuple, Generic[_R_co]):
             parts["reward_moves"] = verdict.reward_moves
         return parts
 
-    def plan_file(self, problem: Problem, planner: str) -> PlanFile | None:
-        """Returns the plan as a file with the referee's J; None where there is no plan."""
+    def plan_file(
+        self, problem: Problem, planner: str, allowance: Allowance | None = None
+    ) -> PlanFile | None:
+        """Returns the plan as a file with the referee's J; None where there is no plan.
+
+        Parameters
+        ----------
+        allowance : that the planner had; None where that is not known
+        """
         if self.result.plan is None:
             return None
         return PlanFile(
@@ -250,6 +269,10 @@ class Judged(NamedTuple, Generic[_R_co]):
             digest=problem_digest(problem),
             planner=planner,
             limit=self.result.limit,
+            reason=self.reason.value,
+            seconds=self.result.seconds if math.isfinite(self.result.seconds) else None,
+            time_limit=None if allowance is None else allowance.seconds,
+            work_limit=None if allowance is None else allowance.work,
             reward=self.reward,
             plan=self.result.plan,
         )

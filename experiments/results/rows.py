@@ -172,6 +172,13 @@ class PlannedRow(PlanRow):
     work_limit: Annotated[
         _Count, Column("Units of work that the planner was allowed; empty without such a limit.")
     ] = None
+    planner_digest: Annotated[
+        str | UnsetType,
+        Column(
+            "Digest of the code of a planner that is none of this project's; only in tables that "
+            "have such planners."
+        ),
+    ] = UNSET
     reward_rendered: Annotated[
         _Number | UnsetType,
         Column("J of the rendered pixels; only with --rendered.", **_ANY),

@@ -4,4 +4,15 @@ A run is a set of cells. Each finished cell is one file, so a run that was kille
 it was, and what it makes of its cells does not depend on who computed them.
 """
 
-__all__ = ["cells", "crew", "instances", "results", "run_file", "scenes", "sweep", "work"]
+__all__ = [
+    "cells",
+    "crew",
+    "instances",
+    "named_planners",
+    "own_planners",
+    "results",
+    "run_file",
+    "scenes",
+    "sweep",
+    "work",
+]

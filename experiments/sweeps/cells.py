@@ -52,6 +52,8 @@ _MODULES = (
     "cocap_opt.experiments.results.rendered",
     "cocap_opt.experiments.results.trace",
     "cocap_opt.experiments.sweeps.cells",
+    "cocap_opt.experiments.sweeps.own_code",
+    "cocap_opt.experiments.sweeps.own_planners",
     "cocap_opt.experiments.sweeps.start",
     "cocap_opt.experiments.sweeps.work",
 )
@@ -86,6 +88,7 @@ class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     work_limit: int | None = None  # units of work, for each computation
     rendered: bool = False  # J of the rendered pixels is wanted, too
     start: str = ""  # of BOUND: digest of the start
+    own: str = ""  # digest of the code of a planner that is none of ours
     code: str  # digest of the code; empty where the cell is not kept
 
     @staticmethod

@@ -24,6 +24,7 @@ from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.console.threads import ONE_THREAD
 from cocap_opt.experiments.sweeps.cells import Cell, CellFile, Status
 from cocap_opt.experiments.sweeps.crew import ClusterError, Crew
+from cocap_opt.experiments.sweeps.own_planners import OwnPlannerError
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.model import compiled
 from cocap_opt.stop import Stop
@@ -192,6 +193,11 @@ def _run_task(task: Task) -> CellFile:
     """Computes a cell on a worker, and lets go of models, which the next cell cannot use."""
     if task.cell.code != Cell.digest_of_code():  # it may have joined late
         raise ClusterError(f"the worker on {platform.node()} {_OTHER_CODE}")
+    try:
+        if task.own is not None:
+            task = task._replace(own=task.own.ready())
+    except OwnPlannerError as error:
+        raise ClusterError(f"the worker on {platform.node()}: {error}") from error
     try:
         return task.run()
     finally:

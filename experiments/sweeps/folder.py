@@ -170,7 +170,7 @@ def _rejoin(instance: Instance, rows: Sequence[Row], folder: Path) -> None:
 
 def _is_rejoined(instance: Instance, row: Row, folder: Path, store: Store) -> bool:
     name = row.planner or ""
-    if name not in SOLVERS:
+    if name not in SOLVERS and not row.planner_digest:
         return _is_given(instance, name, folder / Paths(row).plan)
     if name in instance.cells:  # what is asked for is computed, if need be
         return True
@@ -193,7 +193,7 @@ def _is_given(instance: Instance, name: str, path: Path) -> bool:
         return True
     if found.digest != instance.digest or check(instance.problem, found.plan).violations:
         return False
-    instance.give(name, found.plan)
+    instance.give(name, found)
     return True
 
 

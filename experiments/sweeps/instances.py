@@ -16,11 +16,12 @@ from cocap_opt.experiments.results.judging import (
 )
 from cocap_opt.experiments.results.rows import OWN_STARTS, BoundColumns, PlannedRow, Row
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, RULES, Cell, CellFile, Status, Store
+from cocap_opt.experiments.sweeps.own_planners import OwnPlanner
 from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.sweeps.work import Task
-from cocap_opt.files.documents import problem_digest
+from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations.result import OPTIMALITY
-from cocap_opt.planners import RECOMMENDED, Planner
+from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import NO_LIMIT
@@ -68,7 +69,7 @@ class Instance:
         robots
     given : plans of others by name, which get rows of their own, below those of planners
     own_starts : the drones start where the scene's own file says, not where the seed has them
-    own : planners among them that are none of ours, by name; their cells cannot be kept
+    own : planners among them that are none of ours, by name
 
     Attributes
     ----------
@@ -87,9 +88,9 @@ class Instance:
         seed: int,
         planners: Sequence[str] | None,
         settings: Settings,
-        given: Mapping[str, Plan] | None = None,
+        given: Mapping[str, Plan | PlanFile] | None = None,
         own_starts: bool = False,
-        own: Mapping[str, Planner] = MappingProxyType({}),
+        own: Mapping[str, OwnPlanner] = MappingProxyType({}),
     ) -> None:
         self._own = own
         self.problem, self.seed, self._settings = problem, seed, settings
@@ -115,17 +116,21 @@ class Instance:
 
     def cell(self, planner: str) -> Cell:
         """Returns the cell that a planner has, or would have, with the settings of the command."""
-        settings = self._settings
+        settings, own = self._settings, self._own.get(planner)
         return self._cell(
-            planner, settings.time_limit, settings.work_limit, rendered=settings.rendered
-        )
+            planner, settings.time_limit, settings.work_limit, rendered=settings.rendered,
+            own="" if own is None else own.digest,
+        )  # fmt: skip
 
     def earlier_cells(self, row: Row) -> list[Cell]:
         """Returns the cells that an earlier row may be made of, with the limits of that row."""
         if row.planner is None or row.time_limit is None:
             return []
-        limits = row.time_limit, row.work_limit
-        return [self._cell(row.planner, *limits, rendered=rendered) for rendered in (True, False)]
+        limits, own = (row.time_limit, row.work_limit), row.planner_digest or ""
+        return [
+            self._cell(row.planner, *limits, rendered=rendered, own=own)
+            for rendered in (True, False)
+        ]
 
     def _cell(self, planner: str, seconds: float, work: int | None, **more: Any) -> Cell:
         code = Cell.digest_of_code() if self._settings.kept else ""  # it takes half a second
@@ -139,8 +144,8 @@ class Instance:
         self.cells[content.cell.planner] = content.cell
         self.found[content.cell] = content
 
-    def give(self, name: str, plan: Plan) -> None:
-        """Takes a plan of others."""
+    def give(self, name: str, plan: Plan | PlanFile) -> None:
+        """Takes a plan of others; its file tells of its search."""
         self.take(Task(self.cell(name), self.problem).given(plan))
 
     def plan(self, name: str) -> Plan | None:
@@ -230,14 +235,15 @@ class Instance:
         return [self._planned_row(self.found[cell]) for cell in self.cells.values()]
 
     def _planned_row(self, content: CellFile) -> PlannedRow:
-        if content.row is not None:
-            return content.row
         cell = content.cell
+        digest = cell.own or UNSET
+        if content.row is not None:
+            return replace(content.row, planner_digest=digest)
         result = Result(None, -math.inf, Reason.FAILED, seconds=math.nan, message=content.message)
         return PlannedRow.of_planner(
             self.problem, cell.seed, cell.planner, Judged(result, None),
             time_limit=cell.time_limit, work_limit=cell.work_limit, reason=str(content.status),
-            reward_rendered=None if cell.rendered else UNSET,
+            reward_rendered=None if cell.rendered else UNSET, planner_digest=digest,
         )  # fmt: skip
 
 

@@ -21,13 +21,14 @@ from cocap_opt.experiments.results.judging import (
 from cocap_opt.experiments.results.rows import BoundColumns, PlannedRow
 from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
+from cocap_opt.experiments.sweeps.own_planners import OwnPlanner, OwnPlannerError
 from cocap_opt.experiments.sweeps.start import BoundStart
-from cocap_opt.files.documents import encode, problem_digest
+from cocap_opt.files.documents import PlanFile, encode, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report
 from cocap_opt.model import compiled, compiled_anew
-from cocap_opt.planners import LAZY, Planner
+from cocap_opt.planners import LAZY
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import Clock, LimitReached, Stop, never
@@ -57,7 +58,7 @@ class Task(NamedTuple):
     cell: Cell
     problem: Problem
     start: BoundStart = _NO_START  # of BOUND
-    own: Planner | None = None  # a planner that is none of ours; the cell has its name
+    own: OwnPlanner | None = None  # a planner that is none of ours; the cell has its name
 
     def run(self, stop: Stop = never, watch: Watch | None = None) -> CellFile:
         """Computes the cell. An error is a result, too: it costs this cell only.
@@ -72,6 +73,9 @@ class Task(NamedTuple):
             compiled_anew(self.problem)
             found = compute(self, stop, watch or Watch())
             coverage_seconds = compiled(self.problem).coverage_cost
+        except OwnPlannerError as error:  # says all that there is to say
+            found = CellFile.failed(self.cell, Status.ERROR, str(error))
+            coverage_seconds = None
         except Exception as error:  # whatever it is, the other cells go on
             where = extract_tb(error.__traceback__)[-1]
             words = f"{type(error).__name__}: {error} (in {where.name}, line {where.lineno})"
@@ -85,26 +89,37 @@ class Task(NamedTuple):
             machine=platform.node(),
         )
 
-    def given(self, plan: Plan) -> CellFile:
-        """Returns a plan of others as if a planner had found it; its seconds are not known."""
-        return _planned(self.cell, self.problem, Judged.of_plan(self.problem, plan), {})
+    def given(self, plan: Plan | PlanFile) -> CellFile:
+        """Returns a plan of others as if a planner had found it, with what its file says of it."""
+        allowance, columns = None, {}
+        if isinstance(plan, PlanFile):
+            columns = {"time_limit": plan.time_limit, "work_limit": plan.work_limit}
+            if plan.time_limit is not None:
+                allowance = Allowance(plan.time_limit, plan.work_limit)
+        judged = Judged.of_plan(self.problem, plan)
+        return _planned(self.cell, self.problem, judged, allowance, columns)
 
 
 def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
     """Runs a planner."""
     cell, problem = task.cell, task.problem
+    own = None if task.own is None else task.own.seeded(cell.seed)
     allowed = Awaiting(stop, cell.allowance)
     cover(problem, cell.planner, allowed, watch)
     allowed.begin()
-    judged = Judged.planned(problem, cell.planner, allowed, task.own)
+    judged = Judged.planned(problem, cell.planner, allowed, own)
     columns = {"time_limit": cell.time_limit, "work_limit": cell.work_limit}
     if judged.result.reason is Reason.UNSUPPORTED:  # nobody timed it
         columns["seconds"] = None
-    return _planned(cell, problem, judged, columns)
+    return _planned(cell, problem, judged, cell.allowance, columns)
 
 
 def _planned(
-    cell: Cell, problem: Problem, judged: Judged[Any], columns: dict[str, Any]
+    cell: Cell,
+    problem: Problem,
+    judged: Judged[Any],
+    allowance: Allowance | None,
+    columns: dict[str, Any],
 ) -> CellFile:
     if cell.rendered:
         columns = {**columns, "reward_rendered": _rendered_reward(problem, judged)}
@@ -114,7 +129,7 @@ def _planned(
         cell=cell,
         status=Status.FINISHED,
         row=PlannedRow.of_planner(problem, cell.seed, cell.planner, judged, **columns),
-        plan=judged.plan_file(problem, cell.planner),
+        plan=judged.plan_file(problem, cell.planner, allowance),
         certificates=_encoded({OWN: own}),
     )
 

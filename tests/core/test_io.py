@@ -4,7 +4,7 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 import numpy as np
@@ -39,6 +39,7 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit
 from cocap_opt.world.workspace import HeightMap
@@ -373,6 +374,8 @@ def test_a_plan_file_is_no_scene_file(tmp_path: Path) -> None:
         ("plan", {"paths": 3}),
         ("plan", {"robots": []}),
         ("scene", 1),
+        ("seconds", -1.0),
+        ("reason", "done"),
     ],
 )
 def test_wrong_plan_file_is_refused(field: str, value: object, tmp_path: Path) -> None:
@@ -386,18 +389,30 @@ def test_wrong_plan_file_is_refused(field: str, value: object, tmp_path: Path) -
     assert str(caught.value).startswith(f"{path}: ")
 
 
-def test_plan_files_of_before_name_no_limit(tmp_path: Path) -> None:
-    """Version 2 had no `limit`; files of it are read, and say nothing of what stopped a planner."""
+def test_plan_files_of_before_say_nothing_of_the_search(tmp_path: Path) -> None:
+    """Version 2 had no `limit`, version 3 neither reason nor seconds; files of both are read."""
     plan = PlanFile(
-        scene="s", digest="d", planner="p", limit=Limit.TIME, reward=1.0, plan=Plan(paths=())
-    )
+        scene="s", digest="d", planner="p", limit=Limit.TIME, reason="stopped", seconds=1.5,
+        time_limit=2.0, work_limit=3, reward=1.0, plan=Plan(paths=()),
+    )  # fmt: skip
     path = tmp_path / "plan.json"
     plan.save(path)
     assert PlanFile.read(path) == plan
-    content = json.loads(path.read_text()) | {"version": 2}
-    del content["limit"]
-    path.write_text(json.dumps(content))
-    assert PlanFile.read(path).limit is None
+    content = json.loads(path.read_text())
+    for version, new in ((3, ("reason", "seconds", "time_limit", "work_limit")), (2, ("limit",))):
+        content |= {"version": version}
+        for field in new:
+            del content[field]
+        path.write_text(json.dumps(content))
+        old = PlanFile.read(path)
+        assert old.seconds is old.time_limit is old.work_limit is old.reason is None
+    assert old.limit is None
+
+
+def test_plan_files_have_the_reasons_of_results() -> None:
+    """All of them, and no others; seconds below nothing are refused."""
+    reasons = get_args(get_args(PlanFile.__annotations__["reason"])[0])
+    assert set(reasons) == {str(reason) for reason in Reason}
 
 
 def test_a_killed_write_leaves_the_old_file(

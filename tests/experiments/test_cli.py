@@ -233,12 +233,15 @@ def test_a_scene_without_rules_is_bounded_once(
 def test_plans_of_others_get_rows_in_the_gap_table(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    """A plan in a file is held against the same bound; nobody knows how long it took."""
+    """A plan in a file is held against the same bound; its row loses nothing that the file says."""
     path = tmp_path / "mine.json"
-    Run(capsys, "plan", "tiny-queue", "--planner", "sequential", "-o", path)
+    words = ("plan", "tiny-queue", "--planner", "sequential", "-o", path, "--json")
+    made = Run(capsys, *words, "--time-limit", 7, "--work-limit", 9).json
     run = Run(capsys, "gap", "tiny-queue", "--plan", path, "--planner", "cocap", "--json")
     cocap, mine = run.json["rows"]
-    assert (mine["planner"], mine["seconds"]) == ("mine.json", None)
+    assert mine["planner"] == "sequential (mine.json)"
+    assert (mine["time_limit"], mine["work_limit"], mine["overrun"]) == (7.0, 9, None)
+    assert all(mine[key] == made[key] for key in ("seconds", "reason", "limit", "reward"))
     assert mine["bound"] == cocap["bound"] >= mine["reward"]
     assert mine["gap"] >= 0
     other = Run(capsys, "gap", "corridor", "--plan", path)
@@ -273,7 +276,7 @@ def test_plans_for_several_seeds_are_rows_of_one_planner(
     ]
     assert all(own["reward"] == ours["reward"] for ours, own in zip(*2 * [iter(rows)], strict=True))
     rows = Run(capsys, *words, "--plan", mine[1]).json["rows"]
-    assert [row["planner"] for row in rows] == ["greedy", "greedy", "mine-1.json"]
+    assert [row["planner"] for row in rows] == ["greedy", "greedy", "mine"]
 
 
 def test_plans_for_none_of_the_seeds_are_refused(

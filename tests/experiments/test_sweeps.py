@@ -1209,7 +1209,7 @@ NO_NUMBERS = (True, math.nan, math.inf, -1, 9.1e15, 10**400, "7", [])
     [
         ("time_limit", NO_NUMBERS),
         ("work_limit", (*NO_NUMBERS, 1.5, np.float64(1.5))),
-        ("seeds", ([True], [math.nan], [-1], [1.9], [10**16], ["7"], 3, "0-9")),
+        ("seeds", ([True], [math.nan], [-1], [1.9], [10**16], ["7"], 3, "a-b", "")),
         ("workers", (*NO_NUMBERS, 1.5, 0)),
     ],
 )

@@ -1,0 +1,86 @@
+"""Planners of others by name: `module:function`, or a name that an installed package offers.
+
+A package offers planners in its entry points of the group `cocap_opt.planners`. None of them is
+imported before somebody names it, so one that is broken harms nobody else.
+"""
+
+from collections.abc import Sequence
+from importlib.metadata import EntryPoint, entry_points
+
+from cocap_opt.experiments.console.options import Option, UsageError
+from cocap_opt.experiments.console.streams import say
+from cocap_opt.experiments.results.judging import SOLVERS
+from cocap_opt.experiments.sweeps.cells import BOUND
+from cocap_opt.experiments.sweeps.own_planners import OwnPlanner, OwnPlannerError
+from cocap_opt.text import meant
+
+GROUP = "cocap_opt.planners"  # of entry points
+FORMS = "module:function, or what an installed package offers"  # in words, besides our own names
+
+
+def own_planners(option: Option, names: Sequence[str]) -> dict[str, OwnPlanner]:
+    """Returns those of some planners by name that are none of this project's.
+
+    Raises
+    ------
+    UsageError
+        If there is no planner of a name, or several packages offer it, or it cannot be used.
+    """
+    offered = _offered()
+    found = {}
+    for name in names:
+        if name in SOLVERS:
+            _tell_taken(name, offered)
+            continue
+        try:
+            found[name] = OwnPlanner.found(name, _reference(option, name, offered))
+        except OwnPlannerError as error:
+            raise UsageError(f"{option.name}: {error}") from error
+    return found
+
+
+def _offered() -> dict[str, list[EntryPoint]]:
+    """Returns the planners of installed packages by name, each once."""
+    found: dict[str, list[EntryPoint]] = {}
+    try:
+        offered = list(entry_points(group=GROUP))
+    except Exception:  # of a package whose record is damaged
+        return found
+    for one in offered:
+        others = found.setdefault(one.name, [])
+        if one.value not in [other.value for other in others]:
+            others.append(one)
+    return found
+
+
+def _reference(option: Option, name: str, offered: dict[str, list[EntryPoint]]) -> str:
+    """Returns module:function of a planner."""
+    module, colon, path = name.partition(":")
+    if colon:
+        if not all(part.isidentifier() for part in (*module.split("."), *path.split("."))):
+            raise UsageError(f"{option.name}: must be module:function, not {name!r}")
+        return name
+    several = offered.get(name, [])
+    if not several or name == BOUND:
+        known = [*SOLVERS, *(other for other in offered if other not in SOLVERS)]
+        words = f"must be one of {', '.join(known)}, or module:function, not {name!r}"
+        raise UsageError(f"{option.name}: {words}{meant(name, known)}")
+    if several[1:]:
+        who = ", ".join(f"{_package(one)} ({one.value})" for one in several)
+        words = f"several packages offer {name!r}: {who}; name one as module:function"
+        raise UsageError(f"{option.name}: {words}")
+    value = several[0].value.partition("[")[0].strip()
+    if not value.partition(":")[2]:
+        words = f"{_package(several[0])} offers {value!r}, which is no module:function"
+        raise UsageError(f"{option.name}: {name}: {words}")
+    return value
+
+
+def _tell_taken(name: str, offered: dict[str, list[EntryPoint]]) -> None:
+    """Says that a package offers a planner under a name that is taken."""
+    for one in offered.get(name, []):
+        say(f"{name} is cocap-opt's own; that of {_package(one)} is {one.value}")
+
+
+def _package(one: EntryPoint) -> str:
+    return "a package" if one.dist is None else str(one.dist.name)

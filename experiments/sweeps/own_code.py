@@ -1,0 +1,190 @@
+"""The code of a planner that is none of this project's: what its results depend on, and its files.
+
+It is the planner's module, or the whole package that the module is in, with all that these import
+from beside them, and the versions of the installed packages that they import. Comments, layout and
+docstrings do not count. What a planner reads or imports by other ways is not known to anybody.
+"""
+
+import ast
+import hashlib
+import sys
+import sysconfig
+from collections.abc import Iterator
+from functools import cache
+from importlib.machinery import SourceFileLoader
+from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import NamedTuple
+
+from cocap_opt.files.code import normal_form
+
+_PROJECT = "cocap_opt"  # whose code is in a digest of its own
+_NATIVE = (".so", ".pyd")  # endings of compiled modules
+
+
+class OwnCodeError(ValueError):
+    """The code of a module cannot be told; the message says why in one line."""
+
+
+class OwnCode(NamedTuple):
+    """The code of a module, as its files have it.
+
+    Attributes
+    ----------
+    digest : of the files and the versions
+    root : folder from which the module is imported
+    names : modules and packages in it that belong to the planner
+    files : their Python files' content, by their paths below the root; none of what is installed
+    """
+
+    digest: str
+    root: str
+    names: frozenset[str]
+    files: dict[str, bytes]
+
+    @classmethod
+    def of(cls, name: str) -> "OwnCode":
+        """Returns the code of a module that has been imported, or of the script that runs.
+
+        Raises
+        ------
+        OwnCodeError
+            If it has no file, as what is typed at a prompt or into a notebook, or has changed since
+            it was imported.
+        """
+        module = sys.modules[name]
+        file = getattr(module, "__file__", None)
+        if file is None or not Path(file).is_file() or Path(file).suffix != ".py":
+            raise OwnCodeError(f"{name} has no file of Python code")
+        _require_current(module, Path(file))
+        top = Path(file).stem if name == "__main__" else name.partition(".")[0]
+        root = Path(file).resolve().parents[0 if name == "__main__" else _depth(module)]
+        files, foreign = _collected(root, top)
+        digest = hashlib.sha256()
+        for path in sorted(files):
+            digest.update(f"\n# {path}\n".encode() + _counted(path, files[path]))
+        for package, number in sorted(foreign.items()):
+            digest.update(f"\n# {package} {number}".encode())
+        sources = {path: content for path, content in files.items() if path.endswith(".py")}
+        names = frozenset(path.partition("/")[0].removesuffix(".py") for path in files)
+        return cls(
+            digest.hexdigest(), str(root), names, {} if _is_installed(root) else sources
+        )  # fmt: skip
+
+
+def _depth(module: ModuleType) -> int:
+    """Returns how many folders above a module's file its package is imported from."""
+    is_package = hasattr(module, "__path__")
+    return module.__name__.count(".") + is_package
+
+
+def _collected(root: Path, top: str) -> tuple[dict[str, bytes], dict[str, str]]:
+    """Returns the files of a module and of what it imports from beside it, and other packages.
+
+    Returns
+    -------
+    files : content by path below the root
+    foreign : versions of installed packages by name
+    """
+    files: dict[str, bytes] = {}
+    waiting, seen, foreign = [top], {top, _PROJECT}, set[str]()
+    while waiting:
+        for path in _files_of(root, waiting.pop()):
+            content = files[path.relative_to(root).as_posix()] = path.read_bytes()
+            for name in _imported(content) - seen if path.suffix == ".py" else ():
+                seen.add(name)
+                if _is_installed(root) or not any(_files_of(root, name)):
+                    foreign.add(name)
+                else:
+                    waiting.append(name)
+    return files, _versions(foreign - sys.stdlib_module_names)
+
+
+def _files_of(root: Path, name: str) -> Iterator[Path]:
+    """Yields the files of a module, or of a package, in a folder."""
+    if (root / f"{name}.py").is_file():
+        yield root / f"{name}.py"
+    for path in sorted(root.glob(f"{name}.*")):
+        if path.suffix in _NATIVE:
+            yield path
+    if (root / name).is_dir():
+        for path in sorted((root / name).rglob("*")):
+            if path.suffix in (".py", *_NATIVE) and path.is_file():
+                yield path
+
+
+def _imported(content: bytes) -> set[str]:
+    """Returns the first names of all modules that code imports, but of relative ones."""
+    found = set()
+    for node in ast.walk(_parsed(content)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level and node.module:
+            found.add(node.module.partition(".")[0])
+    return found
+
+
+def _parsed(content: bytes) -> ast.Module:
+    try:
+        return ast.parse(content)
+    except (SyntaxError, ValueError):  # a file of a package that nobody imports
+        return ast.Module(body=[], type_ignores=[])
+
+
+def _counted(path: str, content: bytes) -> bytes:
+    """Returns what counts of a file."""
+    if not path.endswith(".py"):
+        return content
+    try:
+        return normal_form(content.decode()).encode()
+    except (SyntaxError, ValueError):
+        return content
+
+
+def _is_installed(root: Path) -> bool:
+    """Returns True for the folders of Python and of what pip installs, whose versions are known."""
+    paths = sysconfig.get_paths()
+    places = {Path(paths[key]).resolve() for key in ("purelib", "platlib", "stdlib")}
+    return root in places or root.name in ("site-packages", "dist-packages")
+
+
+def _versions(names: set[str]) -> dict[str, str]:
+    found, packages = {}, _packages() if names else {}
+    for name in names:
+        for package in packages.get(name, ()):
+            try:
+                found[package] = version(package)
+            except PackageNotFoundError:  # its record is damaged
+                found[package] = ""
+    return found
+
+
+_packages = cache(packages_distributions)  # it reads the records of all that is installed
+
+
+def _require_current(module: ModuleType, file: Path) -> None:
+    """Raises OwnCodeError if the functions of a module are not those that its file has now."""
+    if type(module.__loader__) is not SourceFileLoader:  # another may have changed the code
+        return
+    try:
+        known = set(_codes(compile(file.read_bytes(), str(file), "exec", dont_inherit=True)))
+    except (SyntaxError, ValueError):
+        known = set()
+    for one in vars(module).values():
+        if not isinstance(one, FunctionType) or one.__module__ != module.__name__:
+            continue
+        is_from_it = Path(one.__code__.co_filename).resolve() == file.resolve()
+        if is_from_it and one.__code__ not in known:
+            raise OwnCodeError(
+                f"{file} has changed since it was imported ({one.__name__} is another); begin "
+                "Python anew, or reload it"
+            )
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    """Yields a code and all codes inside of it."""
+    yield code
+    for inner in code.co_consts:
+        if isinstance(inner, CodeType):
+            yield from _codes(inner)
