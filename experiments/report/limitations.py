@@ -80,6 +80,12 @@ def _of_plans(rows: Sequence[Row]) -> Iterator[str]:
                 f"{lost} of {len(some)} runs of {planner} have no plan that obeys the rules. Its "
                 "mean gap is over the others, which may be the easier ones."
             )
+        late = sum(row.overrun is not None for row in some)
+        if late:
+            yield (
+                f"{late} of {len(some)} runs of {planner} took longer than their time limit, by "
+                "more than a quarter of it and a second: it had more time than others."
+            )
     failed = sum(row.reason in FAILED for row in rows)
     if failed:
         yield f"{failed} of {len(rows)} runs failed; they are listed."

@@ -5,6 +5,7 @@ import platform
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
 from traceback import extract_tb, format_exception
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ import msgspec
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.judging import (
     BOUND_METHOD,
+    SOLVERS,
     Allowance,
     Awaiting,
     Judged,
@@ -31,9 +33,11 @@ from cocap_opt.model import compiled, compiled_anew
 from cocap_opt.planners import LAZY
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, relative_gap
-from cocap_opt.stop import Clock, LimitReached, Stop, never
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Clock, LimitReached, Stop, TimeLimit, never
 
 _NO_START = BoundStart()
+_SMALL, _WARMING = "tiny-share", 5.0  # a scene, and most seconds, in which a method warms up
 _WITHOUT_RULES, _WITH_RULES = "without rules", "with rules"  # names of the two searches
 
 
@@ -50,6 +54,16 @@ def cover(problem: Problem, method: str, stop: Stop, watch: Watch) -> None:
     elif method not in LAZY:
         model.covered_by(stop, progress)
     watch.show(method)
+
+
+@cache
+def _warm_up(method: str) -> None:
+    """Lets a method load its libraries, some of which take seconds, before its time begins.
+
+    A process does so once; else who comes first would pay for all that use the same library.
+    """
+    with suppress(Exception):  # if something is wrong, the method itself tells
+        SOLVERS[method](load_scene(_SMALL), TimeLimit(_WARMING))
 
 
 class Task(NamedTuple):
@@ -70,6 +84,8 @@ class Task(NamedTuple):
         clock = Clock()
         compute = _bound if self.cell.planner == BOUND else _plan
         try:
+            if self.own is None:
+                _warm_up(BOUND_METHOD if self.cell.planner == BOUND else self.cell.planner)
             compiled_anew(self.problem)
             found = compute(self, stop, watch or Watch())
             coverage_seconds = compiled(self.problem).coverage_cost

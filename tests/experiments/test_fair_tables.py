@@ -101,7 +101,8 @@ def test_views_of_others_are_nobodys(
     def watched(problem: Problem, stop: Stop) -> Result:
         before = asked
         result = lazy(problem, stop)
-        begun.append(asked - before)
+        if problem.name.startswith("field"):  # and not that on which methods warm up
+            begun.append(asked - before)
         return result
 
     lazy = SOLVERS[planner]
