@@ -29,16 +29,32 @@ def firsts(vertices: FloatArray) -> IntArray:
 def counting(vertices: FloatArray, triangles: IntArray) -> IntArray:
     """Returns the triangles [n, 3] of a mesh that count, of vertices that are one at each place.
 
-    Those with two corners at the same place have no area and do not count; a triangle that is
-    given several times counts once. So does one that looks both ways, given once for each, if
-    the triangles close then: some programs draw every wall from both sides. Otherwise both count.
+    Those with two corners at the same place have no area and do not count, and a triangle that is
+    given several times counts once. What lets the rest close is left out as well: the second of
+    two triangles that look both ways, for some programs draw every wall from both sides; and
+    triangles whose corners are in a line.
     """
     named = firsts(vertices)[triangles]
     a, b, c = named.T
     some = named[(a != b) & (b != c) & (c != a)]
     distinct = _first_of_each(some, _turned(some))
     from_one_side = _first_of_each(distinct, np.sort(distinct, axis=1))
-    return from_one_side if close(from_one_side) else distinct
+    for part in (from_one_side, distinct):
+        if close(part):
+            return part
+    for part in (from_one_side, distinct):
+        if close(wide := _wide(vertices, part)):
+            return wide
+    return distinct
+
+
+def _wide(vertices: FloatArray, triangles: IntArray) -> IntArray:
+    """Returns the triangles whose corners are not in a line, within `SAME`."""
+    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
+    doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.max([np.linalg.norm(way, axis=1) for way in (b - a, c - b, a - c)], axis=0)
+    result: IntArray = triangles[doubled > SAME * longest]
+    return result
 
 
 def close(triangles: IntArray) -> bool:
@@ -46,7 +62,7 @@ def close(triangles: IntArray) -> bool:
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     low, high = edges.min(axis=1), edges.max(axis=1)
     _, number = np.unique(low * (triangles.max(initial=0) + 1) + high, return_inverse=True)
-    return not np.bincount(number, weights=np.where(edges[:, 0] == low, 1, -1)).any()
+    return not np.bincount(number, weights=np.sign(edges[:, 1] - edges[:, 0])).any()
 
 
 def _turned(triangles: IntArray) -> IntArray:

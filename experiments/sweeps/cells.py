@@ -60,7 +60,7 @@ _MODULES = (
 # Libraries that compute something of a result; some are optional.
 _LIBRARIES = (
     "clarabel", "cvxpy", "embreex", "highspy", "msgspec", "networkx", "numba", "numpy", "ortools",
-    "pyscipopt", "scipy", "shapely", "trimesh",
+    "pyscipopt", "scipy", "shapely",
 )  # fmt: skip
 _EXPLAINED = ast.Module | ast.ClassDef | ast.FunctionDef
 

@@ -200,9 +200,11 @@ class Accessors:
                 f"bufferViews[{index}]: must end within the {len(data)} bytes of its buffer, not "
                 f"at {view.byte_offset + view.byte_length}"
             )
+        if not count:
+            return np.zeros((0, width), dtype)
         size = width * np.dtype(dtype).itemsize
         stride = view.byte_stride or size
-        end = offset + (stride * (count - 1) + size if count else 0)
+        end = offset + stride * (count - 1) + size
         if stride < size or end > view.byte_length:
             raise ProblemError(
                 f"{place}: must end within the {view.byte_length} bytes of bufferViews[{index}], "

@@ -24,9 +24,18 @@ class Faces(NamedTuple):
 
     @classmethod
     def of_lists(cls, vertices: FloatArray, faces: Sequence[Sequence[int]]) -> Self:
-        """Returns faces that are given as lists of vertices."""
+        """Returns faces that are given as lists of vertices.
+
+        Raises
+        ------
+        ProblemError
+            If a number is too large for any vertex.
+        """
         sizes = np.array([len(face) for face in faces], dtype=np.int64)
-        corners = np.array([corner for face in faces for corner in face], dtype=np.int64)
+        try:
+            corners = np.array([corner for face in faces for corner in face], dtype=np.int64)
+        except OverflowError as error:
+            raise ProblemError("faces: must name vertices by numbers below 2^63") from error
         return cls(np.reshape(vertices, (-1, 3)), sizes, corners)
 
     @classmethod
@@ -73,11 +82,12 @@ class Faces(NamedTuple):
         begins = np.cumsum(self.sizes) - self.sizes
         for size in np.unique(self.sizes[self.sizes >= 3]).tolist():
             faces = np.flatnonzero(self.sizes == size)
-            corners = self.corners[begins[faces, None] + np.arange(size)]
+            corners = _alike(self.corners[begins[faces, None] + np.arange(size)])
             fans = _fans(corners)
             if size > 3:
-                flat = _seen_from_ahead(self.vertices[corners])
-                for k in np.flatnonzero(~_turn_one_way(flat)).tolist():
+                places = self.vertices[corners]
+                flat = _seen_from_ahead(places)
+                for k in np.flatnonzero(~_turn_one_way(places, flat)).tolist():
                     fans[k] = _cut(corners[k], flat[k], int(faces[k]))
             yield np.repeat(faces, size - 2), fans.reshape(-1, 3)
 
@@ -88,6 +98,20 @@ def strip(corners: Sequence[int]) -> list[list[int]]:
         [corners[k + k % 2], corners[k + 1 - k % 2], corners[k + 2]]
         for k in range(len(corners) - 2)
     ]
+
+
+def _alike(corners: IntArray) -> IntArray:
+    """Returns faces [F, n], those of the same corners begun at their least one.
+
+    So a face that is drawn from both sides is cut the same way twice.
+    """
+    _, same, counts = np.unique(
+        np.sort(corners, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    begin = np.where(counts[same.ravel()] > 1, corners.argmin(axis=1), 0)
+    order = (begin[:, None] + np.arange(corners.shape[1])) % corners.shape[1]
+    result: IntArray = np.take_along_axis(corners, order, axis=1)
+    return result
 
 
 def _fans(corners: IntArray) -> IntArray:
@@ -110,15 +134,23 @@ def _seen_from_ahead(corners: FloatArray) -> FloatArray:
     return result
 
 
-def _turn_one_way(flat: FloatArray) -> BoolArray:
-    """Returns an array [F], true where triangles from the first corner of [F, n, 2] make the face.
+def _turn_one_way(corners: FloatArray, flat: FloatArray) -> BoolArray:
+    """Returns an array [F], true where triangles from the first corner of a face make the face.
 
-    They do if none of them turns back; so they do, too, if the face has no area.
+    They do if none of them turns back; so they do, too, if none of them has an area.
+
+    Parameters
+    ----------
+    corners : [F, n, 3]
+    flat : [F, n, 2], the same without the axis along which each face looks most
     """
-    ways = flat[:, 1:] - flat[:, :1]
-    areas = ways[:, :-1, 0] * ways[:, 1:, 1] - ways[:, :-1, 1] * ways[:, 1:, 0]
-    least = -_FLAT * np.abs(flat).max(axis=(1, 2)) ** 2
-    return np.asarray((areas >= least[:, None]).all(axis=1))
+    x, y = np.moveaxis(flat[:, 1:] - flat[:, :1], 2, 0)
+    areas = x[:, :-1] * y[:, 1:] - y[:, :-1] * x[:, 1:]
+    ways = corners[:, 1:] - corners[:, :1]
+    all_areas = np.linalg.norm(np.cross(ways[:, :-1], ways[:, 1:]), axis=2).sum(axis=1)
+    least = _FLAT * np.square(ways).max(axis=(1, 2))
+    forwards = (areas >= -least[:, None]).all(axis=1)
+    return np.asarray(forwards & ((areas.sum(axis=1) > least) | (all_areas <= least)))
 
 
 def _cut(corners: IntArray, flat: FloatArray, face: int) -> IntArray:

@@ -31,7 +31,8 @@ READERS: dict[str, Callable[[Path], Faces]] = {
 def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]:
     """Reads the vertices [V, 3] (m) and the triangles [M, 3] of a file.
 
-    Vertices at the same place become one, and triangles with two equal corners are left out.
+    Vertices at the same place become one. Left out are triangles with two equal corners, and
+    vertices that no triangle has.
 
     Parameters
     ----------
@@ -44,7 +45,8 @@ def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]
         If the file cannot be read whole, or holds no triangles; one line.
     """
     try:
-        faces = READERS[path.suffix.lower()](path)
+        with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused below
+            faces = READERS[path.suffix.lower()](path)
     except OSError as error:
         raise ProblemError(f"cannot be read: {error.strerror or error}") from error
     faces = faces._replace(vertices=faces.vertices / per_metre)
@@ -53,7 +55,8 @@ def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]
     triangles = welded.triangles()
     if not len(triangles):
         raise ProblemError("must hold at least one triangle that is no line or point")
-    return welded.vertices, triangles
+    used, corners = np.unique(triangles, return_inverse=True)
+    return welded.vertices[used], corners.reshape(-1, 3)
 
 
 def _require_sound(faces: Faces) -> None:

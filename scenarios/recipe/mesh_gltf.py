@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.data import FloatArray, IntArray, ProblemError, require
 from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
 from cocap_opt.scenarios.recipe.mesh_accessors import (
@@ -28,6 +28,7 @@ from cocap_opt.scenarios.recipe.mesh_accessors import (
     needs,
 )
 from cocap_opt.scenarios.recipe.mesh_faces import Faces
+from cocap_opt.world.workspace import MOST_TRIANGLES
 
 INSTANCED = "EXT_mesh_gpu_instancing"
 # Required extensions that leave the triangles and their places as they are begin with these.
@@ -114,12 +115,14 @@ def read_gltf(path: Path) -> Faces:
     reader = _Reader(path, model, rest)
     vertices: list[FloatArray] = [np.zeros((0, 3))]
     triangles: list[IntArray] = [np.zeros((0, 3), dtype=np.int64)]
-    count = 0
+    count = size = 0
     for node, transform in _placed(model):
         for places, given in reader.meshes(node, transform):
             vertices.append(places)
             triangles.append(given + count)
             count += len(places)
+            size += len(given)
+            require(size <= MOST_TRIANGLES, "triangles", f"must be at most {MOST_TRIANGLES}")
     reader.say_left_out()
     return Faces.of_triangles(np.concatenate(vertices), np.concatenate(triangles))
 
@@ -127,7 +130,7 @@ def read_gltf(path: Path) -> Faces:
 def _parts(content: bytes) -> tuple[bytes, bytes | None]:
     """Returns the JSON of a file, and the bytes that follow it in a GLB."""
     if content[:4] != b"glTF":
-        return content, None
+        return content.removeprefix(b"\xef\xbb\xbf"), None
     if len(content) < 20:
         raise ProblemError("ends within the header of its GLB: it is cut off")
     version, length = struct.unpack_from("<II", content, 4)
@@ -241,6 +244,7 @@ class _Reader:
             model.accessors, model.buffer_views, model.buffers, path.parent, rest
         )
         self._points = self._lines = 0
+        self._met: set[int] = set()
 
     def meshes(self, index: int, transform: FloatArray) -> Iterator[tuple[FloatArray, IntArray]]:
         """Yields vertices [n, 3] and triangles [m, 3] of a node, of each of its instances."""
@@ -253,6 +257,7 @@ class _Reader:
                 "the armature modifier, then export"
             )
         mesh = item(self._model.meshes, node.mesh, "meshes")
+        self._met.add(node.mesh)
         weights = mesh.weights if node.weights is None else node.weights
         instances = [transform @ place for place in self._instances(node, index)]
         for k, primitive in enumerate(mesh.primitives):
@@ -269,12 +274,18 @@ class _Reader:
                 )
 
     def say_left_out(self) -> None:
-        """Logs how many points and lines are left out, which hide nobody and stop nobody."""
+        """Logs what the file has and the scene has not: points and lines, and meshes elsewhere."""
         for count, name in ((self._points, "points"), (self._lines, "lines")):
             if count:
                 _log.warning(
-                    "%s: primitives of %s are no surfaces: %d left out", self._path, name, count
-                )
+                    "%s: %d primitives of %s are no surfaces and are left out",
+                    self._path, count, name,
+                )  # fmt: skip
+        if left := len(self._model.meshes) - len(self._met):
+            _log.warning(
+                "%s: %d of %d meshes are in no node of the scene and are left out",
+                self._path, left, len(self._model.meshes),
+            )  # fmt: skip
 
     def _is_surface(self, primitive: _Primitive) -> bool:
         self._points += primitive.mode == _POINTS
@@ -286,7 +297,10 @@ class _Reader:
         if INSTANCED not in node.extensions:
             return [np.eye(4)]
         place = f"nodes[{index}].extensions.{INSTANCED}"
-        given = msgspec.convert(node.extensions[INSTANCED], _Instancing).attributes
+        try:
+            given = msgspec.convert(node.extensions[INSTANCED], _Instancing).attributes
+        except msgspec.ValidationError as error:
+            raise ProblemError(f"{place}: must have attributes that name accessors") from error
         kinds = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
         found = {
             name: self._arrays.numbers(given[name], kind)

@@ -24,7 +24,7 @@ _FREE_FORM = (
     "cstype", "deg", "bmat", "step", "curv", "curv2", "surf", "parm", "trim", "hole", "scrv", "sp",
     "end", "con", "bsp", "bzp", "cdc", "cdp", "res",
 )  # fmt: skip
-_WHOLE = re.compile(r"-?[0-9]+")
+_WHOLE = re.compile(r"[-+]?[0-9]+")
 _COORDINATES = (3, 4, 6, 7)  # x y z, then a weight, or a colour, or a colour and its opacity
 
 _log = logging.getLogger(__name__)

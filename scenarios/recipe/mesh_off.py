@@ -12,7 +12,8 @@ from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.recipe.mesh_faces import Faces
 from cocap_opt.scenarios.recipe.mesh_text import lines, numbers, whole
 
-_HEADER = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF\b\s*(BINARY\b)?")
+_BINARY = re.compile(rb"\s*\w*OFF\s+BINARY\b")
+_HEADER = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF\b")
 
 
 def read_off(path: Path) -> Faces:
@@ -23,6 +24,8 @@ def read_off(path: Path) -> Faces:
     ProblemError
         If it is binary or of other than three dimensions, or has not the rows that it declares.
     """
+    if _BINARY.match(path.read_bytes()):
+        raise ProblemError("must be OFF as text, not binary; MeshLab writes it so")
     rows = [
         (number, row) for number, line in lines(path) if (row := line.partition("#")[0].split())
     ]
@@ -30,25 +33,19 @@ def read_off(path: Path) -> Faces:
         raise ProblemError("is empty")
     (number, first), *rest = rows
     header = _HEADER.match(" ".join(first))
-    if header:
-        first = " ".join(first)[header.end() :].split()
-        if header[6]:
-            raise ProblemError("must be OFF as text, not binary; MeshLab writes it so")
-        if header[4] or header[5]:
-            raise ProblemError(f"must have three dimensions, not those of {header[0]}")
-    rows = [(number, first), *rest] if first else rest
-    if not rows:
-        raise ProblemError("must say its numbers of vertices and faces, but ends before them")
-    if not header and len(rows[0][1]) not in (2, 3):
+    if header is None and not first[0].isdigit():  # Geomview does without, too
         raise ProblemError("must begin with OFF")
-    (number, declared), *rows = rows
+    if header and (header[4] or header[5]):
+        raise ProblemError(f"must have three dimensions, not those of {header[0]}")
+    counts = " ".join(first)[header.end() :].split() if header else first
+    (number, declared), *rows = [(number, counts), *rest] if counts or not rest else rest
     if len(declared) not in (2, 3):
         raise ProblemError(
             f"line {number}: must be the numbers of vertices, faces and edges, not "
             f"{' '.join(declared)[:40]!r}"
         )
     vertices, faces = whole(declared[:2], number)
-    if len(rows) != max(vertices, 0) + max(faces, 0):
+    if min(vertices, faces) < 0 or len(rows) != vertices + faces:
         raise ProblemError(
             f"must have a row for each of its {vertices} vertices and {faces} faces, as it "
             f"declares, not {len(rows)} rows"

@@ -28,7 +28,7 @@ _CODES = {
 _FACES, _STRIPS = "face", ("tristrips", "tristrip")
 _CORNERS = ("vertex_indices", "vertex_index")  # names of the property that both have
 _RESTART = -1  # ends a strip, and begins the next one
-_END = re.compile(rb"^[ \t]*end_header[ \t]*(\r\n|\n|\r)", re.MULTILINE)
+_END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(\r\n|\n|\r)")
 
 
 class _Property(NamedTuple):
@@ -140,6 +140,9 @@ def _header(text: str) -> tuple[str, list[_Element]]:
         raise ProblemError(f"must declare its format, {', '.join(_ORDERS)} 1.0")
     if empty := [given.name for given in elements if given.rows and not given.properties]:
         raise ProblemError(f"element {empty[0]}: must have properties")
+    for element in elements:
+        if len({given.name for given in element.properties}) < len(element.properties):
+            raise ProblemError(f"element {element.name}: must have properties of different names")
     return order, elements
 
 
@@ -198,10 +201,12 @@ def _binary(body: bytes, elements: list[_Element], order: str) -> Iterator[Colum
 
 def _equal_rows(body: bytes, at: int, element: _Element, order: str) -> tuple[Columns, int] | None:
     """Returns the columns and where they end, if lists have the same length in all rows."""
-    first, _ = _rows(body, at, element._replace(rows=min(element.rows, 1)), order)
+    if not element.rows:
+        return None
+    first, _ = _rows(body, at, element._replace(rows=1), order)
     fields: list[tuple[str, str] | tuple[str, str, int]] = []
     for k, given in enumerate(element.properties):
-        if given.length and element.rows:
+        if given.length:
             fields.append((f"length {k}", order + given.length))
             fields.append((f"{k}", order + given.type, len(first[given.name][0])))
         else:
