@@ -108,7 +108,7 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
     "must have [earth] of the recipe": (SHOW, walled(13.059, 52.401, 0.0001)),
     "origin = ": (SHOW, walled(505000, 4790000, 5)),
     "coordinates: must be metres, not US survey foot": (SHOW, told(crs="EPSG:2263")),
-    'heights: must be metres, not ft; unit = "ft" reads them': (SHOW, told(units=("ft",))),
+    "heights: must be in m, cm, mm, ft, us-ft": (SHOW, told(units=("fathom",))),
     "unit: must be given, for the file does not state it": (
         SHOW, swapped("people.csv", "x [m],y [m]", "x,y"),
     ),

@@ -12,14 +12,13 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.earth import STRETCH
+from cocap_opt.scenarios.recipe.lengths import Stated, metres_of_heights, stated_length, unknown
 from cocap_opt.scenarios.recipe.raster import SLIVER, Layout, Raster, Window
 from cocap_opt.scenarios.recipe.systems import utm
-from cocap_opt.scenarios.recipe.tables import PER_METRE, Unit
+from cocap_opt.scenarios.recipe.tables import Unit
+from cocap_opt.scenarios.recipe.units_of_systems import units_of
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
-SPELT = {"metre": "m", "metres": "m", "meter": "m", "meters": "m", "centimetre": "cm",
-         "centimetres": "cm", "centimeter": "cm", "centimeters": "cm", "foot": "ft",
-         "feet": "ft"}  # fmt: skip
 APART, EARTH = 100.0, 6_371_008.8  # m, between points that are compared; radius of the Earth
 WEB_MERCATOR = 3857  # EPSG
 FULL, STEEP = 255, 50  # the largest byte, and by how much it may stand out as a height
@@ -27,7 +26,7 @@ CACHE = 64  # MB; GDAL's own choice is a share of all memory
 
 
 def read(
-    path: Path, band: int | None, nodata: float | None, window: Window | None, unit: Unit
+    path: Path, band: int | None, nodata: float | None, window: Window | None, unit: Unit | None
 ) -> Raster:
     """Reads a band; see `cocap_opt.scenarios.recipe.raster_files.read_raster`."""
     with path.open("rb") as file:
@@ -53,11 +52,12 @@ def read(
 
 
 def _read(
-    dataset: Any, band: int | None, nodata: float | None, window: Window | None, unit: Unit
+    dataset: Any, band: int | None, nodata: float | None, window: Window | None, unit: Unit | None
 ) -> Raster:
     band = _band(dataset, band)
-    _refuse_units(dataset, band, unit)
+    _refuse_coordinates(dataset.crs)
     _refuse_stretched(dataset)
+    metres = metres_of_heights(_stated_heights(dataset, band), unit, Path(dataset.name).name)
     layout = _layout(dataset)
     if not dataset.crs:
         layout.refuse_degrees("gdal_translate -a_srs EPSG:326ZZ writes a copy that says so")
@@ -74,8 +74,8 @@ def _read(
     raster = layout.cut(columns, rows).raster(
         northernmost_first,
         (nodata,),
-        scale=dataset.scales[band - 1] / PER_METRE[unit],
-        offset=dataset.offsets[band - 1] / PER_METRE[unit],
+        scale=dataset.scales[band - 1] * metres,
+        offset=dataset.offsets[band - 1] * metres,
     )
     return raster._replace(crs=_named(dataset.crs))
 
@@ -117,9 +117,8 @@ def _band(dataset: Any, band: int | None) -> int:
     return band
 
 
-def _refuse_units(dataset: Any, band: int, unit: Unit) -> None:
-    """Raises a ProblemError unless coordinates are in metres, and heights as the recipe says."""
-    crs = dataset.crs
+def _refuse_coordinates(crs: Any) -> None:
+    """Raises a ProblemError unless coordinates of a system are in metres, if it says."""
     if crs and crs.is_geographic:
         raise ProblemError(
             "coordinates: must be metres of a projection, not degrees; gdalwarp -t_srs EPSG:326ZZ, "
@@ -132,12 +131,17 @@ def _refuse_units(dataset: Any, band: int, unit: Unit) -> None:
                 f"coordinates: must be metres, not {other} ({factor:.9g} m); gdalwarp -t_srs "
                 "EPSG:326ZZ, with ZZ the zone of UTM, writes such a map"
             )
-    stated = dataset.units[band - 1]
-    short = SPELT.get(stated.lower(), stated) if stated else unit
-    if short != unit:
-        way_out = f'; unit = "{short}" reads them' if short in PER_METRE else ""
-        wanted = "metres" if unit == "m" else f"{unit}, as the field unit says"
-        raise ProblemError(f"heights: must be {wanted}, not {stated}{way_out}")
+
+
+def _stated_heights(dataset: Any, band: int) -> Stated | None:
+    """Returns the unit of heights that a band states, or else the file's reference system."""
+    text = (dataset.units[band - 1] or "").strip()
+    if text:
+        stated = stated_length(text)
+        if stated is None:
+            raise unknown(text)
+        return stated
+    return units_of(dataset.crs.to_wkt()).heights if dataset.crs else None
 
 
 def _refuse_stretched(dataset: Any) -> None:

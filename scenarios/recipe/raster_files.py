@@ -8,7 +8,6 @@ documentation: a header of keys and values, then `nrows` times `ncols` numbers, 
 row first. As GDAL does, `dx` and `dy` are taken for cells that are not square.
 """
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -18,16 +17,17 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.foreign import ESRI_ASCII, TIFF, require
 from cocap_opt.scenarios.recipe import geotiff
+from cocap_opt.scenarios.recipe.lengths import metres_of_heights
+from cocap_opt.scenarios.recipe.projection_files import beside
 from cocap_opt.scenarios.recipe.raster import Layout, Raster, Window
-from cocap_opt.scenarios.recipe.tables import PER_METRE, Unit
-from cocap_opt.scenarios.text import integer, naming, number, read_text
+from cocap_opt.scenarios.recipe.tables import Unit
+from cocap_opt.scenarios.recipe.units_of_systems import require_true
+from cocap_opt.scenarios.text import integer, naming, number
 
 KEYS = (
     "ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy",
     "nodata_value",
 )  # fmt: skip
-WEB_MERCATOR = "Pseudo-Mercator", "Mercator_Auxiliary_Sphere"  # as WKT names it
-UNIT = re.compile(r'(?<![A-Z])UNIT\["([^"]*)",\s*([\d.]+(?:[eE][-+]?\d+)?)')
 CHUNK = 1 << 20  # bytes; a file is never held as text
 LONGEST = 200  # bytes, of a line of the header
 
@@ -40,13 +40,13 @@ def read_raster(
     band: int | None = None,
     nodata: float | None = None,
     window: Window | None = None,
-    unit: Unit = "m",
+    unit: Unit | None = None,
 ) -> Raster:
     """Reads a height map (`.asc`, `.tif`, `.tiff`) as float64, whatever numbers the file holds.
 
     A GeoTIFF may be south-up, have cells that are not square, and hold integers with a scale
-    and an offset. It must have a geotransform, and all units must be metres; where the file
-    does not say which they are, metres are taken for granted.
+    and an offset. It must have a geotransform. Coordinates must be metres; where neither the file
+    nor one beside it (`.prj`, `.aux.xml`) says what they are, metres are taken for granted.
 
     Parameters
     ----------
@@ -60,7 +60,8 @@ def read_raster(
         x0, y0, x1, y1 in m: only cells that overlap it are kept, and of a GeoTIFF only those are
         read. None: all.
     unit
-        Unit of the heights in the file; those of the raster are in m.
+        Unit of the heights in the file; those of the raster are in m. None: as the file says, else
+        m.
 
     Raises
     ------
@@ -77,49 +78,29 @@ def read_raster(
 
 
 def _read(
-    path: Path, band: int | None, nodata: float | None, window: Window | None, unit: Unit
+    path: Path, band: int | None, nodata: float | None, window: Window | None, unit: Unit | None
 ) -> Raster:
     require(path, (TIFF, ESRI_ASCII))
     match path.suffix.lower():
         case ".asc":
             if band not in (None, 1):
                 raise ProblemError(f"band: must be 1 in an ESRI ASCII grid, not {band}")
-            crs = _projection(path.with_suffix(".prj"))
-            raster = _read_esri_ascii(path, nodata, window, unit, in_metres=crs is not None)
-            return raster._replace(crs=crs)
+            told = beside(path)
+            scale = metres_of_heights(told.heights if told else None, unit, path.name)
+            raster = _read_esri_ascii(path, nodata, window, scale, in_metres=told is not None)
+            if told and told.crs:
+                with naming("the reference system beside it"):
+                    require_true(told.crs, *raster.origin)
+            return raster._replace(crs=told.crs if told else None)
         case ".tif" | ".tiff":
             return geotiff.read(path, band, nodata, window, unit)
     raise ProblemError("must be named .asc, .tif or .tiff")
 
 
-def _projection(path: Path) -> str | None:
-    """Returns the WKT of the projection in metres that is told beside a grid, if one is.
-
-    Raises
-    ------
-    ProblemError
-        If it is in something else.
-    """
-    if not path.is_file():
-        return None
-    with naming(path):
-        text = read_text(path)
-        if any(name in text for name in WEB_MERCATOR):
-            raise ProblemError(
-                "must be a projection in true metres, not web Mercator; gdalwarp -t_srs "
-                "EPSG:326ZZ, with ZZ the zone of UTM, writes such a map"
-            )
-        units = UNIT.findall(text)  # the projection's own is the last
-        if units and float(units[-1][1]) != 1:
-            name, metres = units[-1]
-            raise ProblemError(f"must be a projection in metres, not in {name} of {metres}")
-        return text.strip() if units else None
-
-
 def _read_esri_ascii(
-    path: Path, nodata: float | None, window: Window | None, unit: Unit, in_metres: bool
+    path: Path, nodata: float | None, window: Window | None, scale: float, in_metres: bool
 ) -> Raster:
-    """Reads an ESRI ASCII grid."""
+    """Reads an ESRI ASCII grid whose heights are in units of `scale` m."""
     with path.open("rb") as file:
         header = _read_header(file)
         (x, dx, width), (y, dy, height) = _axis(header, "x"), _axis(header, "y")
@@ -130,7 +111,7 @@ def _read_esri_ascii(
         _require_rows(file, layout)
         values = _read_values(file, layout, columns, rows)
     part = layout.cut(columns, rows)
-    return part.raster(values, (_nodata(header), nodata), scale=1 / PER_METRE[unit])
+    return part.raster(values, (_nodata(header), nodata), scale=scale)
 
 
 def _read_header(file: BinaryIO) -> Header:

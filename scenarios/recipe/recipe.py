@@ -45,7 +45,8 @@ face_samples = 3            # squared: rays to each triangle of what meshes may 
 
 [map]
 file = "houses.tif"         # .tif or .asc; in place of it: size = [60, 40], origin = [0, 0]
-unit = "m"                  # "m", "cm", "mm" or "ft": of the heights in files
+unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft" (US survey feet): of the heights in
+                            # files; left out: as the file says, else m
 heights = "above-ground"    # or "absolute", which needs a ground
 ground = "terrain.tif"      # bare terrain; "surface": the map itself is that; left out: flat, 0
 resolution = 1.0            # m, cells of the plan; left out: those of the file
@@ -57,7 +58,7 @@ lowest = 0.5                # m above the ground; what is lower is no obstacle
 
 [[mesh]]
 file = "bridge.glb"         # .obj, .glb, .gltf, .stl, .ply or .off
-unit = "m"                  # "m", "cm", "mm" or "ft"
+unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft"
 up = "y"                    # axis that is upwards; left out: y for glTF, z for others
 turn = 90                   # counter-clockwise about its origin
 at = [35, 20, 0]            # where its origin comes to lie
@@ -65,7 +66,7 @@ at = [35, 20, 0]            # where its origin comes to lie
 [[walls]]
 file = "geometry.json"      # polygons of the walkable area and of obstacles: JSON, GeoJSON, WKT;
                             # the last two also in longitudes and latitudes, where [earth] is known
-unit = "m"                  # "m", "cm", "mm" or "ft"; left out: as the file says, else m
+unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft"; left out: as the file says, else m
 name = "bottleneck"         # which of them
 # polygons = "obstacles"    # or "walkable": what those of GeoJSON and WKT are
 height = 2.0                # m; of GeoJSON's polygons those without a property "height"
@@ -78,7 +79,7 @@ file = "people.txt"         # or a database of JuPedSim, or GPX, where [earth] i
                             # files on one clock: ["ada.gpx", "ben.gpx"]
 columns = ["id", "frame", "x", "y", "z"]   # left out: as the file says; in place of x and y:
                             # latitude and longitude, where [earth] is known
-unit = "cm"                 # "m", "cm", "mm" or "ft"; left out, as fps: as the file says
+unit = "cm"                 # "m", "cm", "mm", "ft" or "us-ft"; left out, as fps: as the file says
 fps = 16
 # time_unit = "ms"          # "s", "ms", "us" or "ns", of times; left out: as the file says, else s
 gap = 1.0                   # s between rows in which people walk straight on; left out: 1, and 10

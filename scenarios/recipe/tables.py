@@ -8,9 +8,11 @@ from msgspec import Meta
 from cocap_opt.data import LARGEST, SMALLEST
 
 Flight = Literal["above-ground", "above-sea"]
-Unit = Literal["m", "cm", "mm", "ft"]
+Unit = Literal["m", "cm", "mm", "ft", "us-ft"]
 TimeUnit = Literal["s", "ms", "us", "ns"]
-PER_METRE: dict[str, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "ft": 1 / 0.3048}
+PER_METRE: dict[str, float] = {
+    "m": 1.0, "cm": 100.0, "mm": 1000.0, "ft": 1 / 0.3048, "us-ft": 3937 / 1200,
+}  # fmt: skip
 Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]  # m, or degrees
 Length = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]  # m
 Size = Annotated[float, Meta(ge=0, le=LARGEST)]  # m, or m/s

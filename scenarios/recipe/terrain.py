@@ -60,7 +60,7 @@ class MapTable(Table):
     """Table `map` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
 
     file: str | None = None
-    unit: Unit = "m"  # of the heights in files
+    unit: Unit | None = None  # of the heights in files; None: as the file says, else m
     size: tuple[Length, Length] | None = None
     origin: Point | None = None
     heights: Literal["above-ground", "absolute"] = "above-ground"

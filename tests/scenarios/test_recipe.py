@@ -316,7 +316,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("[[walk]]", "[[mesh]]\nfile = 'a.obj'\nup = 'x'\n[[walk]]"),
          r"mesh\[0\].up: must be one of y, z, not 'x'"),
         (("[[walk]]", "[[tracks]]\nfile = 'a.txt'\nunit = 'yd'\n[[walk]]"),
-         r"tracks\[0\].unit: must be one of cm, ft, m, mm, not 'yd'"),
+         r"tracks\[0\].unit: must be one of cm, ft, m, mm, us-ft, not 'yd'"),
         (("[20, 12]", "[20, 12]\nfill = 1"), "map: fill: must be left out where the map has a s"),
         (("[20, 12]", "[1e6, 1e6]"), "map: size: must have at most 1000000 cells, not 1000000"),
         (("starts", "tilts = [100]\nstarts"), r"drones.0.: tilts: must be within .-90 degrees"),
@@ -751,7 +751,7 @@ def test_walls_are_in_the_unit_that_their_file_states(tmp_path: Path) -> None:
     assert top("cm") == top(None, unit="cm") == 3.0
     assert top("m") == top(None) == top("cm in file; polygon in m") == 300.0
     assert top("ft") == pytest.approx(300 * 0.3048)
-    with pytest.raises(ProblemError, match="unit: must be m, cm, mm, ft, not 'px'"):
+    with pytest.raises(ProblemError, match="unit: must be m, cm, mm, ft, us-ft, not 'px'"):
         top("px")
     with pytest.raises(ProblemError, match="unit: is 'cm' in the file, but 'm' in the recipe"):
         top("cm", unit="m")
