@@ -47,6 +47,7 @@ class Result:
     coverage_seconds : s, wall-clock time of that coverage; 0 where it was there already
     message : why there is no plan, in words
     statistics : counts and times of the method's own, by name
+    in_coverage : the limit was reached before the coverage of all steps was there
     problem : that it is a result of; None: it does not know
     method : name of what made it; empty where that is not known
     """
@@ -60,6 +61,7 @@ class Result:
     coverage_seconds: float = 0.0
     message: str = ""
     statistics: Mapping[str, float] = field(default_factory=dict)
+    in_coverage: bool = False
     problem: Problem | None = field(default=None, compare=False)
     method: str = field(default="", compare=False)
 
@@ -83,8 +85,13 @@ class Result:
         """The relative gap, (bound - value) / bound; infinite where one of them is."""
         return relative_gap(self.value, self.bound)
 
+    @property
+    def cut_short(self) -> str:
+        """What a limit has left of the plan, in words; empty without a plan or a limit."""
+        return "" if self.plan is None else self.plan.cut_short(self.limit, self.in_coverage)
+
     def summary(self) -> str:
-        """Describe the result in a few lines."""
+        """Describe the result in a few lines; that a limit cut a plan short comes first."""
         stopped = f"stopped by the {self.limit} limit"
         lines = {
             "J": f"{self.value:,.2f}" if self.plan else "no plan",
@@ -94,10 +101,12 @@ class Result:
             "seconds": f"{self.seconds:.3f}",
         }
         words = [f"{key:8}{value}" for key, value in lines.items()]
-        return "\n".join([*words, *([self.message] if self.message else [])])
+        first = [self.cut_short] if self.cut_short else []
+        return "\n".join([*first, *words, *([self.message] if self.message else [])])
 
     def __repr__(self) -> str:
-        words = ", ".join(" ".join(line.split()) for line in self.summary().splitlines()[:5])
+        lines = self.summary().splitlines()[: 6 if self.cut_short else 5]
+        words = ", ".join(" ".join(line.split()) for line in lines)
         return f"{type(self).__name__}({words})"
 
     @overload

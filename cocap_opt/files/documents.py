@@ -105,6 +105,7 @@ class PlanFile(Document, frozen=True, kw_only=True):
     seconds : s, wall-clock time of the search; None: nobody wrote it
     time_limit : s that the planner was allowed; None: it had no limit, or nobody wrote it
     work_limit : units of work that it was allowed; None likewise
+    cut_short : what that limit has left of the plan, in words; empty where none did
     reward : J as the planner claims it
     plan : a path for each drone
     """
@@ -120,8 +121,14 @@ class PlanFile(Document, frozen=True, kw_only=True):
     seconds: _Amount | None = None
     time_limit: _Amount | None = None
     work_limit: _Count | None = None
+    cut_short: str = ""
     reward: float
     plan: Plan
+
+    @property
+    def told_cut_short(self) -> str:
+        """What a limit has left of the plan, in words; files of older versions do not say when."""
+        return self.cut_short or self.plan.cut_short(self.limit)
 
 
 T = TypeVar("T")

@@ -11,6 +11,7 @@ from cocap_opt.graph.motion import Window
 from cocap_opt.graph.people import People
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.memory import require_memory
+from cocap_opt.model.coverage_estimate import CoverageEstimate
 from cocap_opt.problem import AnyCamera, Motion, Problem, Robot
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 from cocap_opt.vision.cache import Computed, TableCache
@@ -141,6 +142,32 @@ class CoverageTables:
         finally:
             self.seconds += clock.seconds
 
+    def is_there(self, spec: Robot) -> bool:
+        """Returns True if nothing is to be computed: the coverage is in memory or in the cache."""
+        if _sight(spec) in self._tables:
+            return True
+        return self._use_cache and TableCache.of_user().has(self._key(spec))
+
+    def estimate(self) -> CoverageEstimate:
+        """Estimates what the coverage that is not there yet will cost, from a sample of it.
+
+        Raises
+        ------
+        ProblemError
+            If coverage and sweeps are certainly larger than the memory.
+        """
+        total, steps = CoverageEstimate(), self.problem.horizon + 1
+        for spec in {_sight(robot): robot for robot in self.problem.robots}.values():
+            if self.is_there(spec):
+                continue
+            self.require_memory(spec)
+            graph = graph_of(self.problem, spec)
+            reachable = self.reachable(spec).copy()
+            reachable[: self.steps(spec)] = False
+            found = CoverageEstimate.of(self.views(spec), graph.n_places, reachable)
+            total += found.with_memory(steps * graph.n_states * _BYTES_PER_STATE)
+        return total
+
     def _made(self, spec: Robot, stop: Stop, progress: Progress) -> CoverageTable:
         def make() -> Computed:
             table, clock, before = self._table_of(spec), Clock(), self._spent.get(_sight(spec), 0.0)
@@ -152,17 +179,20 @@ class CoverageTables:
 
         if not self._use_cache:
             return self._by_view_sum(make().table)
+        table, self._spent[_sight(spec)] = TableCache.of_user().table(self._key(spec), make)
+        return self._by_view_sum(table)
+
+    def _key(self, spec: Robot) -> str:
+        """Returns the digest of all that the coverage of a robot like this one depends on."""
         problem = self.problem
         poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
         shapes = [actor.shape for actor in problem.actors]
-        key = TableCache.key(
+        return TableCache.key(
             problem.workspace, problem.airspace, spec.motion, spec.camera,
             graph_of(problem, spec).window,
             self._starts(spec), problem.horizon, problem.face_samples, problem.first_step, poses,
             shapes,
         )  # fmt: skip
-        table, self._spent[_sight(spec)] = TableCache.of_user().table(key, make)
-        return self._by_view_sum(table)
 
     def _by_view_sum(self, table: CoverageTable) -> CoverageTable:
         """Return a table whose pixels add up over time, if those of the problem do."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
+from cocap_opt.model.coverage_estimate import CoverageEstimate
 from cocap_opt.model.coverage_tables import (
     SWEEPING,
     CoverageTables,
@@ -265,6 +266,24 @@ class Model:
         first = self.problem.first_step
         return sum(int(np.count_nonzero(self.reachable(c)[first:])) for c in self.classes)
 
+    def coverage_estimate(self) -> CoverageEstimate:
+        """Estimate what coverage that is neither in memory nor in the cache will cost.
+
+        A sample of it is computed, which takes a second or less, and changes no number.
+
+        Raises
+        ------
+        ProblemError
+            If coverage and sweeps are certainly larger than the memory.
+        """
+        return self._coverage.estimate()
+
+    @property
+    def planning_seconds(self) -> float:
+        """Seconds, about, in which every robot is planned once, when its coverage is there."""
+        states = sum(len(c.robots) * c.graph.n_states for c in self.classes)
+        return states * (self.problem.horizon + 1) * SWEEPING
+
     def coverage(self, robot_class: RobotClass) -> CoverageTable:
         """Coverage of every state that the class can reach (shared by classes that see alike)."""
         return self._coverage.table(robot_class.spec)
@@ -297,9 +316,7 @@ class Model:
         whose coverage is missing, but along their own paths: plans are judged right, but made
         without looking that far.
         """
-        states = sum(len(c.robots) * c.graph.n_states for c in self.classes)
-        reserve = states * (self.problem.horizon + 1) * SWEEPING
-        limit, before = None, stop.reached()
+        limit, before, reserve = None, stop.reached(), self.planning_seconds
         try:
             for robot_class in self.classes:
                 self._coverage.prepare(

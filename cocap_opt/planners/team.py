@@ -168,6 +168,7 @@ class Team:
             value=self.value,
             reason=Reason.STOPPED if limit else Reason.FINISHED,
             limit=limit,
+            in_coverage=model.cut_short_by is not None,
             message="; ".join(messages),
             statistics={"evaluated": evaluated} if statistics is None else statistics,
         )

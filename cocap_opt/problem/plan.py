@@ -10,6 +10,7 @@ import numpy as np
 from cocap_opt.data import BoolArray
 from cocap_opt.problem.motion import Cell, State
 from cocap_opt.problem.problem import Problem
+from cocap_opt.stop import Limit
 
 
 class VertexConflict(NamedTuple):
@@ -100,6 +101,30 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     def stays(self) -> bool:
         """True if nobody moves or turns."""
         return all(len(set(path)) <= 1 for path in self.paths)
+
+    @property
+    def staying(self) -> int:
+        """Number of drones that neither move nor turn."""
+        return sum(len(set(path)) <= 1 for path in self.paths)
+
+    def cut_short(self, limit: Limit | None, in_coverage: bool = False) -> str:
+        """Returns what a limit has left of this plan, in words; empty without a limit.
+
+        A plan in which all drones stay at their starts, for want of time, is none.
+
+        Parameters
+        ----------
+        in_coverage : the limit was reached before the coverage of all steps was there
+        """
+        if limit is None:
+            return ""
+        what = "Ctrl-C" if limit is Limit.INTERRUPT else f"the {limit} limit"
+        words = f"{what} came during {'coverage' if in_coverage else 'the search'}"
+        robots, staying = len(self.paths), self.staying
+        if staying == robots:
+            return f"no plan: {words}; all drones stay at their starts"
+        still = f"; {staying} of {robots} drones stay at their starts" if staying else ""
+        return f"cut short: {words}{still}"
 
     @classmethod
     def hovering(cls, problem: Problem) -> "Plan | None":

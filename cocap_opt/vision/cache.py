@@ -64,16 +64,23 @@ class TableCache(NamedTuple):
         digest.update(msgspec.msgpack.encode(parts, enc_hook=_plain))
         return digest.hexdigest()
 
+    def has(self, key: str) -> bool:
+        """Returns True if there is a file of the table with this content key."""
+        return self.folder is not None and self._path(key).is_file()
+
     def table(self, key: str, make: Callable[[], Computed]) -> Computed:
         """Reads the table with this content key from disk, or makes it and writes it there."""
         if self.folder is None:
             return make()
-        path = self.folder / f"{key}.coverage"
+        path = self._path(key)
         found = _read(path)
         if found is None:
             found = make()
             _write(path, found)
         return found
+
+    def _path(self, key: str) -> Path:
+        return (self.folder or Path()) / f"{key}.coverage"
 
 
 def _users_folder() -> Path | None:

@@ -16,7 +16,7 @@ from cocap_opt.stop import Stop, never
 from cocap_opt.vision.spans import spans
 from cocap_opt.vision.views import Views
 
-Progress = Callable[[int, int], None]  # told how many steps are done, and of how many
+Progress = Callable[[int, int], None]  # told how many views are done, and of how many
 
 
 class CoverageTable(NamedTuple):
@@ -85,7 +85,7 @@ class GrowingTable:
         self._views, self._n_places, self._reachable = views, n_places, reachable
         self._threads = threads or usable_cores()
         self._parts = [_NO_ROWS]
-        self.steps = first_step
+        self._first_step = self.steps = first_step
 
     def grow(self, stop: Stop = never, progress: Progress = lambda done, total: None) -> None:
         """Computes the coverage of all reachable states at the steps that are left.
@@ -93,28 +93,32 @@ class GrowingTable:
         Parameters
         ----------
         stop : stopping criterion, checked after every batch
-        progress : told now and then how many steps of how many are done
+        progress : told now and then how many views, of states at steps, of how many are done
 
         Raises
         ------
         LimitReached
             If a limit is reached before the table is whole. It can grow further later.
         """
-        n_steps = len(self._reachable)
         sizes = np.count_nonzero(self._reachable, axis=1)
+        sizes[: self._first_step] = 0
+        done, total = int(sizes[: self.steps].sum()), int(sizes.sum())
         pool = ThreadPoolExecutor(self._threads)
         try:
             for first, last in _groups(sizes, self.steps, self._views.batch):
                 batches, found = self._batches(first, last), [_NO_ROWS]
                 stop.check()
-                for rows in pool.map(partial(_seen_by, self._views), batches):
+                sought = 0
+                for nodes, rows in zip(
+                    batches, pool.map(partial(_seen_by, self._views), batches), strict=True
+                ):
                     found.append(rows)
-                    progress(self.steps, n_steps)
+                    sought += len(nodes)
+                    progress(done + sought, total)
                     if len(found) <= len(batches):  # else these steps are whole
                         stop.check()
                 self._parts.append(_in_order(_joined(found)))
-                self.steps = last
-                progress(last, n_steps)
+                self.steps, done = last, done + sought
         finally:
             pool.shutdown(cancel_futures=True)
 
@@ -131,6 +135,11 @@ class GrowingTable:
         nodes, counts, view_sums, pixels = _joined(self._parts)
         indptr = np.concatenate([[0], np.cumsum(counts)])
         return CoverageTable(nodes=nodes, indptr=indptr, view_sums=view_sums, pixels=pixels)
+
+
+def group_sizes(sizes: IntArray, first_step: int, batch: int) -> list[int]:
+    """Returns the numbers of nodes that are computed together, in batches, of steps' numbers."""
+    return [int(sizes[a:b].sum()) for a, b in _groups(sizes, first_step, batch)]
 
 
 def usable_cores() -> int:

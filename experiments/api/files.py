@@ -170,6 +170,7 @@ def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     if not isinstance(content, Result):
         return file
     return msgspec.structs.replace(
-        file, planner=content.method, limit=content.limit, reason=content.reason.value,
+        file, planner=content.method, limit=content.limit, cut_short=content.cut_short,
+        reason=content.reason.value,
         seconds=content.seconds if math.isfinite(content.seconds) else None,
     )  # fmt: skip

@@ -23,6 +23,7 @@ def trajectory(
     step: float | None = None,
     margin: float | None = None,
     every: float | None = None,
+    hovering: bool = False,
 ) -> "pd.DataFrame":
     """Tell where each drone of a plan is at every moment, as `cocap-opt fly` writes it.
 
@@ -40,6 +41,7 @@ def trajectory(
     margin : metres by which drones may be nearer to people than the problem says, aside and over
         heads, so that a plan that keeps more distance than it must can be flown smoothly
     every : seconds between rows; else a row a step, and ten a step of smooth flights
+    hovering : also of a plan in which no drone moves, which else is refused
 
     Returns
     -------
@@ -56,9 +58,9 @@ def trajectory(
     Raises
     ------
     ValueError
-        If the plan breaks a rule, nobody or two say how long a step lasts, drones with this margin
-        would keep no distance to people, a drone cannot fly so, or the scene's place cannot be
-        converted; one line.
+        If the plan breaks a rule, no drone moves, nobody or two say how long a step lasts, drones
+        with this margin would keep no distance to people, a drone cannot fly so, or the scene's
+        place cannot be converted; one line.
 
     Examples
     --------
@@ -67,6 +69,10 @@ def trajectory(
     from pandas import DataFrame
 
     own = plan_for(problem, plan, "flown")
+    if own.stays and not hovering:
+        why = plan.cut_short if isinstance(plan, Result) else ""
+        why = why or "all drones stay at their starts"
+        raise ValueError(f"plan: no drone moves ({why}); hovering=True flies it so")
     flight = _flight_scene(problem, step, margin).flight(own, smooth)
     table = DataFrame(flight.columns(every))
     table.attrs = {**flight.record(), "off_between_rows": flight.off_between_rows(every)}

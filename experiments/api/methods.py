@@ -7,6 +7,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from cocap_opt.experiments.api.arguments import require, require_problem, start_for
+from cocap_opt.experiments.results.forecast import warn_of_limit
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import (
     OPTIMALITY,
@@ -69,8 +70,10 @@ def plan(
     >>> result = co.plan(problem, time_limit=10)
     >>> result.plot()
     """
-    call, clock = _named("planner", planner, PLANNERS), Clock()
+    call = _named("planner", planner, PLANNERS)
     require_problem(problem)
+    _warn(problem, planner, time_limit, stop)
+    clock = Clock()
     return _whole(call(problem, _limits(time_limit, stop)), problem, planner, clock)
 
 
@@ -114,6 +117,7 @@ def bound(
     call, clock = _named("method", method, BOUNDS), Clock()
     require_problem(problem)
     begin = start_for(problem, start)
+    _warn(problem, method, time_limit, stop)
     result = call(problem, _limits(time_limit, stop), begin, report)
     return _whole(result, problem, method, clock)
 
@@ -165,6 +169,7 @@ def solve(
         raise ValueError(f"gap: must be at least 0 and less than 1, not {gap}")
     call, clock = _named("method", method, EXACT), Clock()
     begin = start_for(problem, start)
+    _warn(problem, method, time_limit, stop)
     stop = _limits(time_limit, stop)
     result = call(problem, stop, begin, report, gap=max(gap, OPTIMALITY))
     result = _whole(result, problem, method, clock)
@@ -190,6 +195,13 @@ def _whole(result: R, problem: Problem, method: object, clock: Clock) -> R:
         seconds=result.seconds or clock.seconds,
         method=result.method or name,
     )
+
+
+def _warn(problem: Problem, method: object, seconds: float | None, stop: Stop) -> None:
+    """Warns, before coverage begins, of a limit in which it will hardly be done."""
+    seconds = _limits(seconds, stop).seconds_left
+    if isinstance(method, str) and seconds > 0:
+        warn_of_limit(problem, method, seconds, option="time_limit =")
 
 
 def _limits(seconds: float | None, stop: Stop) -> Stop:

@@ -64,7 +64,8 @@ def show(
     if certificate is not None and known:
         gaps = gaps_of(problem, [own for _, own in known], required_bound(certificate))
     titled = [(_title(n, given), own) for n, (given, own) in enumerate(known, 1)]
-    return Player(problem, titled, gaps)
+    cut_short = [given.cut_short if isinstance(given, Result) else "" for given, _ in known]
+    return Player(problem, titled, gaps, cut_short=cut_short)
 
 
 def _title(number: int, given: Plan | Result) -> str:

@@ -26,6 +26,7 @@ from cocap_opt.experiments.console.options import Option, UsageError
 from cocap_opt.experiments.results.files import PlanReader, check_output, save_files
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
 from cocap_opt.files.documents import FileError
+from cocap_opt.problem import Plan
 from cocap_opt.stop import Interrupt
 
 if TYPE_CHECKING:
@@ -65,6 +66,9 @@ def _fly(
         Parameter(help="items of a mission that its board holds, if that is not as usual"),
     ] = None,
     local: Annotated[bool, FLAG(name="--local", help="leave out latitudes and longitudes")] = False,
+    hovering: Annotated[
+        bool, FLAG(name="--hovering", help="also write plans in which no drone moves")
+    ] = False,
     json: Json = False,
 ) -> int:
     """Write where each drone is at every moment, checked against rules, obstacles and limits.
@@ -78,6 +82,8 @@ def _fly(
 
     Not checked: wind and errors of drones, which are to fly exactly so, and take-off and landing;
     notes below the answer say what else the scene leaves open.
+
+    A plan in which no drone moves is refused without --hovering.
 
     A smooth flight that comes too near to people is refused with the way out: a plan that keeps so
     much more from them, flown with --margin, keeps what it did before.
@@ -99,17 +105,22 @@ def _fly(
         raise UsageError(f"--local: must be left out for {suffix}, which has places on the Earth")
     write = _writer(suffix, autopilot, items)
     check_output(output, scene, plan)
-    problem, planned = PlanReader(scene, load_planned(scene, seed)).plan(plan)
+    reader = PlanReader(scene, load_planned(scene, seed))
+    problem, planned = reader.plan(plan)
+    cut_short = reader.cut_short(plan)
+    _require_motion(plan, planned, cut_short, hovering)
     try:
         flight = flown.flight(problem, planned, local)
-        mission = write(flight._replace(start=begins), every)
+        flight = flight._replace(start=begins, cut_short=cut_short)
+        mission = write(flight, every)
     except ProblemError as error:
         raise _in_words(error, scene, plan, suffix, flown.step is not None) from error
     record = flight.record()
     files = {_named(output, suffix, part): content for part, content in mission.files.items()}
     for path in files:
         check_output(path, scene, plan)
-    answer: Record = {"scene": problem.name, "seed": seed, **record, **mission.facts}
+    first: Record = {"cut_short": cut_short} if cut_short else {}
+    answer: Record = {**first, "scene": problem.name, "seed": seed, **record, **mission.facts}
     notes = [*flight.notes(), *mission.notes]
     notes += _strays(output, suffix, files)
     for warning in mission.warnings:
@@ -146,6 +157,18 @@ def _writer(suffix: str, autopilot: str | None, items: int | None) -> "Writer":
     if not items > 0:
         raise UsageError("--items: must be more than 0")
     return partial(write, most=items)
+
+
+def _require_motion(path: Path, plan: Plan, cut_short: str, hovering: bool) -> None:
+    """Refuses a plan in which no drone moves, unless that is asked for; warns of one cut short."""
+    if plan.stays and not hovering:
+        why = cut_short or "all drones stay at their starts"
+        ways = "plan with a longer --time-limit, or fly it so with --hovering"
+        raise FileError(f"{path}: no drone moves ({why}); {ways}")
+    if cut_short:
+        _log.warning(
+            "%s: %s; a longer --time-limit of `plan` may give a better one", path, cut_short
+        )
 
 
 def _tightest(rows: Sequence[Record], notes: Sequence[str]) -> Listing:

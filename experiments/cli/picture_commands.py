@@ -166,7 +166,8 @@ def _player(
     from cocap_opt.experiments.report.player import Player
 
     titled = list(zip(PlanReader.titles(paths), plans, strict=True))
-    return Player(problem, titled, gaps, list(map(reader.planner, paths))).page().encode()
+    planners, cut_short = map(reader.planner, paths), map(reader.cut_short, paths)
+    return Player(problem, titled, gaps, list(planners), list(cut_short)).page().encode()
 
 
 def _picture(problem: Problem, plans: Sequence[Plan], suffix: str, steps: Sequence[int]) -> bytes:

@@ -30,6 +30,7 @@ from cocap_opt.experiments.results.files import (
     check_output,
     save_bytes,
 )
+from cocap_opt.experiments.results.forecast import warn_of_limit
 from cocap_opt.experiments.results.judging import (
     SOLVERS,
     Allowance,
@@ -90,6 +91,8 @@ def _plan(
     problem = task.problem
     say_strains(scene, seed, problem)
     with Interrupt.caught() as interrupt, Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
+        watch.show("estimate of coverage")
+        warn_of_limit(problem, planner, allowance.seconds, seed, scene=scene)
         call = None if own is None else own.seeded(seed)
         try:
             judged = _planned(problem, planner, allowance, interrupt, watch, call)
@@ -108,7 +111,7 @@ def _plan(
     if judged.verdict:
         answer |= judged.reward_parts
         answer["violations"] = judged.verdict.conflicts
-    print_result(answer, json)
+    print_result(_in_order(answer), json)
     return 0
 
 
@@ -134,11 +137,12 @@ def _bound(
     _check_outputs({"-o": output, "--trace": trace}, scene, start)
     task = _Task.read(scene, seed, free, start)
     with Interrupt.caught() as interrupt:
+        warn_of_limit(task.problem, method, allowance.seconds, seed, scene=scene)
         judged = task.certified(seed, method, allowance.begin(interrupt), OPTIMALITY, trace)
         answer = task.answer(seed, method, judged)
         _say(answer, task.surpassed(judged))
         _save(answer, "certificate", {"file": (output, judged.result.certificate)})
-    print_result({**answer, **judged.result.statistics}, json)
+    print_result(_in_order({**answer, **judged.result.statistics}), json)
     return 0
 
 
@@ -179,6 +183,7 @@ def _solve(
     _check_outputs({"-o": output, "--certificate": certificate, "--trace": trace}, scene, start)
     task = _Task.read(scene, seed, free, start)
     with Interrupt.caught() as interrupt:
+        warn_of_limit(task.problem, method, allowance.seconds, seed, scene=scene)
         stop = allowance.begin(interrupt)
         judged = task.certified(seed, method, stop, max(gap, OPTIMALITY), trace)
         answer = task.answer(seed, method, judged)
@@ -187,7 +192,7 @@ def _solve(
             say_narrow_way(scene, seed, task.problem)
         made = output, judged.plan_file(task.problem, method, allowance)
         _save(answer, "plan", {"file": made, "certificate": proof})
-    print_result({**answer, **judged.result.statistics}, json)
+    print_result(_in_order({**answer, **judged.result.statistics}), json)
     return 0
 
 
@@ -203,6 +208,11 @@ def _planned(
     stop = allowance.begin(interrupt)
     cover(problem, planner, stop, watch)
     return Judged.planned(problem, planner, stop, own)
+
+
+def _in_order(answer: Record) -> Record:
+    """Returns an answer that says first what a limit has left of the plan."""
+    return {"cut_short": answer["cut_short"], **answer}
 
 
 def _motion(problem: Problem) -> str:

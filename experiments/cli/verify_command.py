@@ -24,6 +24,7 @@ from cocap_opt.experiments.results.explained import Explained
 from cocap_opt.experiments.results.explained_tables import explained_tables
 from cocap_opt.experiments.results.explained_words import explained_sentences
 from cocap_opt.experiments.results.files import PlanReader
+from cocap_opt.experiments.results.forecast import warn_of_checking
 from cocap_opt.experiments.results.judging import Judged
 from cocap_opt.experiments.results.printing import (
     Record,
@@ -39,9 +40,10 @@ from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.model import Model
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.scenarios import FORMATS, has_seed, scene_of_plan
-from cocap_opt.stop import Stop, TimeLimit, never
+from cocap_opt.stop import TimeLimit, never
 from cocap_opt.text import printable
 
+_USUAL_LIMIT = 600.0  # s
 _NO_PLAN = "proved: there is no plan"
 _OPTIMISTIC = (
     "a limit left this bound open: it was computed as if nothing hid anybody at some steps"
@@ -65,19 +67,20 @@ def _verify(
         FLAG(help="compute bounds again, leaf by leaf, by networkx alone; both must agree"),
     ] = False,
     time_limit: Annotated[
-        float | None,
+        float,
         Parameter(
-            help="seconds for checking bounds, coverage included, networkx not; none if unset"
+            help="seconds for checking bounds, coverage included, networkx not; inf: no limit"
         ),
-    ] = None,
+    ] = _USUAL_LIMIT,
     json: Json = False,
 ) -> int:
     """Check a plan, certificates and proofs, trusting nobody: exit 0 only if all claims hold.
 
     The plan may also be in a scene format's own plan format; a solution of
     Hughes et al. names its scene, and needs no other. Of several bounds the
-    lowest is shown, and explained. A bound that is not checked within a limit
-    counts as not proved, though it may hold.
+    lowest is shown, and explained; gaps are to what is proved, be it less than
+    what is claimed. A bound that is not checked within the limit counts as not
+    proved, though it may hold.
 
     Example: cocap-opt verify corridor plan.json certificate.json --explain
     """
@@ -86,15 +89,14 @@ def _verify(
         if not Path(scene).exists():
             load_planned(scene, seed)  # there may be no such file
         raise UsageError("FILE: name a plan, a certificate or a proof")
-    stop = never
-    if time_limit is not None:
-        stop = TimeLimit(Option("--time-limit").require_seconds(time_limit))
+    if time_limit != math.inf:
+        time_limit = Option("--time-limit").require_seconds(time_limit)
     claims = _Claims.read(scene, seed, free, files)
     if explain and (claims.plan is None or not claims.bounds):
         raise UsageError("--explain: name a plan, and a certificate or a proof")
     if networkx and not claims.bounds:
         raise UsageError("--networkx: name a certificate or a proof")
-    bounds, failed = claims.proved(networkx, stop)
+    bounds, failed = claims.proved(networkx, time_limit)
     verified = Verified.of(
         claims.problem, claims.plan, claims.plan_file, bounds=bounds, failed=failed
     )
@@ -177,8 +179,12 @@ class _Claims(NamedTuple):
         problem = problem.without_rules() if free else problem
         return cls(problem, plan if isinstance(plan, Plan) else None, claimed, bounds, about)
 
-    def proved(self, by_networkx: bool, stop: Stop) -> tuple[list[ProvedBound], list[str]]:
+    def proved(self, by_networkx: bool, seconds: float) -> tuple[list[ProvedBound], list[str]]:
         """Returns the bounds that are proved, and what is wrong with the others, in words.
+
+        Parameters
+        ----------
+        seconds : limit of all that comes before networkx; infinite if there is none
 
         Raises
         ------
@@ -187,6 +193,9 @@ class _Claims(NamedTuple):
         """
         bounds, failed = list[ProvedBound](), list[str]()
         model = Model(self.problem, use_cache=False) if self.bounds else None
+        if model is not None:
+            warn_of_checking(model, [*self.bounds.values()], seconds)
+        stop = TimeLimit(seconds) if math.isfinite(seconds) else never
         for path, file in self.bounds.items():
             assert model is not None
             name = printable(str(path))
@@ -227,7 +236,9 @@ class _Claims(NamedTuple):
             proved = math.isfinite(verified.bound)
             found |= {"method": verified.method, "bound": verified.bound if proved else None}
             if verified.understated:
-                found["bound_proved"] = verified.proved_bound
+                found |= {
+                    "bound_proved": verified.proved_bound, "bound_claimed": verified.claimed_bound
+                }  # fmt: skip
             if verified.proved is not None and verified.proved.second_opinion is not None:
                 found |= {
                     "bound_by_sweep": _finite(verified.proved.pricing.bound),

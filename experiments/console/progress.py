@@ -15,6 +15,7 @@ from cocap_opt.formulations.result import Report, Snapshot
 from cocap_opt.stop import Clock
 from cocap_opt.text import printable
 
+_SECONDS_TO_A_PACE = 1.0  # after which what is left can be told
 _BAR_WIDTH = 40  # characters
 # Where standard error is no terminal: no silence is longer than 5 s, and the first one shorter.
 SECONDS_BETWEEN_LINES, SECONDS_TO_FIRST_LINE = 4.0, 2.0
@@ -92,6 +93,22 @@ class Watch:
     def counter(self, noun: str) -> Callable[[int, int], None]:
         """Returns a function that is told how many of some things are done, and of how many."""
         return lambda done, total: self.show(f"{noun} {done}/{total}")
+
+    def countdown(self, noun: str) -> Callable[[int, int], None]:
+        """Returns a function that shows a share done, and the seconds that are left at this pace.
+
+        It is told how many of some things of equal weight are done, and of how many.
+        """
+        clock = Clock()
+
+        def show(done: int, total: int) -> None:
+            words = f"{noun} {100 * done / max(total, 1):.0f} %"
+            if clock.seconds >= _SECONDS_TO_A_PACE and 0 < done < total:
+                left = clock.seconds / done * (total - done)
+                words += f", about {left:.0f} s left"
+            self.show(words)
+
+        return show
 
     def report(self, name: str = "") -> Report:
         """Returns a function that shows what a solver reports, after a name."""

@@ -39,6 +39,7 @@ class Player:
         their starts
     gaps : what the gap of each plan is made of, None where it is not known; none if not given
     planners : which planner made each plan, None where it is not known; none if not given
+    cut_short : what a limit has left of each plan, in words; none if not given
 
     Examples
     --------
@@ -51,12 +52,14 @@ class Player:
         plans: Sequence[Titled] = (),
         gaps: Sequence[Explanation | None] = (),
         planners: Sequence[str | None] = (),
+        cut_short: Sequence[str] = (),
     ) -> None:
         self._problem = problem if plans else _without_goals(problem)
         self._waits = not plans
         self._plans = plans or [("drones at their starts", _waiting(problem))]
         self._gaps = gaps or [None] * len(self._plans)
         self._planners = planners or [None] * len(self._plans)
+        self._cut_short = cut_short or [""] * len(self._plans)
         self._judged = problem if plans else _without_distance_to_people(self._problem)
 
     def page(self) -> str:
@@ -80,8 +83,11 @@ class Player:
             for (_, plan), gap in zip(self._plans, self._gaps, strict=True)
         ]
         shown: list[Data] = [
-            {"title": title, "planner": planner, "waits": self._waits} | plan.data()
-            for (title, _), planner, plan in zip(self._plans, self._planners, plans, strict=True)
+            {"title": title, "planner": planner, "waits": self._waits, "cutShort": cut_short}
+            | plan.data()
+            for (title, _), planner, cut_short, plan in zip(
+                self._plans, self._planners, self._cut_short, plans, strict=True
+            )
         ]
         return {
             "name": problem.name,

@@ -156,7 +156,8 @@ def _scene_plans(folder: Path, rows: Sequence[Row]) -> str:
     plans = {row.planner or "": _plan(folder, row, problem) for row in shown}
     explained = explained_plans(folder, shown, problem, plans)
     terms = [explained[name].explanation if name in explained else None for name in plans]
-    player = escape(Player(problem, list(plans.items()), terms).page())
+    cut_short = [row.cut_short for row in shown]
+    player = escape(Player(problem, list(plans.items()), terms, cut_short=cut_short).page())
     title = problem.name if seed is None else f"{problem.name}, seed {seed}"
     charts = _image(conflicts_figure(problem, plans), f"{title}: who collides with whom, and when.")
     name = _escaped(title)

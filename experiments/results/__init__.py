@@ -8,6 +8,7 @@ __all__ = [
     "files",
     "flight_scene",
     "flights",
+    "forecast",
     "gap_table",
     "graphml",
     "judging",

@@ -54,6 +54,8 @@ class Explained:
         if plan is None or proved is None or proved.file.bound is None or not verified.reward >= 0:
             return None
         model, file, pricing, _ = proved
+        if verified.understated:  # the gap is to what is proved, not to what is claimed
+            file = msgspec.structs.replace(file, bound=pricing.bound)
         found = explain(model, plan, verified.reward, file, pricing.bound)
         return cls(model, plan, found, pricing.leaves)
 

@@ -172,6 +172,11 @@ class PlanReader(NamedTuple):
         stopped = f", stopped by the {content.limit} limit" if content.limit else ""
         return content.planner + stopped
 
+    def cut_short(self, path: Path) -> str:
+        """Reads what a limit has left of a plan, in words; foreign files do not say."""
+        content = self.claim(path)
+        return content.told_cut_short if isinstance(content, PlanFile) else ""
+
     def plans(self, paths: Sequence[Path]) -> tuple[Problem, list[Plan]]:
         """Reads plans that can be flown, and finds the variant of the scene that all are for."""
         found = [self.plan(path) for path in paths]

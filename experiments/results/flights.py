@@ -59,6 +59,7 @@ class Flight(NamedTuple):
     shortened : steps of drones at which they change speed in less time than they could
     start : when step 0 is, with its offset from UTC; None: nobody says
     asked : the scene's airspace, where drones fly nearer to people than it says; else None
+    cut_short : what a limit has left of the plan, in words; empty where it is whole
     """
 
     flown: Trajectory
@@ -71,6 +72,7 @@ class Flight(NamedTuple):
     shortened: int
     start: datetime | None = None
     asked: Airspace | None = None
+    cut_short: str = ""
 
     @classmethod
     def of(cls, problem: Problem, plan: Plan, smooth: bool) -> "Flight":
@@ -205,6 +207,8 @@ class Flight(NamedTuple):
     def warnings(self) -> Iterable[str]:
         """Yields sentences on what was not checked or is not known."""
         problem = self.flown.problem
+        if self.cut_short:
+            yield self.cut_short
         if not self.is_smooth:
             yield "speeds jump at each step, and no acceleration was checked; --smooth has neither"
         least = self.flown.least_distance()

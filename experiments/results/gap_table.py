@@ -11,6 +11,7 @@ from cocap_opt.result import Reason
 from cocap_opt.stop import NO_LIMIT
 from cocap_opt.text import shortened
 
+_CUT = "!"  # marks a planner whose plan a limit has cut short
 _OPEN = "*"  # marks a bound that a limit stopped
 _LATE = "!"  # marks the seconds of a planner that overran its time limit
 PROVED = ("optimal", "infeasible")
@@ -88,6 +89,7 @@ def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:
             f"Rays sample what is seen past the meshes of {_first(list(dict.fromkeys(sampled)))}; "
             "the gaps leave the error of that out."
         )
+    yield from _cut_short(rows)
     remarked = [row for row in rows if row.reason in _UNFINISHED and row.message]
     told = dict.fromkeys(f"{row.planner} on {_name(row)}: {row.message}." for row in remarked)
     yield from list(told)[:_NAMED]
@@ -98,11 +100,22 @@ def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:
         )
 
 
+def _cut_short(rows: Sequence[Row]) -> Iterator[str]:
+    """Yields what limits have left of plans, for those of which least is left first."""
+    cut = sorted((row for row in rows if row.cut_short), key=lambda row: row.cut_short[0] != "n")
+    for row in cut[:_NAMED]:
+        yield f"{_CUT} {row.planner} on {_name(row)} seed {row.seed}: {row.cut_short}."
+    if len(cut) > _NAMED:
+        yield f"{_CUT} {len(cut) - _NAMED} more plans were cut short; --json or --out DIR has all."
+
+
 def _shown(row: Row, key: str) -> object:
     """Returns the value of a column, with a mark where it depends on a bound that is open."""
     value = getattr(row, key)
     if value is UNSET:
         return None
+    if key == "planner" and row.cut_short:
+        return f"{value} {_CUT}"
     reasons = {"bound": row.bound_reason, "gap_free": row.bound_free_reason}
     if key == "seconds":
         return value if row.overrun is None else Marked(value, _LATE)

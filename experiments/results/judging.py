@@ -169,8 +169,11 @@ class Judged(NamedTuple, Generic[_R_co]):
             result = EXACT[name](problem, stop, start, report, gap)
         else:
             result = BOUNDS[name](problem, stop, start, report)
+        model = compiled(problem)
+        if result.limit is not None and model.covered_steps <= problem.horizon:
+            result = replace(result, in_coverage=True)
         judged = Judged.of(name, problem, result)
-        return judged._replace(coverage_seconds=compiled(problem).coverage_seconds)
+        return judged._replace(coverage_seconds=model.coverage_seconds)
 
     @property
     def reward(self) -> float:
@@ -196,8 +199,6 @@ class Judged(NamedTuple, Generic[_R_co]):
         """Returns what is to be said of the result and its plan, each in a few words."""
         result = self.result
         found = [words for words in (result.message, self.blind(problem)) if words]
-        if result.reason is Reason.STOPPED and result.plan is not None and result.plan.stays:
-            found.append("the limit came too early: all drones stay at their starts")
         if self.reason is not result.reason and not found:
             found.append("what is open is within the accuracy of the computation")
         return found
@@ -269,6 +270,7 @@ class Judged(NamedTuple, Generic[_R_co]):
             digest=problem_digest(problem),
             planner=planner,
             limit=self.result.limit,
+            cut_short=self.result.cut_short,
             reason=self.reason.value,
             seconds=self.result.seconds if math.isfinite(self.result.seconds) else None,
             time_limit=None if allowance is None else allowance.seconds,

@@ -31,6 +31,7 @@ _FEW_NOTES = 3  # below a table: more of them are a list, so that one sees where
 _MARKS = "|`*[]\\"  # what Markdown gives a meaning besides HTML
 # Names of statistics, as people read them; JSON has the keys.
 _LABELS = {
+    "cut_short": "attention",
     "generated": "tree: nodes made",
     "expanded": "tree: nodes expanded",
     "depth": "tree: depth of the plan",

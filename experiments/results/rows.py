@@ -97,6 +97,13 @@ class PlanRow:
         ),
     ] = None
     conflicts: Annotated[_Count, Column("Collision rules that the plan breaks.")]
+    cut_short: Annotated[
+        str,
+        Column(
+            "What a limit has left of the plan, in words, among them how many drones stay at their "
+            "starts; empty where no limit stopped the planner."
+        ),
+    ] = ""
     message: Annotated[str, Column("Further remarks of the planner and on its plan, in words.")]
 
     @classmethod
@@ -117,6 +124,7 @@ class PlanRow:
             checking_seconds=judged.checking_seconds,
             views=judged.views,
             conflicts=judged.conflicts if judged.verdict else None,
+            cut_short=result.cut_short,
             message="; ".join(judged.remarks(problem)),
         )
 

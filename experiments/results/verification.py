@@ -118,7 +118,7 @@ class Verified:
         failed : what is wrong with further bounds, in words
         """
         verdict = None if plan is None else check(problem, plan)
-        proved = min(bounds, key=lambda bound: bound.file.proved, default=None)
+        proved = min(bounds, key=lambda bound: bound.pricing.bound, default=None)
         found = cls(problem, plan, verdict, proved)
         violations = [*found._of_plan(claimed, values), *failed]
         return replace(found, violations=tuple(violations or found._of_both()))
@@ -131,6 +131,14 @@ class Verified:
 
     @property
     def bound(self) -> float:
+        """The lowest bound that is proved, to which gaps are; infinite without one.
+
+        It is what the file claims, or where its numbers prove clearly less, what they prove.
+        """
+        return self.proved_bound if self.understated else self.claimed_bound
+
+    @property
+    def claimed_bound(self) -> float:
         """The lowest bound, as its file claims it, which is proved; infinite without one."""
         return math.inf if self.proved is None else self.proved.file.proved
 
@@ -142,7 +150,9 @@ class Verified:
     @property
     def understated(self) -> bool:
         """Returns True if the numbers prove clearly less than the file claims."""
-        return self.bound - self.proved_bound > OPTIMALITY * abs(self.bound)
+        if self.proved is None:
+            return False
+        return self.claimed_bound - self.proved_bound > OPTIMALITY * abs(self.claimed_bound)
 
     @property
     def method(self) -> str | None:

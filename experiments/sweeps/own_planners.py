@@ -170,7 +170,7 @@ class OwnPlanner:
                 raise OwnPlannerError(f"{self.name} has ended its process: {error!r}") from error
             return _required(self.name, result)
 
-        return planner  # type: ignore[return-value]  # it is always given a stop
+        return planner
 
 
 def _required(name: str, result: object) -> Result:

@@ -47,7 +47,7 @@ def cover(problem: Problem, method: str, stop: Stop, watch: Watch) -> None:
     Without it the method would do it by itself, in silence. Where a limit comes first, planners
     leave time for planning with what there is, and bounds for a bound.
     """
-    model, progress = compiled(problem), watch.counter("coverage")
+    model, progress = compiled(problem), watch.countdown("coverage")
     if method in EXACT or method in BOUNDS:
         with suppress(LimitReached):  # the method meets the limit as well
             model.prepare_all(stop, progress)

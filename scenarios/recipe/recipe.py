@@ -6,7 +6,7 @@ degrees, times in seconds. `EXAMPLE` has every table once.
 
 import logging
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -161,7 +161,7 @@ stationarity = 0.0
 """
 
 
-class _Recipe(Table):
+class Recipe(Table):
     """The whole file, see `EXAMPLE`."""
 
     steps: Annotated[int, Meta(ge=1, le=MOST_STEPS)]
@@ -182,7 +182,9 @@ class _Recipe(Table):
     earth: EarthTable | None = None
 
 
-def read(path: Path, seed: int = 0) -> Problem:
+def read(
+    path: Path, seed: int = 0, change: Callable[[Recipe], Recipe] = lambda recipe: recipe
+) -> Problem:
     """Reads a recipe and all files that it names.
 
     Parameters
@@ -191,6 +193,8 @@ def read(path: Path, seed: int = 0) -> Problem:
         The TOML file.
     seed
         Chooses the starts of drones that have a `count`.
+    change
+        Makes another recipe of what the file says; nothing is changed if not given.
 
     Raises
     ------
@@ -199,7 +203,7 @@ def read(path: Path, seed: int = 0) -> Problem:
         line, naming file and field.
     """
     with naming(path):
-        recipe = _decode(path)
+        recipe = change(decoded(path))
         with naming("map"):
             terrain = recipe.map.terrain(path.parent, recipe.flight)
         earth = _earth(recipe, terrain)
@@ -235,7 +239,7 @@ def read(path: Path, seed: int = 0) -> Problem:
         )
 
 
-def _team(recipe: _Recipe, around: Surroundings, rng: np.random.Generator) -> list[Robot]:
+def _team(recipe: Recipe, around: Surroundings, rng: np.random.Generator) -> list[Robot]:
     """Returns the drones of all tables, each of which keeps away from those before."""
     team: list[Robot] = []
     for k, given in enumerate(recipe.drones):
@@ -246,7 +250,7 @@ def _team(recipe: _Recipe, around: Surroundings, rng: np.random.Generator) -> li
     return team
 
 
-def _problem(recipe: _Recipe, **fields: Any) -> Problem:
+def _problem(recipe: Recipe, **fields: Any) -> Problem:
     """Returns the problem; what is wrong with a drone in it has the names that the recipe has."""
     try:
         return Problem(**fields)
@@ -260,7 +264,7 @@ def _problem(recipe: _Recipe, **fields: Any) -> Problem:
         raise ProblemError(re.sub(r"robots\[(\d+)\](\.start)?", named, str(error))) from error
 
 
-def _names(recipe: _Recipe) -> Iterator[tuple[str, str]]:
+def _names(recipe: Recipe) -> Iterator[tuple[str, str]]:
     """Yields the names of each drone's table and start."""
     for k, given in enumerate(recipe.drones):
         table = f"drones[{k}]"
@@ -268,17 +272,18 @@ def _names(recipe: _Recipe) -> Iterator[tuple[str, str]]:
         yield from ((table, table) for _ in range(given.count or 0))
 
 
-def _decode(path: Path) -> _Recipe:
+def decoded(path: Path) -> Recipe:
+    """Returns the content of a recipe's file; a ProblemError says what is wrong with it."""
     text = read_text(path, (JSON,))  # `[[1]]` is TOML, too
     try:
-        return msgspec.toml.decode(text, type=_Recipe)
+        return msgspec.toml.decode(text, type=Recipe)
     except (msgspec.MsgspecError, RecursionError) as error:
-        raise ProblemError(in_words(error, text, _Recipe)) from error
+        raise ProblemError(in_words(error, text, Recipe)) from error
     except ValueError as error:  # Python's own, of numbers of thousands of digits
         raise ProblemError(f"must hold whole numbers of at most {MOST_DIGITS} digits") from error
 
 
-def _earth(recipe: _Recipe, terrain: Terrain) -> Earth | None:
+def _earth(recipe: Recipe, terrain: Terrain) -> Earth | None:
     """Returns where the scene is on the Earth, if the recipe or the map's file says it."""
     if recipe.earth is None:
         return None if terrain.crs is None else Earth(crs=terrain.crs)
@@ -287,7 +292,7 @@ def _earth(recipe: _Recipe, terrain: Terrain) -> Earth | None:
 
 
 def _meshes(
-    recipe: _Recipe, folder: Path, terrain: Terrain, projection: Projection
+    recipe: Recipe, folder: Path, terrain: Terrain, projection: Projection
 ) -> Iterator[Mesh]:
     for k, given in enumerate(recipe.mesh):
         with naming(f"mesh[{k}]"):
@@ -301,7 +306,7 @@ def _meshes(
         yield from walls
 
 
-def _ways_to_walls(recipe: _Recipe, walls: list[Mesh]) -> str:
+def _ways_to_walls(recipe: Recipe, walls: list[Mesh]) -> str:
     """Returns how a map and walls that do not lie on it can come together."""
     if recipe.map.file is not None:
         return "`at` moves them, `unit` scales them"
@@ -339,7 +344,7 @@ def _say_moments(begins: dict[int, Clock]) -> None:
 
 
 def _actors(
-    recipe: _Recipe, folder: Path, terrain: Terrain, projection: Projection
+    recipe: Recipe, folder: Path, terrain: Terrain, projection: Projection
 ) -> Iterator[Actor]:
     begins: dict[int, Clock] = {}
     for k, given in enumerate(recipe.tracks):

@@ -712,15 +712,19 @@ def test_a_bound_says_that_it_has_a_better_plan_than_the_start(
 def test_verify_says_what_the_numbers_of_a_cautious_claim_prove(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A claim may be higher than what is proved; then both are told."""
+    """A claim may be higher than what is proved: both are told, and the gap is to the latter."""
     path = tmp_path / "bound.json"
     Run(capsys, "bound", "tiny-queue", "-o", path)
     assert "bound_proved" not in Run(capsys, "verify", "tiny-queue", path, "--json").json
     content = json.loads(path.read_text())
     path.write_text(json.dumps(content | {"bound": 1.5 * content["bound"]}))
-    found = Run(capsys, "verify", "tiny-queue", path, "--json").json
-    assert found["bound"] == pytest.approx(1.5 * content["bound"])
-    assert found["bound_proved"] == pytest.approx(content["bound"], rel=1e-6)
+    plan = tmp_path / "plan.json"
+    reward = Run(capsys, "plan", "tiny-queue", "-o", plan, "--json").json["reward"]
+    found = Run(capsys, "verify", "tiny-queue", path, plan, "--json", "--explain").json
+    assert found["bound_claimed"] == pytest.approx(1.5 * content["bound"])
+    assert found["bound"] == found["bound_proved"] == pytest.approx(content["bound"], rel=1e-6)
+    assert found["gap"] == (found["bound"] - reward) / found["bound"]
+    assert found["explanation"]["difference"] == pytest.approx(found["bound"] - reward)
 
 
 def test_a_foreign_start_brings_its_own_scene(

@@ -28,6 +28,9 @@ function between(rows, time) {
 const isStill = ({ paths }) => paths.every(([start, ...rest]) =>
   rest.every((pose) => [0, 1, 2].every((k) => pose[k] === start[k])));
 
+// True if some drone moves, or turns its camera.
+const turns = ({ paths }) => paths.some(([start, ...rest]) => rest.some((pose) => pose.some((value, k) => value !== start[k])));
+
 // A point of a body that stands at x, y, z and looks along yaw.
 const placed = ([x, y, z], [px, py, pz, yaw]) => {
   const c = Math.cos(yaw), s = Math.sin(yaw);

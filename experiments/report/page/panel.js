@@ -56,7 +56,8 @@ class Panel {
   // What is proved of the plan, by its certificate and the referee; without a plan, what is wrong
   // with drones that wait at their starts.
   verdict() {
-    const { gap, conflicts, waits, besidePeople } = this.plan, count = conflicts.length;
+    const { gap, conflicts, waits, besidePeople, cutShort } = this.plan, count = conflicts.length;
+    const isStopped = cutShort && !gap?.optimal, isNone = !waits && !turns(this.plan) && !gap?.optimal;
     const badge = make("span", "badge");
     if (count) {
       const words = `${count} conflict${count > 1 ? "s" : ""} ▸`;
@@ -71,8 +72,12 @@ class Panel {
       badge.textContent = `at the start ${several(besidePeople, 1)}`;
       badge.title = besidePeople.join("\n");
     }
-    badge.classList.toggle("mild", besidePeople.length > 0);
-    badge.classList.toggle("good", gap ? gap.optimal : !waits);
+    if (isStopped) {
+      badge.textContent = gap ? `${badge.textContent}; ${cutShort}` : cutShort;
+      badge.title = "it was stopped before its end; more time may give a better plan";
+    } else if (isNone) badge.textContent = `no drone moves; ${badge.textContent}`;
+    badge.classList.toggle("mild", besidePeople.length > 0 || Boolean(isStopped) || isNone);
+    badge.classList.toggle("good", gap ? gap.optimal : !waits && !isStopped && !isNone);
     return badge;
   }
 

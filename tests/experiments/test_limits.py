@@ -1,0 +1,341 @@
+"""Limits: what is said before coverage begins, and of plans that limits have cut short."""
+
+import json
+import logging
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cocap_opt as co
+from cocap_opt.experiments.cli.main import main
+from cocap_opt.experiments.report.player import Player
+from cocap_opt.experiments.results.forecast import Forecast, Tried, doubts, duration
+from cocap_opt.files.documents import PlanFile, problem_digest
+from cocap_opt.model import CoverageEstimate, Model
+from cocap_opt.problem import Plan
+from cocap_opt.scenarios import load_scene
+from cocap_opt.scenarios.recipe.lighter import lighter
+from cocap_opt.stop import Limit
+
+RECIPE = """\
+steps = 12
+[map]
+file = "town.asc"
+[[walk]]
+points = [[40, 40], [60, 46]]
+shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
+[[walk]]
+points = [[44, 38], [52, 58]]
+shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
+[[drones]]
+count = 3
+near = 20
+camera = "dji-mavic-pro"
+tilts = [10, 30, 50]
+[drones.motion]
+layers = [6, 9, 12]
+radius = 3
+headings = 8
+"""
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    """Returns exit code, output and messages of a command."""
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as caught:
+        main([str(word) for word in words])
+    out, err = capsys.readouterr()
+    assert isinstance(caught.value.code, int)
+    return caught.value.code, out, err
+
+
+@pytest.fixture
+def town(tmp_path: Path) -> Path:
+    """Returns a recipe of a town of 100 x 100 m with blocks of houses and three layers."""
+    heights = np.zeros((100, 100))
+    for x in range(4, 100, 16):
+        for y in range(4, 100, 16):
+            heights[y : y + 6, x : x + 6] = 4 + (x * 7 + y) % 9
+    rows = "\n".join(" ".join(f"{h:g}" for h in row) for row in heights)
+    head = "ncols 100\nnrows 100\nxllcorner 0\nyllcorner 0\ncellsize 1\nNODATA_value -9\n"
+    (tmp_path / "town.asc").write_text(head + rows + "\n")
+    (tmp_path / "town.toml").write_text(RECIPE)
+    return tmp_path / "town.toml"
+
+
+# -- the estimate ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scene", ["corridor", "passage", "field"])
+def test_an_estimate_counts_all_views_and_meets_their_entries(scene: str) -> None:
+    """It knows how many views there are, and by a sample how many faces they see."""
+    model = Model(load_scene(scene), use_cache=False)
+    found = model.coverage_estimate()
+    assert found.views == model.reachable_views
+    tables = [model.coverage(c) for c in model.classes]
+    horizon = model.problem.horizon
+    states = sum((horizon + 1) * c.graph.n_states for c in model.classes)
+    entries = sum(len(table.pixels) for table in tables)
+    assert 0.5 < (found.memory - 33 * states) / (90 * entries) < 2
+
+
+def test_an_estimate_changes_no_number() -> None:
+    """Coverage is the same bit for bit with and without one before."""
+    one, other = (Model(load_scene("corridor"), use_cache=False) for _ in range(2))
+    one.coverage_estimate()
+    for a, b in zip(one.coverage(one.classes[0]), other.coverage(other.classes[0]), strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_of_coverage_that_is_there_nothing_is_estimated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither of what is in memory, nor of what is in the cache; a part of it counts."""
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
+    model = Model(load_scene("corridor"))
+    assert model.coverage_estimate().views > 0
+    model.prepare_all()
+    assert model.coverage_estimate() == CoverageEstimate()
+    assert Model(load_scene("corridor")).coverage_estimate() == CoverageEstimate()
+    assert Model(load_scene("corridor"), use_cache=False).coverage_estimate().views > 0
+
+
+@pytest.mark.slow(seconds=20)
+@pytest.mark.parametrize("scene", ["field", "town"])
+def test_an_estimate_is_right_within_a_factor(scene: str, town: Path) -> None:
+    """Seconds are those of all coverage, within a factor that a busy machine leaves."""
+    path = str(town) if scene == "town" else scene
+    model = Model(load_scene(path), use_cache=False)
+    before = model.coverage_estimate().seconds
+    model.prepare_all()
+    taken = model.coverage_seconds
+    assert taken / 4 < before < 4 * taken
+
+
+# -- warnings and what would do ---------------------------------------------------------------
+
+
+def test_seconds_are_said_with_two_digits() -> None:
+    """Nobody needs more of an estimate."""
+    assert [duration(s) for s in (0.2, 7.25, 64.4, 130, 9000)] == [
+        "less than 1 s", "7.2 s", "64 s", "2 min", "2.5 h",
+    ]  # fmt: skip
+
+
+def test_a_limit_that_will_do_is_not_doubted() -> None:
+    """With a longer limit nothing is said; the limit that is advised is long enough."""
+    found = Forecast(CoverageEstimate(views=10, seconds=50.0), planning=4.0)
+    assert doubts(found, 100.0, "--time-limit", None) == ""
+    words = doubts(found, 60.0, "--time-limit", None)
+    assert "coverage takes about 50 s" in words
+    advised = float(words.rpartition("--time-limit ")[2])
+    assert doubts(found, advised, "--time-limit", None) == ""
+
+
+def test_memory_that_is_not_there_is_said() -> None:
+    """A longer limit is no way out then."""
+    words = doubts(Forecast(CoverageEstimate(1, 1.0, 1e15)), 60.0, "--time-limit", None)
+    assert "1000000.0 GB" in words
+    assert "--time-limit" not in words
+
+
+def test_changes_of_a_recipe_are_read_as_they_are_written(town: Path) -> None:
+    """Who writes a change into the recipe, as its words say, has the scene that was tried."""
+    problem = load_scene(str(town))
+    kinds = lighter(town, problem)
+    assert all(kinds)
+    for change in (change for kind in kinds for change in kind):
+        written = town.with_name("written.toml")
+        written.write_text(written_into(RECIPE, change.words))
+        own, tried = load_scene(str(written)), change.scene(town, 0)
+        assert problem_digest(own) == problem_digest(tried)
+        assert Model(tried).reachable_views < Model(problem).reachable_views
+
+
+def written_into(recipe: str, words: str) -> str:
+    """Returns a recipe with the fields of a change, each in the table that it names."""
+    for field, value, table in re.findall(r"(\w+) = (.+?) in (\[+[\w.]+\]+)", words):
+        recipe = re.sub(rf"^{field} = .*\n", "", recipe, flags=re.MULTILINE)
+        recipe = recipe.replace(f"{table}\n", f"{table}\n{field} = {value}\n", 1)
+    return recipe
+
+
+def test_changes_that_fit_alone_are_the_mildest_of_their_kind(
+    town: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each is tried; where none does alone, one of several kinds together is named."""
+    views = Model(load_scene(str(town))).reachable_views
+
+    def counted(model: Model) -> Forecast:
+        return Forecast(CoverageEstimate(1, 100.0 * model.reachable_views / views))
+
+    monkeypatch.setattr(Forecast, "of", counted)
+    now, tried = Forecast(CoverageEstimate(1, 100.0)), Tried(town, 0, load_scene(str(town)))
+    words = [change.words for change, _ in tried.that_fit(now, 120.0)]
+    assert "layers = [6, 9] in [drones.motion]" in words
+    assert "headings = 4 in [drones.motion]" in words
+    [(change, found)] = tried.that_fit(now, 6.0)
+    assert " and " in change.words
+    assert found.fits(6.0)
+
+
+def test_python_warns_before_coverage_too(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """With a limit that will not do, a warning names the argument; else there is none."""
+    problem = load_scene("tiny-queue")
+    monkeypatch.setattr(Forecast, "of", lambda model: Forecast(CoverageEstimate(9, 500.0)))
+    with caplog.at_level(logging.WARNING):
+        co.plan(problem)
+        co.plan(problem, "cocap-vs", time_limit=60)
+        assert caplog.text == ""
+        co.plan(problem, time_limit=60)
+    assert "time_limit = 850" in caplog.text
+
+
+@pytest.mark.slow(seconds=60)
+def test_advice_that_is_followed_leads_to_a_plan_that_moves(
+    town: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """The warning comes before coverage; each change that it names gives such a plan in time."""
+    whole = Forecast.of(Model(load_scene(str(town)), use_cache=False)).seconds
+    limit = max(whole / 2, 1.0)
+    plan = town.with_name("plan.json")
+    assert run(capsys, "plan", town, "--time-limit", limit, "-o", plan)[0] == 0
+    assert "too much for a limit" in caplog.text
+    told = caplog.text.partition("what would do: ")[2].splitlines()[0].split("; or ")
+    assert len(told) > 1, caplog.text
+    for words in told[1:]:
+        changed = town.with_name("changed.toml")
+        changed.write_text(written_into(RECIPE, words))
+        code, out, _ = run(capsys, "plan", changed, "--time-limit", limit, "-o", plan, "--json")
+        assert code == 0
+        assert not PlanFile.read(plan).plan.stays, words
+        assert json.loads(out)["reward"] > 0
+
+
+# -- plans that are cut short -----------------------------------------------------------------
+
+
+def still(scene: str = "corridor") -> Plan:
+    """Returns the plan in which nobody moves."""
+    plan = Plan.hovering(load_scene(scene))
+    assert plan is not None
+    return plan
+
+
+def test_what_a_limit_has_left_of_a_plan_is_said_in_words() -> None:
+    """All, some or none of the drones stay at their starts; without a limit nothing is said."""
+    plan = still()
+    moves = (*plan.paths[0][:-1], plan.paths[0][-1]._replace(heading=7))
+    some = Plan(paths=(moves, *plan.paths[1:]))
+    assert plan.cut_short(None) == ""
+    assert plan.cut_short(Limit.TIME, in_coverage=True) == (
+        "no plan: the time limit came during coverage; all drones stay at their starts"
+    )
+    n = len(plan.paths)
+    assert some.cut_short(Limit.INTERRUPT) == (
+        f"cut short: Ctrl-C came during the search; {n - 1} of {n} drones stay at their starts"
+    )
+
+
+def test_a_plan_cut_short_says_so_first_everywhere(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In output, JSON, file, gap table and rows; it is no error, and the file is written."""
+    path = tmp_path / "plan.json"
+    code, out, _ = run(capsys, "plan", "corridor", "--time-limit", 0, "-o", path)
+    assert code == 0
+    assert out.split()[:3] == ["attention", "no", "plan:"]
+    assert "all drones stay" in PlanFile.read(path).cut_short
+    code, out, _ = run(capsys, "plan", "corridor", "--time-limit", 0, "--json")
+    assert next(iter(json.loads(out))) == "cut_short"
+    code, out, _ = run(
+        capsys, "gap", "corridor", "--seeds", "0", "--planner", "cocap",
+        "--time-limit", 0, "--bound-limit", 0,
+    )  # fmt: skip
+    assert code == 0
+    assert "cocap !" in out
+    assert "! cocap on corridor seed 0: no plan: the time limit" in " ".join(out.split())
+
+
+def test_results_say_first_that_a_limit_cut_them_short() -> None:
+    """In summary and repr of Python."""
+    result = co.plan(load_scene("corridor"), "sequential", time_limit=0)
+    assert result.summary().startswith("no plan: the time limit came during")
+    assert repr(result).startswith("Result(no plan: the time limit")
+    assert not co.plan(load_scene("tiny-queue")).cut_short
+
+
+def test_files_of_older_versions_say_it_too(tmp_path: Path) -> None:
+    """A limit and a plan are enough; who has no limit has a whole plan."""
+    parts: dict[str, Any] = {"scene": "s", "digest": "d", "planner": "p", "reward": 1.0}
+    old = PlanFile(version=3, limit=Limit.TIME, plan=still(), **parts)
+    old.save(tmp_path / "old.json")
+    assert PlanFile.read(tmp_path / "old.json").told_cut_short.startswith("no plan: the time")
+    assert PlanFile(plan=still(), **parts).told_cut_short == ""
+
+
+def test_the_player_is_told_what_limits_have_left() -> None:
+    """Its sign is not green then."""
+    player = Player(load_scene("corridor"), [("a", still())], cut_short=["cut short: x"])
+    assert player.data()["plans"][0]["cutShort"] == "cut short: x"
+    assert Player(load_scene("corridor"), [("a", still())]).data()["plans"][0]["cutShort"] == ""
+
+
+# -- fly ----------------------------------------------------------------------------------------
+
+
+def test_plans_in_which_no_drone_moves_are_not_flown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """One line says why and the way out, unless that is what is wanted."""
+    plan, flight = tmp_path / "plan.json", tmp_path / "flight.csv"
+    run(capsys, "plan", "corridor", "--time-limit", 0, "-o", plan)
+    words = ("fly", "corridor", plan, "--step", 1, "-o", flight)
+    code, out, err = run(capsys, *words)
+    assert (code, out) == (2, "")
+    assert err.count("\n") == 1
+    assert "no drone moves (no plan: the time limit" in err
+    assert "--hovering" in err
+    assert not flight.exists()
+    code, out, err = run(capsys, *words, "--hovering")
+    assert code == 0
+    assert out.split()[0] == "attention"
+    assert f"{plan}: no plan: the time limit" in caplog.text
+    assert flight.exists()
+
+
+def test_python_flies_no_plan_in_which_no_drone_moves() -> None:
+    """`hovering=True` does."""
+    problem = load_scene("corridor")
+    with pytest.raises(ValueError, match="no drone moves"):
+        co.trajectory(problem, still(), step=1.0)
+    assert len(co.trajectory(problem, still(), step=1.0, hovering=True))
+
+
+# -- verify -------------------------------------------------------------------------------------
+
+
+def test_verify_has_a_limit_and_warns_if_it_will_not_do(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """It is ten minutes; `inf` is none. What would do is said before it begins."""
+    proof = tmp_path / "proof.json"
+    run(capsys, "bound", "tiny-queue", "-o", proof)
+    assert run(capsys, "verify", "tiny-queue", proof)[0] == 0
+    monkeypatch.setattr(
+        Model, "coverage_estimate", lambda model: CoverageEstimate(10, seconds=700.0)
+    )
+    assert run(capsys, "verify", "tiny-queue", proof, "--time-limit", "inf")[0] == 0
+    assert "takes about" not in caplog.text
+    assert run(capsys, "verify", "tiny-queue", proof)[0] == 0
+    assert "to check takes about 12 min" in caplog.text
+    assert "--time-limit 1200" in caplog.text
+    assert run(capsys, "verify", "tiny-queue", proof, "--time-limit", "nan")[0] == 2
