@@ -136,24 +136,13 @@ class TrackTable(NamedTuple):
         if rate is not None:
             form.require_left_out("frames, whose rate is fps", "time_unit")
             places.pop("time", None)
-        dates = None
-        numbers = dict(places)
         if "time" in places and is_date(layout.row[places["time"]]):
             form.require_left_out("dates", "time_unit")
-            dates = times_of_dates(column_of(text, layout, numbers.pop("time"), len(names)))
-        values, words = values_of(text, layout, numbers, len(names))
+        values, words, clock = _values(text, layout, places, len(names), time_unit)
 
         def where(row: int) -> str:
             return f"line {next(islice(row_lines(text, layout), row, None))[0]}"
 
-        def texts() -> Iterator[str]:
-            return (field for _, field in column_of(text, layout, places["time"], len(names)))
-
-        clock = None
-        if "time" in places:
-            ids = values["id"] if words is None else None
-            times = dates or times_of_numbers(values["time"], ids, time_unit, texts)
-            values["time"], clock = times
         _check(values, where)
         if is_in_degrees:
             points = projection.metres(values.pop("latitude"), values.pop("longitude"))
@@ -184,6 +173,27 @@ class TrackTable(NamedTuple):
             unit=unit,
             rate=rate,
         )
+
+
+def _values(
+    text: str, layout: Layout, places: Places, count: int, time_unit: str | None
+) -> tuple[Values, NDArray[np.str_] | None, Clock | None]:
+    """Returns the columns with times in seconds, the ids where they are words, and the clock."""
+    if "time" not in places:
+        return *values_of(text, layout, places, count), None
+
+    def texts() -> Iterator[tuple[int, str]]:
+        return column_of(text, layout, places["time"], count)
+
+    if is_date(layout.row[places["time"]]):
+        times = times_of_dates(texts())
+        others = {role: place for role, place in places.items() if role != "time"}
+        values, words = values_of(text, layout, others, count)
+    else:
+        values, words = values_of(text, layout, places, count)
+        ids = values["id"] if words is None else None
+        times = times_of_numbers(values["time"], ids, time_unit, texts)
+    return values | {"time": times.seconds}, words, times.clock
 
 
 def _time_unit(

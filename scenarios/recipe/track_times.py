@@ -107,7 +107,7 @@ def times_of_numbers(
     values: FloatArray,
     ids: FloatArray | None,
     unit: str | None,
-    texts: Callable[[], Iterable[str]],
+    texts: Callable[[], Iterable[tuple[int, str]]],
 ) -> Times:
     """Returns the times of numbers.
 
@@ -116,7 +116,7 @@ def times_of_numbers(
     values : [n] as they stand in the file
     ids : [n] of people, for guessing a unit in words; None: they are words
     unit : a key of `PER_SECOND`; None: nobody says it, and they are seconds
-    texts : the fields, in which no digit is lost
+    texts : gives the lines and fields, in which no digit is lost
 
     Raises
     ------
@@ -132,7 +132,7 @@ def times_of_numbers(
     if not _DATES[0] <= seconds.min() <= seconds.max() <= _DATES[1]:
         return Times(seconds, None)
     scale = _NANO // per_second
-    return Times.since_first([round(Decimal(text) * scale) for text in texts()], True)
+    return Times.since_first([round(Decimal(text) * scale) for _, text in texts()], True)
 
 
 def likely_unit(apart: float) -> str | None:
