@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cocap_opt.data import ProblemError
-    from cocap_opt.experiments.api.covering import coverage
+    from cocap_opt.experiments.api.covering import coverage, coverage_digest
     from cocap_opt.experiments.api.explaining import explain, replans
     from cocap_opt.experiments.api.files import load, read, save
     from cocap_opt.experiments.api.flying import robustness, trajectory
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from cocap_opt.formulations.result import CertifiedResult, Snapshot
     from cocap_opt.planners import PLANNERS, Planner
     from cocap_opt.problem import (
+        COVERAGE_VERSION,
         NO_RULES,
         PAPER_RULES,
         Actor,
@@ -73,7 +74,7 @@ _MODULES = {
     "cocap_opt.referee": ("Verdict",),
     "cocap_opt.data": ("ProblemError",),
     "cocap_opt.experiments.results.verification": ("Verified",),
-    "cocap_opt.experiments.api.covering": ("coverage",),
+    "cocap_opt.experiments.api.covering": ("coverage", "coverage_digest"),
     "cocap_opt.experiments.api.explaining": ("explain", "replans"),
     "cocap_opt.experiments.api.files": ("load", "read", "save"),
     "cocap_opt.experiments.api.flying": ("robustness", "trajectory"),
@@ -91,9 +92,10 @@ _MODULES = {
     "cocap_opt.formulations.result": ("CertifiedResult", "Snapshot"),
     "cocap_opt.planners": ("PLANNERS", "Planner"),
     "cocap_opt.problem": (
-        "NO_RULES", "PAPER_RULES", "Actor", "Airspace", "Camera", "CollisionRules", "Cone",
-        "Cuboid", "Earth", "Limits", "Motion", "Objective", "PassConflict", "Plan", "Prism",
-        "Problem", "Robot", "State", "SwapConflict", "TriangulatedCuboid", "VertexConflict",
+        "COVERAGE_VERSION", "NO_RULES", "PAPER_RULES", "Actor", "Airspace", "Camera",
+        "CollisionRules", "Cone", "Cuboid", "Earth", "Limits", "Motion", "Objective",
+        "PassConflict", "Plan", "Prism", "Problem", "Robot", "State", "SwapConflict",
+        "TriangulatedCuboid", "VertexConflict",
     ),
     "cocap_opt.result": ("Reason", "Result", "UnsupportedError"),
     "cocap_opt.scenarios": ("FORMATS", "SCENES"),
@@ -104,15 +106,16 @@ _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 # Written out, since type checkers read it and compute nothing.
 __all__ = [
-    "BOUNDS", "EXACT", "FORMATS", "NO_RULES", "PAPER_RULES", "PLANNERS", "SCENES", "Actor",
-    "Airspace", "Camera", "CertificateError", "CertificateFile", "CertifiedResult",
-    "CollisionRules", "Cone", "Cuboid", "Earth", "FileError", "FirstOf", "HeightMap", "Limit",
-    "Limits", "Mesh", "Motion", "Objective", "PassConflict", "Plan", "Planner", "Player",
-    "Prism", "Problem", "ProblemError", "ProofFile", "Reason", "Result", "Robot", "Snapshot",
-    "State", "Stop", "SwapConflict", "TimeLimit", "TriangulatedCuboid", "UnsupportedError",
-    "Verdict", "Verified", "VertexConflict", "WorkLimit", "benchmark", "bound", "check",
-    "coverage", "explain", "gap", "load", "never", "plan", "read", "replans", "robustness",
-    "save", "show", "show_versions", "solve", "trajectory", "verify",
+    "BOUNDS", "COVERAGE_VERSION", "EXACT", "FORMATS", "NO_RULES", "PAPER_RULES", "PLANNERS",
+    "SCENES", "Actor", "Airspace", "Camera", "CertificateError", "CertificateFile",
+    "CertifiedResult", "CollisionRules", "Cone", "Cuboid", "Earth", "FileError", "FirstOf",
+    "HeightMap", "Limit", "Limits", "Mesh", "Motion", "Objective", "PassConflict", "Plan",
+    "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Reason", "Result",
+    "Robot", "Snapshot", "State", "Stop", "SwapConflict", "TimeLimit", "TriangulatedCuboid",
+    "UnsupportedError", "Verdict", "Verified", "VertexConflict", "WorkLimit", "benchmark",
+    "bound", "check", "coverage", "coverage_digest", "explain", "gap", "load", "never", "plan",
+    "read", "replans", "robustness", "save", "show", "show_versions", "solve", "trajectory",
+    "verify",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # or any misspelt name would be one for type checkers

@@ -24,7 +24,7 @@ from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, compiled
-from cocap_opt.problem import Problem
+from cocap_opt.problem import COVERAGE_VERSION, Problem
 from cocap_opt.result import Reason
 from cocap_opt.stop import Limit
 
@@ -177,6 +177,7 @@ class _Prices:
         return CertificateFile(
             scene=problem.name,
             digest=self._digest,
+            coverage_version=COVERAGE_VERSION,
             method=METHOD,
             coverage=OPTIMISTIC if self._model.covered_steps <= problem.horizon else UNSET,
             bound=None if bound == -math.inf else bound,

@@ -15,7 +15,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 from cocap_opt.stop import Limit
 
 # Those of `cocap_opt.result`, which is no part of what must be trusted to check a certificate.
@@ -89,6 +89,11 @@ class SceneFile(Document, frozen=True, kw_only=True):
     version: Literal[2] = 2
     problem: Problem
 
+    @classmethod
+    def of(cls, problem: Problem) -> Self:
+        """Returns the file of a problem, in which 5 is 5.0 where numbers need not be whole."""
+        return cls(problem=_read_back(problem))
+
 
 class PlanFile(Document, frozen=True, kw_only=True):
     """A plan file: the plan, its J, the digest of its scene, and what stopped its search.
@@ -106,6 +111,7 @@ class PlanFile(Document, frozen=True, kw_only=True):
     time_limit : s that the planner was allowed; None: it had no limit, or nobody wrote it
     work_limit : units of work that it was allowed; None likewise
     cut_short : what that limit has left of the plan, in words; empty where none did
+    coverage_version : of the law by which pixels were computed; None: nobody wrote it
     reward : J as the planner claims it
     plan : a path for each drone
     """
@@ -122,6 +128,7 @@ class PlanFile(Document, frozen=True, kw_only=True):
     time_limit: _Amount | None = None
     work_limit: _Count | None = None
     cut_short: str = ""
+    coverage_version: int | None = None
     reward: float
     plan: Plan
 
@@ -196,6 +203,16 @@ def decode_document(content: bytes, name: str, *kinds: type[D]) -> D:
     return _decode(content, kind, name)
 
 
+def other_coverage(version: int | None) -> str:
+    """Says that a file was made with another version of coverage; nothing if nobody knows it."""
+    if version in (None, COVERAGE_VERSION):
+        return ""
+    return (
+        f"it was made with version {version} of coverage, this is version {COVERAGE_VERSION}, by "
+        "which pixels and J are others"
+    )
+
+
 def _default(kind: type[Document], field: str) -> object:
     return next(f.default for f in msgspec.structs.fields(kind) if f.name == field)
 
@@ -223,17 +240,21 @@ def read_bytes(path: Path) -> bytes:
 def problem_digest(problem: Problem) -> str:
     """Digest of everything in a problem but names, when tracks begin and where it is on the Earth.
 
-    None of them has a part in what a plan may do and what it is worth.
+    None of them has a part in what a plan may do and what it is worth. The page on files has the
+    recipe, by which anybody can compute it.
     """
     actors = tuple(actor.replace(name=None, begin=None) for actor in problem.actors)
     nameless = problem.replace(name="", actors=actors, earth=None)
-    content = msgspec.json.encode(nameless, enc_hook=_encode_array)
-    # Read back once: numbers given as 5 and 5.0 are the same.
-    again = msgspec.json.decode(content, type=Problem, dec_hook=_decode_array)
-    fields = msgspec.to_builtins(again, enc_hook=_encode_array)
+    fields = msgspec.to_builtins(_read_back(nameless), enc_hook=_encode_array)
     for holder in (fields, *fields["robots"], *fields["actors"]):
         _drop_unused(holder)
     return hashlib.sha256(msgspec.json.encode(fields)).hexdigest()
+
+
+def _read_back(problem: Problem) -> Problem:
+    """Returns the problem as if it came from its file: numbers given as 5 and 5.0 are the same."""
+    content = msgspec.json.encode(problem, enc_hook=_encode_array)
+    return msgspec.json.decode(content, type=Problem, dec_hook=_decode_array)
 
 
 def _drop_unused(fields: dict[str, Any]) -> None:

@@ -9,7 +9,7 @@ from cocap_opt.problem.camera import AnyCamera, Camera, Cone
 from cocap_opt.problem.earth import Earth
 from cocap_opt.problem.limits import Limits
 from cocap_opt.problem.motion import Cell, Motion, State
-from cocap_opt.problem.objective import Objective
+from cocap_opt.problem.objective import COVERAGE_VERSION, Objective
 from cocap_opt.problem.plan import Conflict, PassConflict, Plan, SwapConflict, VertexConflict
 from cocap_opt.problem.problem import Problem
 from cocap_opt.problem.robot import Robot
@@ -17,6 +17,7 @@ from cocap_opt.problem.rules import NO_RULES, PAPER_RULES, CollisionRules
 from cocap_opt.problem.shapes import Cuboid, Prism, Shape, TriangulatedCuboid
 
 __all__ = [
+    "COVERAGE_VERSION",
     "NO_RULES",
     "PAPER_RULES",
     "Actor",

@@ -2,6 +2,11 @@
 
 from cocap_opt.data import MOST_WEIGHT, Data, within
 
+# The version of coverage, the law by which the pixels of a state are computed. Whoever changes a
+# number of it by more than rounding adds one here, since each J is then another:
+# 1, rays to sample points; 2, faces are cut by the shadows of convex bodies.
+COVERAGE_VERSION = 2
+
 
 class Objective(Data, frozen=True):
     """The weights of the objective, besides the actors' face weights.

@@ -31,15 +31,21 @@ def require_made_for(name: str, given: object, problem: Problem) -> None:
 
     The line names both, and how to use the plan all the same.
     """
+    made_for = _made_for(given, problem)
+    if made_for is not None:
+        way = "Plan(paths=plan.paths)" if isinstance(given, Plan) else "result.plan"
+        raise ValueError(f"{name}: it was made for {made_for}; {way} is the plan alone")
+
+
+def _made_for(given: object, problem: Problem) -> str | None:
+    """Returns words for the other problem that something was made for; None if there is none."""
     if isinstance(given, Plan) and given.made_for:
-        made_for, scene, way = given.made_for, given.scene, "Plan(paths=plan.paths)"
+        digest, scene = given.made_for, given.scene
     elif isinstance(given, Result) and given.problem is not None and given.problem is not problem:
-        made_for, scene, way = problem_digest(given.problem), given.problem.name, "result.plan"
+        digest, scene = problem_digest(given.problem), given.problem.name
     else:
-        return
-    if made_for != problem_digest(problem):
-        which = other_scene(scene, problem.name)
-        raise ValueError(f"{name}: it was made for {which}; {way} is the plan alone, made for none")
+        return None
+    return None if digest == problem_digest(problem) else other_scene(scene, problem.name)
 
 
 def require_flown(name: str, verdict: Verdict) -> None:
@@ -85,16 +91,19 @@ def plan_for(
 def start_for(problem: Problem, given: Plan | Result | None) -> Plan | None:
     """Returns the plan that a method begins with, of a result its plan; None where there is none.
 
+    It may come from a problem of other rules or another objective, and break the rules of this one,
+    which the method then says.
+
     Raises
     ------
     ValueError
-        If it is of another problem, or cannot be flown in this one. A plan that breaks collision
-        rules is left to the method, which says so.
+        If it cannot be flown in this problem.
     """
-    require_made_for("start", given, problem)
     plan = plan_of(given)
     if plan is not None and (violations := check(problem, plan).violations):
-        raise ValueError(f"start: cannot be flown in {problem.name}: {violations[0]}")
+        made_for = _made_for(given, problem)
+        words = "it" if made_for is None else f"it was made for {made_for}, and"
+        raise ValueError(f"start: {words} cannot be flown in {problem.name}: {violations[0]}")
     return plan
 
 

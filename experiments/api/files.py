@@ -22,7 +22,7 @@ from cocap_opt.files.documents import (
     read_bytes,
 )
 from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 from cocap_opt.referee import check as judge_plan
 from cocap_opt.result import Result
 from cocap_opt.scenarios import load_scene
@@ -94,7 +94,7 @@ def save(
     if isinstance(content, Result):
         problem = content.problem if problem is None else problem
     document = (
-        SceneFile(problem=content) if isinstance(content, Problem)
+        SceneFile.of(content) if isinstance(content, Problem)
         else content if isinstance(content, CertificateFile | ProofFile)
         else _plan_file(content, problem)
     )  # fmt: skip
@@ -164,8 +164,8 @@ def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     verdict = judge_plan(problem, own)
     require_flown("plan", verdict)
     file = PlanFile(
-        scene=problem.name, digest=problem_digest(problem), planner="", reward=verdict.reward,
-        plan=own,
+        scene=problem.name, digest=problem_digest(problem), planner="",
+        coverage_version=COVERAGE_VERSION, reward=verdict.reward, plan=own,
     )  # fmt: skip
     if not isinstance(content, Result):
         return file

@@ -107,8 +107,8 @@ def bound(
     UnsupportedError
         If the method takes no such problems.
     ValueError
-        If there is no method of this name, the time limit is negative, or the start is a plan of
-        another problem or cannot be flown.
+        If there is no method of this name, the time limit is negative, or the start cannot be
+        flown in this problem.
 
     Examples
     --------
@@ -157,7 +157,7 @@ def solve(
         If the method takes no such problems, or a solver that it needs is not installed.
     ValueError
         If there is no method of this name, the time limit is negative, `gap` is not in [0, 1), or
-        the start is a plan of another problem or cannot be flown.
+        the start cannot be flown in this problem.
 
     Examples
     --------

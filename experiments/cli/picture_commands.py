@@ -28,7 +28,7 @@ from cocap_opt.experiments.results.files import (
     save_bytes,
 )
 from cocap_opt.experiments.results.printing import print_result
-from cocap_opt.files.documents import FileError
+from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.problem import Plan, Problem
@@ -90,7 +90,9 @@ def _show(
         chosen = () if steps is None else _steps(problem, steps)
         content = _picture(problem, plans, suffix, chosen)
     save_bytes(output, content)
-    print_result({"scene": problem.name, "seed": seed, "file": output}, json)
+    digest = problem_digest(problem)
+    answer = {"scene": problem.name, "seed": seed, "digest": digest, "file": output}
+    print_result(answer, json)
     return 0
 
 

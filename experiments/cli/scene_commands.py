@@ -13,7 +13,7 @@ from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.files import check_output, save_bytes
 from cocap_opt.experiments.results.graphml import graphml
 from cocap_opt.experiments.results.printing import Listing, Record, print_result
-from cocap_opt.files.documents import SceneFile, encode
+from cocap_opt.files.documents import SceneFile, encode, problem_digest
 from cocap_opt.problem import Limits, Problem
 from cocap_opt.scenarios import FORMATS, SCENES
 from cocap_opt.scenarios.airframes import AIRFRAMES
@@ -143,14 +143,14 @@ def _export(
     if camera is not None or tilts is not None:
         degrees = None if tilts is None else _angles("--tilts", tilts)
         problem = with_cameras(problem, camera, degrees)
-    answer: Record = {"scene": problem.name, "seed": seed}
+    answer: Record = {"scene": problem.name, "seed": seed, "digest": problem_digest(problem)}
     if as_graph:
         answer["drone"] = _drone(drone or 0, problem)
         with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
             content = graphml(problem, answer["drone"], watch.counter)
         save_bytes(output, content)
     else:
-        save_bytes(output, encode(SceneFile(problem=problem)))
+        save_bytes(output, encode(SceneFile.of(problem)))
     print_result({**answer, "file": output}, json)
     return 0
 

@@ -44,7 +44,7 @@ from cocap_opt.experiments.sweeps.named_planners import FORMS, own_planners
 from cocap_opt.experiments.sweeps.own_planners import OwnPlannerError
 from cocap_opt.experiments.sweeps.work import cover
 from cocap_opt.files.atomic_write import write_atomically
-from cocap_opt.files.documents import FileError, encode
+from cocap_opt.files.documents import FileError, encode, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import compiled_search
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
@@ -245,7 +245,8 @@ class _Task(NamedTuple):
             fitting, start = PlanReader(scene, problem).plan(path, any_scene=True)
             about |= {"seed": None, "starts": OWN_STARTS} if fitting is not problem else {}
             problem = fitting
-        return cls(problem.without_rules() if free else problem, start, about)
+        problem = problem.without_rules() if free else problem
+        return cls(problem, start, about | {"digest": problem_digest(problem)})
 
     def certified(
         self, seed: int, method: str, stop: Stop, gap: float, path: Path | None

@@ -1,7 +1,7 @@
 """The command `verify`, which checks what plans and certificates in files claim of a scene."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -34,7 +34,7 @@ from cocap_opt.experiments.results.printing import (
 )
 from cocap_opt.experiments.results.rows import OWN_STARTS
 from cocap_opt.experiments.results.verification import ProvedBound, Verified
-from cocap_opt.files.documents import FileError, PlanFile
+from cocap_opt.files.documents import FileError, PlanFile, other_coverage, problem_digest
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
 from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.model import Model
@@ -103,7 +103,12 @@ def _verify(
     if verified.verdict is not None and verified.verdict.conflicts:
         say_narrow_way(scene, seed, claims.problem)
     own_seed = seed if has_seed(scene) else None
-    answer = {"scene": claims.problem.name, "seed": own_seed, **claims.answer(verified)}
+    answer = {
+        "scene": claims.problem.name,
+        "seed": own_seed,
+        "digest": problem_digest(claims.problem),
+        **claims.answer(verified),
+    }
     explained = Explained.of(verified) if explain else None
     if explain and json:
         answer["explanation"] = _data(explained) if explained else None
@@ -218,6 +223,13 @@ class _Claims(NamedTuple):
         rewards = np.bincount(self.problem.face_owner, weights=verdict.face_reward)
         return {"reward_per_face": None, "reward_per_person": tuple(rewards.tolist())}
 
+    def _made_otherwise(self, verified: Verified) -> Iterator[str]:
+        """Yields which files were made with another version of coverage, in words."""
+        if self.plan_file and (words := other_coverage(self.plan_file.coverage_version)):
+            yield f"the plan: {words}"
+        if words := verified.other_coverage:
+            yield f"the bound: {words}"
+
     def answer(self, verified: Verified) -> Record:
         """Returns what `verify` prints of what it found."""
         found: Record = {
@@ -248,6 +260,8 @@ class _Claims(NamedTuple):
                 found["message"] = _NO_PLAN
             elif verified.optimistic:
                 found["message"] = _OPTIMISTIC
+        if words := "; ".join(self._made_otherwise(verified)):
+            found["message"] = "; ".join(filter(None, (found.get("message", ""), words)))
         found["optimal"] = None
         if verdict is not None and math.isfinite(verified.gap):
             found |= {"gap": verified.gap, "optimal": verified.is_optimal}

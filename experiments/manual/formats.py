@@ -112,7 +112,7 @@ def example(name: str) -> str:
 def _example(name: str) -> msgspec.Struct:
     problem = load_scene(_EXAMPLE)
     if name == "scene":
-        return SceneFile(problem=problem)
+        return SceneFile.of(problem)
     if name == "certificate":
         found = BOUNDS["alone"](problem, never).certificate
         assert found is not None

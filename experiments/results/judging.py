@@ -17,7 +17,7 @@ from cocap_opt.formulations.result import (
 )
 from cocap_opt.model import compiled
 from cocap_opt.planners import LAZY, PLANNERS, Planner
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, WorkLimit, never
@@ -275,6 +275,7 @@ class Judged(NamedTuple, Generic[_R_co]):
             seconds=self.result.seconds if math.isfinite(self.result.seconds) else None,
             time_limit=None if allowance is None else allowance.seconds,
             work_limit=None if allowance is None else allowance.work,
+            coverage_version=COVERAGE_VERSION,
             reward=self.reward,
             plan=self.result.plan,
         )

@@ -70,6 +70,7 @@ _SERIES = {"reward_per_step": ("step", 1), "reward_per_person": ("person", 0)}
 _FEW = 12  # rewards that are listed; of more there is a summary, and JSON has them
 # Values that say nothing, by their keys; JSON has them.
 _SILENT = {"limit": NO_LIMIT, "evaluated": 0, "reward_at_start": 0.0, "late": 0.0}
+_ONLY_JSON = ("digest",)
 _SHARES = ("gap", "gap_free", "largest gap", "largest gap_free")  # printed in %
 
 
@@ -106,7 +107,8 @@ def print_result(row: Record, json: bool) -> None:
         return
     table = Table(show_header=False, box=None)
     for key, value in row.items():
-        if value is not None and value != "" and _SILENT.get(key) != value:
+        silent = value is None or value == "" or _SILENT.get(key) == value
+        if not silent and key not in _ONLY_JSON:
             table.add_row(_LABELS.get(key, key), escape(_shown(key, value)))
     _console().print(table)
 

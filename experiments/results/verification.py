@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 from cocap_opt.experiments.results.judging import ROUNDING
-from cocap_opt.files.documents import PlanFile, problem_digest
+from cocap_opt.files.documents import PlanFile, other_coverage, problem_digest
 from cocap_opt.formulations.certificates import (
     CertificateError,
     CertificateFile,
@@ -166,6 +166,11 @@ class Verified:
         return isinstance(file, CertificateFile) and bool(file.coverage)
 
     @property
+    def other_coverage(self) -> str:
+        """Says that the bound was made with another version of coverage; empty if it was not."""
+        return "" if self.proved is None else other_coverage(self.proved.file.coverage_version)
+
+    @property
     def gap(self) -> float:
         """The relative gap, (bound - reward) / bound; infinite where one of them is missing."""
         return relative_gap(self.reward, self.bound)
@@ -197,7 +202,9 @@ class Verified:
             return
         for value in values if claimed is None else (claimed.reward, *values):
             if not math.isclose(value, self.reward, rel_tol=ROUNDING, abs_tol=ROUNDING):
-                yield f"reward: the plan claims {value!r}, it is {self.reward!r}"
+                made = None if claimed is None else claimed.coverage_version
+                why = f"; {words}" if (words := other_coverage(made)) else ""
+                yield f"reward: the plan claims {value!r}, it is {self.reward!r}{why}"
 
     def _of_both(self) -> Iterator[str]:
         """Yields what contradicts each other in a plan and a bound of which all claims hold."""

@@ -96,7 +96,7 @@ class Output:
 def _published(folder: Path, instance: Instance) -> list[Row]:
     """Writes the files of an instance that is whole; returns its rows, which name them."""
     rows, bound = instance.rows(), instance.proved()
-    files: _Files = {Paths(rows[0]).scene: encode(SceneFile(problem=instance.problem))}
+    files: _Files = {Paths(rows[0]).scene: encode(SceneFile.of(instance.problem))}
     for row, cell in zip(rows, instance.cells.values(), strict=True):
         plan = instance.found[cell].plan
         files[Paths(row).plan] = None if plan is None else encode(plan)

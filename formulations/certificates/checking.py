@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-from cocap_opt.files.documents import problem_digest
+from cocap_opt.files.documents import other_coverage, problem_digest
 from cocap_opt.formulations.certificates.format import (
     Certificate,
     CertificateError,
@@ -15,7 +15,7 @@ from cocap_opt.formulations.certificates.format import (
 from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.model import Model
-from cocap_opt.problem import Problem
+from cocap_opt.problem import COVERAGE_VERSION, Problem
 from cocap_opt.stop import LimitReached, Stop, never
 from cocap_opt.text import other_scene
 
@@ -34,6 +34,7 @@ def certify(
         scene=problem.name,
         digest=problem_digest(problem),
         method=method,
+        coverage_version=COVERAGE_VERSION,
         classes="single" if model.is_disaggregated else "alike",
         bound=None if bound == -math.inf else bound,
         certificate=certificate,
@@ -86,8 +87,9 @@ def verify(
     if not pricing.bound <= file.proved:
         staged = not isinstance(file, ProofFile) and isinstance(file.certificate, Staged)
         numbers = "leaves" if proof else "stages" if staged else "multipliers"
+        why = f"; {words}" if (words := other_coverage(file.coverage_version)) else ""
         raise CertificateError(
-            f"bound: claims {file.proved!r}, but the {numbers} prove only {pricing.bound!r}"
+            f"bound: claims {file.proved!r}, but the {numbers} prove only {pricing.bound!r}{why}"
         )
     return pricing
 

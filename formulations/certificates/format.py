@@ -286,6 +286,7 @@ class _Claim(Document, frozen=True, kw_only=True):
     digest: str  # of the problem
     method: str
     classes: Classes = "alike"
+    coverage_version: int | None = None
     bound: float | None  # None: -infinity, there is no plan
 
     @property
@@ -305,6 +306,7 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     method : name of the method that found the numbers; nothing depends on it
     classes : what numbers of classes count. `alike`: classes of robots that differ only in their
         start, numbered by their first robot; `single`: robots
+    coverage_version : of the law by which pixels were computed; null: nobody wrote it
     bound : J that no plan exceeds, as claimed; null: there is no plan
     coverage : `optimistic` where the bound was computed with coverage that a limit had cut short:
         at the steps left open nothing hid anybody. The claim is checked on the true coverage
@@ -313,7 +315,7 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
 
     older = SAMPLED
     format: Literal["cocap-opt certificate"] = "cocap-opt certificate"
-    version: Literal[4] = 4
+    version: Literal[4, 5] = 5
     coverage: Literal["optimistic"] | UnsetType = UNSET
     certificate: Certificate | Staged
 
@@ -359,13 +361,14 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
     method : name of the method that found the numbers; nothing depends on it
     classes : what numbers of classes count. `alike`: classes of robots that differ only in their
         start, numbered by their first robot; `single`: robots
+    coverage_version : of the law by which pixels were computed; null: nobody wrote it
     bound : J that no plan exceeds, as claimed; null: there is no plan
     nodes : the first is the root; children come after their parent, and each has one
     """
 
     older = SAMPLED
     format: Literal["cocap-opt proof"] = "cocap-opt proof"
-    version: Literal[3] = 3
+    version: Literal[3, 4] = 4
     nodes: tuple[Branch | Leaf, ...]
 
     def leaves(self) -> Iterator[tuple[int, Leaf, tuple[Decision, ...]]]:

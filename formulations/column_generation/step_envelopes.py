@@ -51,6 +51,7 @@ from cocap_opt.formulations.column_generation.payment_bundle import PaymentBundl
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
+from cocap_opt.problem import COVERAGE_VERSION
 from cocap_opt.sums import exact_sum
 
 METHOD = "step-envelopes"
@@ -236,6 +237,7 @@ class _Envelopes:
             scene=model.problem.name,
             digest=problem_digest(model.problem),
             method=METHOD,
+            coverage_version=COVERAGE_VERSION,
             classes="single" if model.is_disaggregated else "alike",
             bound=self.bound,
             certificate=Staged(

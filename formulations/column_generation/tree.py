@@ -26,6 +26,7 @@ from cocap_opt.formulations.column_generation.pricing import Priced
 from cocap_opt.formulations.column_generation.relaxation import Relaxation
 from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.problem import COVERAGE_VERSION
 
 NEARLY_INTEGRAL = 1e-7  # amounts that count as integral where nothing else is left to branch on
 ROUGH = 0.1  # of what is open to the cutoff: less is not worth converging to before branching
@@ -204,6 +205,7 @@ class Tree:
             scene=model.problem.name,
             digest=problem_digest(model.problem),
             method=method,
+            coverage_version=COVERAGE_VERSION,
             classes="single" if model.is_disaggregated else "alike",
             bound=None,
             nodes=tuple(self._written()),
