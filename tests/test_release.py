@@ -15,6 +15,7 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).parents[1]
+CHANGES = ROOT / "CHANGELOG.md"
 PACKAGES = ("cocap_opt", "formulations", "scenarios", "experiments")
 PUBLISHED = ("pyproject.toml", "README.md", "LICENSE", *PACKAGES)
 
@@ -93,12 +94,23 @@ def test_type_checkers_find_an_editable_install(tmp_path: Path) -> None:
 
 
 def test_the_version_is_stated_once() -> None:
-    """pyproject.toml has it, and the citation follows."""
+    """pyproject.toml has it, and the citation, its page and the changelog follow."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["version"] == project["version"]
     assert citation["license"] == project["license"]
     assert citation["title"] == project["name"]
+    page = (ROOT / "docs" / "cite.md").read_text(encoding="utf-8")
+    assert f"version = {{{project['version']}}}" in page
+    heads = re.findall(r"^## (\S+)(?: \((\S+)\))?$", CHANGES.read_text(encoding="utf-8"), re.M)
+    assert heads[0] == (project["version"], str(citation["date-released"]))
+
+
+def test_the_changelog_says_first_what_changes_numbers() -> None:
+    """It goes by versions, and of each that has several sections numbers come first."""
+    first = CHANGES.read_text(encoding="utf-8").split("\n## ")[1]
+    assert re.findall(r"^### .*$", first, re.M)[0] == "### What changes numbers"
+    assert "COVERAGE_VERSION" in first.split("### ")[1]
 
 
 def test_the_workflow_runs_what_is_run_here() -> None:
