@@ -92,7 +92,8 @@ def walled(x: float, y: float, side: float) -> Callable[[], None]:
 
     def wall() -> None:
         ring = f"{x} {y}, {x + side} {y}, {x + side} {y + side}, {x} {y}"
-        Path("walls.wkt").write_text(f"POLYGON (({ring}))")
+        system = "SRID=4326;" if side < 1 else ""  # of degrees
+        Path("walls.wkt").write_text(f"{system}POLYGON (({ring}))")
         Path("scene.toml").write_text(
             'steps = 2\n[map]\nsize = [9, 9]\n[[walls]]\nfile = "walls.wkt"\nheight = 2\n'
             'polygons = "obstacles"\n[[drones]]\nstarts = [{ x = 2, y = 2 }]\n'

@@ -19,7 +19,7 @@ _ABOVE: dict[str, Literal["sea", "ellipsoid"]] = {
     "above-sea": "sea",
     "above-ellipsoid": "ellipsoid",
 }
-_FARTHEST = 50_000.0  # m; a point farther away is none that a scene's own axes begin in
+FARTHEST = 50_000.0  # m; a point farther away is none that a scene's own axes begin in
 _OWN = "in [earth] latitude and longitude are those of the point x = 0, y = 0"
 _EQUATOR = 0.5  # degrees from it, where maps seldom are and wrong coordinates often
 
@@ -48,20 +48,38 @@ class Projection(NamedTuple):
         """
         if self.earth is None:
             raise ProblemError(_wanted_place(latitude, longitude))
-        geodesy = Geodesy(self.earth, self.point)
+        geodesy = self._geodesy
         points = geodesy.metres(latitude, longitude)
         away = np.hypot(*(points - np.array(self.point)).T)
-        if not (away <= _FARTHEST).all():  # true for nan, too
-            k = int(np.argmax(~(away <= _FARTHEST)))
+        if not (away <= FARTHEST).all():  # true for nan, too
+            k = int(np.argmax(~(away <= FARTHEST)))
             there, here = (latitude[k], longitude[k]), _degrees(geodesy, self.point)
             swapped = geodesy.metres(longitude[[k]], latitude[[k]])[0] - np.array(self.point)
-            likely = math.hypot(*swapped.tolist()) <= _FARTHEST
+            likely = math.hypot(*swapped.tolist()) <= FARTHEST
             raise ProblemError(
                 f"latitude, longitude: {'are they swapped? They ' if likely else ''}must be near "
                 f"the map, at ({here[0]:.5f}, {here[1]:.5f}) by [earth], not at ({there[0]:.5f}, "
                 f"{there[1]:.5f})" + ("" if self.earth.origin else f"; {_OWN}")
             )
         return points
+
+    def plane(self, latitude: FloatArray, longitude: FloatArray) -> FloatArray:
+        """Returns points [n, 2] (m) as `metres` does, but of any place; not finite where none is.
+
+        Somebody must say where the scene is.
+        """
+        return self._geodesy.metres(latitude, longitude)
+
+    @property
+    def place(self) -> Place:
+        """Latitude and longitude (degrees) of the point of the map."""
+        return _degrees(self._geodesy, self.point)
+
+    @property
+    def _geodesy(self) -> Geodesy:
+        if self.earth is None:
+            raise ProblemError("earth: must be known")
+        return Geodesy(self.earth, self.point)
 
 
 NOWHERE = Projection()
@@ -70,6 +88,7 @@ NOWHERE = Projection()
 def _wanted_place(latitude: FloatArray, longitude: FloatArray) -> str:
     """Says which table a recipe must have for points in degrees."""
     south, west = (math.floor(1e4 * float(values.min())) / 1e4 for values in (latitude, longitude))
+    west = (west + 180) % 360 - 180
     return (
         f"latitude, longitude: must have [earth] of the recipe, which makes metres of degrees: crs "
         f'= "{utm(west, south)}", latitude = {south:.4f} and longitude = {west:.4f} there say '
@@ -117,7 +136,7 @@ class EarthTable(Table):
                 f"{self.crs}"
             )
         away = float(np.hypot(*height_map.centre(0, 0)))
-        if self.latitude is not None and away > _FARTHEST:
+        if self.latitude is not None and away > FARTHEST:
             raise ProblemError(
                 f"latitude, longitude: must be those of the point x = 0, y = 0, which is "
                 f"{away / 1000:.0f} km from the map; where x and y are coordinates of the system, "
@@ -180,7 +199,7 @@ def require_likely(earth: Earth, height_map: HeightMap) -> None:
         f"x and y of the map, {area(*ends(height_map))}, are coordinates of "
         f"{short_name(earth.crs)}, there latitude {place[0]:.4f}, longitude {place[1]:.4f}"
     )
-    near = np.abs(corner) < _FARTHEST
+    near = np.abs(corner) < FARTHEST
     if near.any() and not meant:
         raise ProblemError(
             f"latitude, longitude: must be given, or origin of [map] must be the map's corner in "

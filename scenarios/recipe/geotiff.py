@@ -169,8 +169,8 @@ def _refuse_stretched(dataset: Any) -> None:
     )
 
 
-def is_geographic(code: int) -> bool | None:
-    """Returns True if an EPSG code is of a system of degrees; None if nobody here knows it."""
+def wkt_of_code(code: int) -> str | None:
+    """Returns the WKT of an EPSG code; None if rasterio is not installed or knows no such code."""
     try:
         import rasterio
         from rasterio.crs import CRS
@@ -179,7 +179,7 @@ def is_geographic(code: int) -> bool | None:
         return None
     try:
         with rasterio.Env():  # which keeps GDAL from printing
-            return bool(CRS.from_epsg(code).is_geographic)
+            return str(CRS.from_epsg(code).to_wkt())
     except CRSError:
         return None
 

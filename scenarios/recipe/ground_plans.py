@@ -1,13 +1,13 @@
 """Ground plans in files: polygons of the walkable area and of the obstacles in it.
 
 They are JSON of PedPy's kind, {name: {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}},
-or GeoJSON or WKT, whose polygons are obstacles or walkable areas as the recipe says. GeoJSON and
-WKT may be in longitudes and latitudes of WGS 84, as GeoJSON is by its standard.
+or GeoJSON or WKT, whose polygons are obstacles or walkable areas as the recipe says; see
+`cocap_opt.scenarios.recipe.plan_systems` for their coordinates.
 """
 
-import math
 import re
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
@@ -21,9 +21,10 @@ from cocap_opt.data import LARGEST, ProblemError
 from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
 from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WAYS_OUT, WKT, kind_of
-from cocap_opt.scenarios.recipe.earth import NOWHERE, Projection
-from cocap_opt.scenarios.recipe.geotiff import is_geographic
-from cocap_opt.scenarios.recipe.systems import same_system, short_name, utm
+from cocap_opt.scenarios.recipe.building_heights import STOREY, Extent, extent
+from cocap_opt.scenarios.recipe.earth import FARTHEST, NOWHERE, Projection
+from cocap_opt.scenarios.recipe.geojson import Found, read_geojson
+from cocap_opt.scenarios.recipe.plan_systems import Stated, in_metres
 from cocap_opt.scenarios.recipe.tables import PER_METRE, Point
 
 Ring = Annotated[list[Point], Meta(min_length=3)]
@@ -31,18 +32,7 @@ Meaning = Literal["obstacles", "walkable"]
 
 SLIVER = 0.01  # m2, which rings may enclose twice by rounding
 _SCHEME = '{"name": {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}'
-DEGREES = ("4326", "CRS84")  # names of systems of longitude and latitude that become metres
-OTHER_DEGREES = ("4258", "4269")  # such systems of another datum
-MERCATOR = ("3857", "900913")
-_GEOGRAPHIC = range(4000, 5000)  # codes, of which most are; newer ones are elsewhere
-_LARGEST_ANGLE = 360.0  # degrees
-_SOUND = {
-    GEOJSON: '{"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [4, 3], [0, 0]]]}',
-    WKT: "POLYGON ((0 0, 4 0, 4 3, 0 0))",
-}
-_DIGITS = 9  # of a code, more than any has
-_SYSTEM = re.compile(r"\s*SRID\s*=\s*([0-9]+)\s*;", re.IGNORECASE)  # as PostGIS writes it first
-_NAMED_SYSTEM = re.compile(r"EPSG[:/]+(?:[0-9.]*[:/])?([0-9]+)", re.IGNORECASE)
+_SOUND = "POLYGON ((0 0, 4 0, 4 3, 0 0))"
 
 
 class GroundPlan(NamedTuple):
@@ -50,8 +40,9 @@ class GroundPlan(NamedTuple):
 
     walkable: tuple[BaseGeometry, ...]
     obstacles: tuple[BaseGeometry, ...]
-    heights: tuple[float | None, ...] = ()  # m, those that the file says, of the first obstacles
+    extents: tuple[Extent, ...] = ()  # those that the file says, of the first obstacles
     properties: tuple[str, ...] = ()  # of the features of GeoJSON that these obstacles are in
+    notes: tuple[str, ...] = ()  # what is left out of the file, or taken for granted
 
     def told(self, k: int) -> str:
         """Says why an obstacle or a border of this number has no height of its own."""
@@ -59,35 +50,6 @@ class GroundPlan(NamedTuple):
             return "the file has none"
         own = self.properties[k] or "none"
         return f"polygon {k + 1} has no property `height` of metres, but {own}"
-
-
-class _Stated(NamedTuple):
-    """The reference system that a file of GeoJSON or WKT states, if it does."""
-
-    field: str
-    name: str = ""  # as GeoJSON has it
-    code: int | None = None  # of EPSG
-
-    @classmethod
-    def of(cls, text: str, kind: str) -> "_Stated":
-        """Returns what a text says."""
-        if kind != GEOJSON:
-            found = _SYSTEM.match(text)
-            return cls("SRID", code=int(found[1][:_DIGITS]) if found else None)
-        name = str(decode_json(text, dict[str, Any]).get("crs") or "")
-        found = _NAMED_SYSTEM.search(name)
-        return cls("crs", name, int(found[1][:_DIGITS]) if found else None)
-
-    def is_one_of(self, systems: Sequence[str]) -> bool:
-        """Returns True if the name or the code is one of some."""
-        return str(self.code) in systems or any(name in self.name for name in systems)
-
-    def is_degrees(self, geometry: BaseGeometry) -> bool:
-        """Returns True for longitudes and latitudes of WGS 84, as it says or as they look."""
-        if self.name or self.code is not None:
-            return self.is_one_of(DEGREES)
-        x0, y0, x1, y1 = geometry.bounds
-        return bool(max(x1 - x0, y1 - y0) < 1 and max(-x0, x1) <= 180 and max(-y0, y1) <= 90)
 
 
 class _Plan(msgspec.Struct):
@@ -120,7 +82,7 @@ def ground_plan(
     ----------
     text : of the file
     name : of a ground plan in JSON; None: the only one
-    unit : of the coordinates; None: as the file says, else m
+    unit : of the coordinates; None: as the file says, else degrees in GeoJSON, and m in others
     meaning : of the polygons of GeoJSON and WKT
     projection : makes metres of degrees; its system is that of the file if it states another
 
@@ -211,127 +173,92 @@ def _of_polygons(
             f'polygons: must be "obstacles" or "walkable", whose holes are obstacles, for the '
             f"file is {kind} and does not say it"
         )
-    stated = _Stated.of(text, kind)
-    geometry = shapely.force_2d(_geometry(text, kind))
-    given = shapely.MultiPolygon(list(_polygons(geometry)))
-    _require_points(given)
-    if stated.is_degrees(given):
-        if unit is not None:
-            raise ProblemError("unit: must be left out, for the coordinates are degrees")
-        metres = shapely.transform(given, lambda points: projection.metres(*points.T[::-1]))
-    else:
-        _require_system(stated, given, projection)
-        metres = shapely.transform(given, lambda points: points / PER_METRE[unit or "m"])
-    polygons = [sound(part, f"polygon {k}") for k, part in enumerate(metres.geoms, start=1)]
+    found, others, stated = _found(text, kind)
+    if not found:
+        held = f", but has {_counted(others)}" if others else ""
+        raise ProblemError(f"must hold at least one polygon{held}")
+    _require_points([one.polygon for one in found])
+    placed = in_metres([one.polygon for one in found], kind, stated, unit, projection)
+    whole = [
+        None if part is None else sound(part, f"polygon {k}")
+        for k, part in enumerate(placed, start=1)
+    ]
+    notes = list(_left_out(whole, others))
+    kept = [
+        (one, polygon)
+        for one, polygon in zip(found, whole, strict=True)
+        if polygon is not None and polygon.area > 0
+    ]
+    if not kept:
+        raise ProblemError(f"must hold at least one polygon with an area; {'; '.join(notes)}")
+    polygons = tuple(polygon for _, polygon in kept)
     if meaning == "obstacles":
-        own = list(_heights(text, geometry)) if kind == GEOJSON else []
-        return GroundPlan((), tuple(polygons), *(zip(*own, strict=True) if own else ((), ())))
+        own = [extent(one.properties, f"{one.field}properties") for one, _ in kept]
+        if counted := sum(one.is_counted for one in own):
+            notes.append(f"{counted} of {len(own)} heights are of storeys, {STOREY:g} m for each")
+        shown = tuple(_shown(one.properties) for one, _ in kept) if kind == GEOJSON else ()
+        return GroundPlan((), polygons, tuple(own), shown, tuple(notes))
     parts = [part for polygon in polygons for part in _polygons(polygon)]
     holes = [Polygon(ring) for part in parts for ring in part.interiors]
-    return GroundPlan(tuple(Polygon(part.exterior) for part in parts), tuple(holes))
+    outside = tuple(Polygon(part.exterior) for part in parts)
+    return GroundPlan(outside, tuple(holes), notes=tuple(notes))
 
 
-def _geometry(text: str, kind: str) -> BaseGeometry:
+def _found(text: str, kind: str) -> tuple[Sequence[Found], Counter[str], Stated]:
+    """Returns the polygons of GeoJSON or WKT, what else it holds, and the system that it states."""
+    if kind == GEOJSON:
+        content = read_geojson(text)
+        return content.polygons, content.others, Stated.by_crs(content.crs)
+    stated, plain = Stated.by_srid(text)
     try:
-        plain = text[found.end() :] if (found := _SYSTEM.match(text)) else text
         with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused later
-            return shapely.from_geojson(text) if kind == GEOJSON else shapely.from_wkt(plain)
+            geometry = shapely.force_2d(shapely.from_wkt(plain))
     except (shapely.errors.ShapelyError, NotImplementedError) as error:
         if "closed" in str(error):
             raise ProblemError(f"{kind}: rings must end at the point where they begin") from error
-        raise ProblemError(f"cannot be read as {kind}, which is such as {_SOUND[kind]}") from error
+        raise ProblemError(f"cannot be read as {kind}, which is such as {_SOUND}") from error
+    parts = [part for part in _parts(geometry) if not part.is_empty]
+    others = Counter(part.geom_type for part in parts if not isinstance(part, Polygon))
+    polygons = [Found(part, "", {}) for part in parts if isinstance(part, Polygon)]
+    return polygons, others, stated
 
 
-def _heights(text: str, geometry: BaseGeometry) -> Iterator[tuple[float | None, str]]:
-    """Yields the property `height` (m) of each polygon of GeoJSON, or None, and all properties.
-
-    Raises
-    ------
-    ProblemError
-        If one is no number above 0, also not as text, "6" or "6 m", as OpenStreetMap has them.
-    """
-    content = decode_json(text, dict[str, Any])
-    is_one = content.get("type") != "FeatureCollection"
-    features = [content] if is_one else content["features"]
-    parts = [geometry] if is_one else getattr(geometry, "geoms", ())
-    for k, (feature, part) in enumerate(zip(features, parts, strict=True)):
-        properties = feature.get("properties") or {}
-        given = properties.get("height")
-        own = None if given in (None, "") else _metres(given, f"features[{k}].properties.height")
-        shown = ", ".join(f"{name} = {value!r:.20}" for name, value in properties.items())
-        yield from ((own, shown) for _ in _polygons(part))
-
-
-def _metres(value: Any, field: str) -> float:
-    try:
-        metres = float(value.removesuffix("m") if isinstance(value, str) else value)
-    except (TypeError, ValueError):
-        metres = math.nan
-    if isinstance(value, bool) or not 0 < metres <= LARGEST:
-        raise ProblemError(
-            f"{field}: must be a number of metres above 0, or left out, not {value!r:.40}"
+def _left_out(polygons: Sequence[BaseGeometry | None], others: Counter[str]) -> Iterator[str]:
+    """Says what of a file is left out, if anything is."""
+    if others:
+        yield f"only polygons count; left out: {_counted(others)}"
+    if far := sum(part is None for part in polygons):
+        yield (
+            f"{far} of {len(polygons)} polygons are more than {FARTHEST / 1000:g} km from the map, "
+            "and left out"
         )
-    return metres
+    if flat := sum(part is not None and part.area == 0 for part in polygons):
+        yield f"{flat} of {len(polygons)} polygons have no area, and are left out"
 
 
-def _require_system(stated: _Stated, geometry: BaseGeometry, projection: Projection) -> None:
-    """Raises a ProblemError if a file states a system without metres, or not the scene's.
-
-    Without rasterio, which knows them all, systems of longitude and latitude are those with codes
-    of 4000 to 4999, as have a few in metres, whose coordinates are larger.
-    """
-    field, code = stated.field, stated.code
-    scene = projection.earth.crs if projection.earth else None
-    small = bool(np.abs(shapely.get_coordinates(geometry)).max() <= _LARGEST_ANGLE)
-    is_mercator = stated.is_one_of(MERCATOR)
-    has_degrees = stated.is_one_of(OTHER_DEGREES) or (
-        code is not None and small and _is_geographic(code)
-    )
-    if is_mercator or has_degrees:
-        raise ProblemError(
-            f"{field}: must be of a projection in metres, or of 4326, not {code or stated.name}, "
-            f"{'web Mercator' if is_mercator else 'degrees'}; {_way_out(geometry, scene)}"
-        )
-    if code is None and stated.name:
-        raise ProblemError("crs: must name an EPSG code, or be left out")
-    if code is not None and scene is not None and not same_system(scene, f"EPSG:{code}"):
-        raise ProblemError(
-            f"{field}: must be the reference system of the scene, {short_name(scene)}, not "
-            f"EPSG:{code}; {_way_out(geometry, scene)}"
-        )
+def _counted(kinds: Counter[str]) -> str:
+    return ", ".join(f"{count} {kind}" for kind, count in kinds.items())
 
 
-def _way_out(geometry: BaseGeometry, scene: str | None) -> str:
-    """Returns the command of GDAL that writes a geometry in the scene's system, or in UTM."""
-    x0, y0, x1, y1 = geometry.bounds
-    system = scene
-    if system is None and x0 >= -180 and x1 <= 180 and y0 >= -90 and y1 <= 90:
-        system = utm((x0 + x1) / 2, (y0 + y1) / 2)
-    zone = "" if system else ", ZZ the zone of UTM, in the south EPSG:327ZZ"
-    return (
-        f"`ogr2ogr -t_srs {short_name(system or 'EPSG:326ZZ')} NEW.geojson OLD.geojson` writes "
-        f"the file OLD.geojson in metres{zone}"
-    )
+def _shown(properties: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} = {value!r:.20}" for name, value in properties.items())
 
 
-def _is_geographic(code: int) -> bool:
-    known = is_geographic(code)
-    return code in _GEOGRAPHIC if known is None else known
-
-
-def _require_points(geometry: BaseGeometry) -> None:
-    """Raises a ProblemError if there are no polygons, or endless ones."""
-    if geometry.is_empty:
-        raise ProblemError("must hold at least one polygon")
-    if not np.abs(shapely.get_coordinates(geometry)).max() <= LARGEST:  # true for nan, too
+def _require_points(polygons: Sequence[Polygon]) -> None:
+    """Raises a ProblemError if polygons are endless."""
+    if not np.abs(shapely.get_coordinates(polygons)).max() <= LARGEST:  # true for nan, too
         raise ProblemError(f"coordinates: must be finite numbers within +-{LARGEST:g} m")
 
 
-def _polygons(geometry: BaseGeometry) -> Iterator[Polygon]:
-    if isinstance(geometry, Polygon):
-        yield geometry
-    elif hasattr(geometry, "geoms"):
+def _parts(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
+    """Yields the single geometries of one that may be nested."""
+    if hasattr(geometry, "geoms"):
         for part in geometry.geoms:
-            yield from _polygons(part)
+            yield from _parts(part)
     else:
-        raise ProblemError(f"must hold polygons only, not a {geometry.geom_type}")
+        yield geometry
+
+
+def _polygons(geometry: BaseGeometry) -> Iterator[Polygon]:
+    """Yields the polygons of one that has been made sound, without lines that were left of it."""
+    yield from (part for part in _parts(geometry) if isinstance(part, Polygon))

@@ -64,12 +64,12 @@ turn = 90                   # counter-clockwise about its origin
 at = [35, 20, 0]            # where its origin comes to lie
 
 [[walls]]
-file = "geometry.json"      # polygons of the walkable area and of obstacles: JSON, GeoJSON, WKT;
-                            # the last two also in longitudes and latitudes, where [earth] is known
-unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft"; left out: as the file says, else m
+file = "geometry.json"      # polygons of the walkable area and of obstacles: JSON, GeoJSON, WKT
+unit = "m"                  # "m", "cm", "mm", "ft" or "us-ft"; left out: as the file says; else
+                            # degrees in GeoJSON, where [earth] must be known, and m in others
 name = "bottleneck"         # which of them
 # polygons = "obstacles"    # or "walkable": what those of GeoJSON and WKT are
-height = 2.0                # m; of GeoJSON's polygons those without a property "height"
+height = 2.0                # m above base; of GeoJSON's polygons those that have none of their own
 border = 0.2                # thickness of walls around the walkable area; left out: none
 at = [30, 10]               # added to their points
 base = 50.0                 # altitude of their foot; left out: the lowest ground

@@ -1,5 +1,6 @@
 """The ground plans of a recipe, from which walls are extruded to meshes."""
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.foreign import JSON, WKT
+from cocap_opt.scenarios.recipe.building_heights import Extent
 from cocap_opt.scenarios.recipe.earth import NOWHERE, Projection
 from cocap_opt.scenarios.recipe.ground_plans import GroundPlan, Meaning, ground_plan
 from cocap_opt.scenarios.recipe.tables import (
@@ -22,19 +24,22 @@ from cocap_opt.scenarios.recipe.tables import (
 from cocap_opt.scenarios.text import naming, read_text
 from cocap_opt.world.workspace import Mesh
 
+log = logging.getLogger(__name__)
+
 
 class WallsTable(Table):
     """One of the tables `walls` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`.
 
     The file is JSON: {name: {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}, in m
-    unless it says "unit" there, or GeoJSON or WKT.
+    unless it says "unit" there, or GeoJSON, in degrees unless it or the table says otherwise, or
+    WKT.
     """
 
     file: str
-    height: Length | None = None  # of what has none in GeoJSON
+    height: Length | None = None  # above base, of what has none in GeoJSON
     name: str | None = None  # of a ground plan in the file; None: the only one
     polygons: Meaning | None = None  # what those of GeoJSON and WKT are
-    unit: Unit | None = None  # None: as the file says, else m
+    unit: Unit | None = None  # None: as the file says, else degrees in GeoJSON, m in others
     border: Size = 0.0  # m, thickness of a wall around the walkable area; 0: there is none
     at: Point = (0.0, 0.0)  # m, where the plan's origin comes to lie
     base: Coordinate | None = None  # m, altitude of the walls' foot; None: the lowest ground
@@ -68,19 +73,27 @@ class WallsTable(Table):
                 raise ProblemError(
                     "it has no obstacles: border must say how thick its outer walls are"
                 )
-            heights = [*plan.heights, *[None] * (len(areas) - len(plan.heights))]
+            extents = [*plan.extents, *[Extent()] * (len(areas) - len(plan.extents))]
             walls = [
-                extruded(area, base + self._height(own, k, plan), base)
-                for k, (area, own) in enumerate(zip(areas, heights, strict=True))
+                extruded(area, base + self._top(own, k, plan), base + own.bottom)
+                for k, (area, own) in enumerate(zip(areas, extents, strict=True))
             ]
+        for note in plan.notes:
+            log.warning("%s: %s", self.file, note)
         return [wall.replace(vertices=wall.vertices + np.array([*self.at, 0.0])) for wall in walls]
 
-    def _height(self, own: float | None, k: int, plan: GroundPlan) -> float:
-        """Returns the height (m) of the wall of this number, its own or that of the table."""
-        if own is None and self.height is None:
-            found = plan.told(k)
-            raise ProblemError(f"height: must be given in [[walls]], for {found}")
-        return own or self.height or 0.0
+    def _top(self, own: Extent, k: int, plan: GroundPlan) -> float:
+        """Returns the top (m above the foot) of the wall of this number, or that of the table."""
+        if own.top is not None:
+            return own.top
+        if self.height is None:
+            raise ProblemError(f"height: must be given in [[walls]], for {plan.told(k)}")
+        if not own.bottom < self.height:
+            raise ProblemError(
+                f"height: must be above {own.bottom:g} m, where polygon {k + 1} begins, which has "
+                f"no top of its own, not {self.height:g}"
+            )
+        return self.height
 
 
 def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:
@@ -93,7 +106,8 @@ def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:
     """
     if not bottom < height:
         raise ProblemError(f"height: must be above {bottom:g} m, not {height:g}")
-    parts = [part for part in _polygons(area) if part.area > 0]
+    # A point that is repeated would make a side of no length, which is no side of a solid.
+    parts = [shapely.remove_repeated_points(part) for part in _polygons(area) if part.area > 0]
     if not parts:
         raise ProblemError("must have an area")
     flat = [_triangles(part) for part in parts]

@@ -782,8 +782,9 @@ def test_walls_of_geojson_and_wkt(tmp_path: Path, text: str) -> None:
     """Their polygons are obstacles, or walkable with holes that are: the recipe must say it."""
     (tmp_path / "plan").write_text(text)
 
-    def volume(**fields: Any) -> float:
-        walls = WallsTable(file="plan", height=2.0, **fields).meshes(tmp_path, lowest=0.0)
+    def volume(unit: Any = "m", **fields: Any) -> float:
+        table = WallsTable(file="plan", height=2.0, unit=unit, **fields)
+        walls = table.meshes(tmp_path, lowest=0.0)
         assert all(wall.is_solid for wall in walls)
         corners = [np.moveaxis(wall.corners, 1, 0) for wall in walls]
         return sum(float((a * np.cross(b, c)).sum() / 6) for a, b, c in corners)
@@ -811,7 +812,9 @@ def test_walls_are_as_high_as_geojson_says(tmp_path: Path) -> None:
     def tops(*features: dict[str, Any]) -> list[float]:
         content = {"type": "FeatureCollection", "features": features}
         (tmp_path / "houses.geojson").write_text(json.dumps(content))
-        table = WallsTable(file="houses.geojson", height=8.0, base=1.0, polygons="obstacles")
+        table = WallsTable(
+            file="houses.geojson", height=8.0, base=1.0, polygons="obstacles", unit="m"
+        )
         return [float(wall.vertices[:, 2].max()) for wall in table.meshes(tmp_path, lowest=0.0)]
 
     two = house(9, 5)
@@ -821,7 +824,7 @@ def test_walls_are_as_high_as_geojson_says(tmp_path: Path) -> None:
         "coordinates": [square, [[[20, 0], [21, 0], [21, 1], [20, 0]]]],
     }
     assert tops(house(0, 3), house(3, None), house(6, "33.5 m"), two) == [4, 9, 34.5, 6, 6]
-    for odd in (0, -3, "8 ft", True, [3]):
+    for odd in (0, -3, "8 paces", True, [3]):
         with pytest.raises(
             ProblemError, match=r"features\[1\].properties.height: must be a number"
         ):
@@ -836,7 +839,7 @@ def test_walls_without_any_height_are_told_what_their_file_has(tmp_path: Path) -
         {"type": "Feature", "properties": own, "geometry": shape}
         for own in ({"height": 3}, {"name": "inn", "storeys": 2})
     ]
-    table = WallsTable(file="houses.geojson", polygons="obstacles")
+    table = WallsTable(file="houses.geojson", polygons="obstacles", unit="m")
     for count in (1, 2):
         content = {"type": "FeatureCollection", "features": houses[:count]}
         (tmp_path / "houses.geojson").write_text(json.dumps(content))
@@ -854,15 +857,16 @@ def test_walls_without_any_height_are_told_what_their_file_has(tmp_path: Path) -
     ("text", "words"),
     [
         ("POLYGON ((1 1, 3 3, 3 1, 1 3, 1 1))", r"polygon 1: must not cross itself, .* \(2, 2\) m"),
-        ("POLYGON ((2.1 48.1, 2.2 48.1, 2.2 48.2, 2.1 48.1))", r"latitude = 48.1000 and"),
+        ("POLYGON ((2.1 48.1, 2.2 48.1, 2.2 48.2, 2.1 48.1))", "degrees or metres. .SRID=4326;. "),
+        ("SRID=4326;POLYGON ((2.1 48.1, 2.2 48.1, 2.2 48.2, 2.1 48.1))", "latitude = 48.1000 and"),
         ('{"type": "Polygon", "crs": "EPSG:4326", "coordinates": []}', "at least one polygon"),
         ('{"type": "Polygon", "coordinates": [], "type": "Polygon"}', "type: must be given once"),
         ('{"a": {"walkable": [[0, 0], [2, 0], [2, 2]]}, "a": {"walkable": []}}', "must"),
         ('{"a": {"unit": "m", "walkable": [[0, 0], [2, 0], [2, 2]], "unit": "cm"}}',
          "unit: must be given once"),
-        ("LINESTRING (0 0, 5 5)", "must hold polygons only, not a LineString"),
+        ("LINESTRING (0 0, 5 5)", "must hold at least one polygon, but has 1 LineString"),
         ("POLYGON ((0 0, 5 5)", "WKT: rings must end at the point where they begin"),
-        ("POINT (1 1)", "must hold polygons only, not a Point"),
+        ("POINT (1 1)", "must hold at least one polygon, but has 1 Point"),
         ("CURVEPOLYGON ((0 0, 1 1, 2 2, 0 0))", "cannot be read as WKT"),
         ("POLYGON ((0 0, 9 0, 9 9, 0 0), (20 0, 21 0, 21 1, 20 0))", "must be sound, but has: Hol"),
         ("POLYGON ((0 0, 1e400 0, 5 5, 0 0))", "must be finite numbers within"),

@@ -1,0 +1,165 @@
+"""Polygons and the properties of their features in GeoJSON.
+
+Source: RFC 7946. A feature may have no geometry, and any geometry may be empty; the member `crs` is
+of GeoJSON 2008, https://geojson.org/geojson-spec.html.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Annotated, Any, NamedTuple
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from shapely import Polygon
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.files.messages import in_words
+from cocap_opt.files.strict_json import decode_json
+
+Position = Annotated[list[float], Meta(min_length=2)]
+Ring = list[Position]
+
+
+class _Object(msgspec.Struct, tag_field="type", kw_only=True):
+    crs: Any = msgspec.UNSET
+
+
+class _Point(_Object, tag="Point"):
+    coordinates: list[float]
+
+
+class _MultiPoint(_Object, tag="MultiPoint"):
+    coordinates: list[Position]
+
+
+class _LineString(_Object, tag="LineString"):
+    coordinates: Ring
+
+
+class _MultiLineString(_Object, tag="MultiLineString"):
+    coordinates: list[Ring]
+
+
+class _Polygon(_Object, tag="Polygon"):
+    coordinates: list[Ring]
+
+
+class _MultiPolygon(_Object, tag="MultiPolygon"):
+    coordinates: list[list[Ring]]
+
+
+class _GeometryCollection(_Object, tag="GeometryCollection"):
+    geometries: "list[_Geometry | None]"
+
+
+_Geometry = (
+    _Point | _MultiPoint | _LineString | _MultiLineString | _Polygon | _MultiPolygon
+    | _GeometryCollection
+)  # fmt: skip
+
+
+class _Feature(_Object, tag="Feature"):
+    geometry: _Geometry | None = None
+    properties: dict[str, Any] | None = None
+
+
+class _FeatureCollection(_Object, tag="FeatureCollection"):
+    features: list[_Feature]
+
+
+class Found(NamedTuple):
+    """A polygon in GeoJSON, with coordinates as they are there."""
+
+    polygon: Polygon
+    field: str  # of the feature that it is in, as messages name it
+    properties: dict[str, Any]
+
+
+class Content(NamedTuple):
+    """What GeoJSON holds."""
+
+    polygons: tuple[Found, ...]
+    others: Counter[str]  # kinds of geometries that are no polygons
+    crs: Any  # as GeoJSON 2008 has it; msgspec.UNSET: it has none
+
+
+def read_geojson(text: str) -> Content:
+    """Returns the polygons of GeoJSON; what has no geometry, or an empty one, is left out.
+
+    Raises
+    ------
+    ProblemError
+        If it is none: a ring that does not close, a position that is no list of numbers; one line.
+    """
+    kind = _Feature | _FeatureCollection | _Geometry
+    try:
+        content: Any = decode_json(text, kind)  # type: ignore[arg-type]  # a union is no type
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise ProblemError(f"GeoJSON: {in_words(error, text, kind)}") from error
+    others: Counter[str] = Counter()
+    polygons = [
+        Found(polygon, field, feature.properties or {})
+        for field, feature in _features(content)
+        for polygon in _polygons(feature.geometry, f"{field}geometry", others)
+    ]
+    return Content(tuple(polygons), others, _system(content))
+
+
+def _system(content: Any) -> Any:
+    """Returns the member `crs`, which any object may have in GeoJSON 2008, or UNSET."""
+    inside = [(one, one.geometry) for _, one in _features(content)]
+    stated = [
+        one.crs
+        for one in (content, *(part for pair in inside for part in pair))
+        if one is not None and one.crs is not msgspec.UNSET
+    ]
+    if any(crs != stated[0] for crs in stated):
+        raise ProblemError("crs: must be the same in all of the file")
+    return stated[0] if stated else msgspec.UNSET
+
+
+def _features(content: Any) -> Iterator[tuple[str, _Feature]]:
+    """Yields the features, each with the words before the names of its fields."""
+    match content:
+        case _FeatureCollection():
+            yield from ((f"features[{k}].", one) for k, one in enumerate(content.features))
+        case _Feature():
+            yield "", content
+        case _:
+            yield "", _Feature(geometry=content)
+
+
+def _polygons(geometry: Any, field: str, others: Counter[str]) -> Iterator[Polygon]:
+    """Yields the polygons of a geometry that are not empty, and counts what is none."""
+    match geometry:
+        case _GeometryCollection():
+            for k, part in enumerate(geometry.geometries):
+                yield from _polygons(part, f"{field}.geometries[{k}]", others)
+        case _Polygon():
+            yield from _polygon(geometry.coordinates, f"{field}.coordinates")
+        case _MultiPolygon():
+            for k, rings in enumerate(geometry.coordinates):
+                yield from _polygon(rings, f"{field}.coordinates[{k}]")
+        case None:
+            pass
+        case _ if geometry.coordinates:
+            others[geometry.__struct_config__.tag] += 1
+
+
+def _polygon(rings: list[Ring], field: str) -> Iterator[Polygon]:
+    """Yields the polygon of some rings, unless it is empty."""
+    if not rings or not rings[0]:
+        return
+    outer, *holes = (_ring(ring, f"{field}[{k}]") for k, ring in enumerate(rings) if ring)
+    yield Polygon(outer, holes)
+
+
+def _ring(ring: Ring, field: str) -> FloatArray:
+    """Returns the points [n, 2] of a ring, without altitudes."""
+    points = np.array([position[:2] for position in ring])
+    if (points[0] != points[-1]).any():
+        raise ProblemError(f"GeoJSON: rings must end at the point where they begin, {field}")
+    if len(points) < 4:
+        raise ProblemError(f"GeoJSON: rings must have at least four points, {field}")
+    return points

@@ -1,0 +1,439 @@
+"""Plans of buildings as others export them: GeoJSON in degrees, what is no polygon, heights."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cocap_opt.data import ProblemError
+from cocap_opt.planners import sequential
+from cocap_opt.problem import Earth
+from cocap_opt.scenarios.recipe.building_heights import extent
+from cocap_opt.scenarios.recipe.earth import Projection
+from cocap_opt.scenarios.recipe.ground_plans import sound
+from cocap_opt.scenarios.recipe.recipe import read
+from cocap_opt.scenarios.recipe.walls import WallsTable, extruded
+from cocap_opt.world.workspace import Mesh
+
+pyproj = pytest.importorskip("pyproj")
+
+PLACE = (52.4010, 13.0590)  # latitude and longitude of x = 0, y = 0
+HERE = Projection(Earth(crs="EPSG:32633", origin=PLACE))
+FIJI = Projection(Earth(crs="EPSG:32701", origin=(-16.8, 180.0)))
+EMPTY = {"type": "Polygon", "coordinates": []}
+
+
+def ring(
+    x: float, y: float, wide: float = 10.0, deep: float = 10.0, at: Projection = HERE
+) -> list[list[float]]:
+    """The corners of a rectangle (m) of the scene in longitudes and latitudes, from -180 to 180."""
+    assert at.earth is not None and at.earth.origin is not None
+    project = pyproj.Proj(at.earth.crs)
+    east, north = project(*at.earth.origin[::-1])
+    corners = [(x, y), (x + wide, y), (x + wide, y + deep), (x, y + deep), (x, y)]
+    places = [project(east + a, north + b, inverse=True) for a, b in corners]
+    return [[(longitude + 180) % 360 - 180, latitude] for longitude, latitude in places]
+
+
+def feature(geometry: Any, **properties: Any) -> dict[str, Any]:
+    """A feature of GeoJSON."""
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def house(*corner: float, **properties: Any) -> dict[str, Any]:
+    """A rectangle that begins at a corner (m), by default of 10 x 10 m."""
+    return feature({"type": "Polygon", "coordinates": [ring(*corner)]}, **properties)
+
+
+def collection(*features: Any, **members: Any) -> dict[str, Any]:
+    """A whole file."""
+    return {"type": "FeatureCollection", "features": list(features), **members}
+
+
+def walls(
+    folder: Path, content: Any, at: Projection = HERE, name: str = "plan", **fields: Any
+) -> list[Mesh]:
+    """Read a plan of obstacles, 8 m high where it does not say it."""
+    (folder / name).write_text(content if isinstance(content, str) else json.dumps(content))
+    table = WallsTable(file=name, **{"height": 8.0, "polygons": "obstacles"} | fields)
+    meshes = table.meshes(folder, 0.0, at)
+    assert all(mesh.is_solid for mesh in meshes)
+    return meshes
+
+
+def boxes(meshes: list[Mesh]) -> list[list[float]]:
+    """The lower and the upper corner of each, to a millimetre."""
+    return [
+        [*mesh.vertices.min(axis=0).round(3).tolist(), *mesh.vertices.max(axis=0).round(3).tolist()]
+        for mesh in meshes
+    ]
+
+
+def volume(mesh: Mesh) -> float:
+    """m3 within a solid."""
+    a, b, c = np.moveaxis(mesh.corners, 1, 0)
+    return float((a * np.cross(b, c)).sum() / 6)
+
+
+ONE = [[10.0, 10.0, 0.0, 20.0, 20.0, 12.0]]  # what house(10, 10, height=12) is
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        feature(None),
+        {"type": "Feature", "properties": None, "geometry": None},
+        {"type": "Feature", "properties": {"height": 3}},
+        feature(EMPTY, height=3),
+        feature({"type": "Polygon", "coordinates": [[]]}),
+        feature({"type": "MultiPolygon", "coordinates": []}),
+        feature({"type": "MultiPolygon", "coordinates": [[], [[]]]}),
+        feature({"type": "Point", "coordinates": []}),
+        feature({"type": "GeometryCollection", "geometries": []}),
+        feature({"type": "GeometryCollection", "geometries": [EMPTY, None, {
+            "type": "GeometryCollection", "geometries": [EMPTY]}]}),
+    ],
+)  # fmt: skip
+def test_what_has_no_geometry_is_left_out(tmp_path: Path, other: Any) -> None:
+    """A feature may have none, and any may be empty; heights stay with their own polygons."""
+    low = house(30, 10, height=6)
+    for features in (
+        [house(10, 10, height=12), other, low],
+        [other, house(10, 10, height=12), low],
+    ):
+        found = boxes(walls(tmp_path, collection(*features)))
+        assert found == [*ONE, [30.0, 10.0, 0.0, 40.0, 20.0, 6.0]]
+    with pytest.raises(ProblemError, match=r"must hold at least one polygon$"):
+        walls(tmp_path, collection(other))
+
+
+def test_members_that_are_not_known_do_not_matter(tmp_path: Path) -> None:
+    """Boxes, ids, altitudes, a name of the file: all may be there."""
+    shape = {"type": "Polygon", "bbox": [0, 0, 1, 1], "coordinates": [
+        [[*place, 35.0] for place in ring(10, 10)]]}  # fmt: skip
+    one = feature(shape, height=12) | {"id": "way/1", "bbox": [0, 0, 1, 1]}
+    found = walls(tmp_path, collection(one, name="houses", bbox=[0, 0, 1, 1]))
+    assert boxes(found) == ONE
+
+
+def test_points_and_lines_are_left_out_with_a_word(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Exports of OpenStreetMap have trees and roads among the houses."""
+    tree = feature({"type": "Point", "coordinates": list(PLACE[::-1])})
+    road = {"type": "LineString", "coordinates": ring(0, 0)[:2]}
+    both = feature({"type": "GeometryCollection", "geometries": [road, road]})
+    assert boxes(walls(tmp_path, collection(tree, house(10, 10, height=12), both))) == ONE
+    assert "plan: only polygons count; left out: 1 Point, 2 LineString" in caplog.text
+    with pytest.raises(ProblemError, match="at least one polygon, but has 1 Point"):
+        walls(tmp_path, collection(tree))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('{"type": "FeatureCollection"}', "must have the field `features`"),
+        ('{"type": "FeatureCollection", "features": [null]}', r"features\[0\]: must be an object"),
+        ('{"type": "Polygon", "coordinates": [[1, 2], [3, 4]]}', r"coordinates\[0\]\[0\]: must be"),
+        ('{"type": "Polygon", "coordinates": [[["1", 2], [3, 4]]]}', "must be a number, not text"),
+        ('{"type": "Polygon", "coordinates": [[[1, null], [3, 4]]]}', "must be a number, not null"),
+        ('{"type": "Polygon", "coordinates": [[[NaN, 2], [3, 4]]]}', "is no|finite numbers only"),
+        ('{"type": "Polygon", "coordinates": [[[1, 2], [3, 4], [5, 7]]]}', "rings must end at"),
+        ('{"type": "Polygon", "coordinates": [[[1, 2], [3, 4], [1, 2]]]}', "at least four points"),
+        ('{"type": "Polygon", "coordinates": 7}', "coordinates: must be a list"),
+        ('{"type": "Polygon"}', "must have the field `coordinates`"),
+        ('{"type": "Feature", "geometry": {"type": "Circle"}}', r"type: must be one of Point, "),
+        ('{"type": "Feature", "geometry": {}}', "geometry: must have the field `type`"),
+        ('{"type": "Feature", "geometry": null, "properties": []}', "properties: must be an obj"),
+        ('{"type": "FeatureCollection", "features": []}', "must hold at least one polygon"),
+        ('{"type": "GeometryCollection", "geometries": [3]}', "must be an object"),
+    ],
+)
+def test_malformed_geojson_is_told_by_its_field(tmp_path: Path, text: str, words: str) -> None:
+    """One line, whatever is wrong."""
+    with pytest.raises(ProblemError, match=words) as error:
+        walls(tmp_path, text)
+    assert "\n" not in str(error.value)
+
+
+def test_geojson_is_in_degrees_whatever_its_extent(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A large polygon beside the houses, or far houses, do not make metres of them."""
+    corners = [[12.5, 52.0], [13.9, 52.0], [13.9, 52.8], [12.5, 52.8], [12.5, 52.0]]
+    district = feature({"type": "Polygon", "coordinates": [corners]}, height=1)
+    found = walls(tmp_path, collection(house(10, 10, height=12), district))
+    assert boxes(found[:1]) == ONE
+    x0, y0, _, x1, y1, top = boxes(found[1:])[0]
+    assert max(x0, y0) < -30_000 and min(x1, y1) > 40_000 and top == 1
+    paris = feature({"type": "Polygon", "coordinates": [
+        [[2.35, 48.85], [2.36, 48.85], [2.36, 48.86], [2.35, 48.85]]]}, height=20)  # fmt: skip
+    assert boxes(walls(tmp_path, collection(paris, house(10, 10, height=12)))) == ONE
+    assert "plan: 1 of 2 polygons are more than 50 km from the map, and left out" in caplog.text
+    with pytest.raises(
+        ProblemError, match=r'must be near the map, .*; unit = "m" in \[\[walls\]\]'
+    ):
+        walls(tmp_path, collection(paris))
+
+
+def test_long_edges_are_straight_in_degrees(tmp_path: Path) -> None:
+    """An edge along a parallel bends on the map, by 40 m in the middle of 40 km."""
+    latitude, longitude = PLACE
+    box = [[longitude - 0.3, latitude], [longitude + 0.3, latitude],
+           [longitude + 0.3, latitude + 0.1], [longitude - 0.3, latitude]]  # fmt: skip
+    (mesh,) = walls(tmp_path, {"type": "Polygon", "coordinates": [box]})
+    project = pyproj.Proj("EPSG:32633")
+    (east, north), (x, y) = project(*PLACE[::-1]), mesh.vertices[:, :2].T
+    on_edge = np.abs(project(x + east, y + north, inverse=True)[1] - latitude) < 1e-7
+    order = np.argsort(x[on_edge])
+    assert abs(np.interp(0, x[on_edge][order], y[on_edge][order])) < 0.1
+
+
+def test_lengths_in_geojson_have_to_be_said(tmp_path: Path) -> None:
+    """By the recipe or by `crs`, as GeoJSON 2008 had it; else a way out is named."""
+    square = [[10.0, 10.0], [20, 10], [20, 20], [10, 20], [10, 10]]
+    plan: dict[str, Any] = {"type": "Polygon", "coordinates": [square]}
+    nowhere = Projection()
+    assert boxes(walls(tmp_path, plan, nowhere, unit="m"))[0][3] == 20
+    assert boxes(walls(tmp_path, plan, nowhere, unit="cm"))[0][3] == 0.2
+    assert boxes(walls(tmp_path, plan, nowhere, unit="us-ft"))[0][3] == 6.096
+    for at, words in ((nowhere, r"must have \[earth\]"), (HERE, "must be near the map")):
+        with pytest.raises(ProblemError, match=rf'{words}.*; unit = "m" in \[\[walls\]\] says'):
+            walls(tmp_path, plan, at)
+    large = {"type": "Polygon", "coordinates": [[[x + 400_000, y] for x, y in square]]}
+    with pytest.raises(ProblemError, match=r"longitudes and latitudes, .* \(400010, 10\); unit = "):
+        walls(tmp_path, large, HERE)
+    named = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32633"}}
+    assert boxes(walls(tmp_path, plan | {"crs": named}, nowhere))[0][3] == 20
+    assert boxes(walls(tmp_path, collection(feature(plan | {"crs": named})), nowhere))[0][3] == 20
+    with pytest.raises(ProblemError, match="crs: must be the same in all of the file"):
+        walls(tmp_path, collection(feature(plan | {"crs": named}), crs="EPSG:4326"), nowhere)
+    with pytest.raises(ProblemError, match=r'crs: is null, .*; unit = "m" in'):
+        walls(tmp_path, plan | {"crs": None}, nowhere)
+    for degrees in ("urn:ogc:def:crs:OGC:1.3:CRS84", "EPSG:4326"):
+        system = {"type": "name", "properties": {"name": degrees}}
+        assert boxes(walls(tmp_path, collection(house(10, 10, height=12), crs=system))) == ONE
+        with pytest.raises(ProblemError, match="unit: must be left out, for the coordinates are d"):
+            walls(tmp_path, collection(house(10, 10, height=12), crs=system), unit="m")
+
+
+def test_systems_of_plans_in_feet_are_not_taken_for_metres(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A code of such a system needs the unit in the recipe; without pyproj and rasterio each."""
+    text = "POLYGON ((2000000 500000, 2000010 500000, 2000010 500010, 2000000 500000))"
+    feet, metres = f"SRID=2238;{text}", f"SRID=25833;{text}"
+    for unit in (None, "m", "cm"):
+        with pytest.raises(ProblemError, match=r"SRID: must be of .* not 2238, US survey foot"):
+            walls(tmp_path, feet, Projection(), unit=unit)
+    high = boxes(walls(tmp_path, feet, Projection(), unit="us-ft"))[0][3]
+    assert high == pytest.approx(2000010 * 1200 / 3937, abs=1e-3)
+    assert boxes(walls(tmp_path, metres, Projection()))[0][3] == 2000010
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    assert boxes(walls(tmp_path, metres, Projection()))[0][3] == 2000010  # rasterio knows it
+    monkeypatch.setitem(sys.modules, "rasterio", None)
+    with pytest.raises(ProblemError, match=r"SRID: EPSG:25833: .* pip install 'cocap-opt\[earth"):
+        walls(tmp_path, metres, Projection())
+    assert boxes(walls(tmp_path, metres, Projection(), unit="m"))[0][3] == 2000010
+
+
+def test_wkt_that_may_be_degrees_is_asked_about(tmp_path: Path) -> None:
+    """It is in metres where it says nothing and cannot be degrees of houses, or of the scene."""
+
+    def text(points: list[list[float]]) -> str:
+        return f"(({', '.join(f'{x!r} {y!r}' for x, y in points)}))"
+
+    plan = "((10 10, 20 10, 20 20, 10 10))"
+    own = text(ring(10, 10))
+    assert boxes(walls(tmp_path, f"POLYGON {plan}"))[0][3] == 20
+    question = 'are they degrees or metres. "SRID=4326;" before .*, unit = "m" in'
+    for odd in (f"POLYGON {own}", f"MULTIPOLYGON ({plan}, {own})",
+                "POLYGON ((12 52, 14 52, 14 53, 12 52))"):  # fmt: skip
+        with pytest.raises(ProblemError, match=question):
+            walls(tmp_path, odd)
+    assert boxes(walls(tmp_path, f"SRID=4326;POLYGON {own}", height=12.0)) == ONE
+    assert walls(tmp_path, f"MULTIPOLYGON ({plan}, {own})", unit="m")
+    assert boxes(walls(tmp_path, "GEOMETRYCOLLECTION (POINT (1 2), POLYGON EMPTY, MULTIPOLYGON (EM"
+                       f"PTY, {plan}))"))[0][3] == 20  # fmt: skip
+
+
+def test_plans_across_180_degrees_are_read(tmp_path: Path) -> None:
+    """Whole, cut in two parts as the standard wants it, or counted on beyond 180."""
+    whole = ring(-5, 10, at=FIJI)
+    assert {place[0] > 0 for place in whole} == {True, False}
+    counted = [[place[0] % 360, place[1]] for place in whole]
+    box = [-5.0, 10.0, 0.0, 5.0, 20.0, 8.0]
+    for corners in (whole, counted, [[x - 360, y] for x, y in counted]):
+        (found,) = walls(tmp_path, {"type": "Polygon", "coordinates": [corners]}, FIJI)
+        np.testing.assert_allclose(boxes([found])[0], box, atol=2e-3)
+    (west, south), (east, _), _, (_, north), _ = whole
+    halves = [
+        [[x, y] for x, y in zip((a, b, b, a, a), (south, south, north, north, south), strict=True)]
+        for a, b in ((west, 180.0), (-180.0, east))
+    ]
+    content = {"type": "MultiPolygon", "coordinates": [[half] for half in halves]}
+    both = np.concatenate([part.vertices for part in walls(tmp_path, content, FIJI)])
+    np.testing.assert_allclose([*both.min(axis=0), *both.max(axis=0)], box, atol=0.2)
+    with pytest.raises(ProblemError, match=r"must have \[earth\] .* longitude = 17\d\.") as error:
+        walls(tmp_path, {"type": "Polygon", "coordinates": [whole]}, Projection())
+    assert "EPSG:32760" in str(error.value)
+    pole = [[0, -80], [90, -80], [180, -80], [-90, -80], [0, -80]]
+    with pytest.raises(ProblemError, match="must not go around a pole"):
+        walls(tmp_path, {"type": "Polygon", "coordinates": [pole]}, FIJI)
+
+
+@pytest.mark.parametrize("altitudes", [(), (35.0,), (35.0, 36.0)])
+def test_repeated_points_make_no_solid_hollow(tmp_path: Path, altitudes: tuple[float, ...]) -> None:
+    """Points that are the same, or differ in altitude only; in holes as well, and in all kinds."""
+    outer, hole = ring(10, 10), ring(13, 13, 2, 2)
+
+    def twice(points: list[list[float]]) -> list[list[float]]:
+        return [[*place, *altitudes[:1]] for place in points for _ in range(2)]
+
+    plan = {"type": "Polygon", "coordinates": [twice(outer), twice(hole)]}
+    (mesh,) = walls(tmp_path, plan)
+    assert mesh.is_solid and volume(mesh) == pytest.approx((100 - 4) * 8, rel=1e-6)
+    text = "POLYGON ((10 10, 20 10, 20 10, 20 20, 10 20, 10 20, 10 20, 10 10))"
+    assert volume(walls(tmp_path, text)[0]) == pytest.approx(800)
+    room = [[10, 10], [10, 10], [20, 10], [20, 20], [20, 20], [10, 20], [10, 10], [10, 10]]
+    (tmp_path / "room").write_text(json.dumps({"a": {"walkable": room, "obstacles": [room]}}))
+    (mesh,) = WallsTable(file="room", height=8.0).meshes(tmp_path, 0.0)
+    assert mesh.is_solid and volume(mesh) == pytest.approx(800)
+
+
+def test_zones_of_repeated_points_are_solid() -> None:
+    """All that is extruded is: also a no-fly zone with a point twice."""
+    from shapely import Polygon
+
+    area = sound(Polygon([(0, 0), (4, 0), (4, 0), (4, 4), (0, 4), (0, 0)]), "polygon")
+    assert extruded(area, 5.0, 1.0).is_solid
+
+
+def test_polygons_without_area_are_left_out_with_a_word(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """They hold nothing; if all are such, the file has no walls."""
+    flat = feature({"type": "Polygon", "coordinates": [[ring(5, 5)[0]] * 4]})
+    line = feature({"type": "Polygon", "coordinates": [[*ring(5, 5)[:2], *ring(5, 5)[1::-1]]]})
+    assert boxes(walls(tmp_path, collection(flat, line, house(10, 10, height=12)))) == ONE
+    assert "2 of 3 polygons have no area, and are left out" in caplog.text
+    with pytest.raises(ProblemError, match="at least one polygon with an area; 1 of 1 polygons"):
+        walls(tmp_path, collection(flat))
+
+
+@pytest.mark.parametrize(
+    ("properties", "answer"),
+    [
+        ({}, (0, None)),
+        ({"height": None, "min_height": ""}, (0, None)),
+        ({"height": 40, "min_height": 30}, (30, 40)),
+        ({"height": "40", "min_height": "30", "building:part": "yes"}, (30, 40)),
+        ({"HEIGHT": 12.5}, (0, 12.5)),
+        ({"Height": "12 m"}, (0, 12)),
+        ({"building:height": "12,5"}, (0, 12.5)),
+        ({"height": "12.5m", "minHeight": "2.5 metres"}, (2.5, 12.5)),
+        ({"height": "40 ft"}, (0, 40 * 0.3048)),
+        ({"height": "40'"}, (0, 40 * 0.3048)),
+        ({"height": "7'4\""}, (0, 7 * 0.3048 + 4 * 0.0254)),
+        ({"height": "40 feet", "min_height": "10ft"}, (3.048, 40 * 0.3048)),
+        ({"tags": {"height": "9"}}, (0, 9)),
+        ({"tags": {"height": "9", "min_height": 3}, "height": 9.0}, (3, 9.0)),
+        ({"other_tags": '"height"=>"9","name"=>"inn"'}, (0, 9)),
+        ({"building:levels": "4"}, (0, 12)),
+        ({"building:levels": 4, "roof:levels": 1}, (0, 15)),
+        ({"building:levels": 4, "roof:height": "2.5"}, (0, 14.5)),
+        ({"building:levels": 4, "building:min_level": 2}, (6, 12)),
+        ({"building:levels": 4, "height": 20, "building:min_level": 1}, (3, 20)),
+        ({"levels": 2, "minLevel": 0}, (0, 6)),
+        ({"min_height": 3}, (3, None)),
+    ],
+)  # fmt: skip
+def test_properties_say_from_where_to_where_a_building_reaches(
+    properties: dict[str, Any], answer: tuple[float, float | None]
+) -> None:
+    """By the tags of OpenStreetMap in any spelling, lengths before storeys."""
+    found = extent(properties, "properties")
+    assert found.bottom == pytest.approx(answer[0])
+    assert found.top == (answer[1] and pytest.approx(answer[1]))
+
+
+@pytest.mark.parametrize(
+    ("properties", "words"),
+    [
+        *(({"height": odd}, "p.height: must be a number of metres above 0") for odd in (
+            0, -3, "tall", "12 paces", "10-12", "12;15", "1,234", "~12", True, [3], {"m": 3}, "nan",
+            "inf", "12 m 3", "1e400", " ",
+        )),
+        ({"min_height": -1}, "p.min_height: must be a number of metres >= 0"),
+        ({"building:levels": "many"}, "p.building:levels: must be a number of storeys"),
+        ({"building:levels": True}, "p.building:levels: must be a number of storeys"),
+        ({"building:levels": -1}, "p.building:levels: must be a number of storeys"),
+        ({"height": 3, "min_height": 3}, "p: its top, 3 m, must be above its bottom, 3 m"),
+        ({"building:levels": 0}, "p: its top, 0 m, must be above"),
+        ({"height": 3, "HEIGHT": 4}, "p: height is 3, but HEIGHT 4"),
+        ({"height": 3, "tags": {"height": "4"}}, "p: height is 3, but height '4'"),
+    ],
+)  # fmt: skip
+def test_heights_that_are_none_are_refused(properties: dict[str, Any], words: str) -> None:
+    """The message names the property, and what is allowed."""
+    with pytest.raises(ProblemError, match=words) as error:
+        extent(properties, "p")
+    assert "\n" not in str(error.value)
+
+
+def test_storeys_are_counted_with_a_word(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """What is taken for granted is said."""
+    plan = collection(house(10, 10, **{"building:levels": "4"}), house(30, 10, height=3))
+    assert [box[5] for box in boxes(walls(tmp_path, plan))] == [12, 3]
+    assert "plan: 1 of 2 heights are of storeys, 3 m for each" in caplog.text
+
+
+def test_a_block_with_a_bottom_begins_there(tmp_path: Path) -> None:
+    """Above the foot of the walls; the height of the table must be above it, too."""
+    skyway = house(10, 10, height=40, min_height=30)
+    assert boxes(walls(tmp_path, collection(skyway), base=100.0)) == [
+        [10.0, 10.0, 130.0, 20.0, 20.0, 140.0]
+    ]
+    shelter = house(10, 10, min_height=3)
+    assert boxes(walls(tmp_path, collection(shelter)))[0][2::3] == [3, 8]
+    with pytest.raises(ProblemError, match="height: must be above 3 m, where polygon 1 begins"):
+        walls(tmp_path, collection(shelter), height=2.0)
+
+
+SCENE = """
+steps = 3
+map = {{ size = [60, 60] }}
+walls = [{{ file = "plan", polygons = "obstacles" }}]
+walk = [{{ points = [[30, 30], [31, 30]] }}]
+[[drones]]
+starts = [{{ x = {x}, y = 30.5, height = {height}, heading = {heading} }}]
+camera = "dji-mavic-pro"
+tilts = [{tilt}]
+motion = {{ layers = [{height}] }}
+[earth]
+crs = "EPSG:32633"
+latitude = 52.4010
+longitude = 13.0590
+"""
+
+
+def test_drones_pass_below_a_block_in_the_air_and_people_are_hidden_by_it(tmp_path: Path) -> None:
+    """It is no block from the ground upwards, for neither of them."""
+
+    def seen(bottom: float, **start: float) -> float:
+        """What the best of simple plans sees of the person under the block."""
+        skyway = house(20, 20, 20, 20, height=40, min_height=bottom)
+        (tmp_path / "plan").write_text(json.dumps(collection(skyway)))
+        (tmp_path / "scene.toml").write_text(SCENE.format(**start))
+        return sequential(read(tmp_path / "scene.toml")).value
+
+    assert seen(30, x=24.5, height=5, heading=0, tilt=40) > 0
+    assert seen(30, x=24.5, height=45, heading=0, tilt=80) == 0
+    assert seen(39, x=24.5, height=35, heading=0, tilt=80) > 0
+    with pytest.raises(ProblemError, match=r"is blocked: .* from 30 to 40 m"):
+        seen(30, x=24.5, height=35, heading=0, tilt=80)
+    with pytest.raises(ProblemError, match=r"is blocked: .* from 0 to 40 m"):
+        seen(0, x=24.5, height=5, heading=0, tilt=40)
