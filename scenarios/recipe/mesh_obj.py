@@ -24,7 +24,7 @@ _FREE_FORM = (
     "cstype", "deg", "bmat", "step", "curv", "curv2", "surf", "parm", "trim", "hole", "scrv", "sp",
     "end", "con", "bsp", "bzp", "cdc", "cdp", "res",
 )  # fmt: skip
-_WHOLE = re.compile(r"[-+]?[0-9]+")
+_CORNER = re.compile(r"([-+]?[0-9]{1,18})(?:/(?:[-+]?[0-9]+)?){0,2}")  # 3, 3/1, 3//2 or 3/1/2
 _COORDINATES = (3, 4, 6, 7)  # x y z, then a weight, or a colour, or a colour and its opacity
 
 _log = logging.getLogger(__name__)
@@ -94,12 +94,12 @@ def _vertex(values: list[str], line: int) -> list[float]:
 
 def _corner(value: str, count: int, line: int) -> int:
     """Returns the number, from 0, of the vertex of a corner such as 3, 3/1, 3//2, 3/1/2 or -1."""
-    name, *others = value.split("/")
-    if len(others) > 2 or not all(_WHOLE.fullmatch(part) for part in (name, *filter(None, others))):
+    found = _CORNER.fullmatch(value)
+    if not found:
         raise ProblemError(
             f"line {line}: a corner must be such as 3, 3/1, 3//2 or 3/1/2, not {value[:20]!r}"
         )
-    given = int(name)
+    given = int(found[1])
     if given == 0:
         raise ProblemError(f"line {line}: vertices are numbered from 1, and a corner is 0")
     if given < -count:
