@@ -46,7 +46,8 @@ def counting(vertices: FloatArray, triangles: IntArray) -> IntArray:
     Those with two corners at the same place have no area and do not count, and a triangle that is
     given several times counts once. What lets the rest close is left out as well: the second of
     two triangles that look both ways, for some programs draw every wall from both sides; and
-    triangles whose corners are in a line.
+    triangles whose corners are in a line. If all close but for looking different ways, those that
+    look another way than most of their neighbours are turned.
     """
     named = firsts(vertices)[triangles]
     a, b, c = named.T
@@ -59,7 +60,36 @@ def counting(vertices: FloatArray, triangles: IntArray) -> IntArray:
     for part in (from_one_side, distinct):
         if close(wide := _wide(vertices, part)):
             return wide
-    return distinct
+    alike = _alike(from_one_side)
+    return distinct if alike is None else alike
+
+
+def _alike(triangles: IntArray) -> IntArray | None:
+    """Returns triangles [n, 3] turned so that they close, or None if they have a hole.
+
+    Each edge must have two triangles. Every triangle is there twice, as it is and turned; what
+    passes their edges in opposite directions hangs together, and is one way to turn them all.
+    """
+    n = len(triangles)
+    edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    _, number = equal_rows(np.sort(edges, axis=1))
+    if not n or (np.bincount(number) != 2).any():
+        return None
+    a, b = np.argsort(number, kind="stable").reshape(-1, 2).T
+    turned = n * (edges[a, 0] == edges[b, 0])  # one of two triangles that pass an edge alike
+    first, second = a // 3, b // 3
+    start, end = (
+        np.concatenate([first, first + n]),
+        np.concatenate([second + turned, second + n - turned]),
+    )
+    links = coo_array((np.ones(len(start)), (start, end)), shape=(2 * n, 2 * n))
+    count, part = connected_components(links, directed=False)
+    as_is, other = part[:n], part[n:]
+    if (as_is == other).any():
+        return None  # it has but one side, as a Moebius strip
+    kept = np.bincount(as_is, minlength=count)
+    turn = (kept[as_is] < kept[other]) | ((kept[as_is] == kept[other]) & (as_is > other))
+    return np.where(turn[:, None], triangles[:, ::-1], triangles)
 
 
 def _wide(vertices: FloatArray, triangles: IntArray) -> IntArray:

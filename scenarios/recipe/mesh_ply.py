@@ -3,6 +3,7 @@
 Source: G. Turk, The PLY Polygon File Format, 1994.
 """
 
+import logging
 import re
 import struct
 from collections.abc import Iterator, Sequence
@@ -27,8 +28,11 @@ _CODES = {
 }  # fmt: skip
 _FACES, _STRIPS = "face", ("tristrips", "tristrip")
 _CORNERS = ("vertex_indices", "vertex_index")  # names of the property that both have
+_NO_GEOMETRY = ("camera", "material")  # elements that are left out without a word
 _RESTART = -1  # ends a strip, and begins the next one
 _END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(\r\n|\n|\r)")
+
+_log = logging.getLogger(__name__)
 
 
 class _Property(NamedTuple):
@@ -78,6 +82,8 @@ def read_ply(path: Path) -> Faces:
                 f"element {element.name}: lists corners, and only those of {_FACES} and "
                 f"{_STRIPS[0]} are read; MeshLab writes faces"
             )
+        elif element.rows and element.name not in _NO_GEOMETRY:
+            _log.warning("%s: element %s is left out", path, element.name)
     if len(places) != 1:
         raise ProblemError(f"must have one element vertex, not {len(places)}")
     return Faces.of_lists(places[0], faces)

@@ -213,6 +213,20 @@ def test_what_makes_no_solid_hollow() -> None:
     assert not open_box.replace(triangles=np.concatenate([open_box.triangles] * 2)).is_solid
 
 
+def test_a_solid_whose_faces_look_different_ways_is_solid() -> None:
+    """If each edge has two faces, those that look another way than most are turned."""
+    mesh = Mesh(vertices=np.array(BOX, dtype=float), triangles=np.array(TRIANGLES))
+    other = Mesh.box((20, 0, 0), (21, 1, 1))
+    mixed = mesh.triangles.copy()
+    mixed[[0, 7]] = mixed[[0, 7], ::-1]
+    both = Mesh.joined([mesh.replace(triangles=mixed), other])
+    assert both.is_solid
+    assert volume(both) == pytest.approx(201)
+    assert not both.replace(triangles=both.triangles[1:]).is_solid
+    strip = [[k, (k + 1) % 5, (k + 2) % 5] for k in range(5)]  # with one side and an edge
+    assert not Mesh(vertices=mesh.vertices[:5], triangles=np.array(strip)).is_solid
+
+
 def test_two_rooms_with_a_wall_between_them_are_solid() -> None:
     """The wall is in both, once for each way it looks, and belongs to each."""
     rooms = [Mesh.box((0, 0, 0), (2, 2, 2)), Mesh.box((2, 0, 0), (4, 2, 2))]
@@ -416,6 +430,16 @@ def test_strips_of_ply_are_read_with_its_faces(tmp_path: Path) -> None:
     strips = [*STRIP, -1, 5, 4, 1]
     text = head + rows(BOX) + "3 1 4 0\n" + f"{len(strips)} {' '.join(map(str, strips))}\n"
     assert is_box(shape(saved(tmp_path, "a.ply", text)))
+
+
+def test_elements_of_ply_that_are_left_out_are_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Edges are drawn lines; cameras and materials need no word."""
+    text = ply("ascii", BOX, SIDES).decode()
+    more = text.replace("end_header", "element edge 1\nproperty int vertex1\nend_header") + "0\n"
+    assert is_box(shape(saved(tmp_path, "a.ply", more)))
+    assert caplog.messages == [f"{tmp_path / 'a.ply'}: element edge is left out"]
 
 
 def test_ply_of_equal_faces_is_read_like_any_other(tmp_path: Path) -> None:
