@@ -54,6 +54,8 @@ class OwnCode(NamedTuple):
             it was imported.
         """
         module = sys.modules[name]
+        if name.partition(".")[0] == _PROJECT:
+            return cls(name, "", frozenset(), {})
         file = getattr(module, "__file__", None)
         if file is None or not Path(file).is_file() or Path(file).suffix != ".py":
             raise OwnCodeError(f"{name} has no file of Python code")

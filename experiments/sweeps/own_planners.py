@@ -276,7 +276,8 @@ def _received(reference: str, code: OwnCode) -> _Call:
     for root in _roots(code):
         for known in [n for n in sys.modules if n.partition(".")[0] in code.names]:
             del sys.modules[known]
-        _put_first(root)
+        if code.files:
+            _put_first(root)
         call = _resolved(reference)
         with suppress(OwnCodeError):
             if OwnCode.of(module).digest == code.digest:

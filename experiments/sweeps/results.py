@@ -14,6 +14,7 @@ from cocap_opt.experiments.sweeps.run_file import RUN, RunFile
 from cocap_opt.files.documents import FileError
 
 RESULTS = "results.csv"
+_NEWER = ("overrun",)  # columns that tables of older versions do not have, and nobody misses
 
 
 def load_results(folder: Path) -> list[Row]:
@@ -32,7 +33,7 @@ def load_results(folder: Path) -> list[Row]:
     try:
         names = set(table.fieldnames or ())
         for name, column in COLUMNS.items():
-            if not (name in names or column.is_extra):
+            if not (name in names or column.is_extra or name in _NEWER):
                 raise FileError(f"{path}: has no column {name!r}")
         rows = [_row(fields, f"{path}: line {table.line_num}") for fields in table]
     except csv.Error as error:

@@ -1,3 +1,4 @@
+import csv
 import time
 from dataclasses import replace
 from itertools import permutations
@@ -10,6 +11,7 @@ from test_sweeps import SETTINGS, TIMES, small_field, swept, untimed
 
 from cocap_opt.experiments.api.measuring import gap as gap_frame
 from cocap_opt.experiments.cli import commands
+from cocap_opt.experiments.results.files import save_csv
 from cocap_opt.experiments.results.gap_table import print_gap_table
 from cocap_opt.experiments.results.judging import SOLVERS
 from cocap_opt.experiments.results.rows import Row
@@ -154,6 +156,17 @@ def test_who_overruns_a_limit_is_marked(
     assert "8.000!" in printed and "(8.0 s of 3 s)" in printed
     print_gap_table([row])
     assert "time limit allows" not in capsys.readouterr().out
+
+
+def test_tables_of_before_are_read(cold: Path, tmp_path: Path) -> None:
+    """They have no column for who overran a limit, and are not lost for that."""
+    (row,) = measured(("cocap",), SETTINGS, tmp_path)
+    with (tmp_path / "results.csv").open(encoding="utf-8", newline="") as file:
+        table = list(csv.DictReader(file))
+    for fields in table:
+        del fields["overrun"]
+    save_csv(tmp_path / "results.csv", table)
+    assert load_results(tmp_path) == [row]
 
 
 def test_the_table_says_what_coverage_took(capsys: pytest.CaptureFixture[str]) -> None:

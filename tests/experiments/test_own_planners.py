@@ -372,6 +372,15 @@ def test_functions_without_a_module_are_sent() -> None:
         stuck.to_be_sent()
 
 
+def test_modules_of_ours_are_neither_sent_nor_imported_anew() -> None:
+    """A planner of ours by module and name is what every worker has."""
+    planner = own("cocap_opt.planners.greedy:greedy")
+    assert planner.code is not None and not planner.code.files and planner.digest
+    before = sys.modules["cocap_opt.planners.greedy"]
+    assert sent(planner).ready().call is PLANNERS["greedy"]
+    assert sys.modules["cocap_opt.planners.greedy"] is before
+
+
 def test_a_worker_without_the_planner_is_refused(mine: Path) -> None:
     """It is no cell's fault that a worker cannot import it, or has another version."""
     planner = own("mymodule:best")

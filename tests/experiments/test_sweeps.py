@@ -891,7 +891,7 @@ def test_a_worker_that_dies_or_hangs_costs_its_own_cell(tmp_path: Path) -> None:
     folder = folder_for_a_sweep(tmp_path / "run")
     some = instances(range(1), ("greedy", "dies", "sleeps", "cocap"))[:1]
     some += instances(range(1, 2))[:1]
-    with Cluster.local(1, never, cell_limit=5.0) as cluster:
+    with Cluster.local(1, never, cell_limit=10.0) as cluster:
         cluster.client.register_worker_callbacks(partial(exec, BAD_PLANNERS, {}))
         assert cluster.client.cluster.scheduler.http_server.port != 8787  # no dashboard
         cluster.run(some, Store(folder), never, lambda content: None)

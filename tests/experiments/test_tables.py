@@ -259,7 +259,9 @@ def test_every_column_says_what_it_means() -> None:
         assert column.name == name and column.kind in (int, float, str)
         assert column.meaning.endswith(".") and column.least <= column.most
         assert not column.is_optional or column.kind is not str or name in ("planner", "method")
-    assert [name for name, c in COLUMNS.items() if c.is_extra] == ["reward_rendered", "starts"]
+    assert [name for name, c in COLUMNS.items() if c.is_extra] == [
+        "planner_digest", "reward_rendered", "starts"
+    ]  # fmt: skip
 
 
 def test_a_trace_can_be_read_that_ends_below_the_best_value(tmp_path: Path) -> None:
