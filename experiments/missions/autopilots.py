@@ -54,7 +54,7 @@ XY_VEL_MAX = 12.0  # m/s, PX4's MPC_XY_VEL_MAX
 Z_UP, Z_DOWN = 3.0, 1.5  # m/s, MPC_Z_V_AUTO_UP, MPC_Z_V_AUTO_DN
 TURNS, LOOKS = 45.0, 12.0  # degrees/s and degrees, MPC_YAWRAUTO_MAX, MIS_YAW_ERR
 SLOWEST = 0.2  # m/s, WPNAV_WP_SPEED_MIN: 0.2 until ArduPilot 4.5, less since then
-_SAME_YAW = 5e-3  # degrees
+_SAME_YAW, _SAME_PITCH = 5e-3, 1e-6  # degrees; a grid's north turns a little from place to place
 _ON_TIME = 1e-3  # s
 
 
@@ -215,7 +215,7 @@ class _Mission:
         pace = self._autopilot.pace(leg)
         yaw, pitch = float(self._route.yaw[leg.step]), float(self._route.pitch[leg.step])
         turns = abs((yaw - self._yaw + 180.0) % 360.0 - 180.0) > _SAME_YAW
-        if pitch != self._pitch:
+        if abs(pitch - self._pitch) > _SAME_PITCH:
             self._wait()
             self._pitch = pitch
             self.items.append(tilt(pitch))

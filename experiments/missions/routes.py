@@ -99,12 +99,16 @@ def routes(flight: Flight, geodesy: Geodesy) -> list[Route]:
     for i in range(len(problem.robots)):
         x, y, ground = rows["x"][i], rows["y"][i], float(rows["z"][i, 0] - height[i, 0])
         above_sea = earth is not None and earth.heights == "sea"
+        lengths = geodesy.lengths(x, y)
+        places = np.column_stack([rows["latitude"][i], rows["longitude"][i], height[i]])
+        for k in np.flatnonzero(np.hypot(lengths, np.diff(height[i])) < _STAYS):
+            places[k + 1] = places[k]  # but for rounding it is the same place
         found.append(Route(
             i,
-            np.column_stack([rows["latitude"][i], rows["longitude"][i], height[i]]),
+            places,
             geodesy.compass(x, y, np.radians(rows["yaw"][i])),
             rows["pitch"][i],
-            geodesy.lengths(x, y),
+            lengths,
             flight.flown.step,
             ground + earth.base if earth is not None and above_sea else None,
             float(waits[i]),

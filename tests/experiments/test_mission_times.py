@@ -98,9 +98,9 @@ def require_in_time(flight: Flight, name: str) -> None:
         assert moment.t == pytest.approx(steps[k] + late[k], abs=0.1)
         assert moment.place == tuple(route.places[k].tolist())
         assert math.remainder(moment.compass - route.yaw[k], 360) == pytest.approx(0, abs=0.01)
-        assert moment.pitch == route.pitch[k]
+        assert moment.pitch == pytest.approx(route.pitch[k])
     assert found[-1].t == pytest.approx(steps[-1] + late[-1], abs=0.1)
-    assert found[-1].pitch == route.pitch[-1]
+    assert found[-1].pitch == pytest.approx(route.pitch[-1])
     assert math.remainder(found[-1].compass - route.yaw[-1], 360) == pytest.approx(0, abs=0.01)
 
 
