@@ -11,6 +11,7 @@ __all__ = [
     "forecast",
     "gap_table",
     "graphml",
+    "heights",
     "judging",
     "layout",
     "printing",
