@@ -125,7 +125,7 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
         f"plan scene.toml --planner sequential -o plan.json; {FLY}",
         swapped("scene.toml", "people = 3.5", "people = 4.5"),
     ),
-    "--items: must be given where the board holds more": (
+    "items, more than the 9 that PX4 takes": (
         "fly scene.toml plan.json --margin 0.5 --items 9 -o bad.plan", lambda: None,
     ),
     "cannot fly this mission: from the take-off": (

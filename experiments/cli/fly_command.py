@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 Autopilot = Literal["px4", "ardupilot"]
-_OPTIONS = "every", "smooth", "start", "items"
+_OPTIONS = "every", "smooth", "start"
 _EARTHLY = ".geojson", ".kml", ".plan", ".waypoints"  # which have latitudes and longitudes
 _PLACES = "earth.crs", "earth.origin"
 _MANY, _FEW = 12, 6  # drones of a table that is cut, and rows that it keeps

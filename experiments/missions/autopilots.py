@@ -27,6 +27,9 @@ ArduPilot
 - NAV_DELAY counts from its beginning (`ModeAuto::verify_nav_delay`); a waypoint's hold is whole
   seconds, and not used.
 
+PX4 holds NUM_MISSIONS_SUPPORTED items (navigation.h), 2000 before 1.13; ArduPilot one in each 15
+bytes of its storage (`AP_Mission::num_commands_max`), and more with BRD_SD_MISSION.
+
 Defaults of PX4's parameters are those of mc_pos_control and navigator (1.15).
 """
 
@@ -98,6 +101,7 @@ class Autopilot(NamedTuple):
     number : MAV_AUTOPILOT
     turns_by_command : True: a waypoint's yaw has no effect, MAV_CMD_CONDITION_YAW has
     pace : how it is told to fly a leg in its time
+    extra : items beside those of a mission: ArduPilot keeps the home position as one
     most : items that it usually holds
     holds : why it holds no more
     ceiling : the parameter of its greatest height above the take-off
@@ -110,6 +114,7 @@ class Autopilot(NamedTuple):
     number: int
     turns_by_command: bool
     pace: Callable[[Leg], Pace]
+    extra: int
     most: int
     holds: str
     ceiling: str
@@ -258,13 +263,13 @@ class _Mission:
 
 PX4 = Autopilot(
     "px4", (".plan",), "PX4", 12, False, _px4_pace,
-    500, "NUM_MISSIONS_SUPPORTED, since 1.13 and on most boards", "GF_MAX_VER_DIST",
+    0, 500, "since 1.13 and on most boards", "GF_MAX_VER_DIST",
     "for PX4 with its usual MPC_Z_V_AUTO_UP 3, MPC_Z_V_AUTO_DN 1.5 and MPC_YAWRAUTO_MAX 45; an "
     "ArduPilot would fly its climbs too fast or too slowly, and refuse to command its gimbal so",
 )  # fmt: skip
 ARDUPILOT = Autopilot(
     "ardupilot", (".waypoints", ".plan"), "ArduPilot", 3, True, _ardupilot_pace,
-    718, "on boards with 16 kB of storage", "FENCE_ALT_MAX",
+    1, 718, "on boards with 16 kB of storage", "FENCE_ALT_MAX",
     "for ArduPilot (a PX4 would take each speed for the one over ground): set WP_YAW_BEHAVIOR to "
     "0, so that it looks where the plan does, and WPNAV_RADIUS to what corners may be cut by; it "
     "takes whole degrees of pitch",

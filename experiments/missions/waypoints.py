@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from cocap_opt.data import FieldError, ProblemError
-from cocap_opt.experiments.missions.autopilots import Autopilot
+from cocap_opt.experiments.missions.autopilots import AUTOPILOTS, Autopilot
 from cocap_opt.experiments.missions.export import Export, require_nothing_else
 from cocap_opt.experiments.missions.items import Item
 from cocap_opt.experiments.missions.routes import (
@@ -127,16 +127,16 @@ def waypoint_mission(
 
 
 def _require_few(items: list[list[Item]], autopilot: Autopilot) -> None:
-    """Refuses missions that an autopilot does not hold; the home position counts as one."""
+    """Refuses missions that an autopilot does not hold."""
     drone = max(range(len(items)), key=lambda i: len(items[i]))
-    count = len(items[drone]) + 1
+    count = len(items[drone]) + autopilot.extra
     if count > autopilot.most:
-        raise FieldError(
-            "items",
-            f"must be given where the board holds more, for the mission of drone {drone} has "
-            f"{count} items, and {autopilot.title} takes {autopilot.most} ({autopilot.holds}); or "
-            "plan fewer steps, longer ones, or parts of the scene one after the other, each a "
-            "mission of its own",
+        others = ", ".join(f"{own.title} {own.most}" for own in AUTOPILOTS.values())
+        raise ProblemError(
+            f"the mission of drone {drone} has {count} items, more than the {autopilot.most} that "
+            f"{autopilot.title} takes, {autopilot.holds} (usual are {others}); plan fewer steps, "
+            "longer ones, or parts of the scene one after the other, each a mission of its own, or "
+            "say with --items how many the board takes"
         )
 
 
