@@ -12,7 +12,7 @@ _GEOMETRIES = (
     "FeatureCollection", "Feature", "GeometryCollection", "Polygon", "MultiPolygon", "LineString",
     "MultiLineString", "Point", "MultiPoint",
 )  # fmt: skip
-_CURVED = "CurvePolygon", "MultiSurface", "PolyhedralSurface"  # of WKT only, and read by nobody
+_CURVED = "CurvePolygon", "MultiSurface", "PolyhedralSurface", "Triangle", "TIN"  # of WKT only
 _WKT = re.compile(
     rf"\s*(?:SRID\s*=\s*\d+\s*;\s*)?(?:{'|'.join((*_GEOMETRIES[2:], *_CURVED))})"
     r"\s*(?:Z|M|ZM)?\s*(?:\(|EMPTY)",

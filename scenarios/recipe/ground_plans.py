@@ -32,6 +32,11 @@ Meaning = Literal["obstacles", "walkable"]
 
 SLIVER = 0.01  # m2, which rings may enclose twice by rounding
 _SCHEME = '{"name": {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}'
+_OTHER_JSON = {  # keys of other files of polygons, and what they are
+    "arcs": "is TopoJSON: `ogr2ogr NEW.geojson OLD.json` writes it as GeoJSON",
+    "geometryType": "is JSON of Esri: `ogr2ogr NEW.geojson OLD.json` writes it as GeoJSON",
+    "elements": "is JSON of Overpass: osmtogeojson writes it as GeoJSON",
+}
 _SOUND = "POLYGON ((0 0, 4 0, 4 3, 0 0))"
 
 
@@ -143,6 +148,7 @@ def _named(text: str, name: str | None) -> _Plan:
         decode_json(text, msgspec.Raw)  # first of all it must be JSON
     except (msgspec.MsgspecError, RecursionError) as error:
         raise ProblemError(in_words(error, text, msgspec.Raw)) from error
+    _refuse_other_json(text)
     try:
         plans = msgspec.json.decode(text, type=dict[str, _Plan])
     except msgspec.MsgspecError as error:
@@ -155,6 +161,16 @@ def _named(text: str, name: str | None) -> _Plan:
     if name is not None and name not in plans:
         raise ProblemError(f"name: must be one of {', '.join(plans)}, not {name!r}")
     return plans[name] if name is not None else next(iter(plans.values()))
+
+
+def _refuse_other_json(text: str) -> None:
+    """Raises a ProblemError that names another well-known kind of polygons in JSON."""
+    try:
+        keys = msgspec.json.decode(text, type=dict[str, msgspec.Raw])
+    except msgspec.MsgspecError:
+        return  # what it should be is said next
+    for key in (key for key in _OTHER_JSON if key in keys):
+        raise ProblemError(_OTHER_JSON[key])
 
 
 def _of_polygons(
@@ -208,7 +224,8 @@ def _found(text: str, kind: str) -> tuple[Sequence[Found], Counter[str], Stated]
     """Returns the polygons of GeoJSON or WKT, what else it holds, and the system that it states."""
     if kind == GEOJSON:
         content = read_geojson(text)
-        return content.polygons, content.others, Stated.by_crs(content.crs)
+        found = [one._replace(polygon=_without_flat_holes(one.polygon)) for one in content.polygons]
+        return found, content.others, Stated.by_crs(content.crs)
     stated, plain = Stated.by_srid(text)
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused later
@@ -219,8 +236,18 @@ def _found(text: str, kind: str) -> tuple[Sequence[Found], Counter[str], Stated]
         raise ProblemError(f"cannot be read as {kind}, which is such as {_SOUND}") from error
     parts = [part for part in _parts(geometry) if not part.is_empty]
     others = Counter(part.geom_type for part in parts if not isinstance(part, Polygon))
-    polygons = [Found(part, "", {}) for part in parts if isinstance(part, Polygon)]
+    polygons = [
+        Found(_without_flat_holes(part), "", {}) for part in parts if isinstance(part, Polygon)
+    ]
     return polygons, others, stated
+
+
+def _without_flat_holes(polygon: Polygon) -> Polygon:
+    """Returns the same area without holes of fewer than three points, which hold nothing."""
+    holes = [
+        hole for hole in polygon.interiors if len(np.unique(np.array(hole.coords), axis=0)) > 2
+    ]
+    return Polygon(polygon.exterior, holes)
 
 
 def _left_out(polygons: Sequence[BaseGeometry | None], others: Counter[str]) -> Iterator[str]:

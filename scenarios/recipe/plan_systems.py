@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 import shapely
-from shapely import Point, Polygon
+from shapely import LineString, Point, Polygon
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.kinds import GEOJSON
@@ -136,13 +136,12 @@ def _of_degrees(
 ) -> list[Polygon | None]:
     """Returns polygons of longitudes and latitudes in m; None in place of those far away.
 
-    Edges are straight in degrees, and are cut so that they bend on the map.
+    Edges are straight in degrees, and are cut so that they can bend on the map.
     """
     here = None if projection.earth is None else projection.place[1]
     whole = [_unwrapped(polygon, here) for polygon in polygons]
     if projection.earth is not None:
-        cut = [part if part.length == 0 else shapely.segmentize(part, _LONGEST) for part in whole]
-        placed = shapely.transform(cut, lambda points: projection.plane(*points.T[::-1]))
+        placed = shapely.transform(whole, lambda points: projection.plane(*points.T[::-1]))
         found = [part if _is_near(part, projection) else None for part in placed]
         if any(part is not None for part in found):
             return found
@@ -162,7 +161,10 @@ def _is_near(polygon: Polygon, projection: Projection) -> bool:
 
 
 def _unwrapped(polygon: Polygon, longitude: float | None) -> Polygon:
-    """Returns a polygon that may cross 180 degrees with all its longitudes around one of them."""
+    """Returns a polygon that may cross 180 degrees with all its longitudes around one of them.
+
+    Its long edges are cut.
+    """
     around = float(polygon.exterior.coords[0][0]) if longitude is None else longitude
     rings = []
     for ring in (polygon.exterior, *polygon.interiors):
@@ -174,8 +176,18 @@ def _unwrapped(polygon: Polygon, longitude: float | None) -> Polygon:
             points[-1] = points[0]  # a rounding
         points[:, 0] += 360 * np.round((around - points[:, 0].mean()) / 360)
         around = float(points[:, 0].mean())
-        rings.append(points)
+        rings.append(_cut(points))
     return Polygon(rings[0], rings[1:])
+
+
+def _cut(ring: FloatArray) -> FloatArray:
+    """Returns a ring [n, 2] (degrees) with more points, so that no edge is long.
+
+    It is cut as a line: of a polygon GEOS would change the area where it crosses itself.
+    """
+    if not np.ptp(ring, axis=0).any():
+        return ring
+    return shapely.get_coordinates(shapely.segmentize(LineString(ring), _LONGEST))
 
 
 def _require_system(

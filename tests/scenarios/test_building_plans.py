@@ -403,6 +403,34 @@ def test_a_block_with_a_bottom_begins_there(tmp_path: Path) -> None:
         walls(tmp_path, collection(shelter), height=2.0)
 
 
+def test_rings_in_degrees_are_judged_as_they_are(tmp_path: Path) -> None:
+    """One that crosses itself is refused, not cut in half; a hole of one point is none."""
+    a, b, c, d, _ = ring(10, 10)
+    bow = {"type": "Polygon", "coordinates": [[a, c, b, d, a]]}
+    with pytest.raises(ProblemError, match="polygon 1: must not cross itself, as it does at"):
+        walls(tmp_path, bow)
+    long = {"type": "Polygon", "coordinates": [ring(-9000, 10, 18000, 10)]}
+    x0, y0, _, x1, y1, _ = boxes(walls(tmp_path, long))[0]
+    assert (x0, x1) == (-9000, 9000) and -10 < y0 < 10 and 20 <= y1 < 30
+    hole = {"type": "Polygon", "coordinates": [ring(10, 10), [ring(13, 13)[0]] * 4]}
+    assert boxes(walls(tmp_path, hole, height=12.0)) == ONE
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('{"type": "Topology", "arcs": [], "objects": {}}', "is TopoJSON: `ogr2ogr"),
+        ('{"geometryType": "esriGeometryPolygon", "features": []}', "is JSON of Esri: `ogr2ogr"),
+        ('{"version": 0.6, "elements": []}', "is JSON of Overpass: osmtogeojson"),
+        ("TRIANGLE ((0 0, 9 0, 9 9, 0 0))", "at least one polygon|cannot be read as WKT"),
+    ],
+)
+def test_other_files_of_polygons_are_named(tmp_path: Path, text: str, words: str) -> None:
+    """With what writes them as GeoJSON."""
+    with pytest.raises(ProblemError, match=words):
+        walls(tmp_path, text)
+
+
 SCENE = """
 steps = 3
 map = {{ size = [60, 60] }}
