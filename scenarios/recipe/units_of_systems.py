@@ -65,11 +65,10 @@ def units_of(text: str) -> Units:
     is_wkt, is_proj4, code = _WKT.match(text), _PROJ4.match(text), _CODE.fullmatch(text)
     if not (is_wkt or is_proj4 or code):
         raise ProblemError(f"{_DAMAGED}: {text[:40]!r}")
-    found = _by_pyproj(f"{code[1]}:{code[2]}" if code else text)
+    own = _of_wkt(text) if is_wkt else None  # which refuses WKT without units; pyproj takes metres
+    found = _by_pyproj(f"{code[1]}:{code[2]}" if code else text) or own
     if found is not None:
         return found
-    if is_wkt:
-        return _of_wkt(text)
     if code:
         raise ProblemError(f"{text[:40]}: {_NEEDED}")
     return _of_proj4(text)
@@ -239,20 +238,18 @@ def _of_proj4(text: str) -> Units:
 
 
 def _of_proj4_unit(fields: dict[str, str], name: str, factor: str) -> Stated | None:
+    if name in fields:  # which counts before a factor
+        found = Stated("km", 1000.0) if fields[name] == "km" else stated_length(fields[name])
+        if found is None:
+            raise ProblemError(f"{fields[name][:40]}: {_NEEDED}")
+        return found
+    if factor not in fields:
+        return None
     try:
-        if factor in fields:
-            above, _, below = fields[factor].partition("/")
-            return Stated("units", float(above) / float(below or 1))
+        above, _, below = fields[factor].partition("/")
+        return Stated("units", float(above) / float(below or 1))
     except (ValueError, ZeroDivisionError) as error:
         raise ProblemError(f"+{factor}: must be a number, not {fields[factor][:40]!r}") from error
-    if name not in fields:
-        return None
-    if fields[name] == "km":
-        return Stated("km", 1000.0)
-    found = stated_length(fields[name])
-    if found is None:
-        raise ProblemError(f"{fields[name][:40]}: {_NEEDED}")
-    return found
 
 
 # WKT
@@ -272,7 +269,8 @@ class _Node(NamedTuple):
 
 _TOKEN = re.compile(r'\s*("(?:[^"]|"")*"|[\[\](),]|[^\s\[\](),"]+)')
 _ANGULAR = ("GEOGCS", "GEOGCRS", "GEOGRAPHICCRS", "GEODCRS", "GEODETICCRS", "GEOCCS")
-_PLANE = ("PROJCS", "PROJCRS", "PROJECTEDCRS", "LOCAL_CS", "ENGCRS", "ENGINEERINGCRS")
+_PLANE = ("PROJCS", "PROJCRS", "PROJECTEDCRS", "LOCAL_CS", "ENGCRS", "ENGINEERINGCRS",
+          "DERIVEDPROJCRS")  # fmt: skip
 _VERTICAL = ("VERTCS", "VERT_CS", "VERTCRS", "VERTICALCRS")
 _AROUND = ("COMPD_CS", "COMPOUNDCRS", "BOUNDCRS", "SOURCECRS")
 _LENGTH = ("UNIT", "LENGTHUNIT")

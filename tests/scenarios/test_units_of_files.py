@@ -78,6 +78,7 @@ IN_METRES = {  # texts of systems of metres, and metres in a unit of their heigh
     'LOCAL_CS["site",UNIT["metre",1]]': None,
     "+proj=utm +zone=30 +datum=WGS84 +units=m +no_defs": None,
     "+proj=utm +zone=30 +datum=WGS84": None,
+    "+proj=utm +zone=30 +datum=WGS84 +to_meter=0.3048 +units=m": None,  # as PROJ reads it
     "+proj=utm +zone=30 +units=m +vunits=us-ft": US_FOOT,
     "Projection    UTM\nZone 30\nUnits         METERS\nZunits        NO\nParameters\n": None,
     "projection utm\r\nzone 30\r\nunits meters\r\nzunits feet\r\nparameters\r\n": 0.3048,
@@ -107,7 +108,10 @@ OTHERS = {  # texts of systems of something else, and how it is named
     "Projection UTM\nUnits PACES\n": "Units, Zunits: must be METERS, FEET or a number",
     "Projection MERCATOR\nUnits METERS\n": "metres are true",
     utm('UNIT["Foot",1]'): "contradicts itself: a unit 'Foot' of 1 m",
+    utm("").replace(",]", "]"): "must state the unit of x and y",
+    'LOCAL_CS["site"]': "must state the unit of x and y",
     utm(METRE)[:-1]: "but is damaged",
+    utm(METRE) + "]": "but is damaged",
     utm(METRE)[:-20]: "but is damaged",
     "PROJCS": "but is damaged",
     "metres": "but is damaged",
