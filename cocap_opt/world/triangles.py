@@ -5,7 +5,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 
 SAME = 1e-6  # m; vertices that are nearer to each other are at the same place
 
@@ -107,6 +107,24 @@ def close(triangles: IntArray) -> bool:
     low, high = edges.min(axis=1), edges.max(axis=1)
     _, number = np.unique(low * (triangles.max(initial=0) + 1) + high, return_inverse=True)
     return not np.bincount(number, weights=np.sign(edges[:, 1] - edges[:, 0])).any()
+
+
+def closed_parts(triangles: IntArray) -> BoolArray:
+    """Returns an array [n], true for triangles of parts that close.
+
+    A part is what hangs together by corners.
+    """
+    size = int(triangles.max(initial=0)) + 1
+    a, b, c = triangles.T
+    links = coo_array(
+        (np.ones(2 * len(a)), (np.concatenate([a, b]), np.concatenate([b, c]))), shape=(size, size)
+    )
+    _, part = connected_components(links, directed=False)
+    edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    first, number = equal_rows(np.sort(edges, axis=1))
+    balance = np.bincount(number, weights=np.sign(edges[:, 1] - edges[:, 0]))
+    is_open = np.isin(part, part[edges[first[balance != 0], 0]])
+    return np.asarray(~is_open[a])
 
 
 def _turned(triangles: IntArray) -> IntArray:

@@ -21,7 +21,7 @@ from cocap_opt.data import (
     within,
 )
 from cocap_opt.world.columns import NO_SPANS, Columns, Spans
-from cocap_opt.world.triangles import close, counting
+from cocap_opt.world.triangles import close, closed_parts, counting
 
 MOST_TRIANGLES = 1_000_000
 
@@ -202,6 +202,15 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
     def is_solid(self) -> bool:
         """True if the surface closes: each edge is passed as often one way as the other."""
         return close(self.surface)
+
+    @property
+    def parts(self) -> tuple["Mesh", ...]:
+        """The mesh; or what closes of it, which is solid, and the rest, if only some of it closes."""
+        closed = closed_parts(self.surface)
+        if self.is_solid or not closed.any():
+            return (self,)
+        solid, rest = self.surface[closed], self.surface[~closed]
+        return self.replace(triangles=solid), self.replace(triangles=rest)
 
     @property
     def corners(self) -> FloatArray:

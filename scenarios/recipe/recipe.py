@@ -298,7 +298,7 @@ def _meshes(
         with naming(f"mesh[{k}]"):
             mesh = given.mesh(folder)
             _require_on_map([mesh], terrain.height_map)
-        yield mesh
+        yield from mesh.parts
     for k, plan in enumerate(recipe.walls):
         with naming(f"walls[{k}]"):
             walls = plan.meshes(folder, float(terrain.ground.min()), projection)

@@ -189,9 +189,10 @@ def test_a_plan_is_the_same_with_numbers_from_the_end(tmp_path: Path) -> None:
     assert rewards[0] < PLANNERS["cocap"](first.replace(meshes=())).value
 
 
-def test_a_drone_does_not_start_in_a_house_with_a_repeated_corner(tmp_path: Path) -> None:
-    """A face with two equal corners makes no solid hollow."""
-    saved(tmp_path, "two.obj", OBJ + "f 1 1 2\n")
+@pytest.mark.parametrize("more", ["f 1 1 2\n", "v 30 30 0\nv 35 30 0\nv 30 35 0\nf 9 10 11\n"])
+def test_a_drone_does_not_start_in_a_house(tmp_path: Path, more: str) -> None:
+    """A face with two equal corners makes no solid hollow, nor does a lawn in the same file."""
+    saved(tmp_path, "two.obj", OBJ + more)
     inside = FILM.replace("x = 14.5", "x = 7.5")
     with pytest.raises(ProblemError, match=r"cell \(7, 7\) is blocked"):
         read(saved(tmp_path, "inside.toml", inside))
@@ -225,6 +226,21 @@ def test_a_solid_whose_faces_look_different_ways_is_solid() -> None:
     assert not both.replace(triangles=both.triangles[1:]).is_solid
     strip = [[k, (k + 1) % 5, (k + 2) % 5] for k in range(5)]  # with one side and an edge
     assert not Mesh(vertices=mesh.vertices[:5], triangles=np.array(strip)).is_solid
+
+
+def test_a_house_is_solid_beside_what_is_open() -> None:
+    """A plane in the same file makes no house hollow; together they are all that was there."""
+    house = Mesh.box((0, 0, 0), (2, 2, 2))
+    plane = Mesh.box((9, 9, 9), (12, 12, 10))
+    plane = plane.replace(triangles=plane.triangles[:2])
+    mesh = Mesh.joined([house, plane])
+    assert not mesh.is_solid
+    solid, rest = mesh.parts
+    assert (solid.is_solid, rest.is_solid) == (True, False)
+    assert volume(solid) == pytest.approx(8)
+    assert (len(solid.surface), len(rest.surface)) == (12, 2)
+    assert house.parts == (house,)
+    assert plane.parts == (plane,)
 
 
 def test_two_rooms_with_a_wall_between_them_are_solid() -> None:

@@ -33,9 +33,9 @@ PLY = "ply\nformat ascii 1.0\nelement vertex 1\nproperty nothing x\nend_header\n
         (WALLS, "a.wkt", "POLYGON ((0 0, a 0))", r"cannot be read as WKT, which is such as POLYG"),
         (WALLS.replace('polygons = "obstacles"', ""), "a.json", '{"a": {"walkable": [[0, 1e999]]}}',
          r"walkable\[0\]\[1\]: must be a number within \+-1.8e308; ground plans are"),
-        (MESH, "a.ply", PLY, "cannot be read as .ply: it is damaged, cut off, o"),
-        (MESH, "a.obj", "v 1 2 3\nf 1 2 x\n", "cannot be read as .obj: it is damaged, cut off, or"),
-        (MESH, "a.glb", "glTF", "cannot be read as .glb: it is damaged, cut off, or of another fo"),
+        (MESH, "a.ply", PLY, "line 4: must be a line of PLY's header"),
+        (MESH, "a.obj", "v 1 2 3\nf 1 2 x\n", "line 2: a corner must be such as 3"),
+        (MESH, "a.glb", "glTF", "ends within the header of its GLB"),
     ],
 )  # fmt: skip
 def test_damage_is_told_in_plain_words(
