@@ -205,7 +205,7 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
 
     @property
     def parts(self) -> tuple["Mesh", ...]:
-        """The mesh; or what closes of it, which is solid, and the rest, if only some of it closes."""
+        """The mesh; or if only some of it closes, that, which is solid, and the rest."""
         closed = closed_parts(self.surface)
         if self.is_solid or not closed.any():
             return (self,)
