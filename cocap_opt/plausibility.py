@@ -117,8 +117,8 @@ def _not_closed(mesh: Mesh) -> str:
     edges = np.sort(mesh.surface[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     distinct, counts = np.unique(edges, axis=0, return_counts=True)
     ends = mesh.vertices[distinct[counts == 1].ravel(), 2]
-    lowest = float(mesh.vertices[:, 2].min())
-    if len(ends) and float(ends.max()) - lowest <= _SUNK:
+    lowest, highest = (float(end(mesh.corners[..., 2])) for end in (np.min, np.max))
+    if len(ends) and float(ends.max()) - lowest <= _SUNK < highest - lowest:
         return "has no floor: only its surface is solid, and drones may fly inside"
     return "is not closed, so that only its surface is solid"
 

@@ -112,19 +112,29 @@ def close(triangles: IntArray) -> bool:
 def closed_parts(triangles: IntArray) -> BoolArray:
     """Returns an array [n], true for triangles of parts that close.
 
-    A part is what hangs together by corners.
+    A part is what hangs together by corners, but for flaps: triangles on a surface, or beside it,
+    none of whose edges has another triangle that answers it.
     """
+    own, balance = _edges(triangles)
+    closed: BoolArray = (np.sign(balance) != own).any(axis=1)
+    firm = triangles[closed]
     size = int(triangles.max(initial=0)) + 1
-    a, b, c = triangles.T
-    links = coo_array(
-        (np.ones(2 * len(a)), (np.concatenate([a, b]), np.concatenate([b, c]))), shape=(size, size)
-    )
+    a, b, c = firm.T
+    ends = np.concatenate([a, b]), np.concatenate([b, c])
+    links = coo_array((np.ones(2 * len(firm)), ends), shape=(size, size))
     _, part = connected_components(links, directed=False)
+    _, balance = _edges(firm)
+    closed[closed] = ~np.isin(part[a], part[a[balance.any(axis=1)]])
+    return closed
+
+
+def _edges(triangles: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Returns which way each triangle passes its edges, -1 or 1, and the sums of all; [n, 3]."""
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    first, number = equal_rows(np.sort(edges, axis=1))
-    balance = np.bincount(number, weights=np.sign(edges[:, 1] - edges[:, 0]))
-    is_open = np.isin(part, part[edges[first[balance != 0], 0]])
-    return np.asarray(~is_open[a])
+    _, number = equal_rows(np.sort(edges, axis=1))
+    own = np.sign(edges[:, 1] - edges[:, 0]).astype(np.float64)
+    balance = np.bincount(number, weights=own)[number].astype(np.float64)
+    return own.reshape(-1, 3), balance.reshape(-1, 3)
 
 
 def _turned(triangles: IntArray) -> IntArray:

@@ -189,9 +189,11 @@ def test_a_plan_is_the_same_with_numbers_from_the_end(tmp_path: Path) -> None:
     assert rewards[0] < PLANNERS["cocap"](first.replace(meshes=())).value
 
 
-@pytest.mark.parametrize("more", ["f 1 1 2\n", "v 30 30 0\nv 35 30 0\nv 30 35 0\nf 9 10 11\n"])
+@pytest.mark.parametrize(
+    "more", ["f 1 1 2\n", "f 1 2 3\n", "f 2 3 4\n", "v 30 30 0\nv 35 30 0\nv 30 35 0\nf 9 10 11\n"]
+)
 def test_a_drone_does_not_start_in_a_house(tmp_path: Path, more: str) -> None:
-    """A face with two equal corners makes no solid hollow, nor does a lawn in the same file."""
+    """Neither two equal corners nor a second face in the floor nor a lawn make it hollow."""
     saved(tmp_path, "two.obj", OBJ + more)
     inside = FILM.replace("x = 14.5", "x = 7.5")
     with pytest.raises(ProblemError, match=r"cell \(7, 7\) is blocked"):
