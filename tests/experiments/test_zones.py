@@ -16,6 +16,7 @@ from cocap_opt.data import LARGEST
 from cocap_opt.experiments.missions import FOR_AUTOPILOTS, WRITERS
 from cocap_opt.experiments.missions.zones import zones
 from cocap_opt.experiments.results.flights import Flight
+from cocap_opt.experiments.results.heights import over_datum
 from cocap_opt.problem import Airspace
 
 pyproj = pytest.importorskip("pyproj")
@@ -83,6 +84,20 @@ def test_files_that_hold_no_fence_or_ceiling_say_so() -> None:
     for ending in (".plan", ".waypoints"):
         free = said(WRITERS[ending](flight_with(), None))
         assert "fence" not in free and "ceiling" not in free
+
+
+def test_heights_of_layers_are_said_to_be_above_something() -> None:
+    """The ground where layers follow it, the sea or the ellipsoid where z is that, else z = 0."""
+    problem, _ = scene()
+    flat, hilly = problem.height_map, problem.height_map.replace(datum=np.zeros((12, 10)))
+    for height_map, heights, base, words in (
+        (hilly, "sea", 0.0, "above the ground"), (flat, "sea", 0.0, "above the sea"),
+        (flat, "ellipsoid", 0.0, "above the ellipsoid"),
+        (flat, "sea", 4.0, "above z = 0 of the map"), (flat, None, 0.0, "above z = 0 of the map"),
+    ):  # fmt: skip
+        earth = co.Earth(crs="EPSG:25830", heights=heights, base=base)
+        assert over_datum(problem.replace(height_map=height_map, earth=earth)) == words
+    assert over_datum(problem.replace(earth=None)) == "above z = 0 of the map"
 
 
 def test_tracks_say_what_the_ceiling_is_above() -> None:
