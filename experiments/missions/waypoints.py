@@ -104,13 +104,12 @@ def waypoint_mission(
     delay = told_delay(flight, _asked(flight)) if len(found) > 1 else None
     to_people = tolerated_delay_of_people(flight)
     late = lateness(autopilot, found)
-    warnings = (
-        *late,
-        *_waits(max(map(autopilot.behind, found)), autopilot, delay, to_people),
-    )
+    behind = max(map(autopilot.behind, found))
+    warnings = (*late, *_too_late(behind, delay, to_people))
     words = (
-        *warnings, *_clock(flight, delay), *people_and_delay(flight, to_people),
-        *_ends(flight, found), *_fences(flight, autopilot, has_fence, known, fence),
+        *warnings, *_waits(behind, autopilot), *_clock(flight, delay),
+        *people_and_delay(flight, to_people), *_ends(flight, found),
+        *_fences(flight, autopilot, has_fence, known, fence),
     )  # fmt: skip
     return Export(
         {f"{autopilot.name}.{_PART}{i}": write(mission) for i, mission in enumerate(missions)},
@@ -170,22 +169,24 @@ def lateness(autopilot: Autopilot, found: list[Route]) -> list[str]:
     ]
 
 
-def _waits(
-    behind: float, autopilot: Autopilot, delay: float | None, to_people: float | None
-) -> Iterator[str]:
-    """Yields how far drones are behind their plans where they wait before a leg."""
-    if behind < _LITTLE:
-        return
-    yield (
-        f"{autopilot.title} cannot be told to fly some legs as slowly as planned (straight up or "
-        f"down, or very slow): drones wait before them, and then arrive in time; in between they "
-        f"are up to {behind:.2f} s behind the plan"
-    )
-    tolerated = min(value for value in (delay, to_people, math.inf) if value is not None)
-    if behind >= tolerated:
+def _waits(behind: float, autopilot: Autopilot) -> Iterator[str]:
+    """Yields how far (s) drones are behind their plans where they wait before a leg."""
+    if behind >= _LITTLE:
         yield (
-            f"TOO LATE: {behind:.2f} s behind the plan are more than the delay tolerance, "
-            f"{tolerated:.2f} s; plan with larger distances, or let drones climb on their way"
+            f"{autopilot.title} cannot be told to fly some legs as slowly as planned (straight up "
+            "or down, or very slow): drones wait before them, and then arrive in time; in between "
+            f"they are up to {behind:.2f} s behind the plan"
+        )
+
+
+def _too_late(behind: float, delay: float | None, to_people: float | None) -> Iterator[str]:
+    """Yields that such drones are farther behind than distances bear, if they are."""
+    tolerated = min(value for value in (delay, to_people, math.inf) if value is not None)
+    if behind >= max(tolerated, _LITTLE):
+        yield (
+            f"TOO LATE: where drones wait before a leg, they are up to {behind:.2f} s behind the "
+            f"plan, more than the delay tolerance, {tolerated:.2f} s; plan with larger distances, "
+            "or let drones climb on their way"
         )
 
 

@@ -270,12 +270,18 @@ def test_waits_before_a_leg_are_said_beside_the_delay_tolerance() -> None:
     export = WRITERS[".plan"](flight, None)
     assert "up to 3.67 s behind the plan" in said(export)
     assert "TOO LATE" not in said(export)
-    walk = np.column_stack([np.full(4, 9.8), [1.0, 3.0, 3.5, 3.5], np.zeros((4, 2))])
-    beside = flight_of(
-        WAYS["straight up"], actors=(co.Actor(poses=walk),), airspace=Airspace(people_aside=2.5)
-    )
-    found = WRITERS[".plan"](beside, None)
-    assert ("TOO LATE" in said(found)) == (found.facts["delay_tolerance_to_people"] != "unlimited")
+    walk = np.column_stack([[9.6, 10.0, 10.8, 11.7], np.full(4, 7.0), np.zeros((4, 2))])
+    for aside, bears in ((2.5, False), (1.0, True)):
+        beside = flight_of(
+            WAYS["straight up"],
+            actors=(co.Actor(poses=walk),),
+            airspace=Airspace(people_aside=aside),
+        )
+        found = WRITERS[".plan"](beside, None)
+        told = found.facts["delay_tolerance_to_people"]
+        assert (told == "unlimited" or float(told or 0) > 3.67) == bears
+        assert ("TOO LATE: " in said(found)) != bears
+        assert [words[:8] for words in found.warnings] == ([] if bears else ["TOO LATE"])
     assert "behind the plan" not in said(WRITERS[".waypoints"](flight, None))
 
 
