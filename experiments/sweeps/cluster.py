@@ -66,7 +66,7 @@ class Cluster(Crew):
         _silence_dask()
         cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [0]
         with dask.config.set(_LOCAL), ExitStack() as stack:
-            with _interrupts_wait():
+            with _interrupts_wait(), _started():
                 cluster = LocalCluster(
                     n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
                     host="127.0.0.1", scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
@@ -187,6 +187,15 @@ def _scheduler_there(client: Client) -> Iterator[None]:
         if client.scheduler is None:  # of which dask asks it
             raise ClusterError(_LOST) from error
         raise
+
+
+@contextmanager
+def _started() -> Iterator[None]:
+    """Raises ClusterError, which is one line, where a process is killed before it is there."""
+    try:
+        yield
+    except RuntimeError as error:
+        raise ClusterError(f"--workers: the processes did not start: {error}") from error
 
 
 def _run_task(task: Task) -> CellFile:

@@ -865,6 +865,17 @@ def test_waiting_for_workers_is_said(
     assert capsys.readouterr().err.count("no workers") == 1
 
 
+def test_processes_that_do_not_start_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As when somebody kills one that begins: one line, and no traceback of dask."""
+
+    def killed(**_: object) -> None:
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr(cluster_module, "LocalCluster", killed)
+    with pytest.raises(ClusterError, match="did not start"), Cluster.local(1, never, 60.0):
+        pass
+
+
 def test_a_worker_lets_go_of_its_models_and_knows_its_code() -> None:
     """No cell uses another's model; a worker that joins late with other code computes nothing."""
     instance = instances(range(1), ("cocap",))[0]
