@@ -16,6 +16,12 @@ def printable(text: str, kept: str = "") -> str:
     )
 
 
+def unread(error: OSError) -> str:
+    """Returns why a file cannot be read, in the same words for all kinds of files."""
+    is_missing = isinstance(error, FileNotFoundError)
+    return "no such file" if is_missing else f"cannot be read: {error.strerror or error}"
+
+
 def shortened(name: str, most: int = 60) -> str:
     """Returns a name without its middle, if it has more than `most` characters."""
     half = most // 2

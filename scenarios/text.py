@@ -11,6 +11,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import unreadable
 from cocap_opt.files.messages import no_text
 from cocap_opt.scenarios.foreign import Kind, require
+from cocap_opt.text import unread
 
 _UTF_16 = codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE
 
@@ -58,7 +59,7 @@ def read_text(path: Path, takes: Collection[Kind] = ()) -> str:
         content = path.read_bytes()
         text = content.decode("utf-16" if content.startswith(_UTF_16) else "utf-8-sig")
     except OSError as error:
-        raise ProblemError(f"cannot be read: {error.strerror}") from error
+        raise ProblemError(unread(error)) from error
     except UnicodeDecodeError as error:
         raise ProblemError(no_text(error)) from error
     if "\0" in text:

@@ -17,6 +17,7 @@ from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
 from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 from cocap_opt.stop import Limit
+from cocap_opt.text import unread
 
 # Those of `cocap_opt.result`, which is no part of what must be trusted to check a certificate.
 _Reason = Literal["optimal", "finished", "infeasible", "failed", "unsupported", "stopped"]
@@ -233,7 +234,7 @@ def read_bytes(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise FileError(f"{path}: {error.strerror}") from error
+        raise FileError(f"{path}: {unread(error)}") from error
 
 
 @lru_cache(maxsize=8)

@@ -20,6 +20,7 @@ from cocap_opt.problem.limits import ROUNDING, rounded_up
 RATE, ACCELERATION = 15 / 8, 10 / math.sqrt(3)  # of rests at both ends
 SHORTENED = 2.94  # times the even rate, between a stop and a sharp turn, one of them shortened
 _ANGLES = "yaw_rate", "gimbal_rate"
+_UPRIGHT = "climb", "descent"
 
 
 class Strain(NamedTuple):
@@ -105,6 +106,7 @@ def _words(problem: Problem, robot: Robot) -> str:
     ]
     if not beyond:
         return ""
+    steep = next(filter(None, (steep_ground(problem, robot, own.kind) for own in beyond)), "")
     asks = " and ".join(_ask(own, step) for own in beyond)
     motion, limits = robot.motion, robot.limits or Limits()
     acceleration = limits.acceleration
@@ -118,8 +120,8 @@ def _words(problem: Problem, robot: Robot) -> str:
     )
     return (
         f"{start}may be refused smooth flights, which ask for up to {asks}; steps of "
-        f"{rounded_up(max(own.step for own in beyond)):g} s{_nearer_layers(beyond, step)} would do "
-        "for all but those that change speed faster beside people"
+        f"{rounded_up(max(own.step for own in beyond)):g} s{_nearer_layers(beyond, step, motion)} "
+        f"would do for all but those that change speed faster beside people{steep}"
     )
 
 
@@ -130,11 +132,32 @@ def _ask(own: Strain, step: float) -> str:
     return f"{kind} {own.most(step) * scale:.3g} {unit} (limit {own.limit * scale:.3g})"
 
 
-def _nearer_layers(beyond: list[Strain], step: float) -> str:
-    """Returns how near layers must be, where only climbs and descents are too fast."""
-    if any(own.kind not in ("climb", "descent") for own in beyond):
+def steep_ground(problem: Problem, robot: Robot, kind: str) -> str:
+    """Names the ground as the cause of a climb or a descent that is too fast, and a way out.
+
+    Nothing where layers do not follow the ground, or where their own distance asks for too much.
+    """
+    limit = getattr(robot.limits, kind, None)
+    if kind not in _UPRIGHT or limit is None or problem.height_map.datum is None:
         return ""
-    apart = min(own.limit for own in beyond) * step / RATE
+    layers = robot.motion.largest_climb
+    ground = _highest_move(problem, robot.motion) - layers
+    if ground <= 0 or RATE * layers > limit * (problem.step or 0.0) * (1 + ROUNDING):
+        return ""
+    return (
+        f"; the ground is the cause: layers above it rise or fall by up to {ground:.3g} m in a "
+        'move, as it does, and with flight = "above-sea" in a recipe they are level'
+    )
+
+
+def _nearer_layers(beyond: list[Strain], step: float, motion: Motion) -> str:
+    """Returns how near layers must be, where only climbs and descents are too fast."""
+    if any(own.kind not in _UPRIGHT for own in beyond):
+        return ""
+    ground = max(own.reach for own in beyond) - motion.largest_climb
+    apart = min(own.limit for own in beyond) * step / RATE - ground
+    if apart <= 0 or not motion.largest_climb:
+        return ""
     return f", or layers at most {math.floor(100 * apart) / 100:g} m apart,"
 
 

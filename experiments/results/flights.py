@@ -16,7 +16,7 @@ from cocap_opt.flight.pace import Demand, demands, tightest
 from cocap_opt.flight.safety import Danger, dangers
 from cocap_opt.flight.smooth import Smooth, spare
 from cocap_opt.flight.smooth import smooth as smoothed
-from cocap_opt.flight.strain import sufficient_step
+from cocap_opt.flight.strain import steep_ground, sufficient_step
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import Airspace, Plan, Problem
 from cocap_opt.referee import Verdict, check
@@ -307,13 +307,14 @@ def _require_limits(problem: Problem, found: list[Demand], step: float, shortene
     shorter = ""
     if shortened and worst.kind == "acceleration":
         shorter = ", where it changes its speed so fast to keep away from people"
+    steep = steep_ground(problem.replace(step=step), problem.robots[worst.drone], worst.kind)
     same = math.ceil(100 * step * worst.slower) / 100
     usual = sufficient_step(problem, shortened=False)
     enough = usual if step < usual else sufficient_step(problem, shortened=True)
     raise LimitError(
         f"drone {worst.drone} cannot fly this: {worst.kind.replace('_', ' ')} "
         f"{worst.most * scale:.4g} {_UNITS[worst.kind]} at {worst.t:.4g} s, more than its "
-        f"{limit:.4g}{shorter}",
+        f"{limit:.4g}{shorter}{steep}",
         same,
         max(same, enough),
     )

@@ -23,6 +23,7 @@ from cocap_opt.scenarios.recipe.raster import Layout, Raster, Window
 from cocap_opt.scenarios.recipe.tables import Unit
 from cocap_opt.scenarios.recipe.units_of_systems import require_true
 from cocap_opt.scenarios.text import integer, naming, number
+from cocap_opt.text import unread
 
 KEYS = (
     "ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy",
@@ -74,7 +75,7 @@ def read_raster(
         try:
             return _read(path, band, nodata, window, unit)
         except OSError as error:
-            raise ProblemError(f"cannot be read: {error.strerror}") from error
+            raise ProblemError(unread(error)) from error
 
 
 def _read(

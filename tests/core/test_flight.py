@@ -576,6 +576,26 @@ def test_drones_that_may_be_refused_smooth_flights_are_told_once() -> None:
     assert not strains(problem.replace(step=1.0)) and not strains(problem.replace(step=None))
 
 
+def test_steep_ground_is_named_as_the_cause_of_a_climb_limit() -> None:
+    """Where layers follow the ground and it alone is too steep, level layers are the way out."""
+    ground = np.add.outer(2.0 * np.arange(9), np.zeros(9))
+    robot = Robot(start=State(1, 1), motion=Motion(layers=(9.0, 10.0)),
+                  limits=Limits(climb=2.0, descent=2.0))  # fmt: skip
+    hill = HeightMap(heights=ground, datum=ground)
+    problem = Problem(
+        name="hill", height_map=hill, robots=(robot,), actors=(), horizon=2, step=1.0
+    )  # fmt: skip
+    (words,) = strains(problem)
+    assert "the ground is the cause: layers above it rise or fall by up to 2 m in a move" in words
+    assert 'with flight = "above-sea" in a recipe they are level' in words
+    assert "layers at most" not in words  # nearer ones would be of no use
+    level = problem.replace(height_map=HeightMap(heights=ground))
+    assert not strains(level)
+    far = robot.replace(motion=Motion(layers=(9.0, 10.5)))
+    (words,) = strains(level.replace(robots=(far,)))
+    assert "layers at most 1.06 m apart" in words and "ground" not in words
+
+
 def test_smooth_flights_of_any_plan_keep_limits_with_steps_that_suffice() -> None:
     """Drones that dart to and fro, up and down, are as fast as can be; no plan asks for more."""
     rng, motion = np.random.default_rng(1), Motion(layers=(4.0, 7.0))

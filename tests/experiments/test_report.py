@@ -82,7 +82,7 @@ def test_a_report_needs_only_its_folder(
 
 def _without_results(folder: Path) -> str:
     (folder / "results.csv").unlink()
-    return "results.csv: No such file"
+    return "results.csv: no such file"
 
 
 def _without_rows(folder: Path) -> str:

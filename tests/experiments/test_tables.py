@@ -317,7 +317,7 @@ def test_results_are_read_as_they_were_written(results: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (None, "No such file"),
+        (None, "no such file"),
         (b"scene,seed\na,0\n", "has no column 'planner'"),
         (b"", "has no column 'scene'"),
         (("reward", "nan"), "line 2: reward: must be -9"),

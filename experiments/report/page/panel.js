@@ -47,7 +47,7 @@ class Panel {
     const moves = plan.moves ? `, ${reward(plan.moves)} of it for moves` : "";
     title.title = plan.title;
     head.append(title);
-    if (plan.planner) head.append(make("span", "file", plan.title));
+    if (plan.planner && plan.planner !== plan.title) head.append(make("span", "file", plan.title));
     head.append(this.verdict());
     if (!plan.waits) head.append(make("span", "total", `J = ${reward(plan.reward)}${moves}`));
     return head;

@@ -16,6 +16,7 @@ from cocap_opt.experiments.studies.solvers.figures import Figure
 from cocap_opt.experiments.studies.solvers.rows import SCENE_ROWS, Options
 from cocap_opt.files.documents import FileError
 from cocap_opt.result import UnsupportedError
+from cocap_opt.text import unread
 
 ROWS: Mapping[str, Callable[[Options], list[Figure]]] = {**SCENE_ROWS, **COMPARISONS}
 
@@ -131,7 +132,7 @@ def _read(path: Path) -> list[Record]:
     except FileNotFoundError:
         return []
     except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}") from error
+        raise FileError(f"{path}: {unread(error)}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"{path}: must be a table that this study has written") from error
 
