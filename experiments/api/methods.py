@@ -199,9 +199,9 @@ def _whole(result: R, problem: Problem, method: object, clock: Clock) -> R:
 
 def _warn(problem: Problem, method: object, seconds: float | None, stop: Stop) -> None:
     """Warns, before coverage begins, of a limit in which it will hardly be done."""
-    seconds = _limits(seconds, stop).seconds_left
-    if isinstance(method, str) and seconds > 0:
-        warn_of_limit(problem, method, seconds, option="time_limit =")
+    if isinstance(method, str):
+        left = _limits(seconds, stop).seconds_left
+        warn_of_limit(problem, method, left, option="time_limit =")
 
 
 def _limits(seconds: float | None, stop: Stop) -> Stop:

@@ -108,13 +108,13 @@ def _fly(
     reader = PlanReader(scene, load_planned(scene, seed))
     problem, planned = reader.plan(plan)
     cut_short = reader.cut_short(plan)
-    _require_motion(plan, planned, cut_short, hovering)
     try:
         flight = flown.flight(problem, planned, local)
         flight = flight._replace(start=begins, cut_short=cut_short)
         mission = write(flight, every)
     except ProblemError as error:
         raise _in_words(error, scene, plan, suffix, flown.step is not None) from error
+    _require_motion(plan, planned, cut_short, hovering)
     record = flight.record()
     files = {_named(output, suffix, part): content for part, content in mission.files.items()}
     for path in files:
@@ -162,9 +162,10 @@ def _writer(suffix: str, autopilot: str | None, items: int | None) -> "Writer":
 def _require_motion(path: Path, plan: Plan, cut_short: str, hovering: bool) -> None:
     """Refuses a plan in which no drone moves, unless that is asked for; warns of one cut short."""
     if plan.stays and not hovering:
-        why = cut_short or "all drones stay at their starts"
-        ways = "plan with a longer --time-limit, or fly it so with --hovering"
-        raise FileError(f"{path}: no drone moves ({why}); {ways}")
+        why, longer = cut_short or "all drones stay at their starts", ""
+        if cut_short:
+            longer = "a longer --time-limit of `plan` may give one that moves, "
+        raise FileError(f"{path}: no drone moves ({why}); {longer}--hovering flies it as it is")
     if cut_short:
         _log.warning(
             "%s: %s; a longer --time-limit of `plan` may give a better one", path, cut_short

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import psutil
 
@@ -16,7 +16,9 @@ from cocap_opt.model import CoverageEstimate, Model, compiled
 from cocap_opt.planners import LAZY
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import FORMATS, SCENES
-from cocap_opt.scenarios.recipe.lighter import Change, lighter
+
+if TYPE_CHECKING:
+    from cocap_opt.scenarios.recipe.lighter import Change
 
 _log = logging.getLogger(__name__)
 
@@ -26,6 +28,7 @@ _USABLE = 0.9  # of the memory that is free
 # Times an estimate: what a limit must allow so that nothing is said, and so that it is advised.
 _ENOUGH, _AMPLE = 1.2, 1.7
 _TRIES = 3  # changes of a kind that are tried
+_LONG = 20.0  # s, of which is said how long they are where there is no limit
 _NEAR = 0.75  # of the limit, that changes which are advised take at the most
 
 
@@ -137,13 +140,14 @@ class Tried(NamedTuple):
             return None
         return cls(path, seed, problem)
 
-    def that_fit(self, now: Forecast, seconds: float) -> list[tuple[Change, Forecast]]:
+    def that_fit(self, now: Forecast, seconds: float) -> "list[tuple[Change, Forecast]]":
         """Returns the mildest change of each kind that fits a limit.
 
         Where none does alone, it is one of several kinds together.
         """
+        from cocap_opt.scenarios.recipe.lighter import Change, lighter  # its readers are slow
 
-        def expected(change: Change) -> bool:
+        def expected(change: "Change") -> bool:
             return change.share * (_AMPLE * now.coverage.seconds + now.planning) <= seconds
 
         kinds = lighter(self.path, self.problem)
@@ -154,7 +158,9 @@ class Tried(NamedTuple):
             found = [self._first(list(filter(expected, together)), seconds)]
         return [one for one in found if one is not None]
 
-    def _first(self, changes: Sequence[Change], seconds: float) -> tuple[Change, Forecast] | None:
+    def _first(
+        self, changes: "Sequence[Change]", seconds: float
+    ) -> "tuple[Change, Forecast] | None":
         """Returns the first change that fits; after a few that do not there is none."""
         for change in changes[:_TRIES]:
             try:
@@ -167,7 +173,7 @@ class Tried(NamedTuple):
         return None
 
 
-def _combined(kinds: Sequence[Sequence[Change]]) -> Iterator[list[Change]]:
+def _combined(kinds: "Sequence[Sequence[Change]]") -> "Iterator[list[Change]]":
     """Yields changes of several kinds together, milder ones and fewer kinds first."""
     some = [kind for kind in kinds if kind]
     for level in range(max(map(len, some), default=0)):
@@ -236,16 +242,23 @@ def warn_of_limit(
 ) -> None:
     """Warns, before coverage begins, of a limit in which it will hardly be done.
 
+    Where there is no limit, it says how long that takes, if it is long.
+
     Parameters
     ----------
     method : that needs the coverage; those that evaluate single views do not
     """
-    if method in LAZY or not math.isfinite(seconds):
+    if method in LAZY:
         return
     try:
         forecast = Forecast.of(compiled(problem))
     except ProblemError:  # it does not fit into the memory: the method says so itself
         return
-    if words := doubts(forecast, seconds, option, Tried.of(scene, seed or 0, problem)):
-        whose = problem.name if seed is None else f"{problem.name}, seed {seed}"
+    words, whose = "", problem.name if seed is None else f"{problem.name}, seed {seed}"
+    if math.isfinite(seconds):
+        recipe = Tried.of(scene, seed or 0, problem)
+        words = doubts(forecast, seconds, option, recipe)
+    elif forecast.seconds > _LONG:
+        words = f"{forecast.words}; Ctrl-C or {option.removesuffix(' =')} ends it early"
+    if words:
         _log.warning("%s: %s", whose, words)

@@ -1,7 +1,7 @@
 """Recipes: scenes made of maps, meshes, tracks and drones, which a TOML file names.
 
-`recipe` reads the file, `lighter` changes it to what costs less; each other module has the tables
-of one kind of part, or reads its files.
+`recipe` reads the file; each other module has the tables of one kind of part, or reads its files.
+`lighter` changes a recipe to what costs less to plan.
 """
 
 __all__ = ["lighter", "recipe", "rules"]

@@ -250,7 +250,7 @@ def test_odd_flights_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[s
     co.save(plan, co.Plan(paths=[[co.State(1, 1)] * 2]), problem)
     for suffix in ("kml", "geojson"):
         path = tmp_path / f"flight.{suffix}"
-        run = Run(capsys, "fly", scene, plan, "--smooth", "-o", path, "--json")
+        run = Run(capsys, "fly", scene, plan, "--hovering", "--smooth", "-o", path, "--json")
         assert run.code == 0, run.err
     assert fastkml.validator.validate(file_to_validate=tmp_path / "flight.kml")
     (track,) = find_all(fastkml.KML.parse(tmp_path / "flight.kml"), of_type=KmlTrack)

@@ -185,15 +185,17 @@ def test_changes_that_fit_alone_are_the_mildest_of_their_kind(
 def test_python_warns_before_coverage_too(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """With a limit that will not do, a warning names the argument; else there is none."""
+    """A limit that will not do is named; without one it says how long coverage takes."""
     problem = load_scene("tiny-queue")
     monkeypatch.setattr(Forecast, "of", lambda model: Forecast(CoverageEstimate(9, 500.0)))
     with caplog.at_level(logging.WARNING):
-        co.plan(problem)
         co.plan(problem, "cocap-vs", time_limit=60)
         assert caplog.text == ""
         co.plan(problem, time_limit=60)
-    assert "time_limit = 850" in caplog.text
+        assert "time_limit = 850" in caplog.text
+        caplog.clear()
+        co.plan(problem)
+    assert "coverage takes about 8 min and 0.1 GB; Ctrl-C or time_limit ends it" in caplog.text
 
 
 @pytest.mark.slow(seconds=60)

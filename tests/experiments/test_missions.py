@@ -341,16 +341,17 @@ def test_missions_are_written_whole_or_not_at_all(
         (["f.SKYC"], ["f.SKYC"]),
         (["g.crazyflie.csv", "--smooth"], [f"g.drone{i}.crazyflie.csv" for i in (0, 1)]),
     ):
-        run = Run(capsys, "fly", scene, plan, "-o", tmp_path / words[0], *words[1:], "--json")
+        words += ["--hovering", "--json"]
+        run = Run(capsys, "fly", scene, plan, "-o", tmp_path / words[0], *words[1:])
         assert run.code == 0
         made = sorted(path.name for path in set(tmp_path.iterdir()) - before)
         assert made == names
         assert [Path(name).name for name in run.json["files"]] == names
-        assert ("delay_tolerance" in run.json) == (words == ["f.plan"])
+        assert ("delay_tolerance" in run.json) == (words[0] == "f.plan")
         before |= set(tmp_path.iterdir())
     old = tmp_path / "f.px4.no-common-clock.drone2.plan"
     old.write_text("{}")
-    run = Run(capsys, "fly", scene, plan, "-o", tmp_path / "f.plan", "--json")
+    run = Run(capsys, "fly", scene, plan, "--hovering", "-o", tmp_path / "f.plan", "--json")
     (note,) = [words for words in run.json["notes"] if "of another flight" in words]
     assert old.name in note
     assert "drone1" not in note
