@@ -93,9 +93,11 @@ class Result:
     def summary(self) -> str:
         """Describe the result in a few lines; that a limit cut a plan short comes first."""
         stopped = f"stopped by the {self.limit} limit"
+        # J is at least 0, so a bound below says that nothing can be planned.
+        no_plan = " (below 0: no plan obeys the rules)" if self.bound < 0 else ""
         lines = {
             "J": f"{self.value:,.2f}" if self.plan else "no plan",
-            "bound": f"{self.bound:,.2f}" if self.bound < math.inf else "none",
+            "bound": f"{self.bound:,.2f}{no_plan}" if self.bound < math.inf else "none",
             "gap": f"{100 * self.gap:.3f} %" if math.isfinite(self.gap) else "unknown",
             "reason": str(self.reason) if self.limit is None else stopped,
             "seconds": f"{self.seconds:.3f}",
