@@ -1,9 +1,6 @@
 """Triangles as they bound matter: which of them count, and whether they close."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 
@@ -15,12 +12,12 @@ def firsts(vertices: FloatArray) -> IntArray:
 
     Places are the same within `SAME`, and where a chain of such vertices leads.
     """
+    from scipy.spatial import cKDTree  # slow to import, as SciPy's graphs are
+
     first, number = equal_rows(vertices)
     near = cKDTree(vertices[first]).query_pairs(SAME, output_type="ndarray")
     if len(near):
-        links = coo_array((np.ones(len(near)), tuple(near.T)), shape=2 * (len(first),))
-        _, joined = connected_components(links, directed=False)
-        number = joined.astype(np.int64)[number]
+        number = _connected(near[:, 0], near[:, 1], len(first))[number]
     _, least, place = np.unique(number, return_index=True, return_inverse=True)
     result: IntArray = least[place].astype(np.int64)
     return result
@@ -82,8 +79,8 @@ def _alike(triangles: IntArray) -> IntArray | None:
         np.concatenate([first, first + n]),
         np.concatenate([second + turned, second + n - turned]),
     )
-    links = coo_array((np.ones(len(start)), (start, end)), shape=(2 * n, 2 * n))
-    count, part = connected_components(links, directed=False)
+    part = _connected(start, end, 2 * n)
+    count = int(part.max()) + 1
     as_is, other = part[:n], part[n:]
     if (as_is == other).any():
         return None  # it has but one side, as a Moebius strip
@@ -120,12 +117,21 @@ def closed_parts(triangles: IntArray) -> BoolArray:
     firm = triangles[closed]
     size = int(triangles.max(initial=0)) + 1
     a, b, c = firm.T
-    ends = np.concatenate([a, b]), np.concatenate([b, c])
-    links = coo_array((np.ones(2 * len(firm)), ends), shape=(size, size))
-    _, part = connected_components(links, directed=False)
+    part = _connected(np.concatenate([a, b]), np.concatenate([b, c]), size)
     _, balance = _edges(firm)
     closed[closed] = ~np.isin(part[a], part[a[balance.any(axis=1)]])
     return closed
+
+
+def _connected(start: IntArray, end: IntArray, n: int) -> IntArray:
+    """Returns the component [n] of each node of a graph whose edges are start [m] - end [m]."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    links = coo_array((np.ones(len(start)), (start, end)), shape=(n, n))
+    _, component = connected_components(links, directed=False)
+    result: IntArray = component.astype(np.int64)
+    return result
 
 
 def _edges(triangles: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -10,6 +10,8 @@ import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import msgspec
+
 from cocap_opt.data import LARGEST, ProblemError
 from cocap_opt.scenarios.recipe.lengths import stated_length
 
@@ -72,14 +74,17 @@ def extent(properties: Mapping[str, Any], field: str) -> Extent:
         bottom = STOREY * below
     bottom = bottom or 0.0
     if top is not None and not bottom < top:
-        raise ProblemError(f"{field}: its top, {top:g} m, must be above its bottom, {bottom:g} m")
+        raise ProblemError(
+            f"{field}: its top, {top:g} m, must be above its bottom, {bottom:g} m, which is its "
+            "min_height or its lowest storeys"
+        )
     return Extent(bottom, top, is_counted)
 
 
 def _known(properties: Mapping[str, Any], field: str) -> dict[str, _Given]:
     """Returns the properties that are known here, by names without separators, in small letters."""
     found: dict[str, _Given] = {}
-    for name, value in _flat(properties):
+    for name, value in _flat(properties, field):
         key = re.sub(r"[\s_:\-]", "", name).casefold()
         if key not in _KNOWN or value in (None, ""):
             continue
@@ -96,16 +101,28 @@ def _is_same(one: Any, other: Any) -> bool:
     return one == other or _metres(one) == _metres(other)
 
 
-def _flat(properties: Mapping[str, Any]) -> list[tuple[str, Any]]:
+def _flat(properties: Mapping[str, Any], field: str) -> list[tuple[str, Any]]:
     """Returns names and values, those in `tags` as well, as osmtogeojson and GDAL nest them."""
     nested: list[tuple[str, Any]] = []
     for name in ("tags", "other_tags"):
         tags = properties.get(name)
+        if isinstance(tags, str):
+            tags = _tags(tags, f"{field}.{name}")
         if isinstance(tags, dict):
             nested += tags.items()
-        elif isinstance(tags, str):
-            nested += _HSTORE.findall(tags)
     return [*properties.items(), *nested]
+
+
+def _tags(text: str, field: str) -> dict[str, Any]:
+    """Returns the tags in a text, as GDAL writes them: JSON, or pairs `"name"=>"value"`."""
+    if _HSTORE.search(text) or not text.strip():
+        return dict(_HSTORE.findall(text))
+    try:
+        return msgspec.json.decode(text, type=dict[str, Any])
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise ProblemError(
+            f'{field}: must be an object, or text such as "height"=>"12", not {text!r:.40}'
+        ) from error
 
 
 def _length(

@@ -17,6 +17,7 @@ from cocap_opt.scenarios.recipe.mesh_obj import read_obj
 from cocap_opt.scenarios.recipe.mesh_off import read_off
 from cocap_opt.scenarios.recipe.mesh_ply import read_ply
 from cocap_opt.scenarios.recipe.mesh_stl import read_stl
+from cocap_opt.text import unread
 
 READERS: dict[str, Callable[[Path], Faces]] = {
     ".obj": read_obj,
@@ -48,7 +49,7 @@ def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]
         with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused below
             faces = READERS[path.suffix.lower()](path)
     except OSError as error:
-        raise ProblemError(f"cannot be read: {error.strerror or error}") from error
+        raise ProblemError(unread(error)) from error
     faces = faces._replace(vertices=faces.vertices / per_metre)
     _require_sound(faces)
     welded = faces.welded()

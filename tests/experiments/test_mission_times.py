@@ -334,7 +334,8 @@ def test_the_autopilot_is_chosen_and_named(
         (".plan", ("--autopilot", "ardupilot"), "ardupilot", "ArduPilot"),
         (".waypoints", (), "ardupilot", "ArduPilot"),
     ):
-        run = Run(capsys, "fly", scene, plan, "-o", tmp_path / f"f{ending}", *options, "--json")
+        words = "fly", scene, plan, "--hovering", "-o", tmp_path / f"f{ending}", *options, "--json"
+        run = Run(capsys, *words)
         assert run.code == 0
         (file,) = run.json["files"]
         assert Path(file).name == f"f.{name}.no-common-clock.drone0{ending}"
@@ -352,6 +353,7 @@ def test_the_autopilot_is_chosen_and_named(
         (".plan", ("--items", 0), "--items: must be more than 0"),
         (".plan", ("--items", 3), "items, more than the 3 that PX4 takes, as it was told"),
     ):
-        run = Run(capsys, "fly", scene, plan, "-o", tmp_path / f"g{ending}", *options)
+        given = "fly", scene, plan, "--hovering", "-o", tmp_path / f"g{ending}", *options
+        run = Run(capsys, *given)
         assert run.code == 2 and words in run.err and len(run.err.splitlines()) == 1
         assert not list(tmp_path.glob("g*"))

@@ -13,9 +13,11 @@ from test_cli import Run
 from cocap_opt.experiments.console import progress
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.results.graphml import graphml
+from cocap_opt.files.documents import problem_digest
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Objective
+from cocap_opt.scenarios import load_scene
 
 
 def test_graphml_holds_the_graph_and_its_rewards() -> None:
@@ -49,7 +51,8 @@ def test_export_writes_the_graph_of_a_drone(
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
     path = tmp_path / "graph.GRAPHML"
     run = Run(capsys, "export", "tiny-share", "-o", path, "--drone", 1, "--json")
-    assert run.json == {"scene": "tiny-share", "seed": 0, "drone": 1, "file": str(path)}
+    named = {"scene": "tiny-share", "seed": 0, "drone": 1, "file": str(path)}
+    assert run.json == {**named, "digest": problem_digest(load_scene("tiny-share"))}
     graph = nx.read_graphml(path)
     assert graph.graph["robot"] == 1
     assert f"node or edge 0/{len(graph) + graph.number_of_edges()}" in run.err
