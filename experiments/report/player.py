@@ -43,7 +43,9 @@ class Player:
 
     Examples
     --------
-    >>> co.show(problem, greedy, cocap).save("plans.html")
+    >>> problem = co.load("corridor")
+    >>> plans = [co.plan(problem, name) for name in ("greedy", "cocap")]
+    >>> co.show(problem, *plans).save("plans.html")
     """
 
     def __init__(
