@@ -37,6 +37,10 @@ class Strain(NamedTuple):
     reach: float
     limit: float
 
+    def even(self, step: float) -> float:
+        """Returns the rate of a straight flight, which is even; of its acceleration nothing."""
+        return 0.0 if self.kind == "acceleration" else self.reach / step
+
     def most(self, step: float) -> float:
         """Returns the largest rate or acceleration in steps of so many seconds."""
         if self.kind == "acceleration":
@@ -49,6 +53,16 @@ class Strain(NamedTuple):
         if self.kind == "acceleration":
             return math.sqrt(ACCELERATION * self.reach / self.limit)
         return RATE * self.reach / self.limit
+
+
+def sufficient_straight_step(problem: Problem) -> float:
+    """Returns the seconds of a step with which straight flights of any plan keep all rates.
+
+    They move evenly, so a step must last as long as the longest move does at its limit.
+    """
+    found = (own for robot in problem.robots for own in _strains(problem, robot))
+    steps = (own.reach / own.limit for own in found if own.kind != "acceleration")
+    return rounded_up(max(steps, default=0.0))
 
 
 def sufficient_step(problem: Problem, shortened: bool) -> float:
@@ -106,7 +120,7 @@ def _words(problem: Problem, robot: Robot) -> str:
     ]
     if not beyond:
         return ""
-    steep = next(filter(None, (steep_ground(problem, robot, own.kind) for own in beyond)), "")
+    steep = next(filter(None, (steep_ground(problem, robot, own.kind, True) for own in beyond)), "")
     asks = " and ".join(_ask(own, step) for own in beyond)
     motion, limits = robot.motion, robot.limits or Limits()
     acceleration = limits.acceleration
@@ -118,8 +132,10 @@ def _words(problem: Problem, robot: Robot) -> str:
         if heavy and math.isfinite(shortest)
         else ""
     )
+    straight = any(own.even(step) > own.limit * (1 + ROUNDING) for own in beyond)
+    flights = "flights, even straight ones; smooth ones" if straight else "smooth flights, which"
     return (
-        f"{start}may be refused smooth flights, which ask for up to {asks}; steps of "
+        f"{start}may be refused {flights} ask for up to {asks}; steps of "
         f"{rounded_up(max(own.step for own in beyond)):g} s{_nearer_layers(beyond, step, motion)} "
         f"would do for all but those that change speed faster beside people{steep}"
     )
@@ -132,21 +148,26 @@ def _ask(own: Strain, step: float) -> str:
     return f"{kind} {own.most(step) * scale:.3g} {unit} (limit {own.limit * scale:.3g})"
 
 
-def steep_ground(problem: Problem, robot: Robot, kind: str) -> str:
+def steep_ground(problem: Problem, robot: Robot, kind: str, is_smooth: bool) -> str:
     """Names the ground as the cause of a climb or a descent that is too fast, and a way out.
 
     Nothing where layers do not follow the ground, or where their own distance asks for too much.
+
+    Parameters
+    ----------
+    is_smooth : False: of a straight flight, which climbs evenly from step to step
     """
+    rate = RATE if is_smooth else 1.0
     limit = getattr(robot.limits, kind, None)
     if kind not in _UPRIGHT or limit is None or problem.height_map.datum is None:
         return ""
     layers = robot.motion.largest_climb
     ground = _highest_move(problem, robot.motion) - layers
-    if ground <= 0 or RATE * layers > limit * (problem.step or 0.0) * (1 + ROUNDING):
+    if ground <= 0 or rate * layers > limit * (problem.step or 0.0) * (1 + ROUNDING):
         return ""
     return (
-        f"; the ground is the cause: layers above it rise or fall by up to {ground:.3g} m in a "
-        'move, as it does, and with flight = "above-sea" in a recipe they are level'
+        f"; the ground is the cause: layers above it rise or fall with it, by up to {ground:.3g} m "
+        'in a move; with flight = "above-sea" in a recipe they are level'
     )
 
 

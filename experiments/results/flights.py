@@ -16,7 +16,7 @@ from cocap_opt.flight.pace import Demand, demands, tightest
 from cocap_opt.flight.safety import Danger, dangers
 from cocap_opt.flight.smooth import Smooth, spare
 from cocap_opt.flight.smooth import smooth as smoothed
-from cocap_opt.flight.strain import steep_ground, sufficient_step
+from cocap_opt.flight.strain import steep_ground, sufficient_step, sufficient_straight_step
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import Airspace, Plan, Problem
 from cocap_opt.referee import Verdict, check
@@ -95,7 +95,7 @@ class Flight(NamedTuple):
         if found:
             raise ProblemError(f"{found[0]}{_way_out(found[0], straight) if smooth else ''}")
         asked = demands(flown, smooth)
-        _require_limits(problem, asked, flown.step, shortened)
+        _require_limits(problem, asked, flown.step, smooth, shortened)
         return cls(flown, straight, plan, verdict, _geodesy(problem), asked, slowed, shortened)
 
     @property
@@ -296,7 +296,9 @@ def _up(metres: float) -> str:
     return f"{math.ceil(100 * metres - _TOUCH) / 100:.2f}".rstrip("0").rstrip(".")
 
 
-def _require_limits(problem: Problem, found: list[Demand], step: float, shortened: int) -> None:
+def _require_limits(
+    problem: Problem, found: list[Demand], step: float, is_smooth: bool, shortened: int
+) -> None:
     """Refuses flights that a drone cannot fly, with the durations of a step that would do."""
     broken = [demand for demand in found if not demand.is_kept]
     if not broken:
@@ -307,9 +309,14 @@ def _require_limits(problem: Problem, found: list[Demand], step: float, shortene
     shorter = ""
     if shortened and worst.kind == "acceleration":
         shorter = ", where it changes its speed so fast to keep away from people"
-    steep = steep_ground(problem.replace(step=step), problem.robots[worst.drone], worst.kind)
+    flown, robot = problem.replace(step=step), problem.robots[worst.drone]
+    steep = steep_ground(flown, robot, worst.kind, is_smooth)
     same = math.ceil(100 * step * worst.slower) / 100
-    usual = sufficient_step(problem, shortened=False)
+    usual = (
+        sufficient_step(problem, shortened=False)
+        if is_smooth
+        else sufficient_straight_step(problem)
+    )
     enough = usual if step < usual else sufficient_step(problem, shortened=True)
     raise LimitError(
         f"drone {worst.drone} cannot fly this: {worst.kind.replace('_', ' ')} "

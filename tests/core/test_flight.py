@@ -586,9 +586,10 @@ def test_steep_ground_is_named_as_the_cause_of_a_climb_limit() -> None:
         name="hill", height_map=hill, robots=(robot,), actors=(), horizon=2, step=1.0
     )  # fmt: skip
     (words,) = strains(problem)
-    assert "the ground is the cause: layers above it rise or fall by up to 2 m in a move" in words
+    assert "the ground is the cause: layers above it rise or fall with it, by up to 2 m" in words
     assert 'with flight = "above-sea" in a recipe they are level' in words
     assert "layers at most" not in words  # nearer ones would be of no use
+    assert "may be refused flights, even straight ones; smooth ones ask for up to climb" in words
     level = problem.replace(height_map=HeightMap(heights=ground))
     assert not strains(level)
     far = robot.replace(motion=Motion(layers=(9.0, 10.5)))

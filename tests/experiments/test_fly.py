@@ -398,3 +398,27 @@ def test_ctrl_c_while_files_are_written_is_told_what_they_are(
             assert run.err.strip() == f"cocap-opt: interrupted, written: {expected}"
         for path in names:
             path.unlink()
+
+
+def test_a_straight_flight_down_a_steep_ground_names_the_ground_and_a_step_for_straight_ones() -> (
+    None
+):
+    """Layers as far apart as a straight flight may be do not hide that the ground is too steep."""
+    ground = np.add.outer(np.minimum(0.5 * np.arange(9), 2.0), np.zeros(9))
+    robot = co.Robot(start=co.State(4, 1, 1), motion=co.Motion(layers=(9.0, 12.0)),
+                  limits=co.Limits(climb=3.0, descent=3.0))  # fmt: skip
+    problem = co.Problem(
+        name="hill", height_map=co.HeightMap(heights=ground, datum=ground), robots=(robot,),
+        actors=(), horizon=2, step=1.0,
+    )  # fmt: skip
+    path = (co.State(4, 1, 1), co.State(3, 1, 0), co.State(3, 1, 0))
+    with pytest.raises(flights.LimitError) as raised:
+        flights.Flight.of(problem, co.Plan(paths=(path,)), smooth=False)
+    assert "descent 3.5 m/s" in raised.value.words
+    assert "the ground is the cause" in raised.value.words
+    assert raised.value.any_plan == 1.17  # 3.5 m at 3 m/s, not 15/8 of it as smooth flights need
+    slower = problem.replace(step=raised.value.any_plan)
+    assert flights.Flight.of(slower, co.Plan(paths=(path,)), smooth=False).flown.seconds > 2
+    with pytest.raises(flights.LimitError) as raised:
+        flights.Flight.of(slower, co.Plan(paths=(path,)), smooth=True)
+    assert "ground" not in raised.value.words  # of 3 m alone a smooth flight asks for too much
