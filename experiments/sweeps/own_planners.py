@@ -18,8 +18,8 @@ import cloudpickle
 from cocap_opt.experiments.sweeps.own_code import OwnCode, OwnCodeError
 from cocap_opt.planners import Planner
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.result import Reason, Result
-from cocap_opt.stop import Stop
+from cocap_opt.result import Reason, Result, UnsupportedError
+from cocap_opt.stop import LimitReached, Stop
 from cocap_opt.text import meant, shortened
 
 _SEED = "seed"  # the parameter of planners that take the scene's seed
@@ -31,7 +31,10 @@ _put: list[str] = []  # the folder that it was imported from, put first on the p
 
 
 class OwnPlannerError(ValueError):
-    """A planner cannot be found or called, or returns no result; one line says which and why."""
+    """A planner cannot be found or called, raises, or returns no result; one line says which, why.
+
+    What a planner has raised is the cause of this error, with its traceback.
+    """
 
 
 @dataclass(frozen=True)
@@ -157,7 +160,7 @@ class OwnPlanner:
     def seeded(self, seed: int) -> Planner:
         """Returns a planner of a problem and a stop, which is handed a seed if it takes one.
 
-        That planner raises OwnPlannerError if what comes back is no result.
+        That planner raises OwnPlannerError if it raises, or if what comes back is no result.
         """
         call = self.ready().call
         assert call is not None
@@ -168,9 +171,25 @@ class OwnPlanner:
                 result = call(problem, stop, **more)
             except SystemExit as error:
                 raise OwnPlannerError(f"{self.name} has ended its process: {error!r}") from error
+            except UnsupportedError:
+                raise
+            except LimitReached as error:
+                raise OwnPlannerError(
+                    f"{self.name} hands on LimitReached; it must catch it and return a Result with "
+                    "the best plan that it has, or with None"
+                ) from error
+            except Exception as error:
+                raise OwnPlannerError(f"{self.name} raised {_told(error)}") from error
             return _required(self.name, result)
 
         return planner
+
+
+def _told(error: Exception) -> str:
+    """Says what was raised, and where."""
+    where = extract_tb(error.__traceback__)[-1]
+    file = Path(where.filename).name
+    return f"{type(error).__name__}: {error} ({file}, line {where.lineno}, in {where.name})"
 
 
 def _required(name: str, result: object) -> Result:

@@ -90,11 +90,15 @@ class Task(NamedTuple):
             found = compute(self, stop, watch or Watch())
             coverage_seconds = compiled(self.problem).coverage_cost
         except OwnPlannerError as error:  # says all that there is to say
-            found = CellFile.failed(self.cell, Status.ERROR, str(error))
+            cause = error.__cause__  # what a planner raised
+            trace = "" if cause is None else "".join(format_exception(cause))
+            found = CellFile.failed(self.cell, Status.ERROR, str(error), traceback=trace)
             coverage_seconds = None
         except Exception as error:  # whatever it is, the other cells go on
             where = extract_tb(error.__traceback__)[-1]
             words = f"{type(error).__name__}: {error} (in {where.name}, line {where.lineno})"
+            if self.own is not None and isinstance(error, RefereeError):  # no bug of ours
+                words = str(error)
             trace = "".join(format_exception(error))
             found = CellFile.failed(self.cell, Status.ERROR, words, traceback=trace)
             coverage_seconds = None

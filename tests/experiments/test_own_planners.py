@@ -36,6 +36,7 @@ from pickings import PICKED
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan
 from cocap_opt.result import Reason, Result
+from cocap_opt.stop import LimitReached
 
 three = 3
 
@@ -67,6 +68,14 @@ def exits(problem, stop):
 
 def dies(problem, stop):
     os._exit(1)
+
+
+def raises(problem, stop):
+    return {}["shape"]
+
+
+def leaks(problem, stop):
+    raise LimitReached("time")
 
 
 def boasts(problem, stop):
@@ -177,6 +186,8 @@ def test_a_planner_that_cannot_be_found_is_refused(
         ("words", "mymodule:words returned a Result whose value is a str, not a int or float"),
         ("exits", "mymodule:exits has ended its process: SystemExit(3)"),
         ("boasts", "claims J = "),
+        ("raises", "mymodule:raises raised KeyError: 'shape' (mymodule.py, line "),
+        ("leaks", "mymodule:leaks hands on LimitReached; it must catch it and return a Result "),
     ],
 )
 def test_what_is_no_result_is_said(
@@ -446,4 +457,5 @@ def test_an_error_in_a_planner_says_where_it_is(mine: Path) -> None:
     ).missing()[0]
     assert isinstance(task, Task)
     content = task.run()
-    assert "KeyError: 'none' (in best, line" in content.message and content.traceback
+    assert "raised KeyError: 'none' (mymodule.py, line" in content.message
+    assert ", in best)" in content.message and "KeyError: 'none'" in content.traceback
