@@ -111,7 +111,7 @@ def _plan(
     if judged.verdict:
         answer |= judged.reward_parts
         answer["violations"] = judged.verdict.conflicts
-    print_result(_in_order(answer), json)
+    print_result(_in_order(answer, judged.result.plan is not None), json)
     return 0
 
 
@@ -192,7 +192,8 @@ def _solve(
             say_narrow_way(scene, seed, task.problem)
         made = output, judged.plan_file(task.problem, method, allowance)
         _save(answer, "plan", {"file": made, "certificate": proof})
-    print_result(_in_order({**answer, **judged.result.statistics}), json)
+    has_plan = judged.result.plan is not None
+    print_result(_in_order({**answer, **judged.result.statistics}, has_plan), json)
     return 0
 
 
@@ -210,9 +211,10 @@ def _planned(
     return Judged.planned(problem, planner, stop, own)
 
 
-def _in_order(answer: Record) -> Record:
-    """Returns an answer that says first what a limit has left of the plan."""
-    return {"cut_short": answer["cut_short"], **answer}
+def _in_order(answer: Record, has_plan: bool = True) -> Record:
+    """Returns an answer that says first what a limit has left of a plan, or that there is none."""
+    first = ("cut_short",) if has_plan else ("cut_short", "message")
+    return {key: answer[key] for key in first} | answer
 
 
 def _motion(problem: Problem) -> str:

@@ -161,6 +161,8 @@ class PlanReader(NamedTuple):
             _require_made_for(problem, content, path)
         verdict = check(problem, plan)
         if verdict.violations:
+            if isinstance(content, PlanFile):  # of another scene, as likely as not
+                _require_made_for(problem, content, path)
             raise FileError(f"{path}: {verdict.violations[0]}")
         return problem, plan
 
