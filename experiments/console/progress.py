@@ -127,9 +127,7 @@ class Watch:
         passed = self._clock.seconds
         if self._parts is None:
             return f"{self._task}, {passed:.0f} s"
-        words = (
-            f"{self._task} ({min(self._finished + 1, self._parts)}/{self._parts}), {passed:.0f} s"
-        )
+        words = f"{self._task}, {self._finished} of {self._parts} done, {passed:.0f} s"
         if not self._finished:
             return words
         left = passed / self._finished * (self._parts - self._finished)

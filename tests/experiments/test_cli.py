@@ -582,6 +582,8 @@ def test_files_of_another_seed_are_refused(
     """A plan and a certificate belong to one scene and seed."""
     for file in files:
         assert Run(capsys, "verify", "corridor-tight", file, "--seed", 1).code == 1
+    start = ("solve", "corridor-tight", "--seed", 1, "--start", files[0])
+    assert "made for corridor-tight of another seed" in Run(capsys, *start).err
 
 
 def test_a_plan_without_a_way_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
@@ -590,6 +592,9 @@ def test_a_plan_without_a_way_is_a_result(capsys: pytest.CaptureFixture[str]) ->
     assert run.code == 0
     assert (run.json["reward"], run.json["reason"]) == (None, "infeasible")
     assert "no plan obeys the rules" in run.json["message"]
+    for command in ("plan", "solve"):  # said before anything else
+        first = Run(capsys, command, "tiny-head-on").out.splitlines()[0]
+        assert first.split()[0] == "message" and "no plan" in first
 
 
 def test_a_proof_that_there_is_no_plan_is_verified(
@@ -919,7 +924,7 @@ def test_progress_is_a_plain_line_now_and_then(
     line = r"cocap-opt: tiny-queue seed 0, \d+ s: value .* bound .* gap .* columns .* nodes \d+"
     assert any(re.fullmatch(line, said) for said in run.err.splitlines())
     run = Run(capsys, "gap", "tiny-queue", "tiny-share", "--json")
-    assert re.search(r"tiny-share seed 0, cocap \(10/14\), \d+ s, about \d+ s left", run.err)
+    assert re.search(r"tiny-share seed 0, cocap, 9 of 14 done, \d+ s, about \d+ s left", run.err)
     assert len(run.json["rows"]) == 12
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 60.0)
     assert Run(capsys, "solve", "tiny-queue", "--json").err == ""
