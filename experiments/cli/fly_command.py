@@ -132,7 +132,8 @@ def _fly(
             print_result({**answer, **rows, "files": [*files]}, json)
         else:
             print_result({**answer, "file": " ".join(map(str, files))}, json)
-            _tightest(flight.rows(), notes).print()
+            shown = [words for words in notes if words != cut_short]  # which stands at the top
+            _tightest(flight.rows(), shown).print()
     return 0
 
 

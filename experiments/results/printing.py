@@ -106,6 +106,8 @@ def print_result(row: Record, json: bool) -> None:
         sys.stdout.write(_harmless(msgspec.json.encode(row, enc_hook=_path_text).decode()) + "\n")
         return
     table = Table(show_header=False, box=None)
+    table.add_column()
+    table.add_column(overflow="fold")  # nothing is cut off: names of files are to be copied
     for key, value in row.items():
         silent = value is None or value == "" or _SILENT.get(key) == value
         if not silent and key not in _ONLY_JSON:

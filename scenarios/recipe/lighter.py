@@ -23,6 +23,7 @@ _MARGINS = 30.0, 20.0, 10.0  # m around all people and starts, of windows
 _COARSER = 1.5, 2.0, 3.0, 4.0  # times the resolution
 _ROUND = 5.0  # m, to which windows are rounded
 _FEWEST_HEADINGS = 4
+_WORTH_IT = 0.9  # of what drones reach: a window that leaves more only makes the advice longer
 
 
 class Change(NamedTuple):
@@ -30,23 +31,33 @@ class Change(NamedTuple):
 
     Attributes
     ----------
-    words : its fields as they are to be written, and the tables that they are in
+    fields : as they are to be written, by the tables that they are in
     share : of the states that drones can reach now, about, that are left
     of : makes the other recipe
     """
 
-    words: str
+    fields: dict[str, tuple[str, ...]]
     share: float
     of: Callable[[Recipe], Recipe]
 
     @classmethod
     def all_of(cls, changes: "Sequence[Change]") -> "Change":
         """Returns several changes as one."""
+        fields: dict[str, tuple[str, ...]] = {}
+        for change in changes:
+            for table, own in change.fields.items():
+                fields[table] = fields.get(table, ()) + own
         return cls(
-            " and ".join(change.words for change in changes),
+            fields,
             math.prod(change.share for change in changes),
             lambda recipe: reduce(lambda found, change: change.of(found), changes, recipe),
         )
+
+    @property
+    def words(self) -> str:
+        """Its fields, and the tables that they are in; each table is named once."""
+        own = (f"{', '.join(fields)} in {table}" for table, fields in self.fields.items())
+        return " and ".join(own)
 
     def scene(self, path: Path, seed: int) -> Problem:
         """Reads a recipe with this change; a ProblemError says why it does not fit the rest."""
@@ -89,7 +100,8 @@ def _windows(recipe: Recipe, problem: Problem) -> Iterator[Change]:
             inside = np.minimum(last, reached[1]) - np.maximum(first, reached[0])
             share = float(np.prod(np.maximum(inside, 0.0) / (reached[1] - reached[0])))
             exact = tuple(float(f"{x:.10g}") for x in window)
-            yield _of_map(f"window = [{words}]", share, window=exact)
+            if share <= _WORTH_IT:
+                yield _of_map(f"window = [{words}]", share, window=exact)
 
 
 def _reached(problem: Problem, starts: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -173,7 +185,7 @@ def _of_map(words: str, share: float, **fields: Any) -> Change:
     def changed(recipe: Recipe) -> Recipe:
         return replace(recipe, map=replace(recipe.map, **fields))
 
-    return Change(f"{words} in [map]", share, changed)
+    return Change({"[map]": (words,)}, share, changed)
 
 
 def _of_drones(recipe: Recipe, k: int, words: str, **fields: Any) -> Change:
@@ -182,7 +194,7 @@ def _of_drones(recipe: Recipe, k: int, words: str, **fields: Any) -> Change:
         tables[k] = replace(tables[k], **fields)
         return replace(recipe, drones=tuple(tables))
 
-    return Change(f"{words} in {_name(recipe, k)}", 1.0, changed)
+    return Change({_name(recipe, k): (words,)}, 1.0, changed)
 
 
 def _of_motion(recipe: Recipe, k: int, words: str, **fields: Any) -> Change:
@@ -191,4 +203,4 @@ def _of_motion(recipe: Recipe, k: int, words: str, **fields: Any) -> Change:
         tables[k] = replace(tables[k], motion=tables[k].motion.replace(**fields))
         return replace(recipe, drones=tuple(tables))
 
-    return Change(f"{words} in {_name(recipe, k, '.motion')}", 1.0, changed)
+    return Change({_name(recipe, k, ".motion"): (words,)}, 1.0, changed)

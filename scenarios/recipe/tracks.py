@@ -108,8 +108,8 @@ class Track(NamedTuple):
         longest = max(track.longest() for track in tracks)
         if gap is None and longest > MOST_GAP + SLACK:
             log.warning(
-                "%s: points are up to %.3g s apart, on ways that are taken for straight; gap = 1 "
-                "would end a stay there",
+                "%s: points are up to %.3g s apart, and people are taken to walk straight from one "
+                "to the next; with gap = 1 in [[tracks]] nobody is there in between",
                 path, longest,
             )  # fmt: skip
         return tracks

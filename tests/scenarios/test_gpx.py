@@ -131,7 +131,7 @@ def test_a_segment_ends_a_stay_and_a_point_left_out_does_not(
     text = gpx(walk([0, 1, 4]) + walk([8, 9]) + walk([9, 10, 21]))
     (ada,) = read(tmp_path, text)
     assert ada.spans() == [(0.0, 4.0), (8.0, 10.0), (21.0, 21.0)]
-    assert "points are up to 3 s apart, on ways that are taken for straight" in caplog.text
+    assert "points are up to 3 s apart, and people are taken to walk straight" in caplog.text
     assert ada.is_there(0.0, 1.0, 4) and not ada.is_there(0.0, 1.0, 5)
     assert close(ada.at_steps(1.0, 1.0, 3), [(1.5, 2), (3, 2), (4.5, 2), (6, 2)])
     for gap, spans in ((1.0, 4), (2.0, 4), (12.0, 2)):
