@@ -29,6 +29,7 @@ Place = tuple[int, int, float]  # cell x, y and flight height (m)
 
 
 _FLAT = 0.05  # least share of cells at the lowest height if things stand on flat ground
+_ROUNDING = 1e-6  # m
 _OBSTACLE = 0.25  # m above the ground, from which on a cell stands out
 
 
@@ -121,8 +122,15 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
 
     @property
     def knows_ground(self) -> bool:
-        """True if something tells the ground from the obstacles on it."""
-        return self.datum is not None or self._is_flat
+        """True if something tells the ground from the obstacles on it, everywhere.
+
+        Water is level, too: beside it the ground rises gently, which no obstacle does.
+        """
+        if self.datum is not None:
+            return True
+        above = self.heights - self.heights.min()
+        rises = bool(((above > _ROUNDING) & (above < _OBSTACLE)).any())
+        return self._is_flat and not rises
 
     @property
     def _is_flat(self) -> bool:

@@ -65,12 +65,20 @@ def briefing(flight: Flight, every: float | None) -> list[Section]:
         *_missions(flight),
         *_places(flight, every),
         *_walks(flight, every),
-        Section("Not checked", [f"- {words}" for words in (*_UNCHECKED, *flight.warnings())]),
+        Section("Not checked", [f"- {words}" for words in _unchecked(flight)]),
     ]
+
+
+def _unchecked(flight: Flight) -> Iterator[str]:
+    """Yields what nobody has checked; that a plan was cut short stands at the top of the sheet."""
+    yield from _UNCHECKED
+    yield from (words for words in flight.warnings() if words != flight.cut_short)
 
 
 def _summary(flight: Flight) -> Iterator[str]:
     problem, flown = flight.flown.problem, flight.flown
+    if flight.cut_short:
+        yield f"ATTENTION: {flight.cut_short}."
     drones, people = len(problem.robots), len(problem.actors)
     yield (
         f"{drones} {'drones' if drones > 1 else 'drone'}, {people} "

@@ -163,8 +163,11 @@ def _over(height_map: HeightMap, points: FloatArray) -> dict[str, FloatArray]:
 
     The surface of a map is the top of all that stands on it.
     """
-    name = "above_ground" if height_map.knows_ground else "above_surface"
-    return {name: points[:, 2] - height_map.ground[cells_below(height_map, points)]}
+    known = height_map.knows_ground
+    name, below = ("above_ground", height_map.ground) if known else (
+        "above_surface", height_map.heights
+    )  # fmt: skip
+    return {name: points[:, 2] - below[cells_below(height_map, points)]}
 
 
 def footprints_on_earth(flight: Flight) -> Iterator[Footprint]:

@@ -422,3 +422,18 @@ def test_a_straight_flight_down_a_steep_ground_names_the_ground_and_a_step_for_s
     with pytest.raises(flights.LimitError) as raised:
         flights.Flight.of(slower, co.Plan(paths=(path,)), smooth=True)
     assert "ground" not in raised.value.words  # of 3 m alone a smooth flight asks for too much
+
+
+def test_beside_level_water_nobody_knows_the_height_above_the_ground() -> None:
+    """A canal is level, but the ground rises from it: a height above the water is none above it."""
+    heights = np.zeros((20, 20))
+    heights[2:, :] = np.linspace(0.1, 3.0, 18)[:, None]  # a bank, from the water to a hill
+    robot = co.Robot(start=co.State(15, 3), motion=co.Motion(layers=(9.0,)))
+    plan = co.Plan(paths=((co.State(15, 3),) * 2,))
+    for above, known in ((heights, False), (np.where(heights > 2, 7.0, 0.0), True)):
+        problem = co.Problem(
+            name="canal", height_map=co.HeightMap(heights=above), robots=(robot,), actors=(),
+            horizon=1, step=1.0,
+        )  # fmt: skip
+        columns = flights.Flight.of(problem, plan, smooth=False).columns()
+        assert ("above_ground" in columns) is known

@@ -53,6 +53,16 @@ def test_a_battery_is_what_the_scene_knows() -> None:
     assert lines[2].split() == ["1", "__________", "__________", "20.0", "min"]
 
 
+def test_a_plan_that_was_cut_short_says_so_first() -> None:
+    """At the top of the first page, and not once more among what was not checked."""
+    problem, plan = scene()
+    words = "cut short: 1 of 2 drones stays at its start"
+    flight = Flight.of(problem, plan, False)._replace(cut_short=words)
+    sections = briefing(flight, None)
+    assert sections[0].lines[0] == f"ATTENTION: {words}."
+    assert sum(words in line for section in sections for line in section.lines) == 1
+
+
 def test_names_stay_as_they_are() -> None:
     """A person's table has her name over it as the scene writes it."""
     problem, plan = scene()
