@@ -62,7 +62,8 @@ class FlightOptions:
             ]
             if self.smooth and self.margin is None:
                 ways += _margins_that_do(flown_in.problem, plan)
-            raise ProblemError(f"{error.words}; {', or '.join(ways)}") from error
+            before = f"{error.way_out}, or " if error.way_out else "; "
+            raise ProblemError(f"{error.words}{before}{', or '.join(ways)}") from error
 
     def _scene(self, problem: Problem) -> FlightScene:
         """Returns the scene that plans of a problem are flown in."""

@@ -38,11 +38,12 @@ class LimitError(ProblemError):
     ----------
     step : s, duration of a step with which the same plan could be flown
     any_plan : s, with which another plan could be flown, too
+    way_out : another one, in words that go on after those; empty where there is none
     """
 
-    def __init__(self, words: str, step: float, any_plan: float) -> None:
-        self.words, self.step, self.any_plan = words, step, any_plan
-        super().__init__(f"{words}; steps of {step:g} s would do for the same plan")
+    def __init__(self, words: str, step: float, any_plan: float, way_out: str = "") -> None:
+        self.words, self.step, self.any_plan, self.way_out = words, step, any_plan, way_out
+        super().__init__(f"{words}{way_out}; steps of {step:g} s would do for the same plan")
 
 
 class Flight(NamedTuple):
@@ -321,7 +322,8 @@ def _require_limits(
     raise LimitError(
         f"drone {worst.drone} cannot fly this: {worst.kind.replace('_', ' ')} "
         f"{worst.most * scale:.4g} {_UNITS[worst.kind]} at {worst.t:.4g} s, more than its "
-        f"{limit:.4g}{shorter}{steep}",
+        f"{limit:.4g}{shorter}",
         same,
         max(same, enough),
+        steep,
     )
