@@ -68,7 +68,9 @@ def units_of(text: str) -> Units:
     own = _of_wkt(text) if is_wkt else None  # which refuses WKT without units; pyproj takes metres
     found = _by_pyproj(f"{code[1]}:{code[2]}" if code else text) or own
     if found is not None:
-        return found
+        # PROJ leaves out what stands below the first of several systems.
+        beside = own.heights if own is not None else None
+        return found if found.heights else found._replace(heights=beside)
     if code:
         raise ProblemError(f"{text[:40]}: {_NEEDED}")
     return _of_proj4(text)
@@ -106,6 +108,8 @@ def _by_pyproj(text: str) -> Units | None:
     axes = whole.axis_info
     heights = [axis for axis in axes if axis.direction in ("up", "down")]
     across = [axis for axis in axes if axis.direction not in ("up", "down")]
+    if any(axis.direction == "down" for axis in heights):
+        raise _depths()
     if not across:
         return Units(None, _first(heights), "heights alone")
     if plane.is_geographic or plane.is_geocentric:
@@ -113,6 +117,10 @@ def _by_pyproj(text: str) -> Units | None:
     if len({axis.unit_conversion_factor for axis in across}) > 1:
         raise ProblemError("must have x and y in one unit")
     return Units(_first(across), _first(heights))
+
+
+def _depths() -> ProblemError:
+    return ProblemError("must have heights, which count upwards, not depths, which count downwards")
 
 
 def _plane(crs: Any) -> Any:
@@ -281,9 +289,15 @@ def _of_wkt(text: str) -> Units:
     found = list(_systems(_nodes(text)))
     angular = [node for node in found if node.keyword in _ANGULAR]
     plane = [node for node in found if node.keyword in _PLANE]
-    heights = [unit for node in found if node.keyword in _VERTICAL for unit in _units(node)]
+    levels = [node for node in found if node.keyword in _VERTICAL]
+    heights = [unit for node in levels for unit in _units(node)]
     if len(angular) + len(plane) != 1:
         raise ProblemError(_DAMAGED)
+    if any(_counts_down(node) for node in levels):
+        raise _depths()
+    if len({unit.metres for unit in heights}) > 1:
+        names = " and ".join(dict.fromkeys(unit.name for unit in heights))
+        raise ProblemError(f"must state one unit of heights, not {names}")
     upwards = heights[0] if heights else None
     if angular:
         return Units(None, upwards)
@@ -300,6 +314,17 @@ def _systems(nodes: "list[_Node]") -> Iterator[_Node]:
             yield from _systems(node.nodes())
         elif node.keyword in (*_ANGULAR, *_PLANE, *_VERTICAL):
             yield node
+
+
+def _counts_down(node: _Node) -> bool:
+    """Returns True for a vertical system of depths, by its axis or Esri's parameter Direction."""
+    axes = [word for axis in node.nodes("AXIS") for word in axis.content[1:2]]
+    parameters = [parameter.content[:2] for parameter in node.nodes("PARAMETER")]
+    downwards = [word for word in axes if isinstance(word, str) and word.casefold() == "down"]
+    return bool(downwards) or any(
+        name == "Direction" and isinstance(value, str) and value.startswith("-")
+        for name, value in (pair for pair in parameters if len(pair) == 2)
+    )
 
 
 def _units(node: _Node) -> list[Stated]:

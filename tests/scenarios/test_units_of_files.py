@@ -260,6 +260,30 @@ def test_heights_are_in_the_unit_of_the_file_beside(
         read_raster(path, unit="m")
 
 
+def test_systems_of_heights_below_the_projection_count(beside: Beside) -> None:
+    """Feet stay feet where no comma is between the systems, which PROJ does not read on."""
+    for between in (",", "\n", ""):
+        path = beside(map_prj=utm(METRE) + between + ESRI_LEVEL.format(US_SURVEY))
+        assert read_raster(path).values.max() == pytest.approx(20 * US_FOOT, rel=1e-9)
+    two = f"{ESRI_LEVEL.format(METRE)},{ESRI_LEVEL.format(US_SURVEY)}"
+    with pytest.raises(ProblemError, match="must state one unit of heights, not metre and Foot_US"):
+        read_raster(beside(map_prj=f"{utm(METRE)},{two}"))
+
+
+@pytest.mark.parametrize(
+    "level",
+    [
+        LEVEL.format(f'{METRE},AXIS["Depth",DOWN]'),
+        ESRI_LEVEL.format(f'PARAMETER["Direction",-1.0],{METRE}'),
+    ],
+)
+def test_depths_are_not_taken_for_heights(beside: Beside, level: str) -> None:
+    """Nobody means a house of 12 m by a depth of 12 m."""
+    text = f'COMPD_CS["both",{utm(METRE)},{level}]'
+    with pytest.raises(ProblemError, match="not depths, which count downwards"):
+        read_raster(beside(map_prj=text))
+
+
 def test_a_projection_without_true_metres_is_refused(beside: Beside) -> None:
     """Those of Mercator's projection are too long for the ground by far, away from the equator."""
     pytest.importorskip("pyproj")
