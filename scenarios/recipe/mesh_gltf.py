@@ -213,7 +213,13 @@ def _roots(model: _Model) -> list[int]:
 def _own_place(node: _Node, index: int) -> FloatArray:
     """Returns the matrix [4, 4] of a node in that above it."""
     if node.matrix is not None:
-        return np.reshape(node.matrix, (4, 4)).T  # they are by columns
+        matrix: FloatArray = np.reshape(node.matrix, (4, 4)).T  # they are by columns
+        if matrix[3].tolist() != [0, 0, 0, 1]:
+            raise ProblemError(
+                f"nodes[{index}].matrix: must turn, scale and shift, so that its last row is "
+                f"0 0 0 1, not {' '.join(f'{part:g}' for part in matrix[3])}"
+            )
+        return matrix
     return _transform(node.translation, node.rotation, node.scale, f"nodes[{index}]")
 
 

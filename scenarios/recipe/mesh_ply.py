@@ -72,7 +72,7 @@ def read_ply(path: Path) -> Faces:
     faces: list[list[int]] = []
     for element, columns in zip(elements, rows, strict=True):
         if element.name == "vertex":
-            places.append(_places(columns))
+            places.append(_places(element, columns))
         elif element.name == _FACES:
             faces += _corners(element, columns)
         elif element.name in _STRIPS:
@@ -89,9 +89,14 @@ def read_ply(path: Path) -> Faces:
     return Faces.of_lists(places[0], faces)
 
 
-def _places(columns: Columns) -> FloatArray:
-    if not {"x", "y", "z"} <= columns.keys():
-        raise ProblemError(f"element vertex: must have x, y, z, not {', '.join(columns)}")
+def _places(element: _Element, columns: Columns) -> FloatArray:
+    if not {"x", "y", "z"} <= {given.name for given in element.properties if not given.length}:
+        found = (
+            f"{given.name} (list)" if given.length else given.name for given in element.properties
+        )
+        raise ProblemError(
+            f"element vertex: must have x, y, z, each of them one number, not {', '.join(found)}"
+        )
     return np.column_stack([np.asarray(columns[axis], dtype=np.float64) for axis in "xyz"])
 
 

@@ -475,6 +475,22 @@ def test_ply_of_equal_faces_is_read_like_any_other(tmp_path: Path) -> None:
             shape(longer)
 
 
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
+def test_coordinates_of_ply_are_no_lists(tmp_path: Path, kind: str) -> None:
+    """A list for x would give a vertex several places, or none."""
+    head = (
+        f"ply\nformat {kind} 1.0\nelement vertex 3\nproperty list uchar float x\n"
+        "property float y\nproperty float z\nelement face 1\n"
+        "property list uchar int vertex_indices\nend_header\n"
+    ).encode()
+    rows = [(1, 0.0, 0.0, 0.0), (1, 1.0, 0.0, 0.0), (1, 0.0, 1.0, 0.0)]
+    text = "".join(f"{n} {x} {y} {z}\n" for n, x, y, z in rows) + "3 0 1 2\n"
+    binary = b"".join(struct.pack("<B3f", *row) for row in rows) + struct.pack("<B3i", 3, 0, 1, 2)
+    content = head + (text.encode() if kind == "ascii" else binary)
+    with pytest.raises(ProblemError, match=r"x, y, z, each of them one number, not x \(list\), y"):
+        shape(saved(tmp_path, "a.ply", content))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

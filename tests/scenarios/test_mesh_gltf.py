@@ -277,6 +277,8 @@ def _first(made: Model, **fields: Any) -> None:
         (lambda m: m.json["nodes"][0].update(children=[3]), r"nodes\[3\]: is named, but there are"),
         (lambda m: m.json["nodes"][0].update(rotation=[0] * 4), r"nodes\[0\]\.rotation: must be a"),
         (lambda m: m.json["nodes"][0].update(matrix=[1]), r"nodes\[0\]\.matrix"),
+        (lambda m: m.json["nodes"][0].update(matrix=[*np.diag([1, 1, 1, 2]).ravel().tolist()]),
+         r"nodes\[0\]\.matrix: must turn, .* is 0 0 0 1, not 0 0 0 2"),
         (lambda m: m.json["nodes"][0].update(scale=[1e300] * 3), r"vertices: must be"),
         (lambda m: m.json["nodes"][0].pop("mesh"), r"must hold at least one triangle"),
         (lambda m: m.json["meshes"][0]["primitives"][0].update(mode=7), r"primitives\[0\]\.mode"),
