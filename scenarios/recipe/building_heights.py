@@ -110,7 +110,17 @@ def _flat(properties: Mapping[str, Any], field: str) -> list[tuple[str, Any]]:
             tags = _tags(tags, f"{field}.{name}")
         if isinstance(tags, dict):
             nested += tags.items()
+        elif isinstance(tags, list):
+            nested += [_pair(tag, f"{field}.{name}") for tag in tags if isinstance(tag, dict)]
     return [*properties.items(), *nested]
+
+
+def _pair(tag: Mapping[str, Any], field: str) -> tuple[str, Any]:
+    """Returns the name and the value of a tag in a list, as OpenStreetMap's own XML has them."""
+    for name, value in (("k", "v"), ("key", "value")):
+        if isinstance(tag.get(name), str) and value in tag:
+            return tag[name], tag[value]
+    raise ProblemError(f'{field}: must be an object such as {{"height": "12"}}, not {tag!r:.40}')
 
 
 def _tags(text: str, field: str) -> dict[str, Any]:
