@@ -10,6 +10,7 @@ gpxpy reads no names with a prefix, and takes a time that it cannot read for non
 import math
 from collections.abc import Iterable, Iterator
 from datetime import datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, ParseError
@@ -47,6 +48,7 @@ class Gpx(NamedTuple):
         points = _distinct(_points(root, path.stem))
         if not points:
             raise ProblemError(f"must have a track (trk) of points with times{_instead(root)}")
+        _require_one_place_at_a_time(points)
         return cls(
             ids=[point.person for point in points],
             times=Times.since_first([point.nanoseconds for point in points], is_universal=True),
@@ -103,6 +105,24 @@ def _distinct(points: Iterable[_Point]) -> list[_Point]:
         said = point.person, point.nanoseconds, point.latitude, point.longitude
         found.setdefault(said, point)
     return list(found.values())
+
+
+def _require_one_place_at_a_time(points: Iterable[_Point]) -> None:
+    """Raises a ProblemError if a segment of somebody begins before another one has ended."""
+    segments: dict[tuple[str, int], list[_Point]] = {}
+    for point in points:
+        segments.setdefault((point.person, point.segment), []).append(point)
+    ends = [
+        (person, *(choose(part, key=lambda point: point.nanoseconds) for choose in (min, max)))
+        for (person, _), part in segments.items()
+    ]
+    ends.sort(key=lambda part: (part[0], part[1].nanoseconds))
+    for (person, _, last), (other, first, _) in pairwise(ends):
+        if person == other and first.nanoseconds < last.nanoseconds:
+            raise ProblemError(
+                f"{first.place}: is earlier than {last.place}, so that two segments of {person} "
+                "were recorded at once; keep one of them, or name a track each"
+            )
 
 
 def _has_points(track: Element) -> bool:

@@ -182,6 +182,8 @@ NO_TIME = segment([("2026-05-01T10:00:00Z", 0.0, 0.0), ("", 1.0, 0.0)])
         (gpx(walk([0]))[:-20], "must be GPX; it is damaged or cut off"),
         (gpx(walk([0]).replace('lat="52', 'lat="42')), "latitude, longitude: must be near the map"),
         (gpx(walk([0]) + walk([0], y=3.0)), "track 1, segment 2, point 1: must not be a secon"),
+        (gpx(walk([0, 4]) + walk([2.5, 6], y=5.0)), "track 1, segment 2, point 1: is earlier than "
+         "track 1, segment 1, point 2, so that two segments of ada were recorded at once"),
     ],
 )  # fmt: skip
 def test_what_is_no_recorded_way_is_told(tmp_path: Path, text: str, words: str) -> None:
