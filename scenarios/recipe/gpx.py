@@ -112,12 +112,11 @@ def _require_one_place_at_a_time(points: Iterable[_Point]) -> None:
     segments: dict[tuple[str, int], list[_Point]] = {}
     for point in points:
         segments.setdefault((point.person, point.segment), []).append(point)
-    ends = [
-        (person, *(choose(part, key=lambda point: point.nanoseconds) for choose in (min, max)))
-        for (person, _), part in segments.items()
-    ]
-    ends.sort(key=lambda part: (part[0], part[1].nanoseconds))
-    for (person, _, last), (other, first, _) in pairwise(ends):
+    for part in segments.values():
+        part.sort(key=lambda point: point.nanoseconds)
+    in_time = sorted(segments.items(), key=lambda item: (item[0][0], item[1][0].nanoseconds))
+    for ((person, _), one), ((other, _), another) in pairwise(in_time):
+        first, last = another[0], one[-1]
         if person == other and first.nanoseconds < last.nanoseconds:
             raise ProblemError(
                 f"{first.place}: is earlier than {last.place}, so that two segments of {person} "
