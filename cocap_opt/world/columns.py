@@ -11,6 +11,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.world.polygons import clip
+from cocap_opt.world.triangles import outward
 
 MARGIN = 1e-6  # cells; a solid that reaches less far into a cell only touches it
 _PAIRS = 200_000  # of triangles and cells at once, to bound the memory
@@ -52,7 +53,7 @@ class Spans(NamedTuple):
             parts.append(cls((x * shape[1] + y)[inside], low, high))
         if not solid:
             return _joined(parts).merged()
-        parts.append(_interior(vertices, triangles, shape))
+        parts.append(_interior(vertices, outward(vertices, triangles), shape))
         matter = _joined(parts).merged()
         thin = [_thin(corners, axis, shape, matter) for axis in (0, 1)]
         return _joined([matter, *thin]).merged()

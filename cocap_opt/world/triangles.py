@@ -123,6 +123,33 @@ def closed_parts(triangles: IntArray) -> BoolArray:
     return closed
 
 
+def outward(vertices: FloatArray, triangles: IntArray) -> IntArray:
+    """Returns the triangles [n, 3] of solids, those of a solid that is inside out turned.
+
+    Where two solids overlap of which one is inside out, their matter would cancel. A solid that
+    looks another way than the largest one, and lies within the bounds of one that does not, is a
+    cavity and stays as it is.
+    """
+    a, b, c = triangles.T
+    of_vertex = _connected(np.concatenate([a, b]), np.concatenate([b, c]), len(vertices))
+    names, part = np.unique(of_vertex[a], return_inverse=True)
+    first, second, third = (vertices[corner] for corner in (a, b, c))
+    sixth = np.einsum("ij,ij->i", first, np.cross(second, third))
+    volume = np.bincount(part, weights=sixth, minlength=len(names))
+    ways = np.sign(volume)
+    if len(names) < 2 or (ways == ways[0]).all():
+        return triangles
+    low, high = np.full((len(names), 3), np.inf), np.full((len(names), 3), -np.inf)
+    np.minimum.at(low, part, np.minimum(np.minimum(first, second), third))
+    np.maximum.at(high, part, np.maximum(np.maximum(first, second), third))
+    usual = ways == ways[np.abs(volume).argmax()]
+    turned = np.zeros(len(names), dtype=bool)
+    for k in np.flatnonzero(~usual).tolist():
+        within = (low[usual] <= low[k]).all(axis=1) & (high[usual] >= high[k]).all(axis=1)
+        turned[k] = not within.any()
+    return np.where(turned[part][:, None], triangles[:, ::-1], triangles)
+
+
 def _connected(start: IntArray, end: IntArray, n: int) -> IntArray:
     """Returns the component [n] of each node of a graph whose edges are start [m] - end [m]."""
     from scipy.sparse import coo_array

@@ -159,6 +159,20 @@ def test_overlapping_and_nested_boxes_are_one_solid() -> None:
     assert columns.at(1, 0)[1:] == [(1.0, 6.0)]
 
 
+@pytest.mark.parametrize("turned", [0, 1])
+def test_a_solid_that_is_inside_out_fills_what_it_overlaps(turned: int) -> None:
+    """One of two overlapping boxes may be inside out; a cavity in one of them stays hollow."""
+    boxes = [Mesh.box((0.2, 0.2, 1.0), (2.8, 2.8, 4.0)), Mesh.box((1.0, 0.1, 0.5), (4.5, 2.9, 3.0))]
+    boxes[turned] = boxes[turned].replace(triangles=boxes[turned].triangles[:, ::-1])
+    cavity = Mesh.box((2.9, 1.0, 1.0), (4.1, 2.0, 2.0))
+    cavity = cavity.replace(triangles=cavity.triangles[:, :: 1 if turned == 1 else -1])
+    mesh = joined(*boxes, cavity)
+    columns = Workspace(FLAT, (mesh,)).columns
+    assert mesh.is_solid
+    assert columns.at(1, 1)[1:] == [(0.5, 4.0)]
+    assert columns.at(3, 1)[1:] == [(0.5, 1.0), (2.0, 3.0)]
+
+
 def test_a_doorway_is_free_below_its_lintel() -> None:
     """What is above one another in a cell are intervals of their own, and between is air."""
     lintel, roof = (
