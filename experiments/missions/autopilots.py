@@ -156,13 +156,15 @@ def _px4_pace(leg: Leg) -> Pace:
     goes, turns = leg.along / XY_VEL_MAX, max(abs(leg.turn) - LOOKS, 0.0) / TURNS
     wait = max(leg.seconds - climbs, 0.0) if not leg.along else 0.0
     speeds = {GROUND: leg.along / leg.seconds if leg.along else fastest} if leg.is_way else {}
+    later = climbs if wait else 0.0  # it waits at its place, turning, and then climbs
+    also = f" and then {later:.2f} s for its height" if later else ""
     least = {
         f"it goes {leg.along:.3g} m, which takes PX4 {goes:.2f} s by MPC_XY_VEL_MAX "
         f"{XY_VEL_MAX:g} m/s": goes,
         f"its height changes by {abs(leg.rise):.3g} m, which takes PX4 {climbs:.2f} s by {limit} "
         f"{fastest:g} m/s": climbs,
         f"it turns by {abs(leg.turn):.0f} degrees, which takes PX4 {turns:.2f} s by "
-        f"MPC_YAWRAUTO_MAX {TURNS:g} degrees/s": turns + (climbs if wait else 0.0),
+        f"MPC_YAWRAUTO_MAX {TURNS:g} degrees/s{also}": turns + later,
     }  # fmt: skip
     why = max(least, key=lambda words: least[words])
     late = least[why] - leg.seconds

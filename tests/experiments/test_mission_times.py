@@ -24,7 +24,7 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.experiments.missions import FOR_AUTOPILOTS, WRITERS, Export
 from cocap_opt.experiments.missions.autopilots import AUTOPILOTS
 from cocap_opt.experiments.missions.items import Item
-from cocap_opt.experiments.missions.routes import Route, routes
+from cocap_opt.experiments.missions.routes import Leg, Route, routes
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.problem import Airspace, Earth, Limits, Plan, Problem, State
 
@@ -357,3 +357,15 @@ def test_the_autopilot_is_chosen_and_named(
         run = Run(capsys, *given)
         assert run.code == 2 and words in run.err and len(run.err.splitlines()) == 1
         assert not list(tmp_path.glob("g*"))
+
+
+def test_a_turn_before_a_climb_is_said_with_the_climb() -> None:
+    """A drone turns where it waits, and climbs then; either alone would be in time."""
+    climb, turn, both = (
+        AUTOPILOTS["px4"].pace(Leg(1, 1.0, 0.0, *rest))
+        for rest in ((2.0, 0.0), (0.0, 45.0), (2.0, 45.0))
+    )
+    assert climb.late == turn.late == 0
+    assert both.late == pytest.approx(33 / 45 + 2 / 3 - 1)
+    assert "turns by 45 degrees, which takes PX4 0.73 s by " in both.why
+    assert both.why.endswith(" and then 0.67 s for its height, not 1.00 s")
