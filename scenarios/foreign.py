@@ -27,6 +27,8 @@ _TO_MAP = "gdal_translate writes heights as .tif, for [map] of a recipe"
 _WALLS = "ogr2ogr -f GeoJSON writes its polygons for [[walls]] of a recipe"
 _UNPACK = "unpack it, and name the file that is in it"
 _PICTURE = "a picture has no heights or positions that could be read"
+_TO_CSV = "(..).to_csv(.., index=False) writes it as CSV"
+_RASTERISES = "CloudCompare rasterises it to a .tif, for [map] of a recipe"
 _FILM = "a film has no positions: track its people, and write a table with id, time, x and y"
 
 
@@ -63,36 +65,42 @@ _NPZ = Kind("an archive of NumPy arrays", f"numpy.savetxt writes one as text: {_
 _GEOPACKAGE = Kind("a GeoPackage", _WALLS)
 _ROS_2 = Kind("a bag of ROS 2", f"ros2 bag and rosbags read it: {_PEOPLE}")
 
-# Bytes at the very beginning, or at a place.
-_BYTES: dict[bytes | tuple[int, bytes], Kind] = {
+_POSTGRES = Kind("a dump of PostgreSQL", f"restore it, and {_PEOPLE}")
+_ACCESS = Kind("an Access database", f"save its table as CSV: {_PEOPLE}")
+_NETCDF = Kind("NetCDF", _TO_MAP)
+_SURFER = Kind("a grid of Surfer", _TO_MAP)
+_PICKLE = Kind("a Python pickle", f"it is never opened, for it may run code: {_PEOPLE}")
+_PCAP = Kind("a capture of a network (PCAP)", _PEOPLE)
+_FBX = Kind("an FBX", _TO_MESH)
+_USD = Kind("USD", _TO_MESH)
+_VTK = Kind("a VTK file", "meshio or ParaView writes it as .ply, for [[mesh]]")
+
+Marks = dict[bytes | tuple[int, bytes], Kind]  # bytes at the very beginning, or at a place
+
+# A text may begin with the same letters, as with the id PAR1, so that these have to be binary.
+_BINARY: Marks = {
+    # databases and tables
     b"SQLite format 3\0": SQLITE,
     b"\x89HDF\r\n\x1a\n": Kind("HDF5", "write its dataset of trajectories as text, with the "
                                "columns id frame x y; if it is NetCDF, gdal_translate writes its "
                                "heights as .tif"),
     (8, b"DUCK"): Kind("a DuckDB database", f"its COPY writes CSV: {_PEOPLE}"),
-    (4, b"Standard Jet DB"): Kind("an Access database", f"save its table as CSV: {_PEOPLE}"),
-    (4, b"Standard ACE DB"): Kind("an Access database", f"save its table as CSV: {_PEOPLE}"),
-    b"PGDMP": Kind("a dump of PostgreSQL", f"restore it, and {_PEOPLE}"),
-    b"-- PostgreSQL database dump": Kind("a dump of PostgreSQL", f"restore it, and {_PEOPLE}"),
-    b"--\n-- PostgreSQL database dump": Kind("a dump of PostgreSQL", f"restore it, and {_PEOPLE}"),
-    b"-- MySQL dump": Kind("a dump of MySQL", f"restore it, and {_PEOPLE}"),
-    b"CDF\x01": Kind("NetCDF", _TO_MAP),
-    b"CDF\x02": Kind("NetCDF", _TO_MAP),
-    b"CDF\x05": Kind("NetCDF", _TO_MAP),
-    b"GRIB": Kind("GRIB", _TO_MAP),
-    b"MATLAB ": Kind("a MATLAB file", f"writematrix in MATLAB, or scipy.io.loadmat: {_PEOPLE}"),
-    b"PAR1": Kind("Parquet", "pandas.read_parquet(..).to_csv(.., index=False) writes it as CSV"),
-    b"ARROW1": Kind("an Arrow or Feather file",
-                    "pandas.read_feather(..).to_csv(.., index=False) writes it as CSV"),
-    b"FEA1": Kind("a Feather file",
-                  "pandas.read_feather(..).to_csv(.., index=False) writes it as CSV"),
-    b"ORC": Kind("ORC", "pandas.read_orc(..).to_csv(.., index=False) writes it as CSV"),
+    (4, b"Standard Jet DB"): _ACCESS,
+    (4, b"Standard ACE DB"): _ACCESS,
+    b"PGDMP": _POSTGRES,
+    b"PAR1": Kind("Parquet", f"pandas.read_parquet{_TO_CSV}"),
+    b"ARROW1": Kind("an Arrow or Feather file", f"pandas.read_feather{_TO_CSV}"),
+    b"FEA1": Kind("a Feather file", f"pandas.read_feather{_TO_CSV}"),
+    b"ORC": Kind("ORC", f"pandas.read_orc{_TO_CSV}"),
     b"Obj\x01": Kind("Avro", _PEOPLE),
     b"\x93NUMPY": NUMPY,
-    b"\x80\x02": Kind("a Python pickle", f"it is never opened, for it may run code: {_PEOPLE}"),
-    b"\x80\x03": Kind("a Python pickle", f"it is never opened, for it may run code: {_PEOPLE}"),
-    b"\x80\x04": Kind("a Python pickle", f"it is never opened, for it may run code: {_PEOPLE}"),
-    b"\x80\x05": Kind("a Python pickle", f"it is never opened, for it may run code: {_PEOPLE}"),
+    b"\x80\x02": _PICKLE,
+    b"\x80\x03": _PICKLE,
+    b"\x80\x04": _PICKLE,
+    b"\x80\x05": _PICKLE,
+    b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1": Kind("an old Excel or Word file",
+                                              "save its table as CSV in UTF-8"),
+    # archives
     b"PK\x03\x04": _ZIP,
     b"PK\x05\x06": Kind("an empty ZIP archive", "nothing is in it"),
     b"\x1f\x8b": Kind("packed with gzip", "gunzip unpacks it"),
@@ -103,57 +111,69 @@ _BYTES: dict[bytes | tuple[int, bytes], Kind] = {
     b"7z\xbc\xaf\x27\x1c": Kind("a 7z archive", _UNPACK),
     b"Rar!\x1a\x07": Kind("a RAR archive", _UNPACK),
     (257, b"ustar"): Kind("a tar archive", _UNPACK),
-    b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1": Kind("an old Excel or Word file",
-                                              "save its table as CSV in UTF-8"),
-    b"{\\rtf": Kind("rich text", "save it as plain text in UTF-8"),
-    b"%PDF": Kind("a PDF", "it has pages, no heights or positions: ask for the data behind it"),
+    # pictures and films
     b"\x89PNG\r\n\x1a\n": Kind("a PNG", _PICTURE),
     b"\xff\xd8\xff": Kind("a JPEG", _PICTURE),
     b"GIF8": Kind("a GIF", _PICTURE),
-    b"\x00\x00\x00\x0cjP  ": Kind("a JPEG 2000", _TO_MAP),
     (8, b"WEBP"): Kind("a WebP", _PICTURE),
     (8, b"AVI "): Kind("an AVI", _FILM),
     (4, b"ftyp"): Kind("a film or a picture of a phone (MP4, MOV or HEIC)", _FILM),
     b"\x1a\x45\xdf\xa3": Kind("a film (Matroska or WebM)", _FILM),
+    # maps
     b"II*\0": TIFF,
     b"MM\0*": TIFF,
     b"II+\0": TIFF,
     b"MM\0+": TIFF,
+    b"\x00\x00\x00\x0cjP  ": Kind("a JPEG 2000", _TO_MAP),
+    b"CDF\x01": _NETCDF,
+    b"CDF\x02": _NETCDF,
+    b"CDF\x05": _NETCDF,
+    b"GRIB": Kind("GRIB", _TO_MAP),
     b"EHFA_HEADER_TAG": Kind("an ERDAS Imagine raster", _TO_MAP),
-    b"DSAA": Kind("a grid of Surfer", _TO_MAP),
-    b"DSBB": Kind("a grid of Surfer", _TO_MAP),
-    b"DSRB": Kind("a grid of Surfer", _TO_MAP),
-    b"LASF": Kind("a point cloud (LAS or LAZ)", "PDAL or CloudCompare rasterises it to a .tif, for "
-                  "[map] of a recipe"),
-    b"ASTM-E57": Kind("a point cloud (E57)", "CloudCompare rasterises it to a .tif, for [map] of a "
-                      "recipe"),
-    b"# .PCD": Kind("a point cloud (PCD)", "CloudCompare rasterises it to a .tif, for [map] of a "
-                    "recipe"),
-    b"glTF": GLB,
-    b"ply\n": PLY,
-    b"ply\r": PLY,
-    b"Kaydara FBX Binary": Kind("an FBX", _TO_MESH),
-    b"; FBX": Kind("an FBX", _TO_MESH),
-    b"BLENDER": Kind("a Blender file", _TO_MESH),
-    b"PXR-USDC": Kind("USD", _TO_MESH),
-    b"#usda": Kind("USD", _TO_MESH),
-    b"DRACO": Kind("a Draco mesh", "draco_decoder writes it as .obj or .ply, for [[mesh]]"),
-    b"# vtk DataFile": Kind("a VTK file", "meshio or ParaView writes it as .ply, for [[mesh]]"),
-    b"ISO-10303-21": Kind("STEP or IFC", "IfcConvert or FreeCAD writes it as .glb or .obj, for "
-                          "[[mesh]] of a recipe"),
+    b"DSBB": _SURFER,
+    b"DSRB": _SURFER,
+    b"LASF": Kind("a point cloud (LAS or LAZ)", f"PDAL or {_RASTERISES}"),
+    b"ASTM-E57": Kind("a point cloud (E57)", _RASTERISES),
     b"AC10": Kind("a DWG drawing", "save it as DXF; " + _WALLS),
     b"\x00\x00\x27\x0a": Kind("a shapefile", _WALLS),
     b"fgb\x03": Kind("FlatGeobuf", _WALLS),
-    b"#ROSBAG V": Kind("a bag of ROS", f"rostopic echo -p or rosbags reads it: {_PEOPLE}"),
+    # meshes
+    b"glTF": GLB,
+    b"Kaydara FBX Binary": _FBX,
+    b"BLENDER": Kind("a Blender file", _TO_MESH),
+    b"PXR-USDC": _USD,
+    b"DRACO": Kind("a Draco mesh", "draco_decoder writes it as .obj or .ply, for [[mesh]]"),
+    # recordings
     b"\x89MCAP0\r\n": Kind("an MCAP bag", f"the mcap library reads it: {_PEOPLE}"),
-    b"\xd4\xc3\xb2\xa1": Kind("a capture of a network (PCAP)", _PEOPLE),
-    b"\xa1\xb2\xc3\xd4": Kind("a capture of a network (PCAP)", _PEOPLE),
-    b"\x4d\x3c\xb2\xa1": Kind("a capture of a network (PCAP)", _PEOPLE),
-    b"\x0a\x0d\x0d\x0a": Kind("a capture of a network (PCAP)", _PEOPLE),
+    b"\xd4\xc3\xb2\xa1": _PCAP,
+    b"\xa1\xb2\xc3\xd4": _PCAP,
+    b"\x4d\x3c\xb2\xa1": _PCAP,
+    b"\x0a\x0d\x0d\x0a": _PCAP,
     b"ULog\x01\x12\x35": Kind("a log of PX4", f"ulog2csv writes its topics as CSV: {_PEOPLE}"),
     b"\xa3\x95\x80": Kind("a log of ArduPilot", f"mavlogdump.py writes it as CSV: {_PEOPLE}"),
     b"\xb5\x62": Kind("a log of a u-blox receiver", "RTKLIB or " + _GPSBABEL),
     (8, b".FIT"): Kind("FIT, of a sports watch", _GPSBABEL),
+}  # fmt: skip
+
+_TEXTS: Marks = {  # or what begins with as many letters as no other text does
+    b"-- PostgreSQL database dump": _POSTGRES,
+    b"--\n-- PostgreSQL database dump": _POSTGRES,
+    b"-- MySQL dump": Kind("a dump of MySQL", f"restore it, and {_PEOPLE}"),
+    b"MATLAB 5.0 MAT-file": Kind("a MATLAB file", "writematrix in MATLAB, or scipy.io.loadmat: "
+                                 f"{_PEOPLE}"),
+    b"{\\rtf": Kind("rich text", "save it as plain text in UTF-8"),
+    b"%PDF": Kind("a PDF", "it has pages, no heights or positions: ask for the data behind it"),
+    b"DSAA\n": _SURFER,
+    b"DSAA\r": _SURFER,
+    b"# .PCD": Kind("a point cloud (PCD)", _RASTERISES),
+    b"ply\n": PLY,
+    b"ply\r": PLY,
+    b"; FBX": _FBX,
+    b"#usda": _USD,
+    b"# vtk DataFile": _VTK,
+    b"ISO-10303-21": Kind("STEP or IFC", "IfcConvert or FreeCAD writes it as .glb or .obj, for "
+                          "[[mesh]] of a recipe"),
+    b"#ROSBAG V": Kind("a bag of ROS", f"rostopic echo -p or rosbags reads it: {_PEOPLE}"),
     b"HIERARCHY": Kind("BVH", f"motion capture of a skeleton: {_PEOPLE}, of its root"),
     b"PathFileType": Kind("TRC, of motion capture",
                           f"{_PEOPLE}, of one marker a person; the axis upwards is left out"),
@@ -169,7 +189,7 @@ _ROOTS = {  # of XML, by their names without a prefix, in small letters
     "trainingcenterdatabase": Kind("TCX, of a sports watch", _GPSBABEL),
     "collada": Kind("COLLADA", _TO_MESH),
     "x3d": Kind("X3D", _TO_MESH),
-    "vtkfile": Kind("a VTK file", "meshio or ParaView writes it as .ply, for [[mesh]]"),
+    "vtkfile": _VTK,
     "osm": Kind("OpenStreetMap's XML", "osmtogeojson writes its polygons for [[walls]]"),
     "citymodel": Kind("CityGML", "citygml-tools to-cityjson and cjio write it as .obj, for "
                       "[[mesh]]"),
@@ -181,6 +201,7 @@ _ROOTS = {  # of XML, by their names without a prefix, in small letters
 }  # fmt: skip
 _XML = Kind("XML", f"write a ground plan as JSON or WKT, for [[walls]]; {_PEOPLE}, for [[tracks]]")
 
+_CONTROL = re.compile(rb"[\0-\x08\x0e-\x1f]")  # bytes that no text has
 _MARKUP = re.compile(rb"\s*(?:<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[.*?\]\s*)?>)", re.DOTALL)
 _ELEMENT = re.compile(rb"\s*<(?:[A-Za-z_][\w.-]*:)?([A-Za-z_][\w.-]*)[\s/>]")
 _JSON = re.compile(rb"\s*(?:\{\s*[\"}]|\[[\s\[{]*(?:[\"\]}]|-?\d|true\b|false\b|null\b))")
@@ -218,7 +239,8 @@ def require(path: Path, takes: Collection[Kind] = ()) -> None:
 
 
 def _by_bytes(begin: bytes) -> Kind | None:
-    for mark, kind in _BYTES.items():
+    marks = _TEXTS if _CONTROL.search(begin) is None else _BINARY | _TEXTS
+    for mark, kind in marks.items():
         at, magic = (0, mark) if isinstance(mark, bytes) else mark
         if begin[at : at + len(magic)] == magic:
             return _closer(kind, begin)

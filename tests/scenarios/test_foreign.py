@@ -234,11 +234,19 @@ def test_kinds_that_are_read_are_known_too(tmp_path: Path, content: bytes, kind:
         b"PROJCS[\"WGS 84 / UTM zone 33N\"",
         b"point_id,x,y\n",
         b"name,GRIB,CDF\n",
+        b"PAR1,0,1.0,2.0\n",
+        b"ORC1;0;1;2\n",
+        b"AC10 0 1 2\n",
+        b"GRIB\t0\t1\t2\n",
+        b"BLENDER 0 1 2\n",
+        b"MATLAB 0 1 2\n",
+        b"DSAA 0 1 2\n",
+        b"0 1 2.0 DUCK\n",
         b"< 1 2 3\n",
     ],
 )  # fmt: skip
 def test_plain_text_is_of_no_known_kind(tmp_path: Path, content: bytes) -> None:
-    """Tables, recipes and maps in text are left to those who read them."""
+    """Tables, recipes and maps in text are left to those who read them, whatever ids are called."""
     (tmp_path / "some").write_bytes(content)
     assert kind_of(tmp_path / "some") is None
     assert kind_of(tmp_path) is None
