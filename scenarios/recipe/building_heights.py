@@ -28,6 +28,7 @@ _LENGTH = re.compile(r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*
 _FEET_AND_INCHES = re.compile(r"(\d+(?:\.\d+)?)\s*'\s*(?:(\d+(?:\.\d+)?)\s*\")?")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")  # or a decimal comma; nobody can know
 _HSTORE = re.compile(r'"([^"]+)"=>"([^"]*)"')  # as GDAL writes all other tags of OpenStreetMap
+_FROM_FOOT = re.compile(r"\s*\b(?:above ground(?: level)?|agl)$", re.IGNORECASE)
 _FOOT, _INCH = 0.3048, 0.0254  # m
 
 
@@ -185,5 +186,6 @@ def _metres(value: Any) -> float:
     found = _LENGTH.fullmatch(text)
     if found is None or _THOUSANDS.fullmatch(found[1]):
         return math.nan
-    unit = stated_length(found[2] or "m")
+    # What is above the sea or a geoid does not count from the building's foot.
+    unit = stated_length(_FROM_FOOT.sub("", found[2]) or "m")
     return math.nan if unit is None else float(found[1].replace(",", ".")) * unit.metres

@@ -12,7 +12,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.earth import STRETCH
-from cocap_opt.scenarios.recipe.lengths import Stated, metres_of_heights, stated_length, unknown
+from cocap_opt.scenarios.recipe.lengths import Stated, metres_of_heights, stated_heights, unknown
 from cocap_opt.scenarios.recipe.raster import SLIVER, Layout, Raster, Window
 from cocap_opt.scenarios.recipe.systems import utm
 from cocap_opt.scenarios.recipe.tables import Unit
@@ -137,7 +137,7 @@ def _stated_heights(dataset: Any, band: int) -> Stated | None:
     """Returns the unit of heights that a band states, or else the file's reference system."""
     text = (dataset.units[band - 1] or "").strip()
     if text:
-        stated = stated_length(text)
+        stated = stated_heights(text)
         if stated is None:
             raise unknown(text)
         return stated

@@ -26,7 +26,8 @@ _AMERICAN = {"us", "survey", "american"}
 _SAME = {"international", "intl", "int", "sae"}  # words that leave a foot what it is
 # What heights are above does not change what they are counted in.
 _ABOVE = re.compile(
-    r"\b(?:above|over|relative|amsl|asl|msl|agl|hae|navd|ngvd|egm|nap|nhn|evrf|dhhn)(?![a-z]).*"
+    r"\b(?:above|over|relative|amsl|asl|msl|agl|hae|navd|ngvd|egm|nap|nhn|evrf|dhhn)(?![a-z]).*",
+    re.IGNORECASE,
 )
 _SEPARATORS = re.compile(r"[\s_\-/()\[\]<>,;:]+")
 _SAME_UNIT = 1e-4  # relative; a US survey foot is longer than a foot by 2e-6
@@ -39,23 +40,34 @@ class Stated(NamedTuple):
     metres: float  # in one of it
 
 
-def stated_length(text: str) -> Stated | None:
-    """Returns the unit of length that a text spells, or None if it spells none that is known.
+def unit_of_length(text: str) -> str | None:
+    """Returns the short name of the unit of length that a text spells; None: none that is known.
 
-    Letters may be large or small, and what heights are above may follow: "US survey foot",
-    "us-ft", "ftUS", "Foot_US", "FT", "metre", "m above geoid".
+    It is a key of `PER_METRE`, or dm. Letters may be large or small: "US survey foot", "us-ft",
+    "ftUS", "Foot_US", "FT", "metre".
     """
-    words = _SEPARATORS.split(_ABOVE.sub("", text.casefold().replace(".", "").replace("_", " ")))
-    units = {_NAMED[word] for word in words if word in _NAMED}
-    others = {word for word in words if word} - _NAMED.keys()
+    words = set(_SEPARATORS.split(text.casefold().replace(".", "").replace("_", " "))) - {""}
+    units, others = {_NAMED[word] for word in words & _NAMED.keys()}, words - _NAMED.keys()
     if len(units) != 1 or not others <= _AMERICAN | _SAME:
         return None
     (unit,) = units
     if others and (unit not in ("ft", "us-ft") or (others & _AMERICAN and others & _SAME)):
         return None
-    if others & _AMERICAN:
-        unit = "us-ft"
+    return "us-ft" if others & _AMERICAN else unit
+
+
+def stated_length(text: str) -> Stated | None:
+    """Returns the unit of length that a text spells; None: none that is known."""
+    unit = unit_of_length(text)
+    if unit is None:
+        return None
     return Stated(text.strip(), 0.1 if unit == "dm" else 1 / PER_METRE[unit])
+
+
+def stated_heights(text: str) -> Stated | None:
+    """Returns the unit of heights that a text spells; it may say above what: "m above geoid"."""
+    found = stated_length(_ABOVE.sub("", text.replace(".", "").replace("_", " ")))
+    return found and found._replace(name=text.strip())
 
 
 def metres_of_heights(stated: Stated | None, unit: Unit | None, file: str) -> float:

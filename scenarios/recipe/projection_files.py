@@ -6,7 +6,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.recipe.lengths import Stated, stated_length, unknown
+from cocap_opt.scenarios.recipe.lengths import Stated, stated_heights, unknown
 from cocap_opt.scenarios.recipe.units_of_systems import require_metres, units_of
 from cocap_opt.scenarios.text import naming, number
 
@@ -88,7 +88,7 @@ def _of_xml(content: bytes) -> Iterator[Beside]:
             case "SRS" | "WKT" if text:
                 yield _of_system(text)
             case "UnitType" if text:
-                unit = stated_length(text)
+                unit = stated_heights(text)
                 if unit is None:
                     raise unknown(text)
                 yield Beside(None, unit)

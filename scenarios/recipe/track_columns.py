@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple, TypeVar
 
 from cocap_opt.data import ProblemError
+from cocap_opt.scenarios.recipe.lengths import unit_of_length
 from cocap_opt.scenarios.recipe.tables import PER_METRE
 
 # Names of columns, spelt without capitals, blanks and underscores, and without a unit.
@@ -25,9 +26,7 @@ _SPELLINGS = {
 _ROLES = {word: role for role, words in _SPELLINGS.items() for word in words.split()}
 _AXES = {"x", "y"}, {"latitude", "longitude"}  # of which a file has one pair
 
-_SHORT = {"centim": "cm", "millim": "mm", "foot": "ft", "feet": "ft"}
 _REFUSED = {"px", "pixel", "pixels", "inch", "inches", "yd", "yard", "yards", "dm", "km"}
-_METRES = re.compile(r"met(?:re|er)s?$")
 
 PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 _TIMES = {
@@ -41,11 +40,8 @@ _TIME_UNITS = {word: unit for unit, words in _TIMES.items() for word in words.sp
 _NO_UNIT = {"utc", "gmt", "local", "iso", "iso8601", "unix", "epoch"}  # what else may stand there
 
 _NONE = {"", "-", "--", "n/a", "na", "none", "nan", "unitless"}  # what is no unit, below a header
-_TIME_SUFFIXES = "|".join(_TIME_UNITS)
-# As in "x/m", "x [m]" and "x_m", where any word but an axis is a unit.
-_UNIT_OF_NAME = re.compile(
-    rf"^(.*?)(?:\s*[/\[(]\s*([^\W_]+)|_(m|cm|mm|ft|px|{_TIME_SUFFIXES})$)", re.IGNORECASE
-)
+# As in "x/m", "x [m]" and "x (US survey feet)", where any word but an axis is a unit.
+_UNIT_OF_NAME = re.compile(r"(.*?)\s*[/\[(]\s*(([^\W_]+)[^\])]*)")
 _IN_BRACKETS = re.compile(r"[\[(]\s*(.*?)\s*[\])]")
 
 # What a table of boxes in an image has, spelt as above, besides x and y.
@@ -68,11 +64,10 @@ class Name(NamedTuple):
     @classmethod
     def of(cls, name: str) -> "Name":
         """Returns what a name such as "pos_x [cm]" or "timestampUs" says."""
-        found = _UNIT_OF_NAME.match(name)
-        word, unit = (found[1], found[2] or found[3]) if found else (name, None)
+        word, unit = _parts(name)
         plain = _spelt(word)
         if role := _ROLES.get(plain):
-            return cls(role, None if unit is None else _short(unit))
+            return cls(role, unit)
         if plain in _TIME_UNITS and len(plain) > 1:  # such as "seconds"
             return cls("time", _TIME_UNITS[plain])
         ends = (k for k in range(1, len(plain)) if plain[k:] in _TIME_UNITS)
@@ -227,8 +222,23 @@ def _about_corners(names: Sequence[str]) -> str:
 
 def _bare(name: str) -> str:
     """Returns a name without its unit."""
-    found = _UNIT_OF_NAME.match(name)
-    return found[1] if found else name
+    return _parts(name)[0]
+
+
+def _parts(name: str) -> tuple[str, str | None]:
+    """Returns a name without its unit, and the short name of that, or the word as it stands."""
+    if found := _UNIT_OF_NAME.match(name):
+        return found[1], _unit(found[2], first=found[3])
+    word, _, unit = name.rpartition("_")
+    short = unit.lower() if unit.lower() in _REFUSED else _known(unit)
+    return (word, short) if word and short else (name, None)
+
+
+def _unit(text: str, first: str) -> str:
+    """Returns the short name of the unit that a text is or begins with, or its first word."""
+    if short := _known(text):
+        return short
+    return text.lower() if first == "US" else _short(first)  # US/Eastern is no microseconds
 
 
 def _spelt(word: str) -> str:
@@ -243,7 +253,10 @@ def _of_row(field: str) -> str:
 
 
 def _short(unit: str) -> str:
-    """Returns the short name of a unit, which may be spelt out."""
-    small = unit.strip().lower()
-    word = _METRES.sub("m", small)
-    return _SHORT.get(word) or _TIME_UNITS.get(word, word)
+    """Returns the short name of a unit, which may be spelt out; of others the word itself."""
+    return _known(unit) or unit.strip().lower()
+
+
+def _known(unit: str) -> str | None:
+    """Returns the short name of a unit of length or time that may be spelt out."""
+    return unit_of_length(unit) or _TIME_UNITS.get(unit.strip().lower())

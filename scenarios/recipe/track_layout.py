@@ -28,7 +28,8 @@ _ORDER = ("id", "frame", "x", "y", "z")  # where nothing names the columns; z ma
 _ANNOTATIONS = 10  # values in a row of annotations.txt; the last is a word
 
 _UNIT = (
-    r"(mm|cm|m|ft|foot|feet|(?:centi|milli)?met(?:re|er)s?"
+    r"(mm|cm|m|(?:centi|milli)?met(?:re|er)s?"
+    r"|(?:(?:us|american|international|survey)[\s_-]*){0,2}(?:ft|foot|feet)|ft[\s_-]*us"
     r"|px|pixels?|inch(?:es)?|yards?|dm|km)(?![\w/])"  # the last are refused
 )
 _UNIT_OF_COMMENT = re.compile(

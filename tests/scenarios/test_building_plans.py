@@ -336,6 +336,8 @@ def test_polygons_without_area_are_left_out_with_a_word(
         ({"building:height": "12,5"}, (0, 12.5)),
         ({"height": "12.5m", "minHeight": "2.5 metres"}, (2.5, 12.5)),
         ({"height": "40 ft"}, (0, 40 * 0.3048)),
+        ({"height": "40 ft above ground"}, (0, 40 * 0.3048)),
+        ({"height": "12 m AGL"}, (0, 12)),
         ({"height": "40'"}, (0, 40 * 0.3048)),
         ({"height": "7'4\""}, (0, 7 * 0.3048 + 4 * 0.0254)),
         ({"height": "40 feet", "min_height": "10ft"}, (3.048, 40 * 0.3048)),
@@ -369,7 +371,7 @@ def test_properties_say_from_where_to_where_a_building_reaches(
     [
         *(({"height": odd}, "p.height: must be a number of metres above 0") for odd in (
             0, -3, "tall", "12 paces", "10-12", "12;15", "1,234", "~12", True, [3], {"m": 3}, "nan",
-            "inf", "12 m 3", "1e400", " ",
+            "inf", "12 m 3", "1e400", " ", "112 m above sea level", "112 m NHN", "12 m_asl",
         )),
         ({"min_height": -1}, "p.min_height: must be a number of metres >= 0"),
         ({"building:levels": "many"}, "p.building:levels: must be a number of storeys"),

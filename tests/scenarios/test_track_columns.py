@@ -41,6 +41,9 @@ def read(folder: Path, text: str, **options: Any) -> list[Track]:
         ("time (nanoseconds)", 10**9),
         ("timestamp.nanos", 10**9),
         ("unix_time_ns", 10**9),
+        ("time [us since midnight]", 10**6),
+        ("time (s from the start)", 1),
+        ("time (UTC time) [s]", 1),
     ],
 )
 def test_the_name_of_the_times_says_their_unit(tmp_path: Path, name: str, per_second: int) -> None:
@@ -163,6 +166,44 @@ def test_frames_that_are_times_are_asked_about(tmp_path: Path) -> None:
         read(tmp_path, text, unit="m", fps=1000)
     columns = ("id", "time_ms", "x", "y")
     assert read(tmp_path, text, unit="m", columns=columns)[0].times.tolist() == [0.0]
+
+
+# -- lengths ---------------------------------------------------------------------------------
+
+FOOT, US_FOOT = 0.3048, 1200 / 3937
+SPELT = {
+    "us-ft": US_FOOT, "US survey feet": US_FOOT, "ftUS": US_FOOT, "international feet": FOOT,
+    "Feet": FOOT, "metres": 1.0, "centimeter": 0.01, "m\u00e8tres": 1.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("head", ["x [{0}],y [{0}]", "x ({0}),y ({0})", "x/{0},y/{0}"])
+@pytest.mark.parametrize(("unit", "metres"), SPELT.items())
+def test_units_of_lengths_are_spelt_as_in_other_files(
+    tmp_path: Path, head: str, unit: str, metres: float
+) -> None:
+    """A US survey foot of tracks is that of maps, in a name of several words, too."""
+    texts = [f"id,time,{head.format(unit)}\n", f"id,time,x,y\n-,s,{unit},{unit}\n"]
+    if "foot" in unit or "feet" in unit.lower() or "us" in unit.lower():
+        texts.append(f"# unit: {unit}\n# id,time,x,y\n")
+    for text in texts:
+        (found,) = read(tmp_path, f"{text}1,0,1e6,2e6\n")
+        assert found.points.tolist() == [pytest.approx([1e6 * metres, 2e6 * metres], rel=1e-12)]
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        ("id,time,x [US survey yards],y [US survey yards]", "states 'us survey yards'"),
+        ("id,time,x_px,y_px", "states 'px'"),
+        ("id,time (US/Eastern),x_m,y_m", "time: must be in s, ms, us, ns, not us/eastern"),
+        ("id,time [US Central],x_m,y_m", "time: must be in s, ms, us, ns, not us central"),
+    ],
+)
+def test_words_that_only_begin_as_units_do_are_none(tmp_path: Path, head: str, words: str) -> None:
+    """Clocks of a place are no microseconds."""
+    with pytest.raises(ProblemError, match=words):
+        read(tmp_path, f"{head}\n1,0,1,2\n")
 
 
 # -- a row of units, boxes, and encodings ----------------------------------------------------

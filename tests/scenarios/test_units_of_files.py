@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.recipe.lengths import stated_length
+from cocap_opt.scenarios.recipe.lengths import stated_heights
 from cocap_opt.scenarios.recipe.raster_files import read_raster
 from cocap_opt.scenarios.recipe.units_of_systems import require_metres, units_of
 
@@ -317,7 +317,7 @@ def test_a_projection_without_true_metres_is_refused(beside: Beside) -> None:
 )  # fmt: skip
 def test_names_of_lengths(text: str, metres: float | None) -> None:
     """Letters, plurals and what heights are above do not matter; what is unknown is no length."""
-    found = stated_length(text)
+    found = stated_heights(text)
     assert (None if found is None else found.metres) == (metres and pytest.approx(metres, 1e-12))
 
 
