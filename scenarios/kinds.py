@@ -1,4 +1,7 @@
-"""Kinds of files that belong to a scene and are none, told by their content."""
+"""Kinds of texts that a recipe names and that are no scenes themselves, told by all their content.
+
+`cocap_opt.scenarios.foreign` tells files of any kind by their first bytes.
+"""
 
 import re
 from collections.abc import Mapping
@@ -35,7 +38,7 @@ def is_wkt(text: str) -> bool:
     return _WKT.match(text) is not None
 
 
-def kind_of(text: str) -> str | None:
+def kind_of_text(text: str) -> str | None:
     """Returns the kind of a text, one of those in `WAYS_OUT`, or None if it is no such text."""
     if is_wkt(text):
         return WKT

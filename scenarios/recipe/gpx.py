@@ -21,6 +21,7 @@ from defusedxml.ElementTree import fromstring
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.recipe.track_times import Times, nanoseconds_of
+from cocap_opt.text import unread
 
 _OTHERS = {"rte": "route", "wpt": "waypoint"}  # that have no times, or are no ways
 
@@ -71,7 +72,7 @@ def _root(path: Path) -> Element:
     try:
         root: Element = fromstring(path.read_bytes(), forbid_dtd=True)
     except OSError as error:
-        raise ProblemError(f"cannot be read: {error.strerror}") from error
+        raise ProblemError(unread(error)) from error
     except DefusedXmlException as error:
         raise ProblemError("must be GPX without a DOCTYPE and entities of its own") from error
     except (ParseError, ValueError, LookupError) as error:

@@ -20,7 +20,7 @@ from shapely.geometry.base import BaseGeometry
 from cocap_opt.data import LARGEST, ProblemError
 from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
-from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WAYS_OUT, WKT, kind_of
+from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WAYS_OUT, WKT, kind_of_text
 from cocap_opt.scenarios.recipe.building_heights import STOREY, Extent, extent
 from cocap_opt.scenarios.recipe.earth import FARTHEST, NOWHERE, Projection
 from cocap_opt.scenarios.recipe.geojson import Found, read_geojson
@@ -102,7 +102,7 @@ def ground_plan(
             "is XML, as JuPedSim keeps geometries; write the corners of its walkable area and "
             f"obstacles as JSON: {_SCHEME}, in m"
         )
-    kind = kind_of(text)
+    kind = kind_of_text(text)
     if kind == CITYJSON:
         raise ProblemError(f"is CityJSON: {WAYS_OUT[CITYJSON]}")
     if kind in (GEOJSON, WKT):

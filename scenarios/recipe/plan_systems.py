@@ -19,7 +19,7 @@ from cocap_opt.scenarios.recipe.earth import FARTHEST, Projection
 from cocap_opt.scenarios.recipe.geotiff import wkt_of_code
 from cocap_opt.scenarios.recipe.systems import same_system, short_name, utm
 from cocap_opt.scenarios.recipe.tables import PER_METRE
-from cocap_opt.scenarios.recipe.units_of_systems import Units, units_of
+from cocap_opt.scenarios.recipe.units_of_systems import NeedsPyprojError, Units, units_of
 
 DEGREES = ("4326", "CRS84")  # names of systems of longitude and latitude that become metres
 MERCATOR = ("3857", "900913")
@@ -231,7 +231,7 @@ def _units_of_code(field: str, code: int, unit: str | None) -> Units | None:
     try:
         return units_of(wkt_of_code(code) or text)
     except ProblemError as error:
-        if unit is not None and "without pyproj" in str(error):
+        if unit is not None and isinstance(error, NeedsPyprojError):
             return None
         raise ProblemError(f"{field}: {error}") from error
 

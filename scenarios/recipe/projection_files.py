@@ -7,7 +7,13 @@ from xml.etree import ElementTree
 
 from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.recipe.lengths import Stated, stated_heights, unknown
-from cocap_opt.scenarios.recipe.units_of_systems import require_metres, units_of
+from cocap_opt.scenarios.recipe.units_of_systems import (
+    NeedsPyprojError,
+    NotTrueError,
+    Units,
+    require_metres,
+    units_of,
+)
 from cocap_opt.scenarios.text import naming, number
 
 _PLAIN = {"Scale": 1, "Offset": 0}  # GDAL's, of heights that are stored as they are
@@ -62,15 +68,15 @@ def _read(path: Path) -> Iterator[Beside]:
             return
         text = content.decode("utf-8-sig", errors="replace")
         try:
-            yield _of_system(text)
+            units = units_of(text)
+        except (NeedsPyprojError, NotTrueError):
+            raise
         except ProblemError as error:
-            if "pyproj" in str(error) or "gdalwarp" in str(error):
-                raise
             raise ProblemError(f"{error}; without this file metres are taken") from error
+        yield _of_system(text, units)
 
 
-def _of_system(text: str) -> Beside:
-    units = units_of(text)
+def _of_system(text: str, units: Units) -> Beside:
     require_metres(units)
     is_one = not text.strip().casefold().startswith("projection")  # Arc/Info's is for people
     return Beside(text.strip() if is_one else None, units.heights)
@@ -86,7 +92,7 @@ def _of_xml(content: bytes) -> Iterator[Beside]:
         text = (element.text or "").strip()
         match element.tag.rpartition("}")[2]:
             case "SRS" | "WKT" if text:
-                yield _of_system(text)
+                yield _of_system(text, units_of(text))
             case "UnitType" if text:
                 unit = stated_heights(text)
                 if unit is None:

@@ -1,7 +1,7 @@
 """In which units a reference system counts, as its text tells: WKT, proj4, a code, Arc/Info.
 
-pyproj reads such texts. Where it is not
-installed, units are read off WKT and proj4, whose own rules say where they stand; codes are not.
+pyproj reads such texts. Where it is not installed, units are read off WKT and proj4, whose own
+rules say where they stand; codes are not.
 
 Sources: OGC 01-009 (WKT 1) and OGC 18-010r11 (WKT 2); https://proj.org/usage/projections.html for
 proj4; of Arc/Info, ESRI, "ArcInfo Workstation: PROJECTDEFINE".
@@ -38,6 +38,14 @@ _NEEDED = (
 _SLOPPY = 1e-3  # relative, by which a factor may differ from the unit that is named
 
 
+class NeedsPyprojError(ProblemError):
+    """A reference system that only pyproj can judge, which is not installed."""
+
+
+class NotTrueError(ProblemError):
+    """A projection whose metres are none on the ground."""
+
+
 class Units(NamedTuple):
     """Units of a reference system."""
 
@@ -51,9 +59,12 @@ def units_of(text: str) -> Units:
 
     Raises
     ------
+    NeedsPyprojError
+        If nobody can judge it without pyproj.
+    NotTrueError
+        If its metres are none on the ground, as those of web Mercator.
     ProblemError
-        If it is empty, damaged, of web Mercator, whose metres are none, or if nobody can judge it
-        here, as without pyproj; one line.
+        If it is empty or damaged; one line, as of all.
     """
     text = text.strip().strip("\0")
     if not text:
@@ -72,12 +83,12 @@ def units_of(text: str) -> Units:
         beside = own.heights if own is not None else None
         return found if found.heights else found._replace(heights=beside)
     if code:
-        raise ProblemError(f"{text[:40]}: {_NEEDED}")
+        raise NeedsPyprojError(f"{text[:40]}: {_NEEDED}")
     return _of_proj4(text)
 
 
-def _web_mercator() -> ProblemError:
-    return ProblemError(
+def _web_mercator() -> NotTrueError:
+    return NotTrueError(
         "must be a projection in true metres, not web Mercator; gdalwarp -t_srs EPSG:326ZZ, with "
         "ZZ the zone of UTM, writes such a map"
     )
@@ -200,7 +211,7 @@ def _of_arc_info(text: str) -> Units:
     if "units" not in fields:
         raise ProblemError("must have a line Units, as METERS or FEET")
     if projection == "mercator":
-        raise ProblemError(
+        raise NotTrueError(
             "must be a projection whose metres are true where the map is, not Mercator"
         )
     across = _of_arc_info_unit(fields["units"])
@@ -240,7 +251,7 @@ def _of_proj4(text: str) -> Units:
     if projection in ("longlat", "latlong", "latlon", "lonlat"):
         return Units(None)
     if {"init", "step"} & fields.keys() or projection not in _PLANES:
-        raise ProblemError(f"{text[:40]}: {_NEEDED}")
+        raise NeedsPyprojError(f"{text[:40]}: {_NEEDED}")
     across = _of_proj4_unit(fields, "units", "to_meter") or Stated("metre", 1.0)
     return Units(across, _of_proj4_unit(fields, "vunits", "vto_meter"))
 
@@ -249,7 +260,7 @@ def _of_proj4_unit(fields: dict[str, str], name: str, factor: str) -> Stated | N
     if name in fields:  # which counts before a factor
         found = Stated("km", 1000.0) if fields[name] == "km" else stated_length(fields[name])
         if found is None:
-            raise ProblemError(f"{fields[name][:40]}: {_NEEDED}")
+            raise NeedsPyprojError(f"{fields[name][:40]}: {_NEEDED}")
         return found
     if factor not in fields:
         return None

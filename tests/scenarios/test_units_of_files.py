@@ -226,6 +226,18 @@ def test_a_projection_beside_a_grid_counts_by_any_name(beside: Beside, name: str
         read_raster(beside(**{name: ""}))
 
 
+@pytest.mark.usefixtures("either")
+@pytest.mark.parametrize(
+    "text",
+    ["Projection MERCATOR\nUnits METERS\n", 'PROJCS["Popular Visualisation Pseudo-Mercator"'],
+)
+def test_nobody_is_told_to_drop_a_file_that_is_right(beside: Beside, text: str) -> None:
+    """Metres that are none on the ground are none without the file that says so, either."""
+    with pytest.raises(ProblemError, match="map.prj: .*true") as error:
+        read_raster(beside(map_prj=text))
+    assert "without this file" not in str(error.value)
+
+
 def test_all_files_beside_a_grid_count(beside: Beside) -> None:
     """Also GDAL's XML, with the unit of heights; one in feet is enough to refuse the grid."""
     xml = "<PAMDataset><SRS>{}</SRS><PAMRasterBand band='1'>{}</PAMRasterBand></PAMDataset>"
