@@ -137,10 +137,6 @@ class Accessors:
             raise ProblemError(f"accessors[{index}]: indices must be of unsigned integers")
         return self._array(index, "SCALAR")[:, 0].astype(np.int64)
 
-    def count(self, index: int) -> int:
-        """Returns the number of values that an accessor declares."""
-        return item(self._accessors, index, "accessors").count
-
     def _array(self, index: int, kind: str) -> np.ndarray[Any, Any]:
         given = item(self._accessors, index, "accessors")
         place = f"accessors[{index}]"

@@ -84,7 +84,7 @@ class Faces(NamedTuple):
             faces = np.flatnonzero(self.sizes == size)
             corners = self.corners[begins[faces, None] + np.arange(size)]
             corners = _alike(corners) if size > 3 else corners
-            fans = _fans(corners)
+            fans = fan(corners)
             if size > 3:
                 places = self.vertices[corners]
                 flat = _seen_from_ahead(places)
@@ -93,12 +93,16 @@ class Faces(NamedTuple):
             yield np.repeat(faces, size - 2), fans.reshape(-1, 3)
 
 
-def strip(corners: Sequence[int]) -> list[list[int]]:
-    """Returns the triangles of a strip, every second one turned so that all look the same way."""
-    return [
-        [corners[k + k % 2], corners[k + 1 - k % 2], corners[k + 2]]
-        for k in range(len(corners) - 2)
-    ]
+def strip(corners: IntArray) -> IntArray:
+    """Returns the triangles [n - 2, 3] of a strip [n], all of which look the same way."""
+    k = np.arange(max(len(corners) - 2, 0))
+    return np.column_stack([corners[k], corners[k + 1 + k % 2], corners[k + 2 - k % 2]])
+
+
+def fan(corners: IntArray) -> IntArray:
+    """Returns the triangles [.., n - 2, 3] from the first of some corners [.., n] to all others."""
+    first = np.broadcast_to(corners[..., :1], corners[..., 2:].shape)
+    return np.stack([first, corners[..., 1:-1], corners[..., 2:]], axis=-1)
 
 
 def _alike(corners: IntArray) -> IntArray:
@@ -111,12 +115,6 @@ def _alike(corners: IntArray) -> IntArray:
     order = (begin[:, None] + np.arange(corners.shape[1])) % corners.shape[1]
     result: IntArray = np.take_along_axis(corners, order, axis=1)
     return result
-
-
-def _fans(corners: IntArray) -> IntArray:
-    """Returns the triangles [F, n - 2, 3] from the first corner of each face [F, n]."""
-    first = np.broadcast_to(corners[:, :1], corners[:, 2:].shape)
-    return np.stack([first, corners[:, 1:-1], corners[:, 2:]], axis=2)
 
 
 def _seen_from_ahead(corners: FloatArray) -> FloatArray:
@@ -162,7 +160,7 @@ def _cut(corners: IntArray, flat: FloatArray, face: int) -> IntArray:
     except (shapely.errors.GEOSException, KeyError):
         found = []
     triangles = np.array(found, dtype=np.int64).reshape(-1, 3)
-    back = _fans(corners[None, ::-1])[0]  # closes what has just the edges of the face
+    back = fan(corners[::-1])  # closes what has just the edges of the face
     if len(triangles) != len(corners) - 2 or not close(np.concatenate([triangles, back])):
         raise ProblemError(
             f"faces[{face}]: must not cross itself; in Blender, Face > Triangulate Faces cuts such "

@@ -27,7 +27,7 @@ from cocap_opt.scenarios.recipe.mesh_accessors import (
     item,
     needs,
 )
-from cocap_opt.scenarios.recipe.mesh_faces import Faces
+from cocap_opt.scenarios.recipe.mesh_faces import Faces, fan, strip
 from cocap_opt.world.workspace import MOST_TRIANGLES
 
 INSTANCED = "EXT_mesh_gpu_instancing"
@@ -174,10 +174,8 @@ def _old(version: str) -> str:
 
 def _require_readable(model: _Model) -> None:
     """Raises a ProblemError if the file requires an extension that may change its geometry."""
-    for name in (
-        *model.extensions_required,
-        *(_PLACING if set(_PLACING) & set(model.extensions) else ()),
-    ):
+    placing = [name for name in _PLACING if name in model.extensions]
+    for name in (*model.extensions_required, *placing):
         if name not in (QUANTIZED, INSTANCED) and not name.startswith(_NO_GEOMETRY):
             raise ProblemError(needs(name))
 
@@ -365,9 +363,4 @@ class _Reader:
             raise ProblemError(f"{place}: must be whole triangles, not of {len(numbers)} corners")
         if primitive.mode == _TRIANGLES:
             return numbers.reshape(-1, 3)
-        k = np.arange(max(len(numbers) - 2, 0))
-        if primitive.mode == _FAN:
-            return np.column_stack(
-                [numbers[k + 1], numbers[k + 2], np.broadcast_to(numbers[:1], len(k))]
-            )
-        return np.column_stack([numbers[k], numbers[k + 1 + k % 2], numbers[k + 2 - k % 2]])
+        return fan(numbers) if primitive.mode == _FAN else strip(numbers)

@@ -48,6 +48,10 @@ class _Element(NamedTuple):
     rows: int
     properties: list[_Property]
 
+    @property
+    def lists_of_corners(self) -> list[_Property]:
+        return [given for given in self.properties if given.name in _CORNERS and given.length]
+
 
 Columns = dict[str, Sequence[Any]]  # of each property its numbers, or its lists of numbers
 
@@ -77,7 +81,7 @@ def read_ply(path: Path) -> Faces:
             faces += _corners(element, columns)
         elif element.name in _STRIPS:
             faces += [face for row in _corners(element, columns) for face in _cut(row)]
-        elif any(given.name in _CORNERS and given.length for given in element.properties):
+        elif element.lists_of_corners:
             raise ProblemError(
                 f"element {element.name}: lists corners, and only those of {_FACES} and "
                 f"{_STRIPS[0]} are read; MeshLab writes faces"
@@ -102,12 +106,12 @@ def _places(element: _Element, columns: Columns) -> FloatArray:
 
 def _corners(element: _Element, columns: Columns) -> list[list[int]]:
     """Returns the lists of corners of an element."""
-    lists = [given.name for given in element.properties if given.name in _CORNERS and given.length]
+    lists = element.lists_of_corners
     if len(lists) != 1:
         raise ProblemError(
             f"element {element.name}: must have one list {' or '.join(_CORNERS)}, not {len(lists)}"
         )
-    (given,) = (given for given in element.properties if given.name == lists[0])
+    (given,) = lists
     if given.type[0] == "f":
         raise ProblemError(f"element {element.name}: {given.name} must be whole numbers")
     return [[int(corner) for corner in row] for row in columns[given.name]]
@@ -115,13 +119,9 @@ def _corners(element: _Element, columns: Columns) -> list[list[int]]:
 
 def _cut(corners: list[int]) -> list[list[int]]:
     """Returns the triangles of the strips of a list."""
-    strips: list[list[int]] = [[]]
-    for corner in corners:
-        if corner == _RESTART:
-            strips.append([])
-        else:
-            strips[-1].append(corner)
-    return [triangle for one in strips for triangle in strip(one)]
+    given = np.array(corners, dtype=object)  # text may have numbers of any size
+    parts = np.split(given, np.flatnonzero(given == _RESTART))
+    return [face for part in parts for face in strip(part[part != _RESTART]).tolist()]
 
 
 def _header(text: str) -> tuple[str, list[_Element]]:

@@ -449,6 +449,9 @@ def test_strips_of_ply_are_read_with_its_faces(tmp_path: Path) -> None:
     strips = [*STRIP, -1, 5, 4, 1]
     text = head + rows(BOX) + "3 1 4 0\n" + f"{len(strips)} {' '.join(map(str, strips))}\n"
     assert is_box(shape(saved(tmp_path, "a.ply", text)))
+    for odd, words in (("1" + "0" * 30, "numbers below 2"), ("8", "vertices 0..7, not 8")):
+        with pytest.raises(ProblemError, match=words):
+            shape(saved(tmp_path, "b.ply", text.replace(" -1 5 ", f" -1 {odd} ")))
 
 
 def test_elements_of_ply_that_are_left_out_are_named(

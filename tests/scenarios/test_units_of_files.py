@@ -233,7 +233,7 @@ def test_a_projection_beside_a_grid_counts_by_any_name(beside: Beside, name: str
 )
 def test_nobody_is_told_to_drop_a_file_that_is_right(beside: Beside, text: str) -> None:
     """Metres that are none on the ground are none without the file that says so, either."""
-    with pytest.raises(ProblemError, match="map.prj: .*true") as error:
+    with pytest.raises(ProblemError, match=r"map\.prj: .*true") as error:
         read_raster(beside(map_prj=text))
     assert "without this file" not in str(error.value)
 
