@@ -195,7 +195,7 @@ _ROOTS = {  # of XML, by their names without a prefix, in small letters
                       "[[mesh]]"),
     "featurecollection": Kind("GML", _WALLS),
     "svg": Kind("an SVG picture", _PICTURE),
-    "html": Kind("a web page, not the file that was meant to be loaded", "load the file again"),
+    "html": Kind("HTML, a web page in place of the file", "load the file again"),
     "fcd-export": Kind("XML of SUMO", "its xml2csv.py writes a table; name its columns"),
     "geometry": Kind("a ground plan in XML", "write it as JSON or WKT, for [[walls]]"),
 }  # fmt: skip

@@ -62,8 +62,10 @@ class Stated(NamedTuple):
         return not self.name and self.code is None
 
     def is_one_of(self, systems: Sequence[str]) -> bool:
-        """Returns True if the name or the code is one of some."""
-        return str(self.code) in systems or any(name in self.name for name in systems)
+        """Returns True if the code, or else a whole word of the name, is one of some."""
+        if self.code is not None:
+            return str(self.code) in systems
+        return bool(re.search(rf"(?<!\d)({'|'.join(systems)})(?!\d)", self.name))
 
 
 def in_metres(

@@ -14,12 +14,14 @@ def same_system(one: str, other: str) -> bool:
     if one.upper() == other.upper():
         return True
     try:
+        import rasterio
         from rasterio.crs import CRS
         from rasterio.errors import CRSError
     except ImportError:
         return False
     try:
-        return bool(CRS.from_user_input(one) == CRS.from_user_input(other))
+        with rasterio.Env():  # which keeps GDAL from printing
+            return bool(CRS.from_user_input(one) == CRS.from_user_input(other))
     except CRSError:
         return False
 

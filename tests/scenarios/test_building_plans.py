@@ -220,6 +220,18 @@ def test_lengths_in_geojson_have_to_be_said(tmp_path: Path) -> None:
             walls(tmp_path, collection(house(10, 10, height=12), crs=system), unit="m")
 
 
+@pytest.mark.parametrize("name", ["ESRI:104326", "ESRI:103857", "EPSG:14326", "EPSG::43260"])
+def test_a_code_is_told_by_all_its_digits(
+    tmp_path: Path, name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A code with 4326 or 3857 in it is another system, and the message is all that is printed."""
+    system = {"type": "name", "properties": {"name": name}}
+    with pytest.raises(ProblemError, match="crs: ") as error:
+        walls(tmp_path, collection(house(10, 10, height=12), crs=system))
+    assert "Mercator" not in str(error.value)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_systems_of_plans_in_feet_are_not_taken_for_metres(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
