@@ -10,7 +10,7 @@ SAME = 1e-6  # m; vertices that are nearer to each other are at the same place
 def firsts(vertices: FloatArray) -> IntArray:
     """Returns for each vertex [V, 3] the number of the first one that is at the same place [V].
 
-    Places are the same within `SAME`, and where a chain of such vertices leads.
+    Places are the same within `SAME`, and so are those that a chain of such vertices connects.
     """
     from scipy.spatial import cKDTree  # slow to import, as SciPy's graphs are
 
@@ -38,13 +38,13 @@ def equal_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
 
 
 def counting(vertices: FloatArray, triangles: IntArray) -> IntArray:
-    """Returns the triangles [n, 3] of a mesh that count, of vertices that are one at each place.
+    """Returns the triangles [n, 3] of a mesh that count, by the first vertex at each place.
 
-    Those with two corners at the same place have no area and do not count, and a triangle that is
-    given several times counts once. What lets the rest close is left out as well: the second of
-    two triangles that look both ways, for some programs draw every wall from both sides; and
-    triangles whose corners are in a line. If all close but for looking different ways, those that
-    look another way than most of their neighbours are turned.
+    A triangle with two corners at the same place has no area and does not count. A triangle that
+    is given several times counts once. If the rest then closes, two more kinds are left out: the
+    second of two triangles of the same corners that look in opposite directions, for some programs
+    draw every wall from both sides; and triangles whose corners are in a line. If the surface has
+    no hole, but neighbours look in different directions, the fewer of them are turned.
     """
     named = firsts(vertices)[triangles]
     a, b, c = named.T
@@ -57,15 +57,16 @@ def counting(vertices: FloatArray, triangles: IntArray) -> IntArray:
     for part in (from_one_side, distinct):
         if close(wide := _wide(vertices, part)):
             return wide
-    alike = _alike(from_one_side)
-    return distinct if alike is None else alike
+    oriented = _oriented(from_one_side)
+    return distinct if oriented is None else oriented
 
 
-def _alike(triangles: IntArray) -> IntArray | None:
+def _oriented(triangles: IntArray) -> IntArray | None:
     """Returns triangles [n, 3] turned so that they close, or None if they have a hole.
 
-    Each edge must have two triangles. Every triangle is there twice, as it is and turned; what
-    passes their edges in opposite directions hangs together, and is one way to turn them all.
+    Each edge must have two triangles. The graph has two nodes for each triangle, as it is and
+    turned, and joins nodes that pass their common edge in opposite directions. So each component
+    is one way to orient a part of the surface.
     """
     n = len(triangles)
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
@@ -109,8 +110,8 @@ def close(triangles: IntArray) -> bool:
 def closed_parts(triangles: IntArray) -> BoolArray:
     """Returns an array [n], true for triangles of parts that close.
 
-    A part is what hangs together by corners, but for flaps: triangles on a surface, or beside it,
-    none of whose edges has another triangle that answers it.
+    A part is a set of triangles that are connected by corners. Flaps, which may touch it, are none
+    of it: no edge of a flap is passed in the opposite direction by another triangle.
     """
     own, balance = _edges(triangles)
     closed: BoolArray = (np.sign(balance) != own).any(axis=1)

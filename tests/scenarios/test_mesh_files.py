@@ -286,7 +286,7 @@ def test_an_off_is_the_same_box_however_it_is_written(tmp_path: Path, text: str)
         (OFF.replace("8 6", "8 7"), r"8 vertices and 7 faces, as it declares, not 14 rows"),
         (OFF.replace("8 6", "-2 16"), r"-2 vertices and 16 faces, as it declares, not 14 rows"),
         ("OFF", r"line 1: must be the numbers of vertices, faces and edges"),
-        ("<html>", r"is a web page"),
+        ("<html>", r"is HTML"),
         ("OFFAL 8", r"must begin with OFF"),
         (OFF.replace("8 6", "8 5"), r"8 vertices and 5 faces, as it declares, not 14 rows"),
         (OFF.replace("4 3 0 4 7", "4 3 0 4"), r"line 16: must have 4 corners, not 3"),
