@@ -93,6 +93,19 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[str
     return rows
 
 
+def plain_number(text: str) -> float:
+    """Returns the number that a text spells for any program: 1_000, as Python writes it, is none.
+
+    Raises
+    ------
+    ValueError
+        If it spells none.
+    """
+    if "_" in text:
+        raise ValueError(text)
+    return float(text)
+
+
 def integer(text: str, field: str) -> int:
     """Returns the whole number that `text` spells.
 
@@ -102,6 +115,8 @@ def integer(text: str, field: str) -> int:
         If it spells none; the message starts with `field`.
     """
     try:
+        if "_" in text:
+            raise ValueError
         return int(text)
     except ValueError as error:
         raise ProblemError(f"{field}: must be a whole number, not {text[:40]!r}") from error
@@ -116,7 +131,7 @@ def number(text: str, field: str) -> float:
         If it spells none; the message starts with `field`.
     """
     try:
-        value = float(text)
+        value = plain_number(text)
     except ValueError:
         value = math.nan
     if not abs(value) <= 1e9:  # false for nan too

@@ -21,6 +21,7 @@ from defusedxml.ElementTree import fromstring
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.recipe.track_times import Times, nanoseconds_of
+from cocap_opt.scenarios.text import plain_number
 from cocap_opt.text import unread
 
 _OTHERS = {"rte": "route", "wpt": "waypoint"}  # that have no times, or are no ways
@@ -156,7 +157,7 @@ def _moment(point: Element, place: str) -> int:
 def _degrees(point: Element, name: str, most: float, place: str) -> float:
     text = point.get(name, "")
     try:
-        value = float(text) if "_" not in text else math.nan
+        value = plain_number(text)
     except ValueError:
         value = math.nan
     if not abs(value) <= most:  # true for nan, too

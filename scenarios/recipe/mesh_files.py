@@ -2,7 +2,7 @@
 
 There is a reader of our own for each format, for libraries leave out in silence what they do not
 know: trimesh 5.2 sparse accessors, strips beside faces and negative numbers of vertices, assimp 5
-strips and indented lines.
+strips and indented lines; plyfile 1.1 takes lists of length -3, and bytes after the last row.
 """
 
 from collections.abc import Callable

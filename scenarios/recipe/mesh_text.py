@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from cocap_opt.data import ProblemError
+from cocap_opt.scenarios.text import plain_number
 
 
 def lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -23,12 +24,10 @@ def numbers(values: Sequence[str], place: int | str) -> list[float]:
     Raises
     ------
     ProblemError
-        If one is no number; 1_000, as Python writes it, is none.
+        If one is no number.
     """
     try:
-        if any("_" in value for value in values):
-            raise ValueError
-        return [float(value) for value in values]
+        return [plain_number(value) for value in values]
     except ValueError as error:
         raise ProblemError(
             f"{_named(place)}: must be numbers with a decimal point, not {' '.join(values)[:40]!r}"

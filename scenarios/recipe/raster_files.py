@@ -22,7 +22,7 @@ from cocap_opt.scenarios.recipe.projection_files import beside
 from cocap_opt.scenarios.recipe.raster import Layout, Raster, Window
 from cocap_opt.scenarios.recipe.tables import Unit
 from cocap_opt.scenarios.recipe.units_of_systems import require_true
-from cocap_opt.scenarios.text import integer, naming, number
+from cocap_opt.scenarios.text import integer, naming, number, plain_number
 from cocap_opt.text import unread
 
 KEYS = (
@@ -191,7 +191,7 @@ def _nodata(header: Header) -> float | None:
     if "nodata_value" not in header:
         return None
     try:
-        return float(header["nodata_value"])  # may be far beyond all heights, or nan
+        return plain_number(header["nodata_value"])  # may be far beyond all heights, or nan
     except ValueError as error:
         text = header["nodata_value"][:40]
         raise ProblemError(f"nodata_value: must be a number, not {text!r}") from error
@@ -269,9 +269,11 @@ def _blocks(file: BinaryIO, width: int) -> Iterator[FloatArray]:
 
 def _numbers(words: list[bytes], done: int, width: int) -> FloatArray:
     try:
+        if b"_" in b" ".join(words):  # see `plain_number`, which would be slow here
+            raise ValueError
         return np.fromiter(map(float, words), np.float64, len(words))
     except ValueError as error:
-        k = next(k for k, word in enumerate(words) if not _is_number(word))
+        k = next(k for k, word in enumerate(words) if b"_" in word or not _is_number(word))
         row, column = divmod(done + k, width)
         raise ProblemError(
             f"row {row + 1}, column {column + 1} from the north-west: must be a number, "
