@@ -9,7 +9,6 @@ gpxpy reads no names with a prefix, and takes a time that it cannot read for non
 
 import math
 from collections.abc import Iterable, Iterator
-from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -20,7 +19,7 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
-from cocap_opt.scenarios.recipe.track_times import Times, nanoseconds_of
+from cocap_opt.scenarios.recipe.track_times import Times, moment_of, nanoseconds_of
 from cocap_opt.scenarios.text import plain_number
 from cocap_opt.text import unread
 
@@ -146,7 +145,7 @@ def _moment(point: Element, place: str) -> int:
             f"{place}: must have a time, as recorded tracks have and planned ways have not"
         )
     try:
-        return nanoseconds_of(datetime.fromisoformat(text))
+        return nanoseconds_of(moment_of(text))
     except ValueError:
         raise ProblemError(
             f"{place}, time: must be a date with a time such as 2026-05-01T10:00:00Z, not "

@@ -61,6 +61,19 @@ def is_date(text: str) -> bool:
     return _DATE.match(text) is not None
 
 
+def moment_of(text: str) -> datetime:
+    """Returns the moment that a date with a time tells.
+
+    Raises
+    ------
+    ValueError
+        If it is none; a date alone would be midnight.
+    """
+    if not is_date(text):
+        raise ValueError(text)
+    return datetime.fromisoformat(text)
+
+
 def times_of_dates(rows: Iterable[tuple[int, str]]) -> Times:
     """Returns the times of dates, each with the line that it is in.
 
@@ -73,7 +86,7 @@ def times_of_dates(rows: Iterable[tuple[int, str]]) -> Times:
     zoned: bool | None = None
     for line, text in rows:
         try:
-            found = datetime.fromisoformat(text)
+            found = moment_of(text)
             moments.append(nanoseconds_of(found))
         except ValueError:
             raise ProblemError(

@@ -2,6 +2,7 @@
 
 import logging
 import math
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -173,6 +174,7 @@ NO_TIME = segment([("2026-05-01T10:00:00Z", 0.0, 0.0), ("", 1.0, 0.0)])
         (gpx(walk([0]) + NO_TIME), "track 1, segment 2, point 2: must have a time"),
         (gpx(walk([0]).replace("2026-05-01T", "yesterday ")), "point 1, time: must be a date with"),
         (gpx(walk([0]).replace("2026", "0001")), "point 1, time: must be a date with a time"),
+        (gpx(re.sub("T10.*?Z", "", walk([0]))), "point 1, time: must be a date with a time"),
         (gpx(walk([0]).replace("10:00:00", "25:00:00")), "point 1, time: must be a date"),
         (gpx(walk([0]).replace('lat="52', 'lat="95')), "point 1, lat: must be within +-90 degrees"),
         (gpx(walk([0]).replace('lat="52.', 'lat="nan" no="')), "point 1, lat: must be within +-90"),

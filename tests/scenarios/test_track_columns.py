@@ -130,6 +130,11 @@ def test_times_that_no_clock_shows_are_asked_about(
             "time_unit: must be s, ms, us, ns, not 'min'",
         ),
         (
+            "id,t,x,y\n1,2026-05-01T10:00:00,0,0\n1,2026-05-01,0,0\n",
+            {},
+            "line 3, time: must be a date with a time such as 2026-05-01T10:00:00.25, as in the",
+        ),
+        (
             "id,t,x,y\n1,2026-05-01T10:00:00,0,0\n1,2026-05-01T10:00:01Z,0,0\n",
             {},
             "line 3, time: must have an offset such as Z or +02:00 in all rows, or in none",
