@@ -1,18 +1,20 @@
 """The code of a planner that is none of this project's: what its results depend on, and its files.
 
 It is the planner's module, or the whole package that the module is in, with all that these import
-from beside them, and the versions of the installed packages that they import. Comments, layout and
-docstrings do not count. What a planner reads or imports by other ways is not known to anybody.
+from beside them or from other folders of one's own, and the versions of the installed packages that
+they import. Comments, layout and docstrings do not count. What a planner reads or imports by other
+ways is not known to anybody.
 """
 
 import ast
 import hashlib
 import sys
 import sysconfig
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.machinery import SourceFileLoader
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from importlib.util import find_spec
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import NamedTuple
@@ -33,13 +35,13 @@ class OwnCode(NamedTuple):
     Attributes
     ----------
     digest : of the files and the versions
-    root : folder from which the module is imported
-    names : modules and packages in it that belong to the planner
-    files : their Python files' content, by their paths below the root; none of what is installed
+    roots : folders from which they are imported, that of the planner's own module first
+    names : modules and packages in them that belong to the planner
+    files : their Python files' content, by their paths below a root; none of what is installed
     """
 
     digest: str
-    root: str
+    roots: tuple[str, ...]
     names: frozenset[str]
     files: dict[str, bytes]
 
@@ -50,29 +52,30 @@ class OwnCode(NamedTuple):
         Raises
         ------
         OwnCodeError
-            If it has no file, as what is typed at a prompt or into a notebook, or has changed since
-            it was imported.
+            If it has no file, as what is typed at a prompt or into a notebook, or if it, or a module
+            of one's own that it imports, has changed since it was imported.
         """
         module = sys.modules[name]
         if name.partition(".")[0] == _PROJECT:
-            return cls(name, "", frozenset(), {})
+            return cls(name, (), frozenset(), {})
         file = getattr(module, "__file__", None)
         if file is None or not Path(file).is_file() or Path(file).suffix != ".py":
             raise OwnCodeError(f"{name} has no file of Python code")
         _require_current(module, Path(file))
         top = Path(file).stem if name == "__main__" else name.partition(".")[0]
         root = Path(file).resolve().parents[0 if name == "__main__" else _depth(module)]
-        files, foreign = _collected(root, top)
+        roots, foreign = _collected(root, top)
+        files = {path: content for own in roots.values() for path, content in own.items()}
+        for folder, own in roots.items():
+            _require_current_files(folder, own)
         digest = hashlib.sha256()
         for path in sorted(files):
-            digest.update(f"\n# {path}\n".encode() + _counted(path, files[path]))
+            digest.update(f"\n# {path}\n".encode() + counted(path, files[path]))
         for package, number in sorted(foreign.items()):
             digest.update(f"\n# {package} {number}".encode())
-        sources = {path: content for path, content in files.items() if path.endswith(".py")}
         names = frozenset(path.partition("/")[0].removesuffix(".py") for path in files)
-        return cls(
-            digest.hexdigest(), str(root), names, {} if _is_installed(root) else sources
-        )  # fmt: skip
+        sent = {} if _is_installed(root) else {p: c for p, c in files.items() if p.endswith(".py")}
+        return cls(digest.hexdigest(), tuple(map(str, roots)), names, sent)
 
 
 def _depth(module: ModuleType) -> int:
@@ -81,26 +84,48 @@ def _depth(module: ModuleType) -> int:
     return module.__name__.count(".") + is_package
 
 
-def _collected(root: Path, top: str) -> tuple[dict[str, bytes], dict[str, str]]:
-    """Returns the files of a module and of what it imports from beside it, and other packages.
+def _collected(root: Path, top: str) -> tuple[dict[Path, dict[str, bytes]], dict[str, str]]:
+    """Returns the files of a module and of one's own modules that it imports, and other packages.
 
     Returns
     -------
-    files : content by path below the root
+    roots : files' content by path below each folder that modules are imported from
     foreign : versions of installed packages by name
     """
-    files: dict[str, bytes] = {}
-    waiting, seen, foreign = [top], {top, _PROJECT}, set[str]()
+    roots: dict[Path, dict[str, bytes]] = {root: {}}
+    waiting, seen, foreign = [(root, top)], {top, _PROJECT}, set[str]()
     while waiting:
-        for path in _files_of(root, waiting.pop()):
-            content = files[path.relative_to(root).as_posix()] = path.read_bytes()
+        folder, module = waiting.pop()
+        for path in _files_of(folder, module):
+            content = roots.setdefault(folder, {})[path.relative_to(folder).as_posix()] = (
+                path.read_bytes()
+            )
             for name in _imported(content) - seen if path.suffix == ".py" else ():
                 seen.add(name)
-                if _is_installed(root) or not any(_files_of(root, name)):
+                home = _home(root, name)
+                if home is None:
                     foreign.add(name)
                 else:
-                    waiting.append(name)
-    return files, _versions(foreign - sys.stdlib_module_names)
+                    waiting.append((home, name))
+    return roots, _versions(foreign - sys.stdlib_module_names)
+
+
+def _home(root: Path, name: str) -> Path | None:
+    """Returns the folder that has a module of one's own; None for what is installed or unknown.
+
+    It is beside the planner, or elsewhere on the path, as packages are that are still worked on.
+    """
+    if not _is_installed(root) and any(_files_of(root, name)):
+        return root
+    if name in sys.stdlib_module_names:
+        return None
+    try:
+        spec = find_spec(name)
+    except (ImportError, ValueError):  # it says of itself that it has none
+        return None
+    places = [] if spec is None else [*(spec.submodule_search_locations or ()), spec.origin or ""]
+    home = Path(places[0]).resolve().parent if places and places[0] else None
+    return None if home is None or _is_installed(home) or not any(_files_of(home, name)) else home
 
 
 def _files_of(root: Path, name: str) -> Iterator[Path]:
@@ -134,8 +159,8 @@ def _parsed(content: bytes) -> ast.Module:
         return ast.Module(body=[], type_ignores=[])
 
 
-def _counted(path: str, content: bytes) -> bytes:
-    """Returns what counts of a file."""
+def counted(path: str, content: bytes) -> bytes:
+    """Returns what counts of a file of code."""
     if not path.endswith(".py"):
         return content
     try:
@@ -165,6 +190,16 @@ def _versions(names: set[str]) -> dict[str, str]:
 _packages = cache(packages_distributions)  # it reads the records of all that is installed
 
 
+def _require_current_files(root: Path, paths: Iterable[str]) -> None:
+    """Raises OwnCodeError if modules that are imported are not those that their files have now."""
+    for path in paths:
+        name = path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+        module, file = sys.modules.get(name), root / path
+        own = getattr(module, "__file__", None)
+        if module is not None and own is not None and Path(own).resolve() == file.resolve():
+            _require_current(module, file)
+
+
 def _require_current(module: ModuleType, file: Path) -> None:
     """Raises OwnCodeError if the functions of a module are not those that its file has now."""
     if type(module.__loader__) is not SourceFileLoader:  # another may have changed the code
@@ -173,15 +208,28 @@ def _require_current(module: ModuleType, file: Path) -> None:
         known = set(_codes(compile(file.read_bytes(), str(file), "exec", dont_inherit=True)))
     except (SyntaxError, ValueError):
         known = set()
-    for one in vars(module).values():
-        if not isinstance(one, FunctionType) or one.__module__ != module.__name__:
-            continue
+    for one in _functions(module):
         is_from_it = Path(one.__code__.co_filename).resolve() == file.resolve()
         if is_from_it and one.__code__ not in known:
             raise OwnCodeError(
                 f"{file} has changed since it was imported ({one.__name__} is another); begin "
                 "Python anew, or reload it"
             )
+
+
+def _functions(module: ModuleType) -> Iterator[FunctionType]:
+    """Yields the functions of a module and of its classes."""
+    own = [one for one in vars(module).values() if _is_of(one, module)]
+    for holder in (module, *(one for one in own if isinstance(one, type))):
+        for one in vars(holder).values():
+            function = getattr(one, "__func__", one)  # of class methods and static ones
+            if isinstance(function, FunctionType) and _is_of(function, module):
+                yield function
+
+
+def _is_of(one: object, module: ModuleType) -> bool:
+    """Returns True if something is defined in a module."""
+    return getattr(one, "__module__", None) == module.__name__
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

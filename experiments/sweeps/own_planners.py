@@ -15,7 +15,7 @@ from typing import Any
 
 import cloudpickle
 
-from cocap_opt.experiments.sweeps.own_code import OwnCode, OwnCodeError
+from cocap_opt.experiments.sweeps.own_code import OwnCode, OwnCodeError, counted
 from cocap_opt.planners import Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
@@ -27,7 +27,7 @@ _Call = Callable[..., object]
 # Digests of the code of modules that this process has imported for others, by the modules' names.
 _imported: dict[str, str] = {}
 _folders: list[TemporaryDirectory[str]] = []  # that it was written into
-_put: list[str] = []  # the folder that it was imported from, put first on the path
+_put: list[str] = []  # the folders that it was imported from, put first on the path
 
 
 class OwnPlannerError(ValueError):
@@ -220,7 +220,7 @@ def _resolved(reference: str) -> _Call:
     module, _, path = reference.partition(":")
     found: Any = _module(module)
     for name in path.split("."):
-        known = [word for word in vars(found) if not word.startswith("_")]
+        known = [word for word in dir(found) if not word.startswith("_")]
         if not hasattr(found, name):
             raise OwnPlannerError(f"{module} has no {name!r}{meant(name, known)}")
         found = getattr(found, name)
@@ -285,18 +285,18 @@ def _is_at(call: _Call, module: str, path: str) -> bool:
 def _received(reference: str, code: OwnCode) -> _Call:
     """Imports a planner from another process, with the code that it has there.
 
-    The folder that it came from is taken if it is here, too, with the same code, as it may have
-    more than code; else its files are written into a folder of their own. A worker lives longer
+    The folders that it came from are taken if they are here, too, with the same code, as they may
+    have more than code; else its files are written into a folder of their own. A worker lives longer
     than a command: modules of other code leave first.
     """
     module = reference.partition(":")[0]
     if all(_imported.get(name) == code.digest for name in code.names):
         return _resolved(reference)
-    for root in _roots(code):
+    for roots in _roots(code):
         for known in [n for n in sys.modules if n.partition(".")[0] in code.names]:
             del sys.modules[known]
         if code.files:
-            _put_first(root)
+            _put_first(roots)
         call = _resolved(reference)
         with suppress(OwnCodeError):
             if OwnCode.of(module).digest == code.digest:
@@ -305,27 +305,34 @@ def _received(reference: str, code: OwnCode) -> _Call:
     raise OwnPlannerError(f"{platform.node()} has another {module} than this process")
 
 
-def _roots(code: OwnCode) -> Iterator[Path]:
-    """Yields the folders that may have a planner's code."""
-    own = Path(code.root)
+def _roots(code: OwnCode) -> Iterator[list[str]]:
+    """Yields folders that together have a planner's code."""
     if not code.files:  # it is installed
-        yield own
+        yield []
         return
-    if all((own / path).is_file() for path in code.files):
-        yield own
+    if all(any(_has(root, *file) for root in code.roots) for file in code.files.items()):
+        yield [*code.roots]
     made = TemporaryDirectory(prefix="cocap-opt-planner-")
     _folders.append(made)  # it is there until this process ends
     folder = Path(made.name)
     for path, content in code.files.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_bytes(content)
-    yield folder
+    yield [made.name]
 
 
-def _put_first(folder: Path) -> None:
-    """Lets modules be imported from a folder before all others; the last such folder leaves."""
-    if _put:
+def _has(root: str, path: str, content: bytes) -> bool:
+    """Returns True if a folder has a file of this code."""
+    try:
+        return counted(path, Path(root, path).read_bytes()) == counted(path, content)
+    except OSError:
+        return False
+
+
+def _put_first(folders: list[str]) -> None:
+    """Lets modules be imported from folders before all others; the last such folders leave."""
+    while _put:
         sys.path.remove(_put.pop())
-    sys.path.insert(0, str(folder))
-    _put.append(str(folder))
+    sys.path[:0] = folders
+    _put.extend(folders)
     importlib.invalidate_caches()

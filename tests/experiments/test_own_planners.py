@@ -291,7 +291,7 @@ def test_a_package_counts_as_a_whole(mine: Path) -> None:
     code = own(reference).code
     assert code is not None and set(code.names) == {"mypackage"}
     assert {"mypackage/tools.py", "mypackage/deep/planner.py"} <= set(code.files)
-    assert Path(code.root) == mine.resolve()
+    assert code.roots == (str(mine.resolve()),)
     (package / "tools.py").write_text("def f(problem, stop): return 1\n")
     assert own(reference).digest != code.digest
 
@@ -303,6 +303,34 @@ def test_a_module_that_has_changed_since_is_not_kept(mine: Path) -> None:
     (mine / "mymodule.py").write_text(MINE.replace("seed {seed}", "number {seed}"))
     with pytest.raises(OwnCodeError, match="seeded is another"):
         OwnCode.of("mymodule")
+
+
+def test_a_helper_that_has_changed_since_is_not_kept(mine: Path) -> None:
+    """Nor is what its planner calls, in a function or a method of a class."""
+    helper = "class Picks:\n    @staticmethod\n    def one(): return 1\nPICKED = 'greedy'\n"
+    (mine / "pickings.py").write_text(helper)
+    planner = own("mymodule:best")
+    assert OwnCode.of("mymodule") == planner.code
+    (mine / "pickings.py").write_text(helper.replace("return 1", "return 2"))
+    with pytest.raises(OwnCodeError, match=r"pickings\.py has changed .*one is another"):
+        OwnCode.of("mymodule")
+
+
+def test_modules_of_other_folders_count(mine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is on the path, and not installed, has no version by which it would be known."""
+    elsewhere = mine.parent / "elsewhere"
+    elsewhere.mkdir()
+    (mine / "pickings.py").rename(elsewhere / "pickings.py")
+    monkeypatch.setattr(sys, "path", [str(elsewhere), *sys.path])
+    first = own("mymodule:seeded")
+    assert first.code is not None and {"mymodule", "pickings"} <= first.code.names
+    assert first.code.roots == (str(mine.resolve()), str(elsewhere.resolve()))
+    monkeypatch.setattr(sys, "path", [p for p in sys.path if p not in (str(elsewhere), str(mine))])
+    assert message(sent(first)) == "seed 5"
+    assert str(sys.modules["pickings"].__file__).startswith(str(elsewhere.resolve()))
+    (elsewhere / "pickings.py").write_text("PICKED = 'cocap'\n")
+    monkeypatch.setattr(sys, "path", [str(elsewhere), str(mine), *sys.path])
+    assert own("mymodule:seeded").digest != first.digest
 
 
 def test_rows_of_own_planners_stay(mine: Path, tmp_path: Path) -> None:
@@ -369,8 +397,12 @@ def test_workers_import_what_the_command_has(mine: Path, monkeypatch: pytest.Mon
     assert message(sent(other)) == "number 5"
     assert message(sent(one)) == "seed 5"  # whose file is another by now
     assert not str(sys.modules["mymodule"].__file__).startswith(str(mine))
-    (mine / "mymodule.py").unlink()
-    assert message(sent(other)) == "number 5"
+    for unusable in ("raise SystemExit", "def (", None):
+        (mine / "mymodule.py").unlink()
+        if unusable is not None:  # what is there by now is not run
+            (mine / "mymodule.py").write_text(unusable)
+        own_planners._imported.clear()
+        assert message(sent(other)) == "number 5"
 
 
 def test_functions_without_a_module_are_sent() -> None:
