@@ -134,6 +134,12 @@ class PlanFile(Document, frozen=True, kw_only=True):
     plan: Plan
 
     @property
+    def was_in_coverage(self) -> bool:
+        """True if the file says that the limit came before the coverage of all steps was there."""
+        told = self.plan.cut_short(self.limit, in_coverage=True)
+        return bool(told) and self.cut_short == told
+
+    @property
     def told_cut_short(self) -> str:
         """What a limit has left of the plan, in words; files of older versions do not say when."""
         return self.cut_short or self.plan.cut_short(self.limit)

@@ -13,6 +13,9 @@ from cocap_opt.problem.problem import Problem
 from cocap_opt.stop import Limit
 
 
+NO_PLAN = "no plan"  # so begin the words for a plan in which, for want of time, nobody moves
+
+
 class VertexConflict(NamedTuple):
     """Two robots are in one cell, or nearer than the separation, at step t.
 
@@ -122,7 +125,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         words = f"{what} came during {'coverage' if in_coverage else 'the search'}"
         robots, staying = len(self.paths), self.staying
         if staying == robots:
-            return f"no plan: {words}; all drones stay at their starts"
+            return f"{NO_PLAN}: {words}; all drones stay at their starts"
         still = f"; {staying} of {robots} drones stay at their starts" if staying else ""
         return f"cut short: {words}{still}"
 

@@ -1,6 +1,5 @@
 """The face's files: scenes of any format in, scenes, plans, certificates and proofs in and out."""
 
-import math
 from pathlib import Path
 from typing import TypeVar, overload
 
@@ -13,6 +12,7 @@ from cocap_opt.experiments.api.arguments import (
     require,
     require_flown,
 )
+from cocap_opt.experiments.results.judging import finite
 from cocap_opt.files.documents import (
     Document,
     PlanFile,
@@ -172,5 +172,5 @@ def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     return msgspec.structs.replace(
         file, planner=content.method, limit=content.limit, cut_short=content.cut_short,
         reason=content.reason.value,
-        seconds=content.seconds if math.isfinite(content.seconds) else None,
+        seconds=finite(content.seconds),
     )  # fmt: skip

@@ -8,6 +8,7 @@ import numpy as np
 
 from cocap_opt.experiments.api.arguments import require, require_problem, start_for
 from cocap_opt.experiments.results.forecast import warn_of_limit
+from cocap_opt.experiments.results.judging import with_coverage_told
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import (
     OPTIMALITY,
@@ -119,7 +120,7 @@ def bound(
     begin = start_for(problem, start)
     _warn(problem, method, time_limit, stop)
     result = call(problem, _limits(time_limit, stop), begin, report)
-    return _whole(result, problem, method, clock)
+    return _whole(_told(result, problem, method), problem, method, clock)
 
 
 def solve(
@@ -172,7 +173,7 @@ def solve(
     _warn(problem, method, time_limit, stop)
     stop = _limits(time_limit, stop)
     result = call(problem, stop, begin, report, gap=max(gap, OPTIMALITY))
-    result = _whole(result, problem, method, clock)
+    result = _whole(_told(result, problem, method), problem, method, clock)
     return replace(result, reason=proved_reason(result.reason, result.bound, result.gap))
 
 
@@ -195,6 +196,11 @@ def _whole(result: R, problem: Problem, method: object, clock: Clock) -> R:
         seconds=result.seconds or clock.seconds,
         method=result.method or name,
     )
+
+
+def _told(result: R, problem: Problem, method: object) -> R:
+    """The result of a method of ours, which says if a limit came before coverage was there."""
+    return with_coverage_told(problem, result) if isinstance(method, str) else result
 
 
 def _warn(problem: Problem, method: object, seconds: float | None, stop: Stop) -> None:

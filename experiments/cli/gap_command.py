@@ -155,6 +155,7 @@ def _say_why_without_plan(rows: Sequence[Row], problems: Problems) -> None:
 
 
 def _settings(budget: Budget, bound_limit: float | None, rendered: bool, kept: bool) -> Settings:
+    Option("--time-limit").require_seconds(budget.time_limit)  # a cell must end
     bound_limit = budget.time_limit if bound_limit is None else bound_limit
     allowance = budget.allowance
     Option("--bound-limit").require_seconds(bound_limit)

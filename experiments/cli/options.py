@@ -1,8 +1,7 @@
 """Options that several commands share: their names, their help, and what is allowed."""
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter, Token
 
 from cocap_opt.experiments.console.options import Option, UsageError
+from cocap_opt.experiments.console.streams import without_warnings
 from cocap_opt.experiments.results.judging import Allowance
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.flight.strain import strains
@@ -40,7 +40,8 @@ Seconds = Annotated[
     float,
     Parameter(
         name="--time-limit",
-        help="seconds for each computation, its coverage included; in `gap` from when it is there",
+        help="seconds for each computation, its coverage included; inf: no limit; in `gap` "
+        "from when coverage is there, and never inf",
     ),
 ]
 Work = Annotated[
@@ -84,20 +85,8 @@ def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem
 def load_planned(scene: str, seed: int) -> Problem:
     """Returns a scene that has a plan already: what is doubtful in it was said before."""
     Option("--seed").require_whole(seed)
-    with _without_warnings("cocap_opt.scenarios"):
+    with without_warnings("cocap_opt.scenarios"):
         return load_scene(scene, seed)
-
-
-@contextmanager
-def _without_warnings(package: str) -> Iterator[None]:
-    """Keeps the warnings of a package back for a while."""
-    logger = logging.getLogger(package)
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)
 
 
 def say_strains(scene: str, seed: int, problem: Problem) -> None:
@@ -130,7 +119,7 @@ class Budget:
         work = self.work_limit
         if work is not None:
             work = Option("--work-limit").require_whole(work)
-        return Allowance(Option("--time-limit").require_seconds(self.time_limit), work)
+        return Allowance(Option("--time-limit").require_limit(self.time_limit), work)
 
 
 USUAL = Budget()

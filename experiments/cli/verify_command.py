@@ -25,7 +25,7 @@ from cocap_opt.experiments.results.explained_tables import explained_tables
 from cocap_opt.experiments.results.explained_words import explained_sentences
 from cocap_opt.experiments.results.files import PlanReader
 from cocap_opt.experiments.results.forecast import warn_of_checking
-from cocap_opt.experiments.results.judging import Judged
+from cocap_opt.experiments.results.judging import Judged, finite
 from cocap_opt.experiments.results.printing import (
     Record,
     line_width,
@@ -89,8 +89,7 @@ def _verify(
         if not Path(scene).exists():
             load_planned(scene, seed)  # there may be no such file
         raise UsageError("FILE: name a plan, a certificate or a proof")
-    if time_limit != math.inf:
-        time_limit = Option("--time-limit").require_seconds(time_limit)
+    time_limit = Option("--time-limit").require_limit(time_limit)
     claims = _Claims.read(scene, seed, free, files)
     if explain and (claims.plan is None or not claims.bounds):
         raise UsageError("--explain: name a plan, and a certificate or a proof")
@@ -120,10 +119,6 @@ def _verify(
 
 def _data(explained: Explained) -> Record:
     return explained.record | {"sentences": explained_sentences(explained)}
-
-
-def _finite(bound: float) -> float | None:
-    return bound if math.isfinite(bound) else None
 
 
 def _plan_with_scene(scene: str) -> tuple[Path, ...]:
@@ -253,8 +248,8 @@ class _Claims(NamedTuple):
                 }  # fmt: skip
             if verified.proved is not None and verified.proved.second_opinion is not None:
                 found |= {
-                    "bound_by_sweep": _finite(verified.proved.pricing.bound),
-                    "bound_by_networkx": _finite(verified.proved.second_opinion.bound),
+                    "bound_by_sweep": finite(verified.proved.pricing.bound),
+                    "bound_by_networkx": finite(verified.proved.second_opinion.bound),
                 }
             if verified.no_plan:
                 found["message"] = _NO_PLAN

@@ -36,6 +36,16 @@ class Option(NamedTuple):
                 f"{meant(str(value), words)}"
             )
 
+    def require_limit(self, value: object) -> float:
+        """Returns a time limit in seconds as a plain float; infinite stands for none."""
+        seconds = _number(value)
+        if not 0 <= seconds <= LARGEST and seconds != math.inf:
+            raise UsageError(
+                f"{self.name}: must be a number of seconds, 0 or more, or inf for no limit, "
+                f"not {value!r}"
+            )
+        return seconds
+
     def require_seconds(self, value: object) -> float:
         """Returns seconds as a plain float; refuses what is negative, too large or no number.
 

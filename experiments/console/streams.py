@@ -1,8 +1,10 @@
 """Standard output and standard error, which the caller may have closed, filled or cut off."""
 
+import logging
 import os
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import TextIO
 
 from cocap_opt.text import printable
@@ -29,3 +31,15 @@ def say(message: str) -> None:
     except OSError:
         with suppress(OSError):
             discard(sys.stderr)
+
+
+@contextmanager
+def without_warnings(package: str) -> Iterator[None]:
+    """Keeps the warnings of a package back for a while, as they were given before."""
+    logger = logging.getLogger(package)
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)

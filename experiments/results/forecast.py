@@ -3,13 +3,13 @@
 import logging
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import psutil
 
 from cocap_opt.data import ProblemError
+from cocap_opt.experiments.console.streams import without_warnings
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Leaf, ProofFile
 from cocap_opt.model import CoverageEstimate, Model, compiled
@@ -67,7 +67,7 @@ class Forecast(NamedTuple):
     @property
     def has_memory(self) -> bool:
         """There is as much memory as it needs."""
-        return self.coverage.memory <= _USABLE * psutil.virtual_memory().available
+        return self.coverage.memory <= _USABLE * _GIGABYTE * _free()
 
     @property
     def ample(self) -> float:
@@ -85,6 +85,11 @@ class Forecast(NamedTuple):
         if self.planning >= 1 or not parts:
             parts.append(f"a first plan of all drones takes {about(self.planning)}")
         return ", ".join(parts)
+
+
+def _free() -> float:
+    """Returns the memory that is free, in GB."""
+    return float(psutil.virtual_memory().available / _GIGABYTE)
 
 
 def duration(seconds: float) -> str:
@@ -114,8 +119,7 @@ def doubts(forecast: Forecast, seconds: float, option: str, recipe: "Tried | Non
     if forecast.fits(seconds):
         return ""
     if not forecast.has_memory:
-        free = psutil.virtual_memory().available / _GIGABYTE
-        problem, ways = f"of which {free:.1f} GB are free", []
+        problem, ways = f"of which {_free():.1f} GB are free", []
     else:
         problem = f"too much for a limit of {duration(seconds)}: drones may stay at their starts"
         ways = [f"{option} {forecast.ample:g}"]
@@ -164,7 +168,7 @@ class Tried(NamedTuple):
         """Returns the first change that fits; after a few that do not there is none."""
         for change in changes[:_TRIES]:
             try:
-                with _quiet("cocap_opt.scenarios"):
+                with without_warnings("cocap_opt.scenarios"):
                     forecast = Forecast.of(Model(change.scene(self.path, self.seed)))
             except ProblemError:  # it does not fit the recipe's other fields
                 continue
@@ -180,18 +184,6 @@ def _combined(kinds: "Sequence[Sequence[Change]]") -> "Iterator[list[Change]]":
         chosen = [kind[min(level, len(kind) - 1)] for kind in some]
         for count in range(2, len(chosen) + 1):
             yield chosen[:count]
-
-
-@contextmanager
-def _quiet(package: str) -> Iterator[None]:
-    """Keeps back the warnings of a package, which were given when the scene was read."""
-    logger = logging.getLogger(package)
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)
 
 
 def warn_of_checking(
@@ -216,10 +208,14 @@ def warn_of_checking(
     states = sum(c.graph.n_states for c in model.classes) * (model.problem.horizon + 1)
     leaves = sum(map(_leaves, files))
     forecast = Forecast(coverage, leaves * states * PRICING)
-    if not forecast.fits(seconds):
+    if not forecast.has_memory:
         _log.warning(
-            "%s: to check takes %s, coverage %s of it; more than the limit of %s; what would "
-            "do: --time-limit %g",
+            "%s: %s, of which %.1f GB are free", model.problem.name, forecast.words, _free()
+        )
+    elif not forecast.fits(seconds):
+        _log.warning(
+            "%s: to check takes %s, coverage %s of it; the limit is %s; what would do: "
+            "--time-limit %g",
             model.problem.name, about(forecast.seconds), duration(coverage.seconds),
             duration(seconds), forecast.ample,
         )  # fmt: skip

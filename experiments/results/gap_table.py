@@ -7,6 +7,7 @@ from msgspec import UNSET
 
 from cocap_opt.experiments.results.printing import Listing, Marked, Record
 from cocap_opt.experiments.results.rows import SAMPLED_COVERAGE, Row
+from cocap_opt.problem.plan import NO_PLAN
 from cocap_opt.result import Reason
 from cocap_opt.stop import NO_LIMIT
 from cocap_opt.text import shortened
@@ -102,9 +103,10 @@ def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:
 
 def _cut_short(rows: Sequence[Row]) -> Iterator[str]:
     """Yields what limits have left of plans, for those of which least is left first."""
-    cut = sorted((row for row in rows if row.cut_short), key=lambda row: row.cut_short[0] != "n")
+    cut = [row for row in rows if row.cut_short]
+    cut.sort(key=lambda row: not row.cut_short.startswith(NO_PLAN))
     for row in cut[:_NAMED]:
-        yield f"{_CUT} {row.planner} on {_name(row)} seed {row.seed}: {row.cut_short}."
+        yield f"{_CUT} {row.planner} on {_case(row)}: {row.cut_short}."
     if len(cut) > _NAMED:
         yield f"{_CUT} {len(cut) - _NAMED} more plans were cut short; --json or --out DIR has all."
 
@@ -158,7 +160,7 @@ def _missing_bounds(rows: Sequence[Row]) -> list[str]:
         if value is not None:
             words, value, reason = "No bound without rules", row.bound_free, row.bound_free_reason
         if value is None and reason not in PROVED:
-            found.setdefault((words, reason), {})[f"{_name(row)} seed {row.seed}"] = None
+            found.setdefault((words, reason), {})[_case(row)] = None
     return [
         f"{words} for {_first(list(cases))}: {_MISSING.get(reason, reason)}."
         for (words, reason), cases in found.items()
@@ -168,6 +170,11 @@ def _missing_bounds(rows: Sequence[Row]) -> list[str]:
 def _name(row: Row) -> str:
     """Returns the name of a row's scene as sentences have it."""
     return shortened(row.scene)
+
+
+def _case(row: Row) -> str:
+    """Returns the name of a row's scene and its seed, if it has one."""
+    return _name(row) if row.seed is None else f"{_name(row)} seed {row.seed}"
 
 
 def _first(names: Sequence[str]) -> str:

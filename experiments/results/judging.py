@@ -78,6 +78,17 @@ class Awaiting(FirstOf):
         self._criteria = (self._allowance.begin(*self._criteria),)
 
 
+def with_coverage_told(problem: Problem, result: R) -> R:
+    """Returns the result of a method that needs all coverage; says if a limit came before that."""
+    missing = compiled(problem).covered_steps <= problem.horizon
+    return replace(result, in_coverage=True) if result.limit is not None and missing else result
+
+
+def finite(value: float) -> float | None:
+    """Returns a number, or None for what JSON cannot hold."""
+    return value if math.isfinite(value) else None
+
+
 class Judged(NamedTuple, Generic[_R_co]):
     """A result with the referee's verdict; there is no verdict where there is no plan."""
 
@@ -121,6 +132,7 @@ class Judged(NamedTuple, Generic[_R_co]):
                 judged.result,
                 reason=stopped if given.reason is None else Reason(given.reason),
                 limit=given.limit,
+                in_coverage=given.was_in_coverage,
                 seconds=math.nan if given.seconds is None else given.seconds,
             )
         )
@@ -169,11 +181,8 @@ class Judged(NamedTuple, Generic[_R_co]):
             result = EXACT[name](problem, stop, start, report, gap)
         else:
             result = BOUNDS[name](problem, stop, start, report)
-        model = compiled(problem)
-        if result.limit is not None and model.covered_steps <= problem.horizon:
-            result = replace(result, in_coverage=True)
-        judged = Judged.of(name, problem, result)
-        return judged._replace(coverage_seconds=model.coverage_seconds)
+        judged = Judged.of(name, problem, with_coverage_told(problem, result))
+        return judged._replace(coverage_seconds=compiled(problem).coverage_seconds)
 
     @property
     def reward(self) -> float:
@@ -272,8 +281,8 @@ class Judged(NamedTuple, Generic[_R_co]):
             limit=self.result.limit,
             cut_short=self.result.cut_short,
             reason=self.reason.value,
-            seconds=self.result.seconds if math.isfinite(self.result.seconds) else None,
-            time_limit=None if allowance is None else allowance.seconds,
+            seconds=finite(self.result.seconds),
+            time_limit=None if allowance is None else finite(allowance.seconds),
             work_limit=None if allowance is None else allowance.work,
             coverage_version=COVERAGE_VERSION,
             reward=self.reward,

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from msgspec import UNSET, UnsetType
 
 from cocap_opt.experiments.results.columns import Column
-from cocap_opt.experiments.results.judging import BOUND_METHOD, ROUNDING, Judged
+from cocap_opt.experiments.results.judging import BOUND_METHOD, ROUNDING, Judged, finite
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, relative_gap
@@ -116,10 +116,10 @@ class PlanRow:
             scene=problem.name,
             seed=seed,
             planner=planner,
-            reward=_finite(judged.reward),
+            reward=finite(judged.reward),
             reason=str(judged.reason),
             limit=Limit.written(result.limit),
-            seconds=_finite(result.seconds),
+            seconds=finite(result.seconds),
             coverage_seconds=judged.coverage_seconds,
             checking_seconds=judged.checking_seconds,
             views=judged.views,
@@ -143,8 +143,8 @@ class PlanRow:
         return replace(
             row,
             method=method,
-            bound=_finite(result.bound),
-            gap=_finite(judged.gap),
+            bound=finite(result.bound),
+            gap=finite(judged.gap),
             message="; ".join(messages),
         )
 
@@ -265,14 +265,14 @@ class BoundColumns:
         """
         bound, bound_free = under.result, free.result
         return BoundColumns(
-            bound=_finite(bound.bound),
+            bound=finite(bound.bound),
             bound_method=bound.certificate.method if bound.certificate else BOUND_METHOD,
             bound_reason=str(bound.reason),
             bound_limit=Limit.written(bound.limit),
             bound_seconds=bound.seconds,
-            optimum=_finite(under.reward),
-            optimum_free=_finite(free.reward),
-            bound_free=_finite(bound_free.bound),
+            optimum=finite(under.reward),
+            optimum_free=finite(free.reward),
+            bound_free=finite(bound_free.bound),
             bound_free_reason=str(bound_free.reason),
             bound_free_limit=Limit.written(bound_free.limit),
             bound_free_seconds=bound_free.seconds,
@@ -392,7 +392,7 @@ def _fields(row: PlanRow | BoundColumns) -> dict[str, Any]:
 def _gap(plan: PlanRow, bound: float | None) -> float | None:
     if plan.reward is None or bound is None or not plan.valid:
         return None
-    return _finite(relative_gap(plan.reward, bound))
+    return finite(relative_gap(plan.reward, bound))
 
 
 def _overrun(seconds: float | None, limit: float | None) -> float | None:
@@ -400,8 +400,3 @@ def _overrun(seconds: float | None, limit: float | None) -> float | None:
     if seconds is None or limit is None or seconds <= _TOLERATED * limit + _TOLERATED_SECONDS:
         return None
     return seconds - limit
-
-
-def _finite(value: float) -> float | None:
-    """Returns a number, or None for what JSON cannot hold."""
-    return value if math.isfinite(value) else None

@@ -52,8 +52,8 @@ class OwnCode(NamedTuple):
         Raises
         ------
         OwnCodeError
-            If it has no file, as what is typed at a prompt or into a notebook, or if it, or a module
-            of one's own that it imports, has changed since it was imported.
+            If it has no file, as what is typed at a prompt or into a notebook, or if it has changed
+            since it was imported, or a module of one's own that it imports has.
         """
         module = sys.modules[name]
         if name.partition(".")[0] == _PROJECT:

@@ -286,8 +286,8 @@ def _received(reference: str, code: OwnCode) -> _Call:
     """Imports a planner from another process, with the code that it has there.
 
     The folders that it came from are taken if they are here, too, with the same code, as they may
-    have more than code; else its files are written into a folder of their own. A worker lives longer
-    than a command: modules of other code leave first.
+    have more than code; else its files are written into a folder of their own. A worker lives
+    longer than a command: modules of other code leave first.
     """
     module = reference.partition(":")[0]
     if all(_imported.get(name) == code.digest for name in code.names):

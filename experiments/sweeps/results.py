@@ -14,7 +14,8 @@ from cocap_opt.experiments.sweeps.run_file import RUN, RunFile
 from cocap_opt.files.documents import FileError
 
 RESULTS = "results.csv"
-_NEWER = ("overrun",)  # columns that tables of older versions do not have, and nobody misses
+# Columns that tables of older versions do not have, and nobody misses.
+_NEWER = ("cut_short", "overrun")
 
 
 def load_results(folder: Path) -> list[Row]:

@@ -159,12 +159,12 @@ def test_who_overruns_a_limit_is_marked(
 
 
 def test_tables_of_before_are_read(cold: Path, tmp_path: Path) -> None:
-    """They have no column for who overran a limit, and are not lost for that."""
+    """They have no columns for who overran a limit or was cut short, and are not lost for that."""
     (row,) = measured(("cocap",), SETTINGS, tmp_path)
     with (tmp_path / "results.csv").open(encoding="utf-8", newline="") as file:
         table = list(csv.DictReader(file))
     for fields in table:
-        del fields["overrun"]
+        del fields["overrun"], fields["cut_short"]
     save_csv(tmp_path / "results.csv", table)
     assert load_results(tmp_path) == [row]
 

@@ -145,14 +145,14 @@ def test_memory_that_is_not_there_is_said() -> None:
 def test_changes_of_a_recipe_are_read_as_they_are_written(town: Path) -> None:
     """Who writes a change into the recipe, as its words say, has the scene that was tried."""
     problem = load_scene(str(town))
-    kinds = lighter(town, problem)
+    kinds, views = lighter(town, problem), Model(problem).reachable_views
     assert all(kinds)
     for change in (change for kind in kinds for change in kind):
         written = town.with_name("written.toml")
         written.write_text(written_into(RECIPE, change.words))
         own, tried = load_scene(str(written)), change.scene(town, 0)
         assert problem_digest(own) == problem_digest(tried)
-        assert Model(tried).reachable_views < Model(problem).reachable_views
+        assert Model(tried).reachable_views < views
 
 
 def written_into(recipe: str, words: str) -> str:
@@ -264,6 +264,47 @@ def test_a_plan_cut_short_says_so_first_everywhere(
     assert "! cocap on corridor seed 0: no plan: the time limit" in " ".join(out.split())
 
 
+def test_a_plan_says_in_tables_what_its_file_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether a limit came during coverage is not lost on the way."""
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
+    path, told = tmp_path / "plan.json", "no plan: the time limit came during coverage"
+    run(capsys, "plan", "corridor", "--time-limit", 0, "-o", path)
+    assert PlanFile.read(path).cut_short.startswith(told)
+    words = ("--planner", "formation", "--plan", path, "--time-limit", 0, "--bound-limit", 0)
+    _, out, _ = run(capsys, "gap", "corridor", *words, "--json")
+    (given,) = (row for row in json.loads(out)["rows"] if row["planner"] != "formation")
+    assert given["cut_short"].startswith(told)
+
+
+def test_bounds_of_python_know_that_coverage_was_not_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As those of commands do, so both say the same of their plans."""
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
+    problem = load_scene("corridor").replace(name="again")
+    assert co.solve(problem, time_limit=0).in_coverage
+    assert not co.solve(load_scene("tiny-queue")).in_coverage
+
+
+def test_without_a_limit_nothing_is_cut_short(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A limit of `inf` is none, and the plan's file says so; a table needs one."""
+    path = tmp_path / "plan.json"
+    for command in ("plan", "bound", "solve"):
+        words = (command, "tiny-queue", "--time-limit", "inf", "-o", path)
+        assert run(capsys, *words)[0] == 0
+        if command != "bound":
+            assert PlanFile.read(path).time_limit is None
+            assert PlanFile.read(path).limit is None
+    code, _, err = run(capsys, "plan", "tiny-queue", "--time-limit", "nan")
+    assert code == 2 and "0 or more, or inf for no limit, not nan" in err
+    code, _, err = run(capsys, "gap", "tiny-queue", "--time-limit", "inf")
+    assert code == 2 and "--time-limit: must be a finite number of seconds" in err
+
+
 def test_results_say_first_that_a_limit_cut_them_short() -> None:
     """In summary and repr of Python."""
     result = co.plan(load_scene("corridor"), "sequential", time_limit=0)
@@ -341,3 +382,20 @@ def test_verify_has_a_limit_and_warns_if_it_will_not_do(
     assert "to check takes about 12 min" in caplog.text
     assert "--time-limit 1200" in caplog.text
     assert run(capsys, "verify", "tiny-queue", proof, "--time-limit", "nan")[0] == 2
+
+
+def test_verify_warns_of_memory_and_not_of_time(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """No limit is too short for what the memory does not hold."""
+    proof = tmp_path / "proof.json"
+    run(capsys, "bound", "tiny-queue", "-o", proof)
+    monkeypatch.setattr(
+        Model, "coverage_estimate", lambda model: CoverageEstimate(10, seconds=3.0, memory=1e15)
+    )
+    run(capsys, "verify", "tiny-queue", proof)
+    assert re.search("coverage takes about 3 s and 1000000.0 GB, of which .* are free", caplog.text)
+    assert "--time-limit" not in caplog.text
