@@ -29,6 +29,7 @@ _USABLE = 0.9  # of the memory that is free
 _ENOUGH, _AMPLE = 1.2, 1.7
 _TRIES = 3  # changes of a kind that are tried
 _LONG = 20.0  # s, of which is said how long they are where there is no limit
+_SLOWEST = 1e-3  # s of a view; more than any scene has asked for
 _NEAR = 0.75  # of the limit, that changes which are advised take at the most
 
 
@@ -244,7 +245,7 @@ def warn_of_limit(
     ----------
     method : that needs the coverage; those that evaluate single views do not
     """
-    if method in LAZY:
+    if method in LAZY or _is_little(compiled(problem), seconds):
         return
     try:
         forecast = Forecast.of(compiled(problem))
@@ -258,3 +259,41 @@ def warn_of_limit(
         words = f"{forecast.words}; Ctrl-C or {option.removesuffix(' =')} ends it early"
     if words:
         _log.warning("%s: %s", whose, words)
+
+
+def warn_before_limits(
+    problem: Problem, seed: int, cell_limit: float = math.inf, cores: int = 1
+) -> None:
+    """Says, before a sweep, how long coverage takes that no time limit ends, if that is long.
+
+    Parameters
+    ----------
+    cell_limit : s, after which a worker gives up
+    cores : as many that are used here, for each that a worker has
+    """
+    model = compiled(problem)
+    if _is_little(model, _LONG):
+        return
+    try:
+        coverage = model.coverage_estimate()
+    except ProblemError:  # it does not fit into the memory: the cells say so themselves
+        return
+    forecast = Forecast(coverage._replace(seconds=cores * coverage.seconds))
+    words = f"{problem.name}, seed {seed}: {forecast.words}"
+    if not forecast.has_memory:
+        _log.warning("%s, of which %.1f GB are free", words, _free())
+    elif not forecast.fits(cell_limit):
+        _log.warning(
+            "%s; a worker gives up after %s; what would do: --cell-limit %g",
+            words, duration(cell_limit), cell_limit + forecast.ample,
+        )  # fmt: skip
+    elif forecast.seconds > _LONG:
+        _log.warning("%s, before any time limit begins", words)
+
+
+def _is_little(model: Model, seconds: float) -> bool:
+    """Returns True if coverage is computed sooner than estimated, and nothing is to be said."""
+    if model.planning_seconds > 1:  # there are so many states that it takes long to count views
+        return False
+    most = _SLOWEST * model.reachable_views + model.planning_seconds
+    return most <= min(seconds, _LONG)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from cocap_opt.experiments.console.progress import Watch
 from cocap_opt.experiments.console.streams import say
+from cocap_opt.experiments.results.forecast import warn_before_limits
 from cocap_opt.experiments.results.rows import Row
 from cocap_opt.experiments.sweeps.cells import CellFile, Store
 from cocap_opt.experiments.sweeps.crew import Alone, Crew
@@ -16,6 +17,7 @@ from cocap_opt.experiments.sweeps.instances import Instance, Key
 from cocap_opt.experiments.sweeps.output import Output
 from cocap_opt.experiments.sweeps.run_file import Run
 from cocap_opt.stop import Interrupt, Stop
+from cocap_opt.vision.coverage import usable_cores
 
 
 class Hired(NamedTuple):
@@ -24,6 +26,11 @@ class Hired(NamedTuple):
     workers: int | None = None
     scheduler: str | None = None
     cell_limit: float = 0.0  # s, after which a worker gives a cell up
+
+    @property
+    def is_this_process(self) -> bool:
+        """True if there are no workers."""
+        return self.scheduler is None and self.workers is None
 
     @property
     def words(self) -> str:
@@ -96,6 +103,7 @@ def _sweep(
         for content in instance.contents:
             _tell_failure(content, store, tell)
     output.update()
+    _warn_of_coverage(instances, hired)
     progress = Watch.on_terminal("gap", parts=missing) if tell is say else nullcontext(Watch())
     with Interrupt.caught() as interrupt, progress as watch:
 
@@ -128,6 +136,18 @@ def _recalled(instances: Sequence[Instance], store: Store) -> tuple[int, int]:
     return missing, known
 
 
+def _warn_of_coverage(instances: Sequence[Instance], hired: Hired) -> None:
+    """Says of each scene, by its first seed, if its coverage takes long: no time limit ends it."""
+    first = {instance.problem.name: instance for instance in reversed(instances)}
+    for instance in first.values():
+        if instance.is_whole:
+            continue
+        if hired.is_this_process:
+            warn_before_limits(instance.problem, instance.seed)
+        else:  # whose workers have a core each
+            warn_before_limits(instance.problem, instance.seed, hired.cell_limit, usable_cores())
+
+
 def _tell_failure(content: CellFile, store: Store, tell: Callable[[str], None]) -> None:
     """Says why a cell has no result, and where the traceback of an error is."""
     if content.is_finished:
@@ -139,7 +159,7 @@ def _tell_failure(content: CellFile, store: Store, tell: Callable[[str], None]) 
 
 @contextmanager
 def _crew(hired: Hired, stop: Stop, watch: Watch) -> Iterator[Crew]:
-    if hired.scheduler is None and hired.workers is None:
+    if hired.is_this_process:
         yield Alone(stop, watch)
         return
     from cocap_opt.experiments.sweeps.cluster import Cluster  # dask is slow to import

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 import cocap_opt as co
 from cocap_opt.experiments.cli.main import main
 from cocap_opt.experiments.report.player import Player
+from cocap_opt.experiments.results import forecast
 from cocap_opt.experiments.results.forecast import Forecast, Tried, doubts, duration
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.model import CoverageEstimate, Model
@@ -69,7 +71,7 @@ def town(tmp_path: Path) -> Path:
 # -- the estimate ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("scene", ["corridor", "passage", "field"])
+@pytest.mark.parametrize("scene", ["corridor", "passage", "bottleneck"])
 def test_an_estimate_counts_all_views_and_meets_their_entries(scene: str) -> None:
     """It knows how many views there are, and by a sample how many faces they see."""
     model = Model(load_scene(scene), use_cache=False)
@@ -142,6 +144,7 @@ def test_memory_that_is_not_there_is_said() -> None:
     assert "--time-limit" not in words
 
 
+@pytest.mark.slow(seconds=20)
 def test_changes_of_a_recipe_are_read_as_they_are_written(town: Path) -> None:
     """Who writes a change into the recipe, as its words say, has the scene that was tried."""
     problem = load_scene(str(town))
@@ -163,6 +166,7 @@ def written_into(recipe: str, words: str) -> str:
     return recipe
 
 
+@pytest.mark.slow(seconds=7)
 def test_changes_that_fit_alone_are_the_mildest_of_their_kind(
     town: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -187,6 +191,7 @@ def test_python_warns_before_coverage_too(
 ) -> None:
     """A limit that will not do is named; without one it says how long coverage takes."""
     problem = load_scene("tiny-queue")
+    monkeypatch.setattr(forecast, "_SLOWEST", math.inf)  # as if it had many views
     monkeypatch.setattr(Forecast, "of", lambda model: Forecast(CoverageEstimate(9, 500.0)))
     with caplog.at_level(logging.WARNING):
         co.plan(problem, "cocap-vs", time_limit=60)
@@ -196,6 +201,36 @@ def test_python_warns_before_coverage_too(
         caplog.clear()
         co.plan(problem)
     assert "coverage takes about 8 min and 0.1 GB; Ctrl-C or time_limit ends it" in caplog.text
+
+
+def test_little_coverage_is_computed_and_not_estimated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An estimate would take longer; with next to no time left it is worth that all the same."""
+    asked: list[str] = []
+
+    def estimate(model: Model) -> CoverageEstimate:
+        asked.append(model.problem.name)
+        return CoverageEstimate()
+
+    monkeypatch.setattr(Model, "coverage_estimate", estimate)
+    co.plan(load_scene("corridor"), "greedy", time_limit=60)
+    co.plan(load_scene("corridor"), "greedy")
+    assert not asked
+    co.plan(load_scene("corridor"), "greedy", time_limit=0.1)
+    assert asked == ["corridor"]
+
+
+def test_gap_says_how_long_coverage_takes_which_no_limit_ends(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Once for each scene, before it begins; with workers by what they allow a cell."""
+    monkeypatch.setattr(forecast, "_SLOWEST", math.inf)  # as if it had many views
+    monkeypatch.setattr(Model, "coverage_estimate", lambda model: CoverageEstimate(9, 500.0))
+    assert len(co.gap("corridor", ["formation"], "0-1", time_limit=0)) == 2
+    told = "corridor, seed 0: coverage takes about 8 min and 0.1 GB, before any time limit begins"
+    assert [record.message for record in caplog.records if "coverage" in record.message] == [told]
+    caplog.clear()
+    forecast.warn_before_limits(load_scene("corridor"), 0, cell_limit=600.0, cores=2)
+    assert "17 min and 0.1 GB; a worker gives up after 10 min; what would do: --cell" in caplog.text
 
 
 @pytest.mark.slow(seconds=60)
