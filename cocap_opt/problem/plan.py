@@ -12,7 +12,6 @@ from cocap_opt.problem.motion import Cell, State
 from cocap_opt.problem.problem import Problem
 from cocap_opt.stop import Limit
 
-
 NO_PLAN = "no plan"  # so begin the words for a plan in which, for want of time, nobody moves
 
 
@@ -89,11 +88,22 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         """Name of the problem that the plan's file says it is for; empty if nobody says it."""
         return str(vars(self).get("_scene", ""))
 
-    def of_problem(self, digest: str, scene: str) -> "Plan":
-        """Returns the same plan, which says what problem it was made for; it stays equal."""
+    @property
+    def told_cut_short(self) -> str:
+        """What a limit has left of the plan, as its file says; empty if nobody says it."""
+        return str(vars(self).get("_cut_short", ""))
+
+    def of_problem(self, digest: str, scene: str, cut_short: str = "") -> "Plan":
+        """Returns the same plan, which says what its file does; it stays equal.
+
+        Parameters
+        ----------
+        digest, scene : of the problem that it was made for
+        cut_short : what a limit has left of it, in words
+        """
         plan = Plan(paths=self.paths)
         # No fields, for they are no part of what is flown.
-        vars(plan)["_made_for"], vars(plan)["_scene"] = digest, scene
+        vars(plan).update(_made_for=digest, _scene=scene, _cut_short=cut_short)
         return plan
 
     def __repr__(self) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from cocap_opt.experiments.api.arguments import (
     Bound,
+    cut_short_of,
     plan_for,
     require,
     require_flown,
@@ -146,7 +147,7 @@ def read(path: str | Path, kind: type | None = None) -> Problem | Plan | Bound:
     if isinstance(found, SceneFile):
         return found.problem
     if isinstance(found, PlanFile):
-        return found.plan.of_problem(found.digest, found.scene)
+        return found.plan.of_problem(found.digest, found.scene, found.told_cut_short)
     assert isinstance(found, CertificateFile | ProofFile)
     return found
 
@@ -165,12 +166,12 @@ def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     require_flown("plan", verdict)
     file = PlanFile(
         scene=problem.name, digest=problem_digest(problem), planner="",
-        coverage_version=COVERAGE_VERSION, reward=verdict.reward, plan=own,
+        cut_short=cut_short_of(content), coverage_version=COVERAGE_VERSION,
+        reward=verdict.reward, plan=own,
     )  # fmt: skip
     if not isinstance(content, Result):
         return file
     return msgspec.structs.replace(
-        file, planner=content.method, limit=content.limit, cut_short=content.cut_short,
-        reason=content.reason.value,
+        file, planner=content.method, limit=content.limit, reason=content.reason.value,
         seconds=finite(content.seconds),
     )  # fmt: skip

@@ -121,8 +121,7 @@ def _fly(
         check_output(path, scene, plan)
     first: Record = {"cut_short": cut_short} if cut_short else {}
     answer: Record = {**first, "scene": problem.name, "seed": seed, **record, **mission.facts}
-    notes = [note for note in flight.notes() if note != cut_short]  # which comes first already
-    notes += mission.notes
+    notes = [*flight.notes(), *mission.notes]
     notes += _strays(output, suffix, files)
     for warning in mission.warnings:
         _log.warning("%s", warning)

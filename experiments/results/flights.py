@@ -208,8 +208,6 @@ class Flight(NamedTuple):
     def warnings(self) -> Iterable[str]:
         """Yields sentences on what was not checked or is not known."""
         problem = self.flown.problem
-        if self.cut_short:
-            yield self.cut_short
         if not self.is_smooth:
             yield "speeds jump at each step, and no acceleration was checked; --smooth has neither"
         least = self.flown.least_distance()

@@ -113,7 +113,10 @@ def _reached(problem: Problem, starts: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def _resolutions(recipe: Recipe, problem: Problem) -> Iterator[Change]:
-    """Yields larger cells, with as many fewer of them to a step: drones keep their speed."""
+    """Yields larger cells, with as many fewer of them to a step, so that drones keep their speed.
+
+    Where there is no such number, it says how much farther they fly.
+    """
     for times in _COARSER:
         edge = float(f"{problem.height_map.resolution * times:.3g}")
         radii = {
@@ -127,9 +130,16 @@ def _resolutions(recipe: Recipe, problem: Problem) -> Iterator[Change]:
             _of_motion(recipe, k, f"radius = {radius}", radius=radius)
             for k, radius in radii.items()
         ]
-        yield Change.all_of(
+        change = Change.all_of(
             [_of_map(f"resolution = {edge:g}", times**-2, resolution=edge), *slower]
         )
+        own = [table.motion.radius for table in recipe.drones]
+        ratios = (round(radius / times) * times / radius for radius in own if radius)
+        farther = max(ratios, default=1.0)
+        if farther > 1:
+            words = f"{change.words} (drones then fly up to {farther:.2g} times as far in a step)"
+            change = change._replace(words=words)
+        yield change
 
 
 def _fewer(recipe: Recipe, field: str) -> Iterator[Change]:

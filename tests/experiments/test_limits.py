@@ -158,6 +158,13 @@ def test_changes_of_a_recipe_are_read_as_they_are_written(town: Path) -> None:
         assert Model(tried).reachable_views < views
 
 
+def test_a_resolution_at_which_drones_fly_farther_says_so(town: Path) -> None:
+    """A step of three cells is one of two that are 1.5 times as large; one of one cell is not."""
+    for radius, first in ((3, "radius = 2 in [drones.motion]"), (1, "1.5 times as far in a step)")):
+        town.write_text(RECIPE.replace("radius = 3", f"radius = {radius}"))
+        assert lighter(town, load_scene(str(town)))[1][0].words.endswith(first)
+
+
 def written_into(recipe: str, words: str) -> str:
     """Returns a recipe with the fields of a change, each in the table that it names."""
     for field, value, table in re.findall(r"(\w+) = (.+?) in (\[+[\w.]+\]+)", words):
@@ -364,6 +371,20 @@ def test_the_player_is_told_what_limits_have_left() -> None:
     assert Player(load_scene("corridor"), [("a", still())]).data()["plans"][0]["cutShort"] == ""
 
 
+def test_a_plan_that_is_read_says_what_its_file_does(tmp_path: Path) -> None:
+    """In the player, where it is refused, and in a file that it is written to again."""
+    problem = load_scene("corridor")
+    co.save(tmp_path / "plan.json", co.plan(problem, "sequential", time_limit=0))
+    plan = co.read(tmp_path / "plan.json", co.Plan)
+    assert co.show(problem, plan).data()["plans"][0]["cutShort"].startswith("no plan: the time")
+    with pytest.raises(ValueError, match=r"no drone moves .no plan: the time limit came"):
+        co.trajectory(problem, plan, step=1.0)
+    co.save(tmp_path / "again.json", plan, problem)
+    again = co.read(tmp_path / "again.json", co.Plan)
+    assert again.told_cut_short == plan.told_cut_short != ""
+    assert again == plan
+
+
 # -- fly ----------------------------------------------------------------------------------------
 
 
@@ -382,7 +403,7 @@ def test_plans_in_which_no_drone_moves_are_not_flown(
     assert not flight.exists()
     code, out, err = run(capsys, *words, "--hovering")
     assert code == 0
-    assert out.split()[0] == "attention"
+    assert out.split()[0] == "attention" and out.count("no plan: ") == 1
     assert f"{plan}: no plan: the time limit" in caplog.text
     assert flight.exists()
 
