@@ -47,7 +47,8 @@ def plan(
     Parameters
     ----------
     problem : the drones, the people, and where they are
-    planner : a name in `PLANNERS`, or any callable that takes a problem and a stop
+    planner : a name in `PLANNERS`, "module:function", a name that an installed package offers, or
+        any callable that takes a problem and a stop
     time_limit : seconds, the coverage included
     stop : a further stopping criterion, such as ``co.WorkLimit(100)``
 
@@ -64,14 +65,14 @@ def plan(
     UnsupportedError
         If the planner takes no such problems.
     ValueError
-        If there is no planner of this name, or the time limit is negative.
+        If there is no planner of this name, it returns no result, or the time limit is negative.
 
     Examples
     --------
     >>> result = co.plan(problem, time_limit=10)
     >>> result.plot()
     """
-    call = _named("planner", planner, PLANNERS)
+    call = _planner(planner)
     require_problem(problem)
     _warn(problem, planner, time_limit, stop)
     clock = Clock()
@@ -175,6 +176,17 @@ def solve(
     result = call(problem, stop, begin, report, gap=max(gap, OPTIMALITY))
     result = _whole(_told(result, problem, method), problem, method, clock)
     return replace(result, reason=proved_reason(result.reason, result.bound, result.gap))
+
+
+def _planner(given: str | Planner) -> Planner:
+    """The planner itself, or the one of this name, ours or somebody's own."""
+    if isinstance(given, str) and given not in PLANNERS:
+        from cocap_opt.experiments.console.options import Option
+        from cocap_opt.experiments.sweeps.named_planners import is_own, own_planners
+
+        if is_own(given):
+            return own_planners(Option("planner"), [given])[given].seeded(0)
+    return _named("planner", given, PLANNERS)
 
 
 def _named(kind: str, given: str | M, known: Mapping[str, M]) -> M:

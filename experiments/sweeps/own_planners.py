@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from traceback import extract_tb
@@ -198,13 +199,12 @@ def _required(name: str, result: object) -> Result:
     if not isinstance(result, Result):
         what = "nothing (None)" if result is None else f"a {type(result).__name__}"
         raise OwnPlannerError(f"{name} returned {what}; {makes}")
-    for field_name, value, kinds in (
-        ("plan", result.plan, (Plan, type(None))),
-        ("value", result.value, (int, float)),
-        ("reason", result.reason, (Reason,)),
+    for field_name, value, kind, allowed in (
+        ("plan", result.plan, Plan | None, "Plan"),
+        ("value", result.value, Real, "number"),
+        ("reason", result.reason, Reason, "Reason"),
     ):
-        if not isinstance(value, kinds):
-            allowed = " or ".join(kind.__name__ for kind in kinds if kind is not type(None))
+        if not isinstance(value, kind):
             raise OwnPlannerError(
                 f"{name} returned a Result whose {field_name} is a {type(value).__name__}, not a "
                 f"{allowed}; {makes}"

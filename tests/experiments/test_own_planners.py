@@ -12,6 +12,7 @@ import pytest
 from test_sweeps import SETTINGS, computed, folder_for_a_sweep, small_field
 
 from cocap_opt.experiments.api.measuring import gap as gap_frame
+from cocap_opt.experiments.api.methods import plan as plan_by
 from cocap_opt.experiments.cli import commands
 from cocap_opt.experiments.sweeps import named_planners, own_planners
 from cocap_opt.experiments.sweeps.cells import Store
@@ -178,12 +179,23 @@ def test_a_planner_that_cannot_be_found_is_refused(
         gap_frame("tiny-queue", [name])
 
 
+def test_python_plans_by_module_and_name(mine: Path) -> None:
+    """As the commands do; a planner that takes a seed gets 0."""
+    assert plan_by(small_field(0), "mymodule:seeded").message == "seed 0"
+    with pytest.raises(ValueError, match=r"^planner: mymodule has no 'seded'; did you mean seeded"):
+        plan_by(small_field(0), "mymodule:seded")
+    with pytest.raises(ValueError, match=r"mymodule:nothing returned nothing \(None\); a planner"):
+        plan_by(small_field(0), "mymodule:nothing")
+    with pytest.raises(ValueError, match=r"^planner: must be one of greedy, .*not 'nobody'"):
+        plan_by(small_field(0), "nobody")
+
+
 @pytest.mark.parametrize(
     ("name", "words"),
     [
         ("nothing", "mymodule:nothing returned nothing (None); a planner returns a Result, "),
         ("plan_only", "mymodule:plan_only returned a Plan; a planner returns a Result, "),
-        ("words", "mymodule:words returned a Result whose value is a str, not a int or float"),
+        ("words", "mymodule:words returned a Result whose value is a str, not a number; "),
         ("exits", "mymodule:exits has ended its process: SystemExit(3)"),
         ("boasts", "claims J = "),
         ("raises", "mymodule:raises raised KeyError: 'shape' (mymodule.py, line "),
