@@ -263,8 +263,16 @@ class Model:
     @property
     def reachable_views(self) -> int:
         """Number of states at steps that count that robots can reach: of all views there are."""
-        first = self.problem.first_step
-        return sum(int(np.count_nonzero(self.reachable(c)[first:])) for c in self.classes)
+        return self._views_before(self.problem.horizon + 1)
+
+    @property
+    def covered_views(self) -> int:
+        """Number of those whose coverage is there."""
+        return self._views_before(self.covered_steps)
+
+    def _views_before(self, step: int) -> int:
+        steps = slice(self.problem.first_step, step)
+        return sum(int(np.count_nonzero(self.reachable(c)[steps])) for c in self.classes)
 
     def coverage_estimate(self) -> CoverageEstimate:
         """Estimate what coverage that is neither in memory nor in the cache will cost.

@@ -158,7 +158,7 @@ class Judged(NamedTuple, Generic[_R_co]):
                 coverage_seconds=0.0, views=None if views is None else int(views)
             )
         model = compiled(problem)
-        return judged._replace(coverage_seconds=model.coverage_seconds, views=model.reachable_views)
+        return judged._replace(coverage_seconds=model.coverage_seconds, views=model.covered_views)
 
     @classmethod
     def certified(

@@ -320,6 +320,18 @@ def test_a_plan_says_in_tables_what_its_file_says(
     assert given["cut_short"].startswith(told)
 
 
+def test_views_that_were_not_evaluated_are_not_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plan that was made without them owes them nothing."""
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
+    views = []
+    for limit in (0, 60):
+        out = run(capsys, "plan", "corridor", "--time-limit", limit, "--json")[1]
+        views.append(json.loads(out)["views"])
+    assert views[0] < views[1] == Model(load_scene("corridor")).reachable_views
+
+
 def test_bounds_of_python_know_that_coverage_was_not_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
