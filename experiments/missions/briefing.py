@@ -80,9 +80,6 @@ def _summary(flight: Flight) -> Iterator[str]:
     if flight.cut_short:
         yield f"ATTENTION: {flight.cut_short}."
     drones, people = len(problem.robots), len(problem.actors)
-    if flight.cut_short:
-        what, _, why = flight.cut_short.partition(":")
-        yield f"{what.upper()}:{why}."
     yield (
         f"{drones} {'drones' if drones > 1 else 'drone'}, {people} "
         f"{'person' if people == 1 else 'people'}; {flown.seconds:g} s, in {problem.horizon} steps "

@@ -34,11 +34,13 @@ class Change(NamedTuple):
     fields : as they are to be written, by the tables that they are in
     share : of the states that drones can reach now, about, that are left
     of : makes the other recipe
+    note : what else it changes, in words
     """
 
     fields: dict[str, tuple[str, ...]]
     share: float
     of: Callable[[Recipe], Recipe]
+    note: str = ""
 
     @classmethod
     def all_of(cls, changes: "Sequence[Change]") -> "Change":
@@ -51,13 +53,14 @@ class Change(NamedTuple):
             fields,
             math.prod(change.share for change in changes),
             lambda recipe: reduce(lambda found, change: change.of(found), changes, recipe),
+            "; ".join(change.note for change in changes if change.note),
         )
 
     @property
     def words(self) -> str:
         """Its fields, and the tables that they are in; each table is named once."""
         own = (f"{', '.join(fields)} in {table}" for table, fields in self.fields.items())
-        return " and ".join(own)
+        return " and ".join(own) + (f" ({self.note})" if self.note else "")
 
     def scene(self, path: Path, seed: int) -> Problem:
         """Reads a recipe with this change; a ProblemError says why it does not fit the rest."""
@@ -137,8 +140,8 @@ def _resolutions(recipe: Recipe, problem: Problem) -> Iterator[Change]:
         ratios = (round(radius / times) * times / radius for radius in own if radius)
         farther = max(ratios, default=1.0)
         if farther > 1:
-            words = f"{change.words} (drones then fly up to {farther:.2g} times as far in a step)"
-            change = change._replace(words=words)
+            note = f"drones then fly up to {farther:.2g} times as far in a step"
+            change = change._replace(note=note)
         yield change
 
 

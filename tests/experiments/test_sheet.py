@@ -258,12 +258,3 @@ def test_the_sheet_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     convergence = pyproj.Proj("EPSG:2154").get_factors(-3.5, 48.85).meridian_convergence
     assert np.degrees(np.arctan2(-x, -y)) == pytest.approx(-convergence, abs=0.01)
     assert convergence < -4
-
-
-def test_a_plan_that_a_limit_has_cut_short_says_so_first() -> None:
-    """The crew must not take it for one that was finished."""
-    flight = Flight.of(*scene(), False)
-    assert "LIMIT" not in text_of(flight)["Flight"][0].upper()
-    told = "cut short: the time limit came during the search; 1 of 2 drones stay at their starts"
-    first = text_of(flight._replace(cut_short=told))["Flight"][0]
-    assert first == told.replace("cut short", "CUT SHORT") + "."
