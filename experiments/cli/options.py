@@ -40,8 +40,8 @@ Seconds = Annotated[
     float,
     Parameter(
         name="--time-limit",
-        help="seconds for each computation, its coverage included; inf: no limit; in `gap` "
-        "from when coverage is there, and never inf",
+        help="seconds for each computation, its coverage included, inf: no limit; in `gap` finite, "
+        "and from when coverage is there",
     ),
 ]
 Work = Annotated[
