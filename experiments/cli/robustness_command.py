@@ -1,5 +1,6 @@
 """The command `robustness`, which tells what is left of a plan that is not flown as planned."""
 
+import logging
 import math
 from collections.abc import Iterator
 from typing import Annotated
@@ -21,6 +22,8 @@ from cocap_opt.experiments.results.robustness import (
     written_delay,
 )
 from cocap_opt.files.documents import FileError
+
+_log = logging.getLogger(__name__)
 
 _USUAL = Changes()
 
@@ -57,7 +60,10 @@ def _robustness(
 
     Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
     """
-    problem, planned = PlanReader(scene, load_planned(scene, seed)).plan(plan)
+    reader = PlanReader(scene, load_planned(scene, seed))
+    problem, planned = reader.plan(plan)
+    if cut_short := reader.cut_short(plan):
+        _log.warning("%s: %s", plan, cut_short)
     changes = Changes(
         _USUAL.late if late is None else late,
         _USUAL.aside if aside is None else aside,
@@ -75,6 +81,7 @@ def _robustness(
     notes = list(_notes(flight, delay, to_people))
     if json:
         answer: Record = {
+            **({"cut_short": cut_short} if cut_short else {}),
             "scene": problem.name,
             "seed": seed,
             "delay_tolerance": written_delay(delay),

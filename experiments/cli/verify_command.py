@@ -103,6 +103,7 @@ def _verify(
         say_narrow_way(scene, seed, claims.problem)
     own_seed = seed if has_seed(scene) else None
     answer = {
+        **({"cut_short": claims.cut_short} if claims.cut_short else {}),
         "scene": claims.problem.name,
         "seed": own_seed,
         "digest": problem_digest(claims.problem),
@@ -209,6 +210,11 @@ class _Claims(NamedTuple):
                 except TooLargeError as error:
                     raise UsageError(f"--networkx: {error}") from error
         return bounds, failed
+
+    @property
+    def cut_short(self) -> str:
+        """What a limit has left of the plan, in words; a valid plan may be one that hovers."""
+        return self.plan_file.told_cut_short if self.plan_file else ""
 
     def by_person(self, verified: Verified) -> Record:
         """Returns the rewards of people, which take the place of those of faces in a terminal."""

@@ -16,7 +16,7 @@ from cocap_opt.experiments.missions.routes import (
     seconds_to_step_0,
 )
 from cocap_opt.experiments.missions.waypoints import lateness
-from cocap_opt.experiments.missions.zones import zones
+from cocap_opt.experiments.missions.zones import Zone, zones
 from cocap_opt.experiments.results.flights import Flight, cells_below
 from cocap_opt.experiments.results.heights import over_datum
 from cocap_opt.experiments.results.robustness import (
@@ -40,6 +40,9 @@ _UNCHECKED = (
     "well those in it keep to their walks",
     "airspace and its rules, and permission of the owners of the ground",
 )
+
+
+_MOST_CORNERS = 8  # of a no-fly zone, that are listed
 
 
 class Section(NamedTuple):
@@ -201,9 +204,18 @@ def _distances(flight: Flight) -> Iterator[str]:
         yield f"The ceiling is {problem.airspace.ceiling:g} m {over_datum(problem)}."
     if flight.geodesy is not None:
         for zone in zones(flight, flight.geodesy):
-            yield f"N{zone.name[1:]}."
+            yield f"N{zone.name[1:]}{_corners(zone)}."
     if flight.asked is not None:
         yield f"The scene asks for {flight.asked.told_people}, and is flown with less, by --margin."
+
+
+def _corners(zone: Zone) -> str:
+    """Returns where a zone is, by its corners if they are few; KML and GeoJSON have all others."""
+    corners = list(zone.outline.exterior.coords)[:-1]
+    if len(corners) > _MOST_CORNERS:
+        west, south, east, north = zone.outline.bounds
+        return f", between x {west:.1f} and {east:.1f}, y {south:.1f} and {north:.1f}"
+    return f", with corners {', '.join(f'x {x:.1f} y {y:.1f}' for x, y in corners)}"
 
 
 def _delays(flight: Flight) -> Iterator[str]:

@@ -437,3 +437,20 @@ def test_beside_level_water_nobody_knows_the_height_above_the_ground() -> None:
         )  # fmt: skip
         columns = flights.Flight.of(problem, plan, smooth=False).columns()
         assert ("above_ground" in columns) is known
+
+
+def test_of_a_plan_cut_short_judgements_say_so_first(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
+    """A valid plan that bears every delay may be one in which no drone moves."""
+    scene, plan = files[0], tmp_path / "cut.json"
+    problem = co.load(scene)
+    hovering = co.Plan(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
+    value = co.check(problem, hovering).reward
+    co.save(plan, co.Result(hovering, value, co.Reason.STOPPED, limit="time"), problem)
+    run = Run(capsys, "verify", scene, plan)
+    assert run.code == 0 and run.out.splitlines()[0].split()[0] == "attention"
+    run = Run(capsys, "robustness", scene, plan)
+    assert run.code == 0 and "cut.json: no plan: " in caplog.text
+    assert "no plan" in Run(capsys, "robustness", scene, plan, "--json").json["cut_short"]
