@@ -16,6 +16,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.drawing import DRONE_COLOURS, PERSON
 from cocap_opt.experiments.missions.briefing import Section, briefing
 from cocap_opt.experiments.missions.export import Export
+from cocap_opt.experiments.missions.zones import ZONE, outlines
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.text import shortened
 
@@ -92,6 +93,10 @@ def _draw_map(ax: Axes, flight: Flight) -> None:
     """Draws the flights; numbers stand at the starts."""
     flown, problem = flight.flown, flight.flown.problem
     problem.top_view().draw_map(ax)
+    for mesh in problem.airspace.no_fly:
+        for outline in outlines(mesh):
+            corners = np.array(outline.exterior.coords)
+            ax.fill(*corners.T, fc="none", ec=ZONE, hatch="////", lw=1.2)
     for j, actor in enumerate(problem.actors):
         walk = actor.poses[: problem.horizon + 1, :2]
         ax.plot(*walk.T, color=PERSON, lw=1, ls=":")
@@ -109,8 +114,9 @@ def _draw_map(ax: Axes, flight: Flight) -> None:
         _mark(ax, way[0], str(i), "white", "black")
     _draw_north(ax, flight)
     every = flown.seconds / (_MARKS - 1)
+    zoned = "; red: closed to drones" if problem.airspace.no_fly else ""
     ax.set_title(
-        f"rings: starts, of people with P; squares: ends; dots: drones every {every:.3g} s",
+        f"rings: starts, of people with P; squares: ends; dots: drones every {every:.3g} s{zoned}",
         fontsize=_SIZE,
     )
     ax.tick_params(labelsize=_SIZE)

@@ -72,7 +72,7 @@ def zones(flight: Flight, geodesy: Geodesy) -> list[Zone]:
         heights = {"z": _limits(ends, 0.0)}
         if earth is not None and earth.heights is not None:
             heights[f"above_{earth.heights}"] = _limits(ends, earth.base)
-        for outline in _outlines(mesh):
+        for outline in outlines(mesh):
             x, y = np.array(outline.exterior.coords)[:-1].T
             latitude, longitude = geodesy.degrees(x, y)
             corners = np.column_stack([longitude, latitude])
@@ -104,7 +104,7 @@ def _limits(ends: tuple[float, float], base: float) -> tuple[float | None, float
     return low, high
 
 
-def _outlines(mesh: Mesh) -> list[shapely.Polygon]:
+def outlines(mesh: Mesh) -> list[shapely.Polygon]:
     """Returns the polygons that a solid covers, seen from above, without their holes."""
     triangles = [shapely.Polygon(corners) for corners in mesh.corners[:, :, :2]]
     whole = shapely.union_all([triangle for triangle in triangles if triangle.area > 0])

@@ -63,6 +63,17 @@ def test_a_plan_that_was_cut_short_says_so_first() -> None:
     assert sum(words in line for section in sections for line in section.lines) == 1
 
 
+def test_no_fly_zones_are_told_from_houses_on_the_map() -> None:
+    """They have a colour of their own, which the map's title names."""
+    problem, plan = scene()
+    assert problem.airspace.no_fly
+    for airspace, count in ((problem.airspace, len(problem.airspace.no_fly)), (co.Airspace(), 0)):
+        ax = Figure().add_subplot()
+        sheet_module._draw_map(ax, Flight.of(problem.replace(airspace=airspace), plan, False))
+        assert len(ax.patches) == count
+        assert ("red: closed to drones" in ax.get_title()) == bool(count)
+
+
 def test_names_stay_as_they_are() -> None:
     """A person's table has her name over it as the scene writes it."""
     problem, plan = scene()
