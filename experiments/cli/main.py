@@ -71,3 +71,7 @@ def _leave_at_once() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+if __name__ == "__main__":  # `python -m`, where the command is not on the path
+    main()

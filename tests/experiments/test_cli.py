@@ -1337,3 +1337,11 @@ def test_a_scene_is_not_overwritten(
     run = Run(capsys, words[0], scene, *words[1:], "-o", scene)
     assert run.code == 2 and "must be another file than what is read" in run.err
     assert scene.read_bytes() == before
+
+
+@pytest.mark.slow
+def test_python_runs_the_module_as_the_command() -> None:
+    """`python -m` of its module does what `cocap-opt` does, and does not end in silence."""
+    words = [sys.executable, "-m", "cocap_opt.experiments.cli.main", "--version"]
+    found = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert co.__version__ in found.stdout
