@@ -12,7 +12,7 @@ databases, which say all of this (`track_database`); GPX is what receivers of GP
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
@@ -72,6 +72,7 @@ class TrackTable(NamedTuple):
     rate: float | None  # frames/s; None: the file has times
     clock: Clock | None = None  # of times that are dates
     segments: IntArray | None = None  # [n] numbers of parts between which nothing was recorded
+    stamps: FloatArray | None = None  # [n] s, of a column of times where frames are used instead
 
     @classmethod
     def read(cls, path: Path, form: Form, projection: Projection) -> "TrackTable":
@@ -133,8 +134,12 @@ class TrackTable(NamedTuple):
         unit = settled("unit", layout.units(names), default)
         time_unit = _time_unit(layout, names, places, form.time_unit)
         rate = layout.rate(places, form.fps)
+        stamps = None
         if rate is not None:
             form.require_left_out("frames, whose rate is fps", "time_unit")
+            with suppress(ProblemError):  # what is not used may be anything
+                if "time" in places:
+                    stamps = _values(text, layout, places, len(names), time_unit)[0]["time"]
             places.pop("time", None)
         if "time" in places and is_date(layout.row[places["time"]]):
             form.require_left_out("dates", "time_unit")
@@ -149,7 +154,7 @@ class TrackTable(NamedTuple):
             values["x"], values["y"] = PER_METRE[unit] * points.T
         if form.columns is None and layout.names_nothing():
             values = in_likely_order(values, PER_METRE[unit], 1.0 if rate is None else rate)
-        table = cls._of(values, words, where, unit, rate)._replace(clock=clock)
+        table = cls._of(values, words, where, unit, rate)._replace(clock=clock, stamps=stamps)
         if "z" in places and names[places["z"]].strip().lower().startswith("height"):
             _require_heads(table, names)
         return table

@@ -21,6 +21,7 @@ APART = 0.2, 5.0  # m, between people and those nearest to them
 _FASTEST = 12.0  # m/s, of people between two rows
 _BLUR = 1.0  # m, by which a position may be wrong
 _FEW = 0.1  # of all moves; if more are too fast, it is no matter of single rows
+_CLOCKS = 0.01  # relative, by which clocks of frames and of times may differ
 _MOMENTS = 20  # that are looked at, evenly spread, for how far people are apart
 _MOST = 500  # people at a moment whose distances are looked at
 
@@ -72,6 +73,7 @@ def track_warnings(table: TrackTable) -> Iterator[str]:
         asked = f"is {unit_of}, or {clock}?" if unit_of else f"{clock}?"
         yield f"median speed {speed:.4g} m/s: {asked}"
     yield from _about_heights(table, heights)
+    yield from _about_stamps(table)
     if not single:
         yield from _about_room(table)
 
@@ -117,6 +119,18 @@ def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
                 if (heights[odd] < HEIGHTS[0]).any()
                 else ""
             )
+        )
+
+
+def _about_stamps(table: TrackTable) -> Iterator[str]:
+    """Says whether frames and times of a file tell how long it lasts alike."""
+    if table.stamps is None or table.rate is None:
+        return
+    by_frames, by_times = float(np.ptp(table.times)), float(np.ptp(table.stamps))
+    if abs(by_frames - by_times) > _CLOCKS * by_frames:
+        yield (
+            f"the column frame lasts {by_frames:.4g} s at fps = {table.rate:g}, the column time "
+            f"{by_times:.4g} s: frames count; without fps, times do"
         )
 
 

@@ -796,3 +796,17 @@ def test_a_damaged_database_is_refused(tmp_path: Path) -> None:
         path.write_bytes(damaged)
         with pytest.raises(ProblemError, match="is an SQLite database that cannot be read"):
             Track.read_all(path)
+
+
+@pytest.mark.parametrize(
+    ("fps", "last", "warned"), [(10, "0.2", False), (5, "0.2", True), (5, "late", False)]
+)
+def test_frames_that_last_otherwise_than_times_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, fps: float, last: str, warned: bool
+) -> None:
+    """A frame rate that is given counts, but a file that has times may contradict it."""
+    rows = "".join(f"1,{k},{t},{0.1 * k:.1f},0\n" for k, t in enumerate(["0", "0.1", last]))
+    (found,) = read(tmp_path, f"id,frame,time,x,y\n{rows}", unit="m", fps=fps)
+    assert found.times[-1] == 2 / fps
+    words = "the column frame lasts 0.4 s at fps = 5, the column time 0.2 s: frames count"
+    assert (words in caplog.text) == warned
