@@ -104,8 +104,12 @@ def _allowed_words(said: str, kind: object, path: str) -> str:
 
 def _allowed(kind: inspect.Type, path: str) -> list[str]:
     """Returns the words that may stand at a path; none where others than words may."""
-    found = [one.values for one in _kinds_at(kind, path) if isinstance(one, inspect.LiteralType)]
-    return [str(value) for values in found for value in values]
+    kinds = _kinds_at(kind, path)
+    words = [
+        str(word) for one in kinds if isinstance(one, inspect.LiteralType) for word in one.values
+    ]
+    members = [member for one in kinds if isinstance(one, inspect.EnumType) for member in one.cls]
+    return words + [str(member.value) for member in members]
 
 
 def _fields(kind: inspect.Type, path: str) -> list[str]:

@@ -389,6 +389,15 @@ def test_wrong_plan_file_is_refused(field: str, value: object, tmp_path: Path) -
     assert str(caught.value).startswith(f"{path}: ")
 
 
+def test_limits_of_plan_files_that_are_none_are_told_those_that_are(tmp_path: Path) -> None:
+    """As for words of other kinds: what is allowed, and what is likely meant."""
+    plan = PlanFile(scene="s", digest="d", planner="p", reward=1.0, plan=Plan(paths=()))
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(json.loads(encode(plan)) | {"limit": "tme"}))
+    with pytest.raises(FileError, match=r"limit: must be one of time, work, .*; did you mean time"):
+        PlanFile.read(path)
+
+
 def test_plan_files_of_before_say_nothing_of_the_search(tmp_path: Path) -> None:
     """Version 2 had no `limit`, version 3 neither reason nor seconds; files of both are read."""
     plan = PlanFile(
