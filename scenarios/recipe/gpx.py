@@ -12,14 +12,13 @@ from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
-from xml.etree.ElementTree import Element, ParseError
+from xml.etree.ElementTree import Element
 
 import numpy as np
-from defusedxml import DefusedXmlException
-from defusedxml.ElementTree import fromstring
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.recipe.track_times import Times, moment_of, nanoseconds_of
+from cocap_opt.scenarios.recipe.xml_files import root_of
 from cocap_opt.scenarios.text import plain_number
 from cocap_opt.text import unread
 
@@ -70,15 +69,10 @@ class _Point(NamedTuple):
 
 def _root(path: Path) -> Element:
     try:
-        root: Element = fromstring(path.read_bytes(), forbid_dtd=True)
+        content = path.read_bytes()
     except OSError as error:
         raise ProblemError(unread(error)) from error
-    except DefusedXmlException as error:
-        raise ProblemError("must be GPX without a DOCTYPE and entities of its own") from error
-    except (ParseError, ValueError, LookupError) as error:
-        line = f"line {error.position[0]}: " if isinstance(error, ParseError) else ""
-        raise ProblemError(f"{line}must be GPX; it is damaged or cut off") from error
-    return root
+    return root_of(content, "GPX")
 
 
 def _points(root: Element, stem: str) -> Iterator[_Point]:

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
-from xml.etree import ElementTree
 
 from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.recipe.lengths import Stated, stated_heights, unknown
@@ -14,6 +13,7 @@ from cocap_opt.scenarios.recipe.units_of_systems import (
     require_metres,
     units_of,
 )
+from cocap_opt.scenarios.recipe.xml_files import root_of
 from cocap_opt.scenarios.text import naming, number
 
 _PLAIN = {"Scale": 1, "Offset": 0}  # GDAL's, of heights that are stored as they are
@@ -84,11 +84,7 @@ def _of_system(text: str, units: Units) -> Beside:
 
 def _of_xml(content: bytes) -> Iterator[Beside]:
     """Yields what GDAL and ArcGIS keep beside a raster: a system, a unit of heights."""
-    try:
-        root = ElementTree.fromstring(content)
-    except ElementTree.ParseError as error:
-        raise ProblemError("must be XML, but is damaged") from error
-    for element in root.iter():
+    for element in root_of(content, "XML").iter():
         text = (element.text or "").strip()
         match element.tag.rpartition("}")[2]:
             case "SRS" | "WKT" if text:

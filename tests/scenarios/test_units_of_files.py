@@ -255,6 +255,14 @@ def test_all_files_beside_a_grid_count(beside: Beside) -> None:
     ):
         with pytest.raises(ProblemError, match=words):
             read_raster(beside(map_asc_aux_xml=xml.format("", odd)))
+    for start, words in (
+        ('<?xml version="1.0" encoding="foo"?>', "must be XML in UTF-8"),
+        ('<?xml version="1.0" encoding="utf-7"?>', "must be XML in UTF-8"),
+        ('<!DOCTYPE a [<!ENTITY x "m">]>', "must be XML without a DOCTYPE"),
+        ("<", "line 1: must be XML; it is damaged"),
+    ):
+        with pytest.raises(ProblemError, match=rf"map\.asc\.aux\.xml: {words}"):
+            read_raster(beside(map_asc_aux_xml=start + text))
     other = xml.format("", "<UnitType>cm</UnitType>")
     both = utm(METRE) + "," + ESRI_LEVEL.format(US_SURVEY)
     with pytest.raises(ProblemError, match="heights: files beside it must say one unit, not "):
