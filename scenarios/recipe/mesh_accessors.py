@@ -233,8 +233,9 @@ class Accessors:
             return self._rest
         if uri.startswith("data:"):
             return _of_text(uri, index)
-        path = (self._folder / unquote(uri)).resolve()
-        if not path.is_relative_to(self._folder) or not path.is_file():
+        path = self._folder / unquote(uri)
+        is_name = "\0" not in str(path)  # which no system looks up
+        if not (is_name and path.resolve().is_relative_to(self._folder) and path.is_file()):
             raise ProblemError(f"buffers[{index}]: cannot be read: {uri[:60]} is no file beside it")
         return path.read_bytes()
 

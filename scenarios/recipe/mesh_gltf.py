@@ -212,7 +212,7 @@ def _own_place(node: _Node, index: int) -> FloatArray:
     """Returns the matrix [4, 4] of a node in that above it."""
     if node.matrix is not None:
         matrix: FloatArray = np.reshape(node.matrix, (4, 4)).T  # they are by columns
-        if matrix[3].tolist() != [0, 0, 0, 1]:
+        if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-6):  # of float32
             raise ProblemError(
                 f"nodes[{index}].matrix: must turn, scale and shift, so that its last row is "
                 f"0 0 0 1, not {' '.join(f'{part:g}' for part in matrix[3])}"
