@@ -1,6 +1,7 @@
 """The rules by which autopilots fly missions, and missions that take the plan's time by them.
 
 PX4
+- It takes off at MPC_TKO_SPEED (multicopter_takeoff_params.c of mc_pos_control).
 - DO_CHANGE_SPEED sets one cruise speed, whatever its type says (`Navigator::run`,
   navigator_main.cpp).
 - The cruise speed is that over the ground, at most MPC_XY_VEL_MAX (`FlightTaskAuto::
@@ -17,6 +18,7 @@ PX4
   (`InputMavlinkGimbalV2`).
 
 ArduPilot
+- It takes off at WPNAV_SPEED_UP (`AC_WPNav::get_default_speed_up`, in takeoff.cpp).
 - DO_CHANGE_SPEED sets the speed over ground, up or down, by its type (`ModeAuto::do_change_speed`,
   mode_auto.cpp); one over ground below WPNAV_WP_SPEED_MIN is ignored (`AC_WPNav::set_speed_xy`).
   Speeds stay until they are changed.
@@ -100,6 +102,8 @@ class Autopilot(NamedTuple):
     title : its own name
     number : MAV_AUTOPILOT
     turns_by_command : True: a waypoint's yaw has no effect, MAV_CMD_CONDITION_YAW has
+    rise : m/s at which it takes off
+    rises_by : the parameter that says so
     pace : how it is told to fly a leg in its time
     extra : items beside those of a mission: ArduPilot keeps the home position as one
     most : items that it usually holds
@@ -113,6 +117,8 @@ class Autopilot(NamedTuple):
     title: str
     number: int
     turns_by_command: bool
+    rise: float
+    rises_by: str
     pace: Callable[[Leg], Pace]
     extra: int
     most: int
@@ -215,7 +221,7 @@ class _Mission:
         if self._autopilot.turns_by_command:
             self.items.append(turn(self._yaw))
         self._go_to(0)
-        self._due = self._route.wait
+        self._due = self._route.until - self._route.place(0)[2] / self._autopilot.rise
         self._wait()
 
     def _fly(self, leg: Leg) -> None:
@@ -264,14 +270,14 @@ class _Mission:
 
 
 PX4 = Autopilot(
-    "px4", (".plan",), "PX4", 12, False, _px4_pace,
-    0, 500, "since 1.13 and on most boards", "GF_MAX_VER_DIST",
+    "px4", (".plan",), "PX4", 12, False, 1.5, "MPC_TKO_SPEED",
+    _px4_pace, 0, 500, "since 1.13 and on most boards", "GF_MAX_VER_DIST",
     "for PX4 with its usual MPC_Z_V_AUTO_UP 3, MPC_Z_V_AUTO_DN 1.5 and MPC_YAWRAUTO_MAX 45; an "
     "ArduPilot would fly its climbs too fast or too slowly, and refuse to command its gimbal so",
 )  # fmt: skip
 ARDUPILOT = Autopilot(
-    "ardupilot", (".waypoints", ".plan"), "ArduPilot", 3, True, _ardupilot_pace,
-    1, 718, "on boards with 16 kB of storage", "FENCE_ALT_MAX",
+    "ardupilot", (".waypoints", ".plan"), "ArduPilot", 3, True, 2.5, "WPNAV_SPEED_UP",
+    _ardupilot_pace, 1, 718, "on boards with 16 kB of storage", "FENCE_ALT_MAX",
     "for ArduPilot (a PX4 would take each speed for the one over ground): set WP_YAW_BEHAVIOR to "
     "0, so that it looks where the plan does, and WPNAV_RADIUS to what corners may be cut by; it "
     "takes whole degrees of pitch",

@@ -157,8 +157,8 @@ def _in_the_air(flight: Flight) -> Iterator[str]:
     waits = "" if flight.is_smooth else ", where missions of waypoints wait for each other"
     yield (
         f"In the air: {seconds:.4g} s ({seconds / 60:.1f} min) from take-off to the last step, "
-        f"{before:.3g} s of them up to the first place at {RISE:g} m/s{waits}; the way down comes "
-        "on top."
+        f"{before:.3g} s of them up to the first place at {RISE:g} m/s or faster{waits}; the way "
+        "down comes on top."
     )
     for i, robot in enumerate(flight.flown.problem.robots):
         if robot.limits is not None and robot.limits.outlasted_by(seconds):

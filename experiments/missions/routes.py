@@ -11,7 +11,7 @@ from cocap_opt.experiments.missions.items import Place
 from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.flight.earth import Geodesy
 
-RISE = 1.0  # m/s, at which drones are thought to take off
+RISE = 1.0  # m/s, at which drones take off at the slowest
 _SETTLE = 10.0  # s, that the last one has left then
 _REACHED = 0.5  # m from a waypoint; a quarter of the shortest leg if that is less
 _STAYS = 1e-3  # m, less is no way
@@ -53,7 +53,7 @@ class Route(NamedTuple):
     lengths : [T] m along the ground
     step : s
     sea : m above the sea at the take-off; None: nobody knows
-    wait : s at the start
+    until : s from the start of the mission to step 0, for which the drone waits in its place
     """
 
     drone: int
@@ -63,7 +63,7 @@ class Route(NamedTuple):
     lengths: FloatArray
     step: float
     sea: float | None
-    wait: float
+    until: float
 
     @property
     def fastest(self) -> float:
@@ -94,7 +94,7 @@ def routes(flight: Flight, geodesy: Geodesy) -> list[Route]:
     problem, columns = flight.flown.problem, flight.columns(flight.flown.step)
     rows = {name: column.reshape(len(problem.robots), -1) for name, column in columns.items()}
     height, earth = rows["above_takeoff"], problem.earth
-    waits = waits_at_starts(flight)
+    until = seconds_to_step_0(flight)
     found = []
     for i in range(len(problem.robots)):
         x, y, ground = rows["x"][i], rows["y"][i], float(rows["z"][i, 0] - height[i, 0])
@@ -111,7 +111,7 @@ def routes(flight: Flight, geodesy: Geodesy) -> list[Route]:
             lengths,
             flight.flown.step,
             ground + earth.base if earth is not None and above_sea else None,
-            float(waits[i]),
+            until,
         ))  # fmt: skip
     return found
 
@@ -119,7 +119,7 @@ def routes(flight: Flight, geodesy: Geodesy) -> list[Route]:
 def seconds_to_step_0(flight: Flight) -> float:
     """Returns the seconds from the start of all missions of waypoints to step 0 of the plan.
 
-    Drones are thought to rise at 1 m/s; the one that rises highest has 10 s left then.
+    A drone that rises at 1 m/s to the highest place has 10 s left then; autopilots rise faster.
     """
     return _SETTLE + float(_first_heights(flight).max()) / RISE
 
@@ -132,11 +132,6 @@ def seconds_in_the_air(flight: Flight) -> float:
     """
     settles = _SETTLE if flight.is_smooth else 0.0
     return seconds_to_step_0(flight) - settles + flight.flown.seconds
-
-
-def waits_at_starts(flight: Flight) -> FloatArray:
-    """Returns the seconds [R] that each drone waits in the air for step 0."""
-    return seconds_to_step_0(flight) - _first_heights(flight) / RISE
 
 
 def _first_heights(flight: Flight) -> FloatArray:

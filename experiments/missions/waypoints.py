@@ -28,7 +28,6 @@ from cocap_opt.experiments.missions.autopilots import AUTOPILOTS, Autopilot
 from cocap_opt.experiments.missions.export import Export, require_nothing_else
 from cocap_opt.experiments.missions.items import Item
 from cocap_opt.experiments.missions.routes import (
-    RISE,
     Route,
     routes,
     seconds_in_the_air,
@@ -108,7 +107,7 @@ def waypoint_mission(
     warnings = (*late, *_too_late(behind, delay, to_people))
     words = (
         *warnings, *_waits(behind, autopilot), *_clock(flight, delay),
-        *people_and_delay(flight, to_people), *_ends(flight, found),
+        *people_and_delay(flight, to_people), *_ends(flight, found, autopilot),
         *_fences(flight, autopilot, has_fence, known, fence),
     )  # fmt: skip
     return Export(
@@ -257,12 +256,13 @@ def _clock(flight: Flight, delay: float | None) -> Iterator[str]:
     yield "offboard control along a .csv file, or Skybrush (.skyc), keeps drones together"
 
 
-def _ends(flight: Flight, found: list[Route]) -> Iterator[str]:
+def _ends(flight: Flight, found: list[Route], autopilot: Autopilot) -> Iterator[str]:
     """Yields what happens before and after the plan, and at its corners."""
     at = f"{seconds_to_step_0(flight):.3g} s"
     yield (
         f"start all missions at once: each waits at its start until {at}, if it rises at "
-        f"{RISE:g} m/s; at the end it hovers, and the way home is not in it"
+        f"{autopilot.rise:g} m/s ({autopilot.rises_by}); at the end it hovers, and the way "
+        "home is not in it"
     )
     if flight.flown.problem.actors:
         yield f"give people their signal {at} after starting the missions: that is step 0"

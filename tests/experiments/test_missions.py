@@ -4,7 +4,7 @@ import math
 import re
 import zipfile
 from contextlib import nullcontext
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -161,13 +161,18 @@ def test_files_of_waypoints_say_what_late_drones_are_to_people() -> None:
     assert "signal" not in said(WRITERS[".plan"](flown(), None))
 
 
-def test_drones_begin_their_flights_together() -> None:
-    """Whoever has less far to rise waits longer: all have waited when the last one has settled."""
-    rows = [read_plan(content) for content in written(".plan", flown())]
-    waits = [next(row.params[0] for row in own if row.command == 93) for own in rows]
-    rises = [own[0].params[6] for own in rows]  # s, at 1 m/s
-    assert waits == [10.5, 10.0, 10.5]
-    assert [wait + rise for wait, rise in zip(waits, rises, strict=True)] == [15.5] * 3
+def test_drones_begin_their_flights_together(tmp_path: Path) -> None:
+    """Whoever has less far to rise waits longer, by the speed at which its autopilot takes off."""
+    for ending, rise, read in (
+        (".plan", 1.5, read_plan),  # MPC_TKO_SPEED
+        (".waypoints", 2.5, partial(read_waypoints, folder=tmp_path)),  # WPNAV_SPEED_UP
+    ):
+        own = [read(content) for content in written(ending, flown())]
+        waits = [next(row.params[0] for row in rows if row.command == 93) for rows in own]
+        ups = [next(row.params[6] for row in rows if row.command == 22) for rows in own]
+        assert len(set(ups)) > 1
+        begun = [wait + up / rise for wait, up in zip(waits, ups, strict=True)]
+        assert begun == pytest.approx([15.5] * 3, abs=1e-3)
 
 
 def said(mission: Export) -> str:
