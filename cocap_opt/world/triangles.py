@@ -5,6 +5,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 
 SAME = 1e-6  # m; vertices that are nearer to each other are at the same place
+_NOTHING = 1e-9  # of its bounding box, that a part which cancels itself may hold by rounding
 
 
 def firsts(vertices: FloatArray) -> IntArray:
@@ -124,6 +125,18 @@ def closed_parts(triangles: IntArray) -> BoolArray:
     return closed
 
 
+def enclosing(vertices: FloatArray, triangles: IntArray) -> BoolArray:
+    """Returns an array [n], true for triangles of parts that hold some matter, if they close.
+
+    A part is what hangs together by corners. Where walls are drawn from both sides, with other
+    diagonals, they close and hold nothing: the two sides cancel.
+    """
+    part, volume, low, high = _measured(vertices, triangles)
+    box = np.prod(high - low, axis=1)
+    holds: BoolArray = (np.abs(volume) > _NOTHING * box) | (box == 0)
+    return holds[part]
+
+
 def outward(vertices: FloatArray, triangles: IntArray) -> IntArray:
     """Returns the triangles [n, 3] of solids, those of a solid that is inside out turned.
 
@@ -131,24 +144,36 @@ def outward(vertices: FloatArray, triangles: IntArray) -> IntArray:
     looks another way than the largest one, and lies within the bounds of one that does not, is a
     cavity and stays as it is.
     """
-    a, b, c = triangles.T
-    of_vertex = _connected(np.concatenate([a, b]), np.concatenate([b, c]), len(vertices))
-    names, part = np.unique(of_vertex[a], return_inverse=True)
-    first, second, third = (vertices[corner] for corner in (a, b, c))
-    sixth = np.einsum("ij,ij->i", first, np.cross(second, third))
-    volume = np.bincount(part, weights=sixth, minlength=len(names))
+    part, volume, low, high = _measured(vertices, triangles)
     ways = np.sign(volume)
-    if len(names) < 2 or (ways == ways[0]).all():
+    if len(ways) < 2 or (ways == ways[0]).all():
         return triangles
-    low, high = np.full((len(names), 3), np.inf), np.full((len(names), 3), -np.inf)
-    np.minimum.at(low, part, np.minimum(np.minimum(first, second), third))
-    np.maximum.at(high, part, np.maximum(np.maximum(first, second), third))
     usual = ways == ways[np.abs(volume).argmax()]
-    turned = np.zeros(len(names), dtype=bool)
+    turned = np.zeros(len(ways), dtype=bool)
     for k in np.flatnonzero(~usual).tolist():
         within = (low[usual] <= low[k]).all(axis=1) & (high[usual] >= high[k]).all(axis=1)
         turned[k] = not within.any()
     return np.where(turned[part][:, None], triangles[:, ::-1], triangles)
+
+
+def _measured(
+    vertices: FloatArray, triangles: IntArray
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Returns the part of each triangle [n], and of parts volumes [k] (m3) and bounds [k, 3] (m).
+
+    A part is what hangs together by corners; its volume is less than 0 if it is inside out.
+    """
+    a, b, c = triangles.T
+    of_vertex = _connected(np.concatenate([a, b]), np.concatenate([b, c]), len(vertices))
+    names, part = np.unique(of_vertex[a], return_inverse=True)
+    origin = vertices[a[:1]].sum(axis=0)  # one of them, so that far coordinates cost no digits
+    first, second, third = (vertices[corner] - origin for corner in (a, b, c))
+    sixth = np.einsum("ij,ij->i", first, np.cross(second, third)) / 6.0
+    volume = np.bincount(part, weights=sixth, minlength=len(names))
+    low, high = np.full((len(names), 3), np.inf), np.full((len(names), 3), -np.inf)
+    np.minimum.at(low, part, np.minimum(np.minimum(first, second), third))
+    np.maximum.at(high, part, np.maximum(np.maximum(first, second), third))
+    return part.astype(np.int64), volume.astype(np.float64), low, high
 
 
 def _connected(start: IntArray, end: IntArray, n: int) -> IntArray:

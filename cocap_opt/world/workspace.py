@@ -21,7 +21,7 @@ from cocap_opt.data import (
     within,
 )
 from cocap_opt.world.columns import NO_SPANS, Columns, Spans
-from cocap_opt.world.triangles import close, closed_parts, counting
+from cocap_opt.world.triangles import close, closed_parts, counting, enclosing
 
 MOST_TRIANGLES = 1_000_000
 
@@ -208,13 +208,13 @@ class Mesh(Data, frozen=True, eq=False, dict=True):
 
     @cached_property
     def is_solid(self) -> bool:
-        """True if the surface closes: each edge is passed as often one way as the other."""
-        return close(self.surface)
+        """True if the surface closes around some matter, each edge passed as often both ways."""
+        return close(self.surface) and bool(enclosing(self.vertices, self.surface).all())
 
     @property
     def parts(self) -> tuple["Mesh", ...]:
         """The mesh; or if only some of it closes, that, which is solid, and the rest."""
-        closed = closed_parts(self.surface)
+        closed = closed_parts(self.surface) & enclosing(self.vertices, self.surface)
         if self.is_solid or not closed.any():
             return (self,)
         solid, rest = self.surface[closed], self.surface[~closed]

@@ -236,6 +236,20 @@ def test_a_mesh_is_solid_where_its_surface_closes(mesh: Mesh, solid: bool) -> No
     assert mesh.is_solid == solid
 
 
+def test_two_sides_that_cancel_make_no_solid() -> None:
+    """Walls drawn from both sides, with other diagonals, close and hold nothing: it is said."""
+    box = Mesh.box((0, 0, 0), (2, 2, 2))
+    sides = box.triangles.reshape(-1, 2, 3)
+    corners = np.column_stack([sides[:, 0], sides[:, 1, 2]])  # four of each side
+    other = corners[:, [0, 3, 1, 1, 3, 2]].reshape(-1, 3)  # from inside, by the other diagonal
+    both = box.replace(triangles=np.concatenate([box.triangles, other]))
+    assert not both.is_solid and len(both.parts) == 1
+    beside = joined(both, moved(box, (5.0, 0.0, 0.0)))
+    solid, rest = beside.parts
+    assert not beside.is_solid and solid.is_solid and not rest.is_solid
+    assert solid.corners[..., 0].min() == 5.0
+
+
 def test_wrong_meshes_are_refused_in_words() -> None:
     """Vertices, numbers of vertices and sizes are checked where a mesh is made."""
     vertices = np.zeros((3, 3))
