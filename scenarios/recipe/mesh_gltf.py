@@ -31,6 +31,7 @@ from cocap_opt.scenarios.recipe.mesh_faces import Faces, fan, strip
 from cocap_opt.world.workspace import MOST_TRIANGLES
 
 INSTANCED = "EXT_mesh_gpu_instancing"
+_HIDDEN = "KHR_node_visibility"
 # Required extensions that leave the triangles and their places as they are begin with these.
 _NO_GEOMETRY = (
     "KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_xmp", "KHR_techniques_", "KHR_animation_",
@@ -260,6 +261,11 @@ class _Reader:
                 f"nodes[{index}].skin: bones bend this mesh, which is not read; in Blender, apply "
                 "the armature modifier, then export"
             )
+        if node.extensions.get(_HIDDEN) == {"visible": False}:
+            _log.warning(
+                "%s: nodes[%d] is hidden by %s, and stands in the scene all the same",
+                self._path, index, _HIDDEN,
+            )  # fmt: skip
         mesh = item(self._model.meshes, node.mesh, "meshes")
         self._met.add(node.mesh)
         weights = mesh.weights if node.weights is None else node.weights
@@ -270,6 +276,11 @@ class _Reader:
                 continue
             points = self._points_of(primitive, weights, place)
             triangles = self._triangles(primitive, len(points), place)
+            if len(triangles) * len(instances) > MOST_TRIANGLES:
+                raise ProblemError(
+                    f"{place}: must be at most {MOST_TRIANGLES} triangles in all instances, not "
+                    f"{len(triangles) * len(instances)}"
+                )
             for matrix in instances:
                 mirrored = np.linalg.det(matrix[:3, :3]) < 0  # which turns the triangles round
                 yield (
@@ -315,6 +326,8 @@ class _Reader:
         if len(counts) != 1:
             raise ProblemError(f"{place}: must have as many translations, rotations and scales")
         (count,) = counts
+        if count > MOST_TRIANGLES:
+            raise ProblemError(f"{place}: must be at most {MOST_TRIANGLES} instances, not {count}")
         parts = (
             found.get("TRANSLATION", np.zeros((count, 3))),
             found.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))),

@@ -174,6 +174,37 @@ def test_instances_are_read(tmp_path: Path, required: bool) -> None:
     assert bounds(mesh) == ([5, 5, 0], [30, 40, 16])
 
 
+def test_instances_without_end_are_refused(tmp_path: Path) -> None:
+    """A file of a kilobyte may declare millions, of which none is made."""
+    made = model(BOX, TRIANGLES)
+    for count, words in (
+        (1_000_001, "instances, not 1000001"),
+        (90_000, "triangles .*not 1080000"),
+    ):
+        made.json["accessors"].append({
+            "componentType": 5126, "type": "VEC3", "count": count,
+            "sparse": {
+                "count": 1,
+                "indices": {"bufferView": made.view(bytes(1)), "componentType": 5121},
+                "values": {"bufferView": made.view(bytes(12))},
+            },
+        })  # fmt: skip
+        moves = {"attributes": {"TRANSLATION": len(made.json["accessors"]) - 1}}
+        made.json["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": moves}
+        with pytest.raises(ProblemError, match=f"must be at most 1000000 {words}"):
+            shape(tmp_path, made.glb())
+
+
+def test_a_hidden_node_stands_in_the_scene_and_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Better a house too many than one too few."""
+    made = model(BOX, TRIANGLES)
+    made.json["nodes"][0]["extensions"] = {"KHR_node_visibility": {"visible": False}}
+    require_box(shape(tmp_path, made.glb()))
+    assert "nodes[0] is hidden by KHR_node_visibility" in caplog.text
+
+
 def test_the_scene_that_is_named_is_read(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """What only another scene has is left out and said; without a name there must be one scene."""
     made = model(BOX, TRIANGLES)
