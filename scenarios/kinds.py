@@ -23,6 +23,7 @@ _WKT = re.compile(
 )
 
 _IN_A_RECIPE = "of a recipe, of which `cocap-opt recipe` prints an example"
+_ANY = msgspec.json.Decoder(float_hook=str)  # of numbers that are too large, too
 _WALLS = f"name it under [[walls]] {_IN_A_RECIPE}"
 WAYS_OUT: Mapping[str, str] = {  # what to do with a file that is named as a scene
     GEOJSON: _WALLS,
@@ -43,7 +44,7 @@ def kind_of_text(text: str) -> str | None:
     if is_wkt(text):
         return WKT
     try:
-        content: Any = msgspec.json.decode(text)
+        content: Any = _ANY.decode(text)
     except (msgspec.MsgspecError, RecursionError):
         return None
     if not isinstance(content, dict):

@@ -29,6 +29,8 @@ PLY = "ply\nformat ascii 1.0\nelement vertex 1\nproperty nothing x\nend_header\n
         (WALLS, "a.geojson", POLYGON[:-1] + ",}", r"line 1, byte \d+: must be JSON; a bracket"),
         (WALLS, "a.geojson", POLYGON.replace("[1, 1]]", "[1, 3]]"), "GeoJSON: rings must end at"),
         (WALLS, "a.geojson", POLYGON.replace("[1, 1]", "[1]"), r"GeoJSON: .* list of length >= 2"),
+        (WALLS, "a.geojson", '{"type": "Feature", "properties": {"height": 1e400}, "geometry": null}',
+         r"GeoJSON: properties\[...\]: must be a number within \+-1.8e308"),
         (WALLS, "a.geojson", "[" * 100_000, "must not be nested so deeply"),
         (WALLS, "a.wkt", "POLYGON ((0 0, a 0))", r"cannot be read as WKT, which is such as POLYG"),
         (WALLS.replace('polygons = "obstacles"', ""), "a.json", '{"a": {"walkable": [[0, 1e999]]}}',
