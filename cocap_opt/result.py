@@ -87,7 +87,7 @@ class Result:
 
     @property
     def cut_short(self) -> str:
-        """What a limit has left of the plan, in words; empty without a plan or a limit."""
+        """Words for what a limit has left of the plan; empty without a plan or a limit."""
         return "" if self.plan is None else self.plan.cut_short(self.limit, self.in_coverage)
 
     def summary(self) -> str:

@@ -141,7 +141,7 @@ class PlanFile(Document, frozen=True, kw_only=True):
 
     @property
     def told_cut_short(self) -> str:
-        """What a limit has left of the plan, in words; files of older versions do not say when."""
+        """Words for what a limit has left of the plan; older files do not say when it came."""
         return self.cut_short or self.plan.cut_short(self.limit)
 
 

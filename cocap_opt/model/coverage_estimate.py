@@ -1,4 +1,4 @@
-"""What coverage will cost, before it begins: a sample of it is computed, timed and extrapolated."""
+"""Estimates of the cost of coverage before it begins: a sample is timed and extrapolated."""
 
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -21,7 +21,7 @@ _BYTES_PER_ENTRY = 90  # of a face seen from a state, while the table is made: m
 
 
 class CoverageEstimate(NamedTuple):
-    """What coverage that is not there yet will cost.
+    """The cost of the coverage that is not there yet.
 
     Attributes
     ----------

@@ -90,7 +90,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     @property
     def told_cut_short(self) -> str:
-        """What a limit has left of the plan, as its file says; empty if nobody says it."""
+        """Words of the plan's file for what a limit has left of it; empty if it has none."""
         return str(vars(self).get("_cut_short", ""))
 
     def of_problem(self, digest: str, scene: str, cut_short: str = "") -> "Plan":
@@ -113,7 +113,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     @property
     def stays(self) -> bool:
         """True if nobody moves or turns."""
-        return all(len(set(path)) <= 1 for path in self.paths)
+        return self.staying == len(self.paths)
 
     @property
     def staying(self) -> int:
@@ -134,7 +134,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         what = "Ctrl-C" if limit is Limit.INTERRUPT else f"the {limit} limit"
         words = f"{what} came during {'coverage' if in_coverage else 'the search'}"
         robots, staying = len(self.paths), self.staying
-        if staying == robots:
+        if self.stays:
             return f"{NO_PLAN}: {words}; all drones stay at their starts"
         still = f"; {staying} of {robots} drones stay at their starts" if staying else ""
         return f"cut short: {words}{still}"

@@ -213,7 +213,7 @@ class _Claims(NamedTuple):
 
     @property
     def cut_short(self) -> str:
-        """What a limit has left of the plan, in words; a valid plan may be one that hovers."""
+        """Words for what a limit has left of the plan, which may be valid and only hover."""
         return self.plan_file.told_cut_short if self.plan_file else ""
 
     def by_person(self, verified: Verified) -> Record:

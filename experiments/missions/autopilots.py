@@ -64,7 +64,7 @@ _ON_TIME = 1e-3  # s
 
 
 class Pace(NamedTuple):
-    """How an autopilot is told to fly a leg.
+    """The items by which an autopilot flies a leg in its time.
 
     Attributes
     ----------

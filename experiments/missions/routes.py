@@ -18,7 +18,7 @@ _STAYS = 1e-3  # m, less is no way
 
 
 class Leg(NamedTuple):
-    """What a drone does in a step.
+    """The move of a drone in a step.
 
     Attributes
     ----------

@@ -52,7 +52,7 @@ _FEW = 3  # legs that are told one by one
 
 
 class Mission(NamedTuple):
-    """What stands in the file of a drone.
+    """The content of the file of a drone.
 
     Attributes
     ----------

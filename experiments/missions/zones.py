@@ -33,7 +33,7 @@ class Zone(NamedTuple):
 
     @property
     def name(self) -> str:
-        """What it is called, with its heights."""
+        """The name of the zone, with its heights."""
         return f"no-fly zone {self.number}, {self.told_heights}"
 
     @property
@@ -59,7 +59,7 @@ class End(NamedTuple):
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """The name of the place."""
         return f"{self.kind} of drone {self.drone}"
 
 

@@ -34,7 +34,7 @@ _NEAR = 0.75  # of the limit, that changes which are advised take at the most
 
 
 class Forecast(NamedTuple):
-    """What comes before the search: coverage, and planning each drone once.
+    """The cost of all that comes before the search: coverage, and planning each drone once.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Forecast(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What it takes."""
+        """Seconds and memory in words."""
         parts, size = [], max(self.coverage.memory / _GIGABYTE, 0.1)
         if self.coverage.views:
             parts.append(f"coverage takes {about(self.coverage.seconds)} and {size:.1f} GB")

@@ -1,4 +1,4 @@
-"""What heights are above, in words."""
+"""Words for the surface that heights are above."""
 
 from cocap_opt.problem import Problem
 

@@ -77,7 +77,7 @@ class Found(NamedTuple):
 
 
 class Content(NamedTuple):
-    """What GeoJSON holds."""
+    """The content of a file of GeoJSON."""
 
     polygons: tuple[Found, ...]
     others: Counter[str]  # kinds of geometries that are no polygons

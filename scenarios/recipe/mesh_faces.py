@@ -16,7 +16,7 @@ _FLAT = 1e-9  # share of a face's size squared; less is no area
 
 
 class Faces(NamedTuple):
-    """What a mesh file holds: faces by the numbers of their vertices, face after face."""
+    """The faces of a mesh file by the numbers of their vertices, face after face."""
 
     vertices: FloatArray  # [V, 3]
     sizes: IntArray  # [F] number of corners of each face

@@ -21,7 +21,7 @@ _LARGEST = 1 << 20  # bytes; WKT has some thousands
 
 
 class Beside(NamedTuple):
-    """What is told beside a grid whose x and y are metres."""
+    """The statements of the files beside a grid whose x and y are metres."""
 
     crs: str | None = None  # the reference system; None where a file only says its units
     heights: Stated | None = None  # unit of the heights

@@ -56,7 +56,7 @@ T = TypeVar("T", str, float)
 
 
 class Name(NamedTuple):
-    """What the name of a column says."""
+    """The role and the unit that the name of a column states."""
 
     role: str | None  # a key of `_SPELLINGS`; None: it is not used
     unit: str | None = None  # short, where it is known

@@ -45,7 +45,7 @@ _MOST = {"x": LARGEST, "y": LARGEST, "z": LARGEST, "latitude": 90.0, "longitude"
 
 
 class Form(NamedTuple):
-    """What a caller says of a file; None: the file says it."""
+    """The form of a file as the caller states it; None: the file states it."""
 
     columns: Sequence[str] | None = None
     unit: str | None = None

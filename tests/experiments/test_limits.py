@@ -431,15 +431,21 @@ def test_python_flies_no_plan_in_which_no_drone_moves() -> None:
 # -- verify -------------------------------------------------------------------------------------
 
 
+@pytest.fixture
+def proof(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """The file of a certificate for the scene tiny-queue."""
+    path = tmp_path / "proof.json"
+    run(capsys, "bound", "tiny-queue", "-o", path)
+    return path
+
+
 def test_verify_has_a_limit_and_warns_if_it_will_not_do(
-    tmp_path: Path,
+    proof: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     """It is ten minutes; `inf` is none. What would do is said before it begins."""
-    proof = tmp_path / "proof.json"
-    run(capsys, "bound", "tiny-queue", "-o", proof)
     assert run(capsys, "verify", "tiny-queue", proof)[0] == 0
     monkeypatch.setattr(
         Model, "coverage_estimate", lambda model: CoverageEstimate(10, seconds=700.0)
@@ -453,14 +459,12 @@ def test_verify_has_a_limit_and_warns_if_it_will_not_do(
 
 
 def test_verify_warns_of_memory_and_not_of_time(
-    tmp_path: Path,
+    proof: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     """No limit is too short for what the memory does not hold."""
-    proof = tmp_path / "proof.json"
-    run(capsys, "bound", "tiny-queue", "-o", proof)
     monkeypatch.setattr(
         Model, "coverage_estimate", lambda model: CoverageEstimate(10, seconds=3.0, memory=1e15)
     )
