@@ -16,18 +16,16 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from cocap_opt.api.covering import coverage, coverage_digest
+    from cocap_opt.api.explaining import explain, replans
+    from cocap_opt.api.files import load, read, save
+    from cocap_opt.api.flying import robustness, trajectory
+    from cocap_opt.api.judging import check, verify
+    from cocap_opt.api.measuring import gap
+    from cocap_opt.api.methods import bound, plan, solve
+    from cocap_opt.api.showing import show
+    from cocap_opt.console.versions import show_versions
     from cocap_opt.data import ProblemError
-    from cocap_opt.experiments.api.covering import coverage, coverage_digest
-    from cocap_opt.experiments.api.explaining import explain, replans
-    from cocap_opt.experiments.api.files import load, read, save
-    from cocap_opt.experiments.api.flying import robustness, trajectory
-    from cocap_opt.experiments.api.judging import check, verify
-    from cocap_opt.experiments.api.measuring import benchmark, gap
-    from cocap_opt.experiments.api.methods import bound, plan, solve
-    from cocap_opt.experiments.api.showing import show
-    from cocap_opt.experiments.console.versions import show_versions
-    from cocap_opt.experiments.report.player import Player
-    from cocap_opt.experiments.results.verification import Verified
     from cocap_opt.files.documents import FileError
     from cocap_opt.formulations import BOUNDS, EXACT
     from cocap_opt.formulations.certificates.format import (
@@ -37,6 +35,7 @@ if TYPE_CHECKING:
     )
     from cocap_opt.formulations.result import CertifiedResult, Snapshot
     from cocap_opt.planners import PLANNERS, Planner
+    from cocap_opt.player.player import Player
     from cocap_opt.problem import (
         COVERAGE_VERSION,
         NO_RULES,
@@ -63,6 +62,7 @@ if TYPE_CHECKING:
     )
     from cocap_opt.referee import Verdict
     from cocap_opt.result import Reason, Result, UnsupportedError
+    from cocap_opt.run.verification import Verified
     from cocap_opt.scenarios import FORMATS, SCENES
     from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, WorkLimit, never
     from cocap_opt.world.workspace import HeightMap, Mesh
@@ -73,17 +73,17 @@ if TYPE_CHECKING:
 _MODULES = {
     "cocap_opt.referee": ("Verdict",),
     "cocap_opt.data": ("ProblemError",),
-    "cocap_opt.experiments.results.verification": ("Verified",),
-    "cocap_opt.experiments.api.covering": ("coverage", "coverage_digest"),
-    "cocap_opt.experiments.api.explaining": ("explain", "replans"),
-    "cocap_opt.experiments.api.files": ("load", "read", "save"),
-    "cocap_opt.experiments.api.flying": ("robustness", "trajectory"),
-    "cocap_opt.experiments.api.judging": ("check", "verify"),
-    "cocap_opt.experiments.api.measuring": ("benchmark", "gap"),
-    "cocap_opt.experiments.api.methods": ("bound", "plan", "solve"),
-    "cocap_opt.experiments.api.showing": ("show",),
-    "cocap_opt.experiments.console.versions": ("show_versions",),
-    "cocap_opt.experiments.report.player": ("Player",),
+    "cocap_opt.run.verification": ("Verified",),
+    "cocap_opt.api.covering": ("coverage", "coverage_digest"),
+    "cocap_opt.api.explaining": ("explain", "replans"),
+    "cocap_opt.api.files": ("load", "read", "save"),
+    "cocap_opt.api.flying": ("robustness", "trajectory"),
+    "cocap_opt.api.judging": ("check", "verify"),
+    "cocap_opt.api.measuring": ("gap",),
+    "cocap_opt.api.methods": ("bound", "plan", "solve"),
+    "cocap_opt.api.showing": ("show",),
+    "cocap_opt.console.versions": ("show_versions",),
+    "cocap_opt.player.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),
     "cocap_opt.formulations": ("BOUNDS", "EXACT"),
     "cocap_opt.formulations.certificates.format": (
@@ -112,7 +112,7 @@ __all__ = [
     "HeightMap", "Limit", "Limits", "Mesh", "Motion", "Objective", "PassConflict", "Plan",
     "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Reason", "Result",
     "Robot", "Snapshot", "State", "Stop", "SwapConflict", "TimeLimit", "TriangulatedCuboid",
-    "UnsupportedError", "Verdict", "Verified", "VertexConflict", "WorkLimit", "benchmark",
+    "UnsupportedError", "Verdict", "Verified", "VertexConflict", "WorkLimit",
     "bound", "check", "coverage", "coverage_digest", "explain", "gap", "load", "never", "plan",
     "read", "replans", "robustness", "save", "show", "show_versions", "solve", "trajectory",
     "verify",

@@ -10,12 +10,12 @@ from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
 import cocap_opt
-from cocap_opt.experiments.manual.diagrams import write_diagrams
-from cocap_opt.experiments.manual.docstrings import with_meanings
-from cocap_opt.experiments.manual.entries import all_entries
-from cocap_opt.experiments.manual.formats import write_schemas
-from cocap_opt.experiments.manual.gallery import write_players
-from cocap_opt.experiments.studies.drawings import write_drawings
+from cocap_opt.experiments.lab.manual.diagrams import write_diagrams
+from cocap_opt.experiments.lab.manual.docstrings import with_meanings
+from cocap_opt.experiments.lab.manual.entries import all_entries
+from cocap_opt.experiments.lab.manual.formats import write_schemas
+from cocap_opt.experiments.lab.manual.gallery import write_players
+from cocap_opt.experiments.lab.studies.drawings import write_drawings
 
 project = "cocap-opt"
 author = "the authors of cocap-opt"

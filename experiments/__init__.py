@@ -1,10 +1,6 @@
-"""Experiments: sweeps, tables, figures and studies, the command line and the Python functions.
+"""Batch experiments: many scenes, seeds and planners, and what is said of them.
 
-The rooms, from the inside out: `console` (terminal), `results` (rows, tables, files), `missions`
-(files that drones fly), `sweeps` (many scenes and planners at once), `report` (figures, players,
-pages), `api` (the functions of `import cocap_opt as co`), `studies` (the project's own
-measurements), `notebooks`, `cli` (the command `cocap-opt`) and `manual` (what pages show of the
-code); `pictures` holds those of the README.
+`tables` has rows of results and what is counted of them, `sweeps` runs them on as many processes as
+there are, and `report` makes pages and charts of a sweep's folder. `lab` measures the project
+itself; it is there in the repository and no part of what is installed from a wheel.
 """
-
-__all__ = ["api", "cli", "console", "manual", "report", "results", "studies"]

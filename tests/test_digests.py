@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import cocap_opt as co
-from cocap_opt.experiments.cli.commands import run
+from cocap_opt.cli.commands import run
 from cocap_opt.files.documents import PlanFile, other_coverage, problem_digest
 
 GOLDEN = Path(__file__).parent / "golden" / "coverage.json"

@@ -21,7 +21,7 @@ from cocap_opt.scenarios import load_scene
 
 ROOT = Path(__file__).parents[1]
 FUNCTIONS = (
-    "load", "plan", "bound", "solve", "check", "verify", "explain", "replans", "gap", "benchmark",
+    "load", "plan", "bound", "solve", "check", "verify", "explain", "replans", "gap",
     "show", "save", "read", "trajectory", "robustness", "coverage", "coverage_digest",
 )  # fmt: skip
 

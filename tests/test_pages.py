@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from pages import DOCS, ROOT, blocks, pages, words
 
-from cocap_opt.experiments.cli.commands import app
-from cocap_opt.experiments.manual import entries
-from cocap_opt.experiments.manual.entries import ENTRIES
-from cocap_opt.experiments.studies.quotes import requote
+from cocap_opt.cli.commands import app
+from cocap_opt.experiments.lab.manual import entries
+from cocap_opt.experiments.lab.manual.entries import ENTRIES
+from cocap_opt.experiments.lab.studies.quotes import requote
 from cocap_opt.files.documents import FileError
 
 README = ROOT / "README.md"
@@ -79,7 +79,7 @@ def test_contributing_says_what_made_the_stored_results() -> None:
     """Every stored file has a command that makes it again."""
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     table = text.partition("| file | made by |")[2].partition("\n\n")[0]
-    stored = {path.name for path in (ROOT / "experiments" / "studies" / "stored").iterdir()}
+    stored = {path.name for path in (ROOT / "experiments" / "lab" / "stored").iterdir()}
     assert {name for name in stored if f"`{name}`" not in table} == set()
 
 

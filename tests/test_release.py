@@ -39,7 +39,7 @@ def modules(text: str) -> list[str]:
 
 @pytest.mark.slow(seconds=9)
 def test_the_wheel_works_without_the_repository(tmp_path: Path) -> None:
-    """Built of the sdist and installed alone, it plans, plays, and imports what notebooks do."""
+    """Built of the sdist and installed alone, without the lab, it plans, plays and measures."""
     source, built, installed = (tmp_path / name for name in ("source", "built", "installed"))
     source.mkdir()
     for name in PUBLISHED:
@@ -59,7 +59,10 @@ def test_the_wheel_works_without_the_repository(tmp_path: Path) -> None:
         for path in (ROOT / name).rglob("*")
         if path.is_file() and path.suffix in (".py", ".js", ".css", ".html", ".ipynb", ".csv")
     }
-    assert {path.as_posix() for path in expected} | {"cocap_opt/py.typed"} <= within
+    lab = {path for path in expected if path.is_relative_to("cocap_opt/experiments/lab")}
+    assert lab
+    shipped = {path.as_posix() for path in expected - lab} | {"cocap_opt/py.typed"}
+    assert shipped == within
     run([sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--no-compile",
          "--target", installed, wheel], tmp_path)  # fmt: skip
     alone = {"PYTHONPATH": str(installed), "COCAP_OPT_CACHE": str(tmp_path / "cache")}
@@ -67,9 +70,12 @@ def test_the_wheel_works_without_the_repository(tmp_path: Path) -> None:
     run([command, "plan", "tiny-turn", "-o", "plan.json"], tmp_path, **alone)
     run([command, "show", "tiny-turn", "plan.json", "-o", "plan.html"], tmp_path, **alone)
     assert "</html>" in (tmp_path / "plan.html").read_text(encoding="utf-8")
-    notebooks = sorted(installed.rglob("notebooks/*.ipynb"))
+    run([command, "gap", "tiny-turn", "--planner", "greedy", "--out", "sweep"], tmp_path, **alone)
+    assert "study" not in run([command, "--help"], tmp_path, **alone)
+    notebooks = sorted((ROOT / "experiments" / "lab" / "notebooks").glob("*.ipynb"))
     lines = [line for path in notebooks for line in modules(path.read_text(encoding="utf-8"))]
     assert len(lines) > 5
+    lines = [line for line in lines if "experiments.lab" not in line]
     lines += ["import cocap_opt", "print(cocap_opt.__file__)"]
     found = run([sys.executable, "-c", "\n".join(lines)], tmp_path, **alone)
     assert Path(found.strip()) == installed / "cocap_opt" / "__init__.py"

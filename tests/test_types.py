@@ -79,7 +79,7 @@ def main(folder: Path) -> None:
         print(found.bound, found.digest)
     print(co.explain(problem, result.plan, best).nlargest(5, "amount"))
     print(co.trajectory(problem, co.replans(problem, plan).plan[0], step=1.0).attrs["step"])
-    print(co.benchmark().table.head(), result.summary(), result.reason is co.Reason.FINISHED)
+    print(result.summary(), result.reason is co.Reason.FINISHED)
     co.show_versions()
 
 

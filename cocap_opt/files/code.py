@@ -15,8 +15,11 @@ from pathlib import Path
 
 _PACKAGE = "cocap_opt"
 _FOLDER = Path(__file__).parents[1]
-# Folders that stand beside the core and are linked into it, or lie in it once installed.
-_LINKED = ("formulations", "scenarios", "experiments")
+# Folders that are no part of the core: linked into it, or above it.
+_BESIDE = (
+    "formulations", "scenarios", "experiments",
+    "console", "output", "run", "pictures", "missions", "player", "api", "cli",
+)  # fmt: skip
 _DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -47,7 +50,7 @@ def _modules(name: str) -> Iterator[str]:
     if not path.is_dir():
         raise ValueError(f"{name}: there is no such module")
     for inner in sorted(path.iterdir()):
-        if inner.is_dir() and not (name == _PACKAGE and inner.name in _LINKED):
+        if inner.is_dir() and not (name == _PACKAGE and inner.name in _BESIDE):
             yield from _modules(f"{name}.{inner.name}")
         elif inner.suffix == ".py":
             yield f"{name}.{inner.stem}"

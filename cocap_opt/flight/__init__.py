@@ -6,20 +6,6 @@ the scene at every moment, on the polynomials themselves; `pace` against the dro
 and to people; `filming` computes J between the steps, too; `footprint` gives the ground in the
 images; `earth` gives latitudes and longitudes; `delays` says how far drones may be apart in time,
 `robustness` what becomes of a flight that is not as planned. `bernstein` has the polynomials of
-them all.
+them all. `flights` puts them together: the `Flight` of a plan, checked for being flown, in the
+scene that `flight_scene` makes of a problem; `changes` has a row for each change it meets.
 """
-
-__all__ = [
-    "bernstein",
-    "delays",
-    "earth",
-    "filming",
-    "footprint",
-    "nearest",
-    "pace",
-    "robustness",
-    "safety",
-    "smooth",
-    "strain",
-    "trajectory",
-]

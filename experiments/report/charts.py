@@ -13,8 +13,13 @@ from matplotlib.image import AxesImage
 from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter
 
 from cocap_opt.data import FloatArray
-from cocap_opt.experiments.report.figures import robot_colour
-from cocap_opt.experiments.report.style import (
+from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.statistics import Mean
+from cocap_opt.formulations.result import OPTIMALITY, Snapshot
+from cocap_opt.output.printing import counted
+from cocap_opt.output.trace import Trace
+from cocap_opt.pictures.figures import robot_colour
+from cocap_opt.pictures.style import (
     AMBER,
     BLUE,
     FADED,
@@ -26,11 +31,6 @@ from cocap_opt.experiments.report.style import (
     new_figure,
     set_frame,
 )  # fmt: skip
-from cocap_opt.experiments.results.printing import counted
-from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.statistics import Mean
-from cocap_opt.experiments.results.trace import Trace
-from cocap_opt.formulations.result import OPTIMALITY, Snapshot
 from cocap_opt.problem import Conflict, Plan, Problem, VertexConflict
 
 _LOSSES = "Reds"

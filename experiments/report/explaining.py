@@ -3,17 +3,17 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cocap_opt.experiments.results.explained import SHOWN, Explained
-from cocap_opt.experiments.results.files import PlanReader
-from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.tables import Table
-from cocap_opt.experiments.results.verification import ProvedBound
+from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.tables import Table
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
 from cocap_opt.formulations.explanation import Explanation, Kind, explain
 from cocap_opt.model import Model, compiled
+from cocap_opt.output.files import PlanReader
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
+from cocap_opt.run.explained import SHOWN, Explained
+from cocap_opt.run.verification import ProvedBound
 
 _MOST_STATES = 400_000  # whose coverage is computed for a scene, some seconds
 _PARTS: dict[str, tuple[Kind, ...]] = {

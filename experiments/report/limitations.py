@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 
-from cocap_opt.experiments.results.rows import SAMPLED_COVERAGE, Row
-from cocap_opt.experiments.results.statistics import ENOUGH
 from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.experiments.sweeps.run_file import RunFile
+from cocap_opt.experiments.tables.rows import SAMPLED_COVERAGE, Row
+from cocap_opt.experiments.tables.statistics import ENOUGH
 from cocap_opt.planners import LAZY
 
 _ALWAYS = (

@@ -19,23 +19,23 @@ from cocap_opt.experiments.report.charts import (
     progress_figure,
 )
 from cocap_opt.experiments.report.explaining import explained_plans, is_too_large, parts_table
-from cocap_opt.experiments.report.figures import picture
 from cocap_opt.experiments.report.limitations import limitations
-from cocap_opt.experiments.report.pages import PageFile
-from cocap_opt.experiments.report.player import Player
-from cocap_opt.experiments.results.explained import SHOWN, Explained
-from cocap_opt.experiments.results.explained_words import costliest
-from cocap_opt.experiments.results.files import PlanReader
-from cocap_opt.experiments.results.layout import Paths
-from cocap_opt.experiments.results.printing import counted
-from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.tables import Tables
-from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.experiments.sweeps.run_file import RunFile
+from cocap_opt.experiments.tables.layout import Paths
+from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.tables import Tables
 from cocap_opt.files.documents import FileError
+from cocap_opt.output.files import PlanReader
+from cocap_opt.output.printing import counted
+from cocap_opt.output.trace import Trace
+from cocap_opt.pictures.figures import picture
+from cocap_opt.player.pages import PageFile
+from cocap_opt.player.player import Player
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
+from cocap_opt.run.explained import SHOWN, Explained
+from cocap_opt.run.explained_words import costliest
 from cocap_opt.scenarios import load_scene
 from cocap_opt.text import printable
 

@@ -15,13 +15,13 @@ from typing import Literal
 
 import msgspec
 
-from cocap_opt.experiments.results import rows
-from cocap_opt.experiments.results.files import save_bytes
-from cocap_opt.experiments.results.judging import Allowance
-from cocap_opt.experiments.results.layout import CELLS
-from cocap_opt.experiments.results.rows import ERROR, BoundColumns, PlannedRow
+from cocap_opt.experiments.tables import rows
+from cocap_opt.experiments.tables.layout import CELLS
+from cocap_opt.experiments.tables.rows import ERROR, BoundColumns, PlannedRow
 from cocap_opt.files.code import code_digest
 from cocap_opt.files.documents import Document, FileError, PlanFile, encode
+from cocap_opt.output.files import save_bytes
+from cocap_opt.run.judging import Allowance
 
 BOUND = "bound"  # in place of a planner's name
 OWN = "own"  # the certificate of a planner that proves a bound itself
@@ -47,10 +47,10 @@ _MODULES = (
     "cocap_opt.timing",
     "cocap_opt.vision",
     "cocap_opt.world",
-    "cocap_opt.experiments.results.files",
-    "cocap_opt.experiments.results.judging",
-    "cocap_opt.experiments.results.rendered",
-    "cocap_opt.experiments.results.trace",
+    "cocap_opt.output.files",
+    "cocap_opt.run.judging",
+    "cocap_opt.output.rendered",
+    "cocap_opt.output.trace",
     "cocap_opt.experiments.sweeps.cells",
     "cocap_opt.experiments.sweeps.own_code",
     "cocap_opt.experiments.sweeps.own_planners",

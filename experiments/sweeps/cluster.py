@@ -20,8 +20,8 @@ import distributed
 from distributed import Client, Future, KilledWorker, LocalCluster, Worker, WorkerPlugin
 from distributed.client import ClosedClientError
 
-from cocap_opt.experiments.console.streams import say
-from cocap_opt.experiments.console.threads import ONE_THREAD
+from cocap_opt.console.streams import say
+from cocap_opt.console.threads import ONE_THREAD
 from cocap_opt.experiments.sweeps.cells import Cell, CellFile, Status
 from cocap_opt.experiments.sweeps.crew import ClusterError, Crew
 from cocap_opt.experiments.sweeps.own_planners import OwnPlannerError

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from cocap_opt.experiments.console.progress import Watch
+from cocap_opt.console.progress import Watch
 from cocap_opt.experiments.sweeps.cells import BOUND, Cell, CellFile, Store
 from cocap_opt.experiments.sweeps.instances import Instance
 from cocap_opt.experiments.sweeps.work import Task

@@ -19,16 +19,13 @@ from typing import NamedTuple
 
 import msgspec
 
-from cocap_opt.experiments.console.streams import say
-from cocap_opt.experiments.results.files import make_folder
-from cocap_opt.experiments.results.judging import ROUNDING, SOLVERS
-from cocap_opt.experiments.results.layout import FOLDERS, Paths
-from cocap_opt.experiments.results.printing import counted
-from cocap_opt.experiments.results.rows import BoundColumns, Row
+from cocap_opt.console.streams import say
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, RULES, CellFile, Status, Store
 from cocap_opt.experiments.sweeps.instances import Instance, Key
 from cocap_opt.experiments.sweeps.results import RESULTS, load_results
 from cocap_opt.experiments.sweeps.run_file import RUN, Run, RunFile
+from cocap_opt.experiments.tables.layout import FOLDERS, Paths
+from cocap_opt.experiments.tables.rows import BoundColumns, Row
 from cocap_opt.files.atomic_write import UNFINISHED
 from cocap_opt.files.documents import (
     FileError,
@@ -38,8 +35,11 @@ from cocap_opt.files.documents import (
     read_bytes,
 )
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.output.files import make_folder
+from cocap_opt.output.printing import counted
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
+from cocap_opt.run.judging import ROUNDING, SOLVERS
 
 if sys.platform != "win32":
     import fcntl

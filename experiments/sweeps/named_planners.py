@@ -7,11 +7,11 @@ imported before somebody names it, so one that is broken harms nobody else.
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint, entry_points
 
-from cocap_opt.experiments.console.options import Option, UsageError
-from cocap_opt.experiments.console.streams import say
-from cocap_opt.experiments.results.judging import SOLVERS
+from cocap_opt.console.streams import say
 from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.own_planners import OwnPlanner, OwnPlannerError
+from cocap_opt.run.judging import SOLVERS
+from cocap_opt.run.options import Option, UsageError
 from cocap_opt.text import meant
 
 GROUP = "cocap_opt.planners"  # of entry points

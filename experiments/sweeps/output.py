@@ -14,16 +14,16 @@ from pathlib import Path
 
 import msgspec
 
-from cocap_opt.experiments.results.files import save_bytes, save_csv
-from cocap_opt.experiments.results.layout import Paths
-from cocap_opt.experiments.results.printing import Record
-from cocap_opt.experiments.results.rows import COLUMNS, Row
 from cocap_opt.experiments.sweeps.cells import FREE, RULES, CellFile
 from cocap_opt.experiments.sweeps.folder import Earlier
 from cocap_opt.experiments.sweeps.instances import Instance
 from cocap_opt.experiments.sweeps.results import RESULTS
 from cocap_opt.experiments.sweeps.run_file import RUN, Run, RunFile
+from cocap_opt.experiments.tables.layout import Paths
+from cocap_opt.experiments.tables.rows import COLUMNS, Row
 from cocap_opt.files.documents import FileError, SceneFile, encode
+from cocap_opt.output.files import save_bytes, save_csv
+from cocap_opt.output.printing import Record
 from cocap_opt.problem import Problem
 
 _PARQUET = "results.parquet"

@@ -1,6 +1,6 @@
 """The table of a sweep, results.csv, as it is read.
 
-`COLUMNS` of `cocap_opt.experiments.results.rows` says what the columns mean. A value that does not
+`COLUMNS` of `cocap_opt.experiments.tables.rows` says what the columns mean. A value that does not
 exist (no plan, no bound, no gap) is an empty field.
 """
 
@@ -8,10 +8,10 @@ import csv
 import io
 from pathlib import Path
 
-from cocap_opt.experiments.results.files import read_text
-from cocap_opt.experiments.results.rows import COLUMNS, Row
 from cocap_opt.experiments.sweeps.run_file import RUN, RunFile
+from cocap_opt.experiments.tables.rows import COLUMNS, Row
 from cocap_opt.files.documents import FileError
+from cocap_opt.output.files import read_text
 
 RESULTS = "results.csv"
 # Columns that tables of older versions do not have, and nobody misses.

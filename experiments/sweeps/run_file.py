@@ -12,10 +12,10 @@ from typing import Literal
 
 import msgspec
 
-from cocap_opt.experiments.results.files import save_bytes
 from cocap_opt.experiments.sweeps.cells import Cell
 from cocap_opt.files.code import code_digest
 from cocap_opt.files.documents import SAMPLED, Document, decode_document, encode, read_bytes
+from cocap_opt.output.files import save_bytes
 from cocap_opt.vision.coverage import usable_cores
 
 RUN = "run.json"

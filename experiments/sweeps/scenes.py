@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
+from cocap_opt.console.streams import say
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.console.streams import say
 from cocap_opt.experiments.sweeps.instances import Key
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.problem import Problem

@@ -6,16 +6,16 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from cocap_opt.experiments.console.progress import Watch
-from cocap_opt.experiments.console.streams import say
-from cocap_opt.experiments.results.forecast import warn_before_limits
-from cocap_opt.experiments.results.rows import Row
+from cocap_opt.console.progress import Watch
+from cocap_opt.console.streams import say
 from cocap_opt.experiments.sweeps.cells import CellFile, Store
 from cocap_opt.experiments.sweeps.crew import Alone, Crew
 from cocap_opt.experiments.sweeps.folder import Earlier, IsSame, only_writer
 from cocap_opt.experiments.sweeps.instances import Instance, Key
 from cocap_opt.experiments.sweeps.output import Output
 from cocap_opt.experiments.sweeps.run_file import Run
+from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.run.forecast import warn_before_limits
 from cocap_opt.stop import Interrupt, Stop
 from cocap_opt.vision.coverage import usable_cores
 

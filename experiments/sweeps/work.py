@@ -11,8 +11,21 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from cocap_opt.experiments.console.progress import Watch
-from cocap_opt.experiments.results.judging import (
+from cocap_opt.console.progress import Watch
+from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
+from cocap_opt.experiments.sweeps.own_planners import OwnPlanner, OwnPlannerError
+from cocap_opt.experiments.sweeps.start import BoundStart
+from cocap_opt.experiments.tables.rows import BoundColumns, PlannedRow
+from cocap_opt.files.documents import PlanFile, encode, problem_digest
+from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report
+from cocap_opt.model import compiled, compiled_anew
+from cocap_opt.output.trace import Trace
+from cocap_opt.planners import LAZY
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.result import Reason, Result, relative_gap
+from cocap_opt.run.judging import (
     BOUND_METHOD,
     SOLVERS,
     Allowance,
@@ -20,19 +33,6 @@ from cocap_opt.experiments.results.judging import (
     Judged,
     RefereeError,
 )
-from cocap_opt.experiments.results.rows import BoundColumns, PlannedRow
-from cocap_opt.experiments.results.trace import Trace
-from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
-from cocap_opt.experiments.sweeps.own_planners import OwnPlanner, OwnPlannerError
-from cocap_opt.experiments.sweeps.start import BoundStart
-from cocap_opt.files.documents import PlanFile, encode, problem_digest
-from cocap_opt.formulations import BOUNDS, EXACT
-from cocap_opt.formulations.certificates import CertificateFile, ProofFile
-from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report
-from cocap_opt.model import compiled, compiled_anew
-from cocap_opt.planners import LAZY
-from cocap_opt.problem import Plan, Problem
-from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Clock, LimitReached, Stop, TimeLimit, never
 
@@ -156,7 +156,7 @@ def _planned(
 
 def _rendered_reward(problem: Problem, judged: Judged[Any]) -> float | None:
     """Returns J of a plan's rendered pixels; None where there is no plan."""
-    from cocap_opt.experiments.results.rendered import FaceView, Pose
+    from cocap_opt.output.rendered import FaceView, Pose
     from cocap_opt.vision.render import Renderer
 
     if judged.result.plan is None or judged.verdict is None:

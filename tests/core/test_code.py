@@ -62,7 +62,7 @@ def test_an_installed_package_has_the_digest_of_its_checkout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Links to folders and real folders are the same modules, by the names they are imported by."""
-    parts = ("cocap_opt", "cocap_opt.scenarios", "cocap_opt.experiments.console")
+    parts = ("cocap_opt", "cocap_opt.scenarios", "cocap_opt.console")
     here = code_digest(*parts), code_digest("cocap_opt")
     installed = tmp_path / "cocap_opt"
     shutil.copytree(code._FOLDER, installed)  # follows the links

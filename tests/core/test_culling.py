@@ -11,7 +11,7 @@ from pool import problems
 from strategies import WALL, examples, shapes
 
 from cocap_opt.data import IntArray
-from cocap_opt.experiments.studies.coverage.town import town
+from cocap_opt.experiments.lab.studies.coverage.town import town
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import Model
 from cocap_opt.problem import (

@@ -10,7 +10,7 @@ from pool import meetings, problems
 from strategies import Calls, examples
 from test_planners import blocked_at_random, close, meadow, seen_by_others
 
-from cocap_opt.experiments.studies.coverage.town import town
+from cocap_opt.experiments.lab.studies.coverage.town import town
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.value_iteration import Swept, backward_sweep
 from cocap_opt.model import Model, compiled

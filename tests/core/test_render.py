@@ -9,12 +9,12 @@ from PIL import Image
 from pool import problems
 from strategies import examples, tiny
 
-from cocap_opt.experiments.cli.commands import run
-from cocap_opt.experiments.results.rendered import (
+from cocap_opt.cli.commands import run
+from cocap_opt.model import Model
+from cocap_opt.output.rendered import (
     FaceView,
     Pose,
 )
-from cocap_opt.model import Model
 from cocap_opt.problem import Actor, Camera, Cuboid, Motion, Problem, Robot, State
 from cocap_opt.scenarios import load_scene
 from cocap_opt.vision.render import SKY, TERRAIN, Renderer

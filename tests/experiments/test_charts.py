@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from result_rows import row
 
-from cocap_opt.experiments.cli import commands
+from cocap_opt.cli import commands
 from cocap_opt.experiments.report.charts import (
     _draw_conflicts,
     _draw_gaps,
@@ -18,11 +18,11 @@ from cocap_opt.experiments.report.charts import (
     gaps_figure,
     progress_figure,
 )
-from cocap_opt.experiments.report.figures import picture
-from cocap_opt.experiments.report.style import families_for
-from cocap_opt.experiments.results.trace import Trace
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.result import CertifiedResult, Snapshot
+from cocap_opt.output.trace import Trace
+from cocap_opt.pictures.figures import picture
+from cocap_opt.pictures.style import families_for
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import SwapConflict
 from cocap_opt.result import Reason

@@ -19,22 +19,22 @@ from scene_files import SMALL_SEQUENCE
 
 import cocap_opt as co
 from cocap_opt import scenarios
-from cocap_opt.experiments.cli import commands
-from cocap_opt.experiments.cli.main import main
-from cocap_opt.experiments.cli.solver_commands import AT_THE_ROOT
-from cocap_opt.experiments.console import progress
-from cocap_opt.experiments.results.gap_table import print_gap_table
-from cocap_opt.experiments.results.judging import SOLVERS, Judged
-from cocap_opt.experiments.results.printing import print_result
-from cocap_opt.experiments.results.rows import Row
+from cocap_opt.cli import commands
+from cocap_opt.cli.main import main
+from cocap_opt.cli.solver_commands import AT_THE_ROOT
+from cocap_opt.console import progress
 from cocap_opt.experiments.sweeps.scenes import Scenes
+from cocap_opt.experiments.tables.gap_table import print_gap_table
+from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.files.documents import SceneFile
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.column_generation import root
 from cocap_opt.model import compiled
+from cocap_opt.output.printing import print_result
 from cocap_opt.planners import LAZY, PLANNERS
 from cocap_opt.planners.team import Team
 from cocap_opt.problem import NO_RULES, Problem
+from cocap_opt.run.judging import SOLVERS, Judged
 from cocap_opt.scenarios import SCENES
 from cocap_opt.scenarios.built_in.field import field
 
@@ -66,9 +66,9 @@ class Run:
 
 def start_command(*words: object, talkative: bool = False) -> subprocess.Popen[str]:
     """One command in a process of its own; if it is talkative, it says all its progress."""
-    code = f"from cocap_opt.experiments.cli.main import main; main({[str(word) for word in words]})"
+    code = f"from cocap_opt.cli.main import main; main({[str(word) for word in words]})"
     if talkative:
-        module = "from cocap_opt.experiments.console import progress"
+        module = "from cocap_opt.console import progress"
         code = f"{module}; progress.SECONDS_BETWEEN_LINES = 0.01; {code}"
     return subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -1122,7 +1122,7 @@ def test_the_same_plan_file_in_any_process(
     """Same scene and seed: the same plan file but for its seconds, whatever the hash seed."""
     here, there = tmp_path / "here.json", tmp_path / "there.json"
     Run(capsys, "plan", "bottleneck", "-o", here)
-    code = "from cocap_opt.experiments.cli.main import main; main()"
+    code = "from cocap_opt.cli.main import main; main()"
     subprocess.run(
         [sys.executable, "-c", code, "plan", "bottleneck", "-o", str(there)], check=True,
         capture_output=True, env=os.environ | {"PYTHONHASHSEED": "2"},
@@ -1223,7 +1223,7 @@ def test_ctrl_c_while_modules_are_imported_is_one_line(module: str) -> None:
     """The half second before a command begins ends without a traceback, and so does a command."""
     code = f"""
 import os, signal, sys
-from cocap_opt.experiments.cli.main import main
+from cocap_opt.cli.main import main
 
 class Press:
     @staticmethod
@@ -1252,9 +1252,7 @@ def test_standard_output_that_takes_nothing(redirection: str, code: int) -> None
     """A closed, full or cut-off standard output is no traceback."""
     if "full" in redirection and not Path("/dev/full").exists():
         pytest.skip("needs /dev/full")
-    python = (
-        f"{sys.executable} -c 'from cocap_opt.experiments.cli.main import main; main([\"scenes\"])'"
-    )
+    python = f"{sys.executable} -c 'from cocap_opt.cli.main import main; main([\"scenes\"])'"
     done = subprocess.run(
         ["bash", "-c", f"set -o pipefail; {python} {redirection}"], capture_output=True, text=True,
         check=False,
@@ -1271,7 +1269,7 @@ def test_standard_error_that_takes_nothing(redirection: str) -> None:
     if "full" in redirection and not Path("/dev/full").exists():
         pytest.skip("needs /dev/full")
     words = ["plan", "no-such-scene"]
-    program = "from cocap_opt.experiments.cli.main import main"
+    program = "from cocap_opt.cli.main import main"
     python = f"{sys.executable} -c '{program}; main({json.dumps(words)})'"
     done = subprocess.run(
         ["bash", "-c", f"{python} {redirection}"], capture_output=True, check=False
@@ -1342,6 +1340,6 @@ def test_a_scene_is_not_overwritten(
 @pytest.mark.slow
 def test_python_runs_the_module_as_the_command() -> None:
     """`python -m` of its module does what `cocap-opt` does, and does not end in silence."""
-    words = [sys.executable, "-m", "cocap_opt.experiments.cli.main", "--version"]
+    words = [sys.executable, "-m", "cocap_opt.cli.main", "--version"]
     found = subprocess.run(words, capture_output=True, text=True, check=True)
     assert co.__version__ in found.stdout

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from studies import rows_of, study
 
-from cocap_opt.experiments.studies.coverage import coverage as coverage_module
-from cocap_opt.experiments.studies.coverage.town import HOUSE, PACE, town
+from cocap_opt.experiments.lab.studies.coverage import coverage as coverage_module
+from cocap_opt.experiments.lab.studies.coverage.town import HOUSE, PACE, town
 from cocap_opt.model import Model
 
 

@@ -19,7 +19,7 @@ from strategies import examples
 from test_cli import Run
 
 import cocap_opt as co
-from cocap_opt.experiments.missions.earth_tracks import Track
+from cocap_opt.missions.earth_tracks import Track
 
 RECIPE = """
 steps = 4

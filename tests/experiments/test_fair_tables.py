@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from test_sweeps import SETTINGS, TIMES, small_field, swept, untimed
 
-from cocap_opt.experiments.api.measuring import gap as gap_frame
-from cocap_opt.experiments.cli import commands
-from cocap_opt.experiments.results.files import save_csv
-from cocap_opt.experiments.results.gap_table import print_gap_table
-from cocap_opt.experiments.results.judging import SOLVERS
-from cocap_opt.experiments.results.rows import Row
+from cocap_opt.api.measuring import gap as gap_frame
+from cocap_opt.cli import commands
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.results import load_results
+from cocap_opt.experiments.tables.gap_table import print_gap_table
+from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.model import compiled
+from cocap_opt.output.files import save_csv
 from cocap_opt.planners import LAZY
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result
+from cocap_opt.run.judging import SOLVERS
 from cocap_opt.stop import Stop
 from cocap_opt.vision.coverage import GrowingTable
 from cocap_opt.vision.views import _PinholeViews

@@ -6,21 +6,21 @@ import pytest
 from studies import rows_of, study
 from test_flight import flights
 
-from cocap_opt.experiments.results.files import save_csv
-from cocap_opt.experiments.results.stored import STORED
-from cocap_opt.experiments.studies.flight.flight import tell
-from cocap_opt.experiments.studies.flight.measures import (
+from cocap_opt.experiments.lab.stored_results import STORED
+from cocap_opt.experiments.lab.studies.flight.flight import tell
+from cocap_opt.experiments.lab.studies.flight.measures import (
     delays,
     errors,
     least_apart,
     least_clearance,
 )
-from cocap_opt.experiments.studies.flight.runs import Run, fitting_step
-from cocap_opt.experiments.studies.flight.simulation import Reference, Simulated
-from cocap_opt.experiments.studies.flight.tables import flights_in_markdown, sentences
-from cocap_opt.experiments.studies.flight.wind import Wind
+from cocap_opt.experiments.lab.studies.flight.runs import Run, fitting_step
+from cocap_opt.experiments.lab.studies.flight.simulation import Reference, Simulated
+from cocap_opt.experiments.lab.studies.flight.tables import flights_in_markdown, sentences
+from cocap_opt.experiments.lab.studies.flight.wind import Wind
 from cocap_opt.flight.pace import demands
 from cocap_opt.flight.smooth import smooth
+from cocap_opt.output.files import save_csv
 from cocap_opt.scenarios.airframes import AIRFRAMES
 
 ROOT = Path(__file__).parents[2]

@@ -10,11 +10,11 @@ import pytest
 from test_cli import Run
 
 import cocap_opt as co
+from cocap_opt.cli import fly_command
 from cocap_opt.data import FieldError
-from cocap_opt.experiments.cli import fly_command
-from cocap_opt.experiments.missions import WRITERS, Export
-from cocap_opt.experiments.results import flights
+from cocap_opt.flight import flights
 from cocap_opt.flight.safety import Danger
+from cocap_opt.missions import WRITERS, Export
 
 RECIPE = """
 steps = 4

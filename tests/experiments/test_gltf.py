@@ -14,11 +14,11 @@ from strategies import examples
 
 import cocap_opt as co
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.missions import WRITERS
-from cocap_opt.experiments.missions import relief as relief_module
-from cocap_opt.experiments.missions.gltf import ERROR, ERROR_OF_ANGLES
-from cocap_opt.experiments.missions.relief import Relief
-from cocap_opt.experiments.results.flights import Flight
+from cocap_opt.flight.flights import Flight
+from cocap_opt.missions import WRITERS
+from cocap_opt.missions import relief as relief_module
+from cocap_opt.missions.gltf import ERROR, ERROR_OF_ANGLES
+from cocap_opt.missions.relief import Relief
 from cocap_opt.world import HeightMap
 
 Array = npt.NDArray[Any]

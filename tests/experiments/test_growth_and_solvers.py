@@ -8,20 +8,19 @@ from typing import Any
 import pytest
 from studies import rows_of, study
 
-import cocap_opt as co
-from cocap_opt.experiments.report.benchmark import Benchmark, MethodRun, Outcome
-from cocap_opt.experiments.results.files import save_csv
-from cocap_opt.experiments.studies import runs as runs_module
-from cocap_opt.experiments.studies import steps as steps_module
-from cocap_opt.experiments.studies.growth.points import MEASURES, Point, Runs, Sample
-from cocap_opt.experiments.studies.runs import Run, _measured, scene
-from cocap_opt.experiments.studies.solvers import table as solvers_module
-from cocap_opt.experiments.studies.solvers.figures import Figure, Target
-from cocap_opt.experiments.studies.solvers.rows import Options
-from cocap_opt.experiments.studies.steps import METHODS
+from cocap_opt.experiments.lab.benchmark import Benchmark, MethodRun, Outcome
+from cocap_opt.experiments.lab.studies import runs as runs_module
+from cocap_opt.experiments.lab.studies import steps as steps_module
+from cocap_opt.experiments.lab.studies.growth.points import MEASURES, Point, Runs, Sample
+from cocap_opt.experiments.lab.studies.runs import Run, _measured, scene
+from cocap_opt.experiments.lab.studies.solvers import table as solvers_module
+from cocap_opt.experiments.lab.studies.solvers.figures import Figure, Target
+from cocap_opt.experiments.lab.studies.solvers.rows import Options
+from cocap_opt.experiments.lab.studies.steps import METHODS
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.formulations.result import CertifiedResult, Snapshot
+from cocap_opt.output.files import save_csv
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason
 from cocap_opt.stop import Limit, Stop
@@ -234,7 +233,7 @@ STEPS = [
 def test_the_benchmark_is_what_was_written(tmp_path: Path) -> None:
     """A table that is read is that which was written; bounds are held against proved optima."""
     save_csv(tmp_path / "solvers.csv", [run._asdict() for run in STEPS])
-    read = co.benchmark(tmp_path / "solvers.csv")
+    read = Benchmark.read(tmp_path / "solvers.csv")
     assert list(map(repr, read.runs)) == list(map(repr, STEPS))
     above = read.table["bound above the optimum (%)"].tolist()
     assert above == pytest.approx([0, 0, 0, 20, math.inf])
@@ -258,12 +257,12 @@ def test_another_table_is_refused(tmp_path: Path, text: str) -> None:
     save_csv(file, [run._asdict() for run in STEPS])
     file.write_text(file.read_text().replace("1,0", "one,0", 1) if "MADE" in text else text)
     with pytest.raises(ValueError, match=r"solvers\.csv"):
-        co.benchmark(file)
+        Benchmark.read(file)
 
 
 def test_the_stored_benchmark_holds() -> None:
     """It has 1 to 8 steps and five seeds of seven methods, whose proofs agree on the optimum."""
-    runs = co.benchmark().runs
+    runs = Benchmark.read().runs
     assert {run.steps for run in runs} == set(range(1, 9))
     assert {run.seed for run in runs} == set(range(5))
     assert list(dict.fromkeys(run.method for run in runs)) == list(METHODS)

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 import cocap_opt as co
-from cocap_opt.experiments.cli.main import main
-from cocap_opt.experiments.report.player import Player
-from cocap_opt.experiments.results import forecast
-from cocap_opt.experiments.results.forecast import Forecast, Tried, doubts, duration
+from cocap_opt.cli.main import main
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.model import CoverageEstimate, Model
+from cocap_opt.player.player import Player
 from cocap_opt.problem import Plan
+from cocap_opt.run import forecast
+from cocap_opt.run.forecast import Forecast, Tried, doubts, duration
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.recipe.lighter import lighter
 from cocap_opt.stop import Limit

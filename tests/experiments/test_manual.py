@@ -9,23 +9,23 @@ import pytest
 from pages import DOCS
 
 import cocap_opt as co
-from cocap_opt.experiments.cli.commands import app
-from cocap_opt.experiments.manual import one_face, worked
-from cocap_opt.experiments.manual.commands import commands_in_markdown, studies_in_markdown
-from cocap_opt.experiments.manual.diagrams import DIAGRAMS
-from cocap_opt.experiments.manual.docstrings import with_meanings
-from cocap_opt.experiments.manual.formats import (
+from cocap_opt.cli.commands import app
+from cocap_opt.experiments.lab.manual import one_face, worked
+from cocap_opt.experiments.lab.manual.commands import commands_in_markdown, studies_in_markdown
+from cocap_opt.experiments.lab.manual.diagrams import DIAGRAMS
+from cocap_opt.experiments.lab.manual.docstrings import with_meanings
+from cocap_opt.experiments.lab.manual.formats import (
     DOCUMENTS,
     example,
     fields_in_markdown,
     schema,
     write_schemas,
 )
-from cocap_opt.experiments.manual.gallery import SHOWN
-from cocap_opt.experiments.manual.lists import LISTS
-from cocap_opt.experiments.manual.recorded_tree import recorded_tree
-from cocap_opt.experiments.manual.worked_words import told_closed
-from cocap_opt.experiments.results.rows import COLUMNS
+from cocap_opt.experiments.lab.manual.gallery import SHOWN
+from cocap_opt.experiments.lab.manual.lists import LISTS
+from cocap_opt.experiments.lab.manual.recorded_tree import recorded_tree
+from cocap_opt.experiments.lab.manual.worked_words import told_closed
+from cocap_opt.experiments.tables.rows import COLUMNS
 from cocap_opt.files.documents import decode_document
 from cocap_opt.scenarios import SCENES
 from cocap_opt.scenarios.built_in.tiny import TINY_OPTIMA

@@ -21,11 +21,11 @@ from test_cli import Run
 
 import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.experiments.missions import FOR_AUTOPILOTS, WRITERS, Export
-from cocap_opt.experiments.missions.autopilots import AUTOPILOTS
-from cocap_opt.experiments.missions.items import Item
-from cocap_opt.experiments.missions.routes import Leg, Route, routes
-from cocap_opt.experiments.results.flights import Flight
+from cocap_opt.flight.flights import Flight
+from cocap_opt.missions import FOR_AUTOPILOTS, WRITERS, Export
+from cocap_opt.missions.autopilots import AUTOPILOTS
+from cocap_opt.missions.items import Item
+from cocap_opt.missions.routes import Leg, Route, routes
 from cocap_opt.problem import Airspace, Earth, Limits, Plan, Problem, State
 
 pyproj = pytest.importorskip("pyproj")

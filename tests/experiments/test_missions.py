@@ -18,9 +18,9 @@ from test_cli import Run
 
 import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.experiments.missions import WRITERS, Export
-from cocap_opt.experiments.results.flights import Flight
 from cocap_opt.flight.delays import bearable_delay, bearable_delay_of_people
+from cocap_opt.flight.flights import Flight
+from cocap_opt.missions import WRITERS, Export
 from cocap_opt.problem import CollisionRules, Earth, Plan, Problem, State
 
 pyproj = pytest.importorskip("pyproj")

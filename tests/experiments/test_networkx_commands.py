@@ -10,11 +10,11 @@ import pytest
 from strategies import tiny
 from test_cli import Run
 
-from cocap_opt.experiments.console import progress
-from cocap_opt.experiments.console.progress import Watch
-from cocap_opt.experiments.results.graphml import graphml
+from cocap_opt.console import progress
+from cocap_opt.console.progress import Watch
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.graph.networks import time_expanded_graph
+from cocap_opt.output.graphml import graphml
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Objective
 from cocap_opt.scenarios import load_scene
@@ -70,7 +70,7 @@ def test_graphs_that_cannot_be_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is too large is refused before it is made, in one line that names the drone."""
-    monkeypatch.setattr("cocap_opt.experiments.results.graphml.MOST_EDGES", 3)
+    monkeypatch.setattr("cocap_opt.output.graphml.MOST_EDGES", 3)
     run = Run(capsys, "export", "tiny-share", "-o", tmp_path / "a.graphml")
     assert run.code == 2
     assert (

@@ -16,18 +16,18 @@ from scene_files import SEQUENCE, actor, solution, write_hughes
 from strategies import examples
 from studies import rows_of, study
 
-from cocap_opt.experiments.cli.main import main as cocap_opt
-from cocap_opt.experiments.results.judging import Judged
-from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.studies.others.cases import Case
-from cocap_opt.experiments.studies.others.published import Scene
-from cocap_opt.experiments.studies.others.tables import OverSets
+from cocap_opt.cli.main import main as cocap_opt
+from cocap_opt.experiments.lab.studies.others.cases import Case
+from cocap_opt.experiments.lab.studies.others.published import Scene
+from cocap_opt.experiments.lab.studies.others.tables import OverSets
 from cocap_opt.experiments.sweeps import work
+from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.files.documents import PlanFile
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import relative_gap
+from cocap_opt.run.judging import Judged
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.formats import hughes
 

@@ -11,9 +11,9 @@ import cloudpickle
 import pytest
 from test_sweeps import SETTINGS, computed, folder_for_a_sweep, small_field
 
-from cocap_opt.experiments.api.measuring import gap as gap_frame
-from cocap_opt.experiments.api.methods import plan as plan_by
-from cocap_opt.experiments.cli import commands
+from cocap_opt.api.measuring import gap as gap_frame
+from cocap_opt.api.methods import plan as plan_by
+from cocap_opt.cli import commands
 from cocap_opt.experiments.sweeps import named_planners, own_planners
 from cocap_opt.experiments.sweeps.cells import Store
 from cocap_opt.experiments.sweeps.cluster import Cluster, _run_task

@@ -14,29 +14,29 @@ from result_rows import row
 from strategies import examples
 from studies import study
 
-from cocap_opt.experiments.results.files import save_csv
-from cocap_opt.experiments.results.judging import Judged
-from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.statistics import Mean
-from cocap_opt.experiments.results.stored import STORED
-from cocap_opt.experiments.studies.paper import (
+from cocap_opt.experiments.lab.stored_results import STORED
+from cocap_opt.experiments.lab.studies.paper import (
     ablation,
     answers,
     conditions,
     measured,
     reproduction,
 )
-from cocap_opt.experiments.studies.paper.conditions import Corridor, Search, Trial
-from cocap_opt.experiments.studies.paper.giving_way import Encounter, _own_reward
-from cocap_opt.experiments.studies.paper.page import Page
-from cocap_opt.experiments.studies.paper.planner_table import (
+from cocap_opt.experiments.lab.studies.paper.conditions import Corridor, Search, Trial
+from cocap_opt.experiments.lab.studies.paper.giving_way import Encounter, _own_reward
+from cocap_opt.experiments.lab.studies.paper.page import Page
+from cocap_opt.experiments.lab.studies.paper.planner_table import (
     planner_table,
 )
+from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.files.documents import FileError
 from cocap_opt.model import compiled
+from cocap_opt.output.files import save_csv
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
+from cocap_opt.run.judging import Judged
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 

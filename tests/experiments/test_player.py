@@ -14,18 +14,18 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from strategies import examples, plate, tiny
 
-from cocap_opt.experiments.cli.main import main
-from cocap_opt.experiments.report import player_scene
+from cocap_opt.cli.main import main
+from cocap_opt.experiments.lab.studies.pictures import _Browser
 from cocap_opt.experiments.report.explaining import gaps_of
-from cocap_opt.experiments.report.figures import robot_colour
-from cocap_opt.experiments.report.player import Player
-from cocap_opt.experiments.report.player_plan import PlanData
-from cocap_opt.experiments.report.player_scene import SceneData
-from cocap_opt.experiments.studies.pictures import _Browser
 from cocap_opt.files.documents import PlanFile, SceneFile, problem_digest
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.pictures.figures import robot_colour
 from cocap_opt.planners import PLANNERS
+from cocap_opt.player import player_scene
+from cocap_opt.player.player import Player
+from cocap_opt.player.player_plan import PlanData
+from cocap_opt.player.player_scene import SceneData
 from cocap_opt.problem import (
     Actor,
     Airspace,
@@ -476,7 +476,7 @@ def test_plans_of_other_starts_are_not_shown_together(
 def test_what_is_installed_has_the_page() -> None:
     """The files of the page are package data: an installed player has them all."""
     setuptools = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
-    package = ROOT / "experiments" / "report"
+    package = ROOT / "cocap_opt" / "player"
     installed = {
         f for glob in setuptools["package-data"]["*"] for f in (package / "page").glob(glob)
     }

@@ -7,10 +7,10 @@ from browser import value
 from result_rows import row
 from selenium.webdriver.support.wait import WebDriverWait
 
-from cocap_opt.experiments.cli import commands
+from cocap_opt.cli import commands
+from cocap_opt.experiments.lab.studies.pictures import PLAYER_IS_READY, _Browser
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.report.report import _telling_pair, _telling_seed
-from cocap_opt.experiments.studies.pictures import PLAYER_IS_READY, _Browser
 from cocap_opt.experiments.sweeps.run_file import Run, RunFile
 
 SWEEP = ("gap", "tiny-queue", "bottleneck", "--time-limit", "0.5", "--seeds", "0",

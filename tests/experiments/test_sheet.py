@@ -16,15 +16,15 @@ from test_gltf import scene
 
 import cocap_opt as co
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.missions import WRITERS
-from cocap_opt.experiments.missions.briefing import briefing
-from cocap_opt.experiments.results.flights import Flight
+from cocap_opt.flight.flights import Flight
+from cocap_opt.missions import WRITERS
+from cocap_opt.missions.briefing import briefing
 from cocap_opt.problem import Limits
 from cocap_opt.scenarios.airframes import AIRFRAMES
 from cocap_opt.scenarios.cameras import CAMERAS
 
 # The package's name `sheet` is the writer.
-sheet_module = import_module("cocap_opt.experiments.missions.sheet")
+sheet_module = import_module("cocap_opt.missions.sheet")
 
 
 def text_of(flight: Flight, every: float | None = None) -> dict[str, list[str]]:

@@ -11,21 +11,21 @@ from cyclopts import CycloptsError
 from pages import pages
 from studies import rows_of, study
 
-from cocap_opt.experiments.results.files import save_csv
-from cocap_opt.experiments.results.stored import STORED
-from cocap_opt.experiments.studies import app as app_module
-from cocap_opt.experiments.studies import runs
-from cocap_opt.experiments.studies.app import app
-from cocap_opt.experiments.studies.gamma import _measured, gammas_in_markdown
-from cocap_opt.experiments.studies.lazy import ALL, means
-from cocap_opt.experiments.studies.lazy import _measured as _measured_lazily
-from cocap_opt.experiments.studies.runs import BoundMethod, Build, Run
-from cocap_opt.experiments.studies.separation.points import Point
-from cocap_opt.experiments.studies.separation.separation import built, separation
-from cocap_opt.experiments.studies.separation.tables import separation_in_markdown
-from cocap_opt.experiments.studies.stored_tables import lazy_in_markdown
+from cocap_opt.experiments.lab.stored_results import STORED
+from cocap_opt.experiments.lab.studies import app as app_module
+from cocap_opt.experiments.lab.studies import runs
+from cocap_opt.experiments.lab.studies.app import app
+from cocap_opt.experiments.lab.studies.gamma import _measured, gammas_in_markdown
+from cocap_opt.experiments.lab.studies.lazy import ALL, means
+from cocap_opt.experiments.lab.studies.lazy import _measured as _measured_lazily
+from cocap_opt.experiments.lab.studies.runs import BoundMethod, Build, Run
+from cocap_opt.experiments.lab.studies.separation.points import Point
+from cocap_opt.experiments.lab.studies.separation.separation import built, separation
+from cocap_opt.experiments.lab.studies.separation.tables import separation_in_markdown
+from cocap_opt.experiments.lab.studies.stored_tables import lazy_in_markdown
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.output.files import save_csv
 from cocap_opt.planners import view_search
 from cocap_opt.result import Reason
 
@@ -39,7 +39,7 @@ SLOW = {
 
 def test_commands_load_their_work_late() -> None:
     """No command waits for a solver, plotting or networks before its time limit counts."""
-    code = "import sys, cocap_opt.experiments.studies.app, cocap_opt.experiments.cli.commands; "
+    code = "import sys, cocap_opt.experiments.lab.studies.app, cocap_opt.cli.commands; "
     code += f"print(*({SLOW!r} & sys.modules.keys()))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []

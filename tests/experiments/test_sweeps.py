@@ -18,17 +18,12 @@ import msgspec
 import numpy as np
 import pytest
 from distributed import Client, LocalCluster
-from sources import reached
+from sources import FRONT, RUN, package_of, reached, sources
 
-from cocap_opt.experiments.api.measuring import gap as gap_frame
-from cocap_opt.experiments.cli import commands
-from cocap_opt.experiments.console.progress import Watch
-from cocap_opt.experiments.console.threads import ONE_THREAD
-from cocap_opt.experiments.results import rows as rows_module
-from cocap_opt.experiments.results.judging import SOLVERS, RefereeError
-from cocap_opt.experiments.results.layout import FOLDERS, Paths
-from cocap_opt.experiments.results.rows import Row
-from cocap_opt.experiments.results.trace import Trace
+from cocap_opt.api.measuring import gap as gap_frame
+from cocap_opt.cli import commands
+from cocap_opt.console.progress import Watch
+from cocap_opt.console.threads import ONE_THREAD
 from cocap_opt.experiments.sweeps import cells as cells_module
 from cocap_opt.experiments.sweeps import cluster as cluster_module
 from cocap_opt.experiments.sweeps import run_file as run_file_module
@@ -49,12 +44,17 @@ from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.sweeps.work import Task
+from cocap_opt.experiments.tables import rows as rows_module
+from cocap_opt.experiments.tables.layout import FOLDERS, Paths
+from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.files.documents import PlanFile, SceneFile, decode_document, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.model import compiled
+from cocap_opt.output.trace import Trace
 from cocap_opt.problem import NO_RULES, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result, relative_gap
+from cocap_opt.run.judging import SOLVERS, RefereeError
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field
 from cocap_opt.stop import Interrupt, Limit, Stop, never
@@ -455,25 +455,24 @@ def test_a_cell_of_other_settings_is_another_cell(
 
 def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """Other code beside the planners, and other versions of libraries, make other cells."""
-    prefix = "cocap_opt.experiments."
-    own = {name for name in reached(f"{prefix}sweeps.work") if name.startswith(prefix)}
+    work = "cocap_opt.experiments.sweeps.work"
+    upper = {name for name in reached(work) if package_of(name) in ("run", "experiments")}
     silent = {
-        "console.progress",
-        "console.streams",
-        "results.columns",
-        "results.conflicts",
-        "results.layout",
-        "results.printing",
+        "cocap_opt.console.progress",
+        "cocap_opt.console.streams",
+        "cocap_opt.experiments.tables.columns",
+        "cocap_opt.experiments.tables.layout",
+        "cocap_opt.output.conflicts",
+        "cocap_opt.output.printing",
     }  # they compute nothing
-    fronts = {"console", "results", "sweeps"}
-    computing = {name.removeprefix(prefix) for name in own} - silent - fronts
-    named = {name.removeprefix(prefix) for name in cells_module._MODULES if prefix in name}
-    assert computing | {"sweeps.work"} == named | {"results.rows"}
+    computing = {name for name in upper if sources()[name].name != "__init__.py"} - silent
+    named = {name for name in cells_module._MODULES if package_of(name) in ("run", "experiments")}
+    assert computing | {work} == named | {"cocap_opt.experiments.tables.rows"}
     digests = {Cell.digest_of_code()}
     with monkeypatch.context() as patch:
         patch.setattr(cells_module, "version", lambda name: "0.0")
         digests.add(Cell.digest_of_code.__wrapped__())
-    monkeypatch.setattr(cells_module, "_MODULES", ("cocap_opt.experiments.results.trace",))
+    monkeypatch.setattr(cells_module, "_MODULES", ("cocap_opt.output.trace",))
     digests.add(Cell.digest_of_code.__wrapped__())
     assert len(digests) == 3
 
@@ -495,6 +494,7 @@ def test_all_of_the_core_but_pictures_and_the_face_is_digested() -> None:
         if path.suffix == ".py" or (path / "__init__.py").is_file()
     }
     beside = {"__init__", "drawing", "experiments", "flight", "plausibility", "scenarios"}
+    beside |= {*RUN, *FRONT}
     named = {name for name in cells_module._MODULES if name.count(".") == 1}
     assert named == modules - {f"cocap_opt.{name}" for name in beside}
 
@@ -653,7 +653,7 @@ def small_sweep(*arguments: object) -> list[str]:
 
 def command(*arguments: object) -> list[str]:
     """The same in a process of its own."""
-    program = "from cocap_opt.experiments.cli.main import main; main()"
+    program = "from cocap_opt.cli.main import main; main()"
     return [sys.executable, "-c", program, *small_sweep(*arguments)]
 
 
@@ -889,7 +889,7 @@ def test_a_worker_lets_go_of_its_models_and_knows_its_code() -> None:
 
 BAD_PLANNERS = """
 import os, time
-from cocap_opt.experiments.results.judging import SOLVERS
+from cocap_opt.run.judging import SOLVERS
 SOLVERS["sleeps"] = lambda problem, stop: time.sleep(1000)
 SOLVERS["dies"] = lambda problem, stop: os._exit(1)
 """
@@ -939,7 +939,7 @@ before = dict(os.environ)
 import cocap_opt as co
 co.gap, co.load("tiny-queue")
 assert os.environ == before
-from cocap_opt.experiments.cli.main import main
+from cocap_opt.cli.main import main
 try:
     main(["scenes", "--json"])
 finally:

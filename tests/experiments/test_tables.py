@@ -17,21 +17,21 @@ from hypothesis import strategies as st
 from scipy import stats
 from strategies import examples
 
-from cocap_opt.experiments.cli import commands
-from cocap_opt.experiments.results.columns import Column
-from cocap_opt.experiments.results.conflicts import grouped_conflicts
-from cocap_opt.experiments.results.judging import Judged
-from cocap_opt.experiments.results.printing import Listing
-from cocap_opt.experiments.results.rows import COLUMNS, PlanRow, Row
-from cocap_opt.experiments.results.statistics import Mean
-from cocap_opt.experiments.results.tables import DOCUMENTS, Tables
-from cocap_opt.experiments.results.trace import Trace
+from cocap_opt.cli import commands
 from cocap_opt.experiments.sweeps.results import load_results
+from cocap_opt.experiments.tables.columns import Column
+from cocap_opt.experiments.tables.rows import COLUMNS, PlanRow, Row
+from cocap_opt.experiments.tables.statistics import Mean
+from cocap_opt.experiments.tables.tables import DOCUMENTS, Tables
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.result import Snapshot
+from cocap_opt.output.conflicts import grouped_conflicts
+from cocap_opt.output.printing import Listing
+from cocap_opt.output.trace import Trace
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result
+from cocap_opt.run.judging import Judged
 from cocap_opt.scenarios import load_scene
 
 SOME = st.lists(st.floats(0, 1e6), min_size=5, max_size=30)
@@ -348,7 +348,7 @@ def test_what_is_no_table_is_refused(
 
 _ON_A_TERMINAL = """
 import fcntl, struct, sys, termios
-from cocap_opt.experiments.cli.commands import run
+from cocap_opt.cli.commands import run
 for width in (60, 80, 140):
     fcntl.ioctl(1, termios.TIOCSWINSZ, struct.pack("HHHH", 40, width, 0, 0))
     print("=", width)

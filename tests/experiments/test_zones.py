@@ -13,10 +13,10 @@ from test_missions import SYSTEMS, said, scene
 
 import cocap_opt as co
 from cocap_opt.data import LARGEST
-from cocap_opt.experiments.missions import FOR_AUTOPILOTS, WRITERS
-from cocap_opt.experiments.missions.zones import zones
-from cocap_opt.experiments.results.flights import Flight
-from cocap_opt.experiments.results.heights import over_datum
+from cocap_opt.flight.flights import Flight
+from cocap_opt.missions import FOR_AUTOPILOTS, WRITERS
+from cocap_opt.missions.zones import zones
+from cocap_opt.output.heights import over_datum
 from cocap_opt.problem import Airspace
 
 pyproj = pytest.importorskip("pyproj")

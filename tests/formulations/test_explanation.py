@@ -12,8 +12,6 @@ from random_certificates import as_rows, random_multipliers, random_proof, some_
 from strategies import WALL, examples, standing, tiny
 
 from cocap_opt.coordination.replans import replans
-from cocap_opt.experiments.results.explained import Explained
-from cocap_opt.experiments.results.explained_words import explained_sentences
 from cocap_opt.formulations.certificates import (
     Cells,
     CertificateFile,
@@ -29,6 +27,8 @@ from cocap_opt.formulations.explanation import explain
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Cell, Plan, Problem, State
 from cocap_opt.referee import check
+from cocap_opt.run.explained import Explained
+from cocap_opt.run.explained_words import explained_sentences
 from cocap_opt.world.workspace import HeightMap
 
 ROUNDING = 1e-9  # relative to the bound

@@ -10,7 +10,6 @@ from pool import problems
 from random_certificates import as_rows, random_multipliers, random_proof, some_model
 from strategies import examples, tiny
 
-from cocap_opt.experiments.results.verification import ProvedBound
 from cocap_opt.formulations.certificates import (
     CertificateError,
     CertificateFile,
@@ -23,6 +22,7 @@ from cocap_opt.formulations.certificates import (
 from cocap_opt.formulations.second_opinion import SecondOpinion, TooLargeError, prices
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
+from cocap_opt.run.verification import ProvedBound
 
 
 def assert_same(problem: Problem, file: CertificateFile | ProofFile, swept: Pricing) -> None:

@@ -8,8 +8,8 @@ import pytest
 from others import data
 from strategies import tiny
 
+from cocap_opt.cli.commands import run
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.cli.commands import run
 from cocap_opt.formulations import EXACT
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Camera, Cone

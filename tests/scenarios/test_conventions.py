@@ -10,8 +10,8 @@ import pytest
 from others import data
 from scene_files import SEQUENCE, STARTS
 
+from cocap_opt.cli.main import main
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.cli.main import main
 from cocap_opt.files.documents import FileError, SceneFile, problem_digest
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.value_iteration import backward_sweep

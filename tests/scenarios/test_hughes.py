@@ -12,8 +12,8 @@ from others import data
 from scene_files import write_hughes
 from strategies import tiny
 
+from cocap_opt.cli.main import main
 from cocap_opt.data import ProblemError
-from cocap_opt.experiments.cli.main import main
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations import EXACT
 from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses

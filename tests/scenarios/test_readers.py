@@ -14,7 +14,7 @@ from others import DATA, data
 from scene_files import SEQUENCE, STARTS
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.experiments.studies.coverage.peers import _differences
+from cocap_opt.experiments.lab.studies.coverage.peers import _differences
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import PAPER_RULES, Cuboid, Plan, Problem, State, TriangulatedCuboid
 from cocap_opt.referee import check

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from cocap_opt.experiments.results.rows import Row
+from cocap_opt.experiments.tables.rows import Row
 
 
 def row(planner: str, seed: int, reward: float | None, **more: Any) -> Row:

@@ -8,6 +8,9 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2] / "cocap_opt"
 CORE = "cocap_opt"
 LINKED = ("formulations", "scenarios", "experiments")  # folders beside the core, linked into it
+# What is made of planners and bounds.
+RUN = ("console", "output", "run", "pictures", "missions", "player")
+FRONT = ("api", "cli")  # what people call
 
 
 @cache
@@ -24,14 +27,18 @@ def sources() -> dict[str, Path]:
 
 
 def package_of(module: str) -> str:
-    """The package that a module belongs to: the core or one of the linked folders."""
-    parts = module.split(".")
-    return parts[1] if len(parts) > 1 and parts[1] in LINKED else "core"
+    """The package that a module belongs to: a linked folder, the lab, or a part of `cocap_opt`."""
+    parts = (*module.split("."), "", "")
+    if parts[1] in LINKED:
+        return "lab" if parts[1:3] == ("experiments", "lab") else parts[1]
+    return "run" if parts[1] in RUN else "front" if parts[1] in FRONT else "core"
 
 
 def prefix(package: str) -> str:
-    """Full name of a package."""
-    return CORE if package == "core" else f"{CORE}.{package}"
+    """Full name of the folder that holds a package's rooms."""
+    if package == "lab":
+        return f"{CORE}.experiments.lab"
+    return f"{CORE}.{package}" if package in LINKED else CORE
 
 
 def room_of(module: str) -> str:

@@ -8,7 +8,7 @@ import pytest
 
 def study(*words: object) -> int:
     """Run a command of `cocap-opt study`; returns its exit code."""
-    from cocap_opt.experiments.cli.main import main
+    from cocap_opt.cli.main import main
 
     with pytest.raises(SystemExit) as caught:
         main(["study", *map(str, words)])

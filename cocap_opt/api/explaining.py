@@ -1,0 +1,112 @@
+"""The face's explanations: what a gap is made of, and what single re-plans would gain."""
+
+from typing import TYPE_CHECKING
+
+from cocap_opt.api.arguments import Bound, plan_for, require_flown, required_bound
+from cocap_opt.formulations.result import CertifiedResult
+from cocap_opt.model import Model, compiled
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import check as judge_plan
+from cocap_opt.result import Result
+from cocap_opt.run.verification import ProvedBound, Verified
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def explain(
+    problem: Problem,
+    plan: Plan | Result | None,
+    certificate: Bound | CertifiedResult | None = None,
+) -> "pd.DataFrame":
+    """Tell what the gap between a plan and a bound is made of, as terms that add up to it.
+
+    Each drone loses something by leaving a step as it does, the bound pays for faces beyond what
+    the drones get, and charges for rules that nobody uses. No amount is below 0, but for that of a
+    rule which the plan breaks, and that of `stages`: what the stages of a staged certificate take
+    off the bound of its multipliers. `cocap-opt verify --explain` tells it in words.
+
+    Parameters
+    ----------
+    problem : that the plan is for
+    plan : a plan that can be flown, or a result that has one
+    certificate : the certificate or proof of the bound, or a result that has one; if not given,
+        that of `plan`
+
+    Returns
+    -------
+    DataFrame
+        A row per term: `kind` (path, face, row, decision, leaves, stages, claim, rounding), `step`,
+        `robot`, `actor`, `face` (of the actor), `amount` in units of J, `share` of the bound, and
+        of rows and decisions `resource`, `sense` and `robots` (at most, or at least, so many may
+        use it), `used` and `price`. `attrs` has `bound`, `reward`, and their `difference`.
+
+    Raises
+    ------
+    CertificateError
+        If the certificate belongs to another problem, is not valid, or claims too low a bound.
+    ValueError
+        If the plan cannot be flown, or the certificate proves that there is no plan.
+
+    Examples
+    --------
+    >>> co.explain(problem, result, best).nlargest(5, "amount")
+    """
+    from pandas import DataFrame
+
+    from cocap_opt.run.explained import Explained
+
+    own = plan_for(problem, plan, "explained")
+    file = required_bound(plan if certificate is None else certificate)
+    require_flown("plan", judge_plan(problem, own))
+    proved = ProvedBound.of(Model(problem, use_cache=False), file)
+    explained = Explained.of(Verified.of(problem, own, bounds=[proved]))
+    if explained is None:
+        raise ValueError("certificate: it proves that there is no plan, so there is no gap")
+    frame = DataFrame(explained.records)
+    whole = ["step", "robot", "actor", "face", "robots", "used"]
+    frame = frame.astype({**dict.fromkeys(whole, "Int64"), "price": "float64"})
+    found = explained.explanation
+    frame.attrs = {"bound": found.bound, "reward": found.reward, "difference": found.gap}
+    return frame
+
+
+def replans(problem: Problem, plan: Plan | Result | None) -> "pd.DataFrame":
+    """Plan each drone again past all others, which keep their paths, and tell what that gains.
+
+    Parameters
+    ----------
+    problem : that the plan is for
+    plan : a plan that can be flown, or a result that has one
+
+    Returns
+    -------
+    DataFrame
+        A row per drone that has such a path, the largest gain first: `robot`, `gain` of J, `share`
+        (of the plan's J), and the new `plan`. A gain is below 0 where the drone gives up a conflict
+        for it. Where pixels add up over time, the path is not always the drone's best.
+
+    Raises
+    ------
+    ValueError
+        If the plan cannot be flown.
+
+    Examples
+    --------
+    >>> better = co.replans(problem, result).plan[0]
+    """
+    from pandas import DataFrame
+
+    from cocap_opt.coordination.replans import replans as replanned
+
+    own = plan_for(problem, plan, "replaced")
+    verdict = judge_plan(problem, own)
+    require_flown("plan", verdict)
+    found = sorted(replanned(compiled(problem), own), key=lambda one: -one.gain)
+    value = verdict.reward
+    return DataFrame({
+        "robot": [one.robot for one in found],
+        "gain": [one.gain for one in found],
+        "share": [one.gain / value if value > 0 else 0.0 for one in found],
+        "plan": [one.plan for one in found],
+    })  # fmt: skip

@@ -1,0 +1,177 @@
+"""The face's files: scenes of any format in, scenes, plans, certificates and proofs in and out."""
+
+from pathlib import Path
+from typing import TypeVar, overload
+
+import msgspec
+import numpy as np
+
+from cocap_opt.api.arguments import (
+    Bound,
+    cut_short_of,
+    plan_for,
+    require,
+    require_flown,
+)
+from cocap_opt.files.documents import (
+    Document,
+    PlanFile,
+    SceneFile,
+    decode_document,
+    problem_digest,
+    read_bytes,
+)
+from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
+from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
+from cocap_opt.referee import check as judge_plan
+from cocap_opt.result import Result
+from cocap_opt.run.judging import finite
+from cocap_opt.scenarios import load_scene
+
+T = TypeVar("T", Problem, Plan, CertificateFile, ProofFile)
+
+
+def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
+    """Load a built-in scene by its name, or a scene file in any format that is known.
+
+    Parameters
+    ----------
+    scene : a name, such as "bottleneck" (`SCENES` has them all), or a file
+    seed : >= 0; of a built-in scene it chooses where drones start and how people walk (none of
+        this where its name begins with `tiny`); what it chooses in a file depends on the format
+    options : conventions of the file's format, such as ``triangles="no"``; a hyphen in the name of
+        an option is an underscore here, as in ``start_set="yaml"``
+
+    Returns
+    -------
+    Problem
+        Checked, and never changing; its coverage is computed when something asks for it.
+
+    Raises
+    ------
+    FileError
+        If there is no such scene or option, or the file cannot be used; one line says why.
+
+    Examples
+    --------
+    >>> problem = co.load("bottleneck", seed=3)
+    """
+    words = {name.replace("_", "-"): word for name, word in options.items()}
+    require(scene, "scene", "a name or a file", str, Path)
+    require(seed, "seed", "a whole number", int, np.integer)
+    return load_scene(str(scene), int(seed), words)
+
+
+def save(
+    path: str | Path,
+    content: Problem | Plan | Result | Bound | None,
+    problem: Problem | None = None,
+) -> None:
+    """Write a problem, a plan, a certificate or a proof to a file, whole or not at all.
+
+    Parameters
+    ----------
+    path : the file; what is there is replaced
+    content : what to write; of a result, its plan
+    problem : the problem that a plan is for; a result knows it
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    ValueError
+        If a plan comes without its problem, is for another or cannot be flown in it, or a result
+        has no plan, or no certificate, so that `content` is None.
+
+    Examples
+    --------
+    >>> co.save("plan.json", result)
+    >>> co.save("certificate.json", best.certificate)
+    """
+    if content is None:
+        raise ValueError("content: must not be None; the result has no plan or certificate")
+    words = "a problem, a plan, a result, a certificate or a proof"
+    require(content, "content", words, Problem, Plan, Result, CertificateFile, ProofFile)
+    if isinstance(content, Result):
+        problem = content.problem if problem is None else problem
+    document = (
+        SceneFile.of(content) if isinstance(content, Problem)
+        else content if isinstance(content, CertificateFile | ProofFile)
+        else _plan_file(content, problem)
+    )  # fmt: skip
+    document.save(Path(path))
+
+
+@overload
+def read(path: str | Path) -> Problem | Plan | Bound: ...
+
+
+@overload
+def read(path: str | Path, kind: type[T]) -> T: ...
+
+
+def read(path: str | Path, kind: type | None = None) -> Problem | Plan | Bound:
+    """Read a file that this project has written: a scene, a plan, a certificate or a proof.
+
+    Parameters
+    ----------
+    path : the file; `load` reads scenes of other kinds
+    kind : `Problem`, `Plan`, `CertificateFile` or `ProofFile`, if it must be one of these, as which
+        type checkers then know it
+
+    Returns
+    -------
+    Problem, Plan, CertificateFile or ProofFile
+        Whatever the file holds. A plan knows which problem it was made for (`Plan.made_for`), and
+        is refused as one for any other.
+
+    Raises
+    ------
+    FileError
+        If it is none of these, another than `kind`, or is damaged; one line says what is wrong.
+    TypeError
+        If `kind` is none of the four.
+
+    Examples
+    --------
+    >>> plan = co.read("plan.json", co.Plan)
+    >>> co.check(problem, plan).reward
+    """
+    name, kinds = Path(path), list(_DOCUMENTS.values())
+    if kind is not None:
+        if kind not in _DOCUMENTS:
+            words = ", ".join(known.__name__ for known in _DOCUMENTS)
+            raise TypeError(f"kind: must be one of {words}, not {kind!r}")
+        kinds = [_DOCUMENTS[kind]]
+    found = decode_document(read_bytes(name), str(name), *kinds)
+    if isinstance(found, SceneFile):
+        return found.problem
+    if isinstance(found, PlanFile):
+        return found.plan.of_problem(found.digest, found.scene, found.told_cut_short)
+    assert isinstance(found, CertificateFile | ProofFile)
+    return found
+
+
+# What is read, and the documents that it is written in.
+_DOCUMENTS: dict[type, type[Document]] = {
+    Problem: SceneFile, Plan: PlanFile, CertificateFile: CertificateFile, ProofFile: ProofFile
+}  # fmt: skip
+
+
+def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
+    if problem is None:
+        raise ValueError("problem: a plan is written with the problem that it is for")
+    own = plan_for(problem, content, "written", "content")
+    verdict = judge_plan(problem, own)
+    require_flown("plan", verdict)
+    file = PlanFile(
+        scene=problem.name, digest=problem_digest(problem), planner="",
+        cut_short=cut_short_of(content), coverage_version=COVERAGE_VERSION,
+        reward=verdict.reward, plan=own,
+    )  # fmt: skip
+    if not isinstance(content, Result):
+        return file
+    return msgspec.structs.replace(
+        file, planner=content.method, limit=content.limit, reason=content.reason.value,
+        seconds=finite(content.seconds),
+    )  # fmt: skip

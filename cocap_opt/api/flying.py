@@ -1,0 +1,155 @@
+"""The face's flights: where drones are at every moment, and what is left when something slips."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cocap_opt.api.arguments import cut_short_of, plan_for, require
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.result import Result
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from cocap_opt.flight.flight_scene import FlightScene
+
+
+def trajectory(
+    problem: Problem,
+    plan: Plan | Result | None,
+    *,
+    smooth: bool = False,
+    step: float | None = None,
+    margin: float | None = None,
+    every: float | None = None,
+    hovering: bool = False,
+) -> "pd.DataFrame":
+    """Tell where each drone of a plan is at every moment, as `cocap-opt fly` writes it.
+
+    Straight flights go from step to step at constant speeds. Smooth ones are at the same places at
+    the steps and have continuous speed and acceleration; that they keep away from each other and
+    from obstacles is proved for every moment. Rows are moments of the flight: straight lines
+    between them are up to `attrs["off_between_rows"]` m beside it, and nothing is proved of those.
+
+    Parameters
+    ----------
+    problem : that the plan is for
+    plan : a plan that obeys the scene's rules, or a result that has one
+    smooth : with continuous speed and acceleration
+    step : seconds of a step, of problems that do not say it
+    margin : metres by which drones may be nearer to people than the problem says, aside and over
+        heads, so that a plan that keeps more distance than it must can be flown smoothly
+    every : seconds between rows; else a row a step, and ten a step of smooth flights
+    hovering : also of a plan in which no drone moves, which else is refused
+
+    Returns
+    -------
+    DataFrame
+        A row per drone and moment: `drone`, `t` (s since step 0), `x`, `y`, `z` (m, coordinates of
+        the map), `yaw` (degrees, 0 along x, counter-clockwise, without jumps at a full turn),
+        `pitch` (degrees, of the camera, 0 level, below is negative), `above_ground` where the map
+        tells the ground, `above_takeoff` (over the map below the drone's start), and where the
+        scene says it `latitude`, `longitude` (WGS 84), `above_sea` or `above_ellipsoid`. `attrs`
+        has `step`, `reward`, `least_distance` (m, between two drones at any moment),
+        `people_distance` (m, from a drone to the middle of a person, from above; None where there
+        is nobody) and the like.
+
+    Raises
+    ------
+    ValueError
+        If the plan breaks a rule, no drone moves, nobody or two say how long a step lasts, drones
+        with this margin would keep no distance to people, a drone cannot fly so, or the scene's
+        place cannot be converted; one line.
+
+    Examples
+    --------
+    >>> co.trajectory(problem, result, step=1.0, smooth=True)
+    """
+    from pandas import DataFrame
+
+    own = plan_for(problem, plan, "flown")
+    if own.stays and not hovering:
+        why = cut_short_of(plan) or "all drones stay at their starts"
+        raise ValueError(f"plan: no drone moves ({why}); hovering=True flies it so")
+    flight = _flight_scene(problem, step, margin).flight(own, smooth)
+    table = DataFrame(flight.columns(every))
+    table.attrs = {**flight.record(), "off_between_rows": flight.off_between_rows(every)}
+    return table
+
+
+def robustness(
+    problem: Problem,
+    plan: Plan | Result | None,
+    *,
+    smooth: bool = False,
+    step: float | None = None,
+    margin: float | None = None,
+    late: Sequence[float] = (1.0, 2.0),
+    aside: Sequence[float] = (1.0,),
+    lag: Sequence[float] = (0.5, 1.0, 2.0),
+) -> "pd.DataFrame":
+    """Tell what is left of a plan when people are late, early or aside, or a drone lags.
+
+    Nobody notices: all others fly as planned. Distances and rules are those of every moment, on
+    the flights' polynomials; J is computed between the steps, too.
+
+    Parameters
+    ----------
+    problem : that the plan is for
+    plan : a plan that obeys the scene's rules, or a result that has one
+    smooth : with continuous speed and acceleration
+    step : seconds of a step, of problems that do not say it
+    margin : metres by which drones may be nearer to people than the problem says, aside and over
+        heads, so that a plan that keeps more distance than it must can be flown smoothly
+    late : s, by which all people are late, and early
+    aside : m, by which all people walk to the left of where they would, and to the right
+    lag : s, by which any one drone is late; the worst drone counts
+
+    Returns
+    -------
+    DataFrame
+        A row per change, the first is the plan: `change` (in words), `reward` (J), `share` (of
+        the J of the flight as planned), `least_distance` (m, between two drones),
+        `people_distance` (m, from above, where the scene asks for one), `rules` (kept, or to whom
+        drones come too near; none where there is none between the steps). `attrs` has
+        `delay_tolerance`, the seconds below which drones may be behind each other, and
+        `delay_tolerance_to_people`, those below which they may be ahead of people or behind them;
+        inf: any delay will do; None: the scene asks for no such distance, or there is nobody.
+
+    Raises
+    ------
+    ValueError
+        If the plan breaks a rule, nobody or two say how long a step lasts, drones with this margin
+        would keep no distance to people, a drone cannot fly so, or a change is none or longer than
+        the flight; one line.
+
+    Examples
+    --------
+    >>> co.robustness(problem, result, step=2.0, smooth=True, lag=[0.2, 1])
+    """
+    from pandas import DataFrame
+
+    from cocap_opt.flight.changes import (
+        Changes,
+        tolerated_delay,
+        tolerated_delay_of_people,
+    )
+
+    own = plan_for(problem, plan, "flown")
+    flight = _flight_scene(problem, step, margin).without_earth.flight(own, smooth)
+    table = DataFrame(Changes(late, aside, lag).rows(flight))
+    table.attrs = {
+        "delay_tolerance": tolerated_delay(flight),
+        "delay_tolerance_to_people": tolerated_delay_of_people(flight),
+    }
+    return table
+
+
+def _flight_scene(problem: Problem, step: float | None, margin: float | None) -> "FlightScene":
+    """Returns the scene that plans of a problem are flown in."""
+    from cocap_opt.flight.flight_scene import FlightScene
+
+    if margin is not None:
+        require(margin, "margin", "a number of metres >= 0", int, float, np.number)
+    return FlightScene.of(problem, step, margin)

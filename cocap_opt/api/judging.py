@@ -1,0 +1,144 @@
+"""The face's judges: they check plans, certificates and proofs, and trust nobody."""
+
+from collections.abc import Sequence
+from math import inf
+
+import numpy as np
+
+from cocap_opt.api.arguments import (
+    Bound,
+    bound_in,
+    plan_for,
+    plan_of,
+    require,
+    require_made_for,
+    require_problem,
+)
+from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
+from cocap_opt.model import Model
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import Verdict
+from cocap_opt.referee import check as judge_plan
+from cocap_opt.result import Reason, Result
+from cocap_opt.run.judging import ROUNDING
+from cocap_opt.run.verification import ProvedBound, Verified
+
+
+def check(problem: Problem, plan: Plan | Result | None) -> Verdict:
+    """Ask the referee if a plan can be flown, which rules it breaks, and what its J is.
+
+    The referee trusts no planner; it recomputes everything by slow, obvious loops.
+
+    Parameters
+    ----------
+    problem : that the plan is for
+    plan : a plan, or a result that has one; None, which a result without a plan has, is refused
+
+    Returns
+    -------
+    Verdict
+        With `valid`, `violations` and `conflicts` in words, and J in `reward`.
+
+    Raises
+    ------
+    ValueError
+        If the result has no plan, or the plan's file says that it is for another problem.
+
+    Examples
+    --------
+    >>> co.check(problem, result).conflicts
+    """
+    return judge_plan(problem, plan_for(problem, plan, "checked"))
+
+
+def verify(
+    problem: Problem, *claims: Plan | Result | Bound | None, networkx: bool = False
+) -> Verified:
+    """Check plans, certificates and proofs, trusting nobody and calling no solver.
+
+    Parameters
+    ----------
+    problem : that the claims are about
+    claims : a plan, certificates, proofs, or results, of which plan, value, bound and certificate
+        are checked
+    networkx : price bounds a second time, by networkx alone, which takes seconds
+
+    Returns
+    -------
+    Verified
+        With J in `reward`, the lowest proved `bound`, the `gap` between them, and `is_optimal`.
+
+    Raises
+    ------
+    CertificateError
+        If a certificate belongs to another problem, is not valid, or claims a lower bound than its
+        numbers prove, or networkx finds another bound.
+    TooLargeError
+        If networkx would take longer than some minutes.
+    ValueError
+        If a plan or a result is for another problem, a plan breaks a rule or cannot be flown, its J
+        is not the one claimed or above the bound, a result claims a lower bound than its
+        certificate, there are two plans, nothing to check, or a result has a bound, such as that of
+        brute force, and no certificate is among the claims. Its plan alone, `result.plan`, can be
+        checked. A claim that is None, as the plan of a result without one, is refused, too.
+
+    Examples
+    --------
+    >>> co.verify(problem, result.plan, best.certificate).gap
+    """
+    require_problem(problem)
+    given = [_claim(claim, problem) for claim in claims]
+    plans = [p for p in map(_plan_in, given) if p is not None]
+    bounds = [b for b in map(bound_in, given) if b is not None]
+    if len(plans) > 1:
+        raise ValueError("claims: name at most one plan")
+    if not bounds:
+        _require_checkable(given, plans)
+    model = Model(problem, use_cache=False) if bounds else None
+    proved = [ProvedBound.of(model, file, networkx) for file in bounds if model is not None]
+    for claim in given:
+        if isinstance(claim, Result):
+            _require_consistent(claim)
+    values = [one.value for one in given if isinstance(one, Result) and one.plan is not None]
+    verified = Verified.of(problem, plans[0] if plans else None, values=values, bounds=proved)
+    if verified.violations:
+        raise ValueError(verified.violations[0])
+    return verified
+
+
+def _claim(claim: Plan | Result | Bound | None, problem: Problem) -> Plan | Result | Bound:
+    """Returns a claim that can be checked; refuses what is none, or is about another problem."""
+    if claim is None:
+        words = "a result without a plan or a certificate has none that could be checked"
+        raise ValueError(f"claims: must not be None; {words}")
+    words = "a plan, a result, a certificate or a proof; `read` reads files of them"
+    require(claim, "claims", words, Plan, Result, CertificateFile, ProofFile)
+    require_made_for("plan", claim, problem)
+    return claim
+
+
+def _require_consistent(claim: Result) -> None:
+    """Checks what a result says of its plan and bound, besides J."""
+    bound = bound_in(claim)
+    for name in ("value", "bound"):
+        require(getattr(claim, name), name, "a number", int, float, np.number)
+    if claim.reason is Reason.INFEASIBLE and bound is not None and not bound.proved < 0:
+        raise ValueError("reason: the result claims that there is no plan; its file does not")
+    if claim.plan is None and claim.value != -inf:
+        raise ValueError(f"reward: the result claims {claim.value!r} and has no plan")
+    if bound is not None and not claim.bound >= bound.proved - ROUNDING * abs(bound.proved):
+        raise ValueError(f"bound: the result claims {claim.bound!r}, its file {bound.proved!r}")
+
+
+def _require_checkable(claims: Sequence[Plan | Result | Bound], plans: Sequence[Plan]) -> None:
+    """Refuses claims without a certificate, of which nothing or too little could be checked."""
+    for claim in claims:
+        if isinstance(claim, Result) and claim.bound != inf:
+            whose = f"{claim.method}'s" if claim.method else "a result's"
+            raise ValueError(f"claims: {whose} bound has no certificate; name its plan alone")
+    if not plans:
+        raise ValueError("claims: must hold a plan, a certificate or a proof")
+
+
+def _plan_in(claim: Plan | Result | Bound) -> Plan | None:
+    return plan_of(claim) if isinstance(claim, Plan | Result) else None

@@ -1,0 +1,209 @@
+"""The gap table of the face."""
+
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cocap_opt.api.arguments import require
+from cocap_opt.formulations import EXACT
+from cocap_opt.planners import PLANNERS, Planner
+from cocap_opt.problem import Problem
+from cocap_opt.scenarios import SCENES, load_scene
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from cocap_opt.experiments.sweeps.own_planners import OwnPlanner
+
+_Build = Callable[[int], Problem]  # makes the problem of a seed
+_Scene = str | Path | Problem | _Build  # a name, a file, the problem itself, or what makes it
+
+
+def gap(
+    scenes: _Scene | Sequence[_Scene],
+    planners: Sequence[str | Planner] | None = None,
+    seeds: Iterable[int] | str = (0,),
+    *,
+    time_limit: float = 60.0,
+    work_limit: int | None = None,
+    out: str | Path | None = None,
+    workers: int | None = None,
+) -> "pd.DataFrame":
+    """Measure planners against certified bounds: the gap table, as `cocap-opt gap` makes it.
+
+    A planner of your own is a function of a problem and a stop, beside the names of others; its
+    rows have the function's name. If it has a parameter `seed`, it gets that of the scene. With
+    `out` it must be defined at the top level of a module or script: a folder knows its results by
+    the digest of that file, and of all that it imports from beside it.
+
+    Parameters
+    ----------
+    scenes : names, files, problems, or functions that make the problem of a seed; one, or several
+    planners : names in `PLANNERS` or `EXACT`, "module:function", names that installed packages
+        offer, or callables that take a problem and a stop and return a `Result`, as `plan` takes
+        them; if not given greedy, sequential, cocap, cocap-vs, cocap-lns, and with one or two
+        drones joint
+    seeds : of the scenes, or words such as "0-3"; a scene that is the same for several seeds is
+        taken once, and so is a problem, whose seed is 0
+    time_limit : seconds for each plan, and for each of the two bounds of a scene and seed; they
+        count from when coverage is there, which is charged to nobody
+    work_limit : units of work for each of them: pricing rounds, or nodes of CoCap's tree. With it
+        the table, but for its seconds, is the same on every machine that needs less than the time
+        limit
+    out : folder that keeps plans, certificates and results; what is there is not computed again
+    workers : processes, each on a core of its own; this process if not given
+
+    Returns
+    -------
+    DataFrame
+        A row per scene, seed and planner, with the columns of `results.csv`, which
+        `cocap-opt columns` explains. A value that does not exist is None or nan.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scene or planner, a limit is negative, there are not so many cores,
+        `out` cannot be used, a function is to be kept and nobody would know it again, or a script
+        that takes `workers` has no line ``if __name__ == "__main__":``.
+    KeyboardInterrupt
+        After Ctrl-C, if there are no rows yet; else the rows so far are returned.
+
+    Examples
+    --------
+    >>> co.gap(["corridor", "bottleneck"], ["sequential", "cocap"], seeds=range(3))
+    >>> co.gap("bottleneck", ["cocap", my_planner])
+    >>> co.gap(my_scene, ["sequential", "cocap"], seeds=range(10))
+    """
+    from pandas import DataFrame
+
+    from cocap_opt.experiments.sweeps.instances import Instance, Settings
+    from cocap_opt.experiments.sweeps.scenes import Scenes
+    from cocap_opt.experiments.sweeps.sweep import Hired, sweep
+    from cocap_opt.experiments.tables.rows import Row
+    from cocap_opt.run.options import Option
+
+    # Before anything is computed; numbers of NumPy become plain ones.
+    kept = out is not None or workers is not None
+    settings = Settings(
+        time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit, kept=kept
+    )
+    own = _own(planners or (), out is not None, workers is not None)
+    names = None if planners is None else [_name(planner) for planner in planners]
+    hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
+    if hired.workers is not None:
+        _require_guard()
+    whole, given = _whole_seeds(seeds), _several_scenes(scenes)
+    words, load = _words_of_scenes(given)
+    named = Scenes(words, whole, load, tell=_nobody)
+    problems = [(problem, seed) for (_, seed), problem in named.problems.items()]
+    problems += [(scene, 0) for scene in given if isinstance(scene, Problem)]
+    _require_told_apart([(problem.name, seed) for problem, seed in problems])
+    instances = [Instance(problem, seed, names, settings, own=own) for problem, seed in problems]
+    folder = None if out is None else Path(out)
+    rows = sweep(instances, folder, hired, is_same=named.is_same, quiet=True)
+    return DataFrame(Row.records(rows))
+
+
+def _own(planners: Sequence[str | Planner], kept: bool, sent: bool) -> "dict[str, OwnPlanner]":
+    """Returns the planners that are none of this project's, by their names.
+
+    Parameters
+    ----------
+    kept : results are kept in a folder
+    sent : other processes compute
+    """
+    from cocap_opt.experiments.sweeps.named_planners import own_planners
+    from cocap_opt.experiments.sweeps.own_planners import OwnPlanner, OwnPlannerError
+    from cocap_opt.run.options import Option
+
+    if isinstance(planners, str) or callable(planners):
+        name = repr(planners) if isinstance(planners, str) else _name(planners)
+        raise ValueError(f"planners: must be several, such as [{name}]")
+    if not isinstance(planners, Iterable):
+        raise ValueError(f"planners: must be names or functions, not {planners!r}")
+    functions = [planner for planner in planners if not isinstance(planner, str)]
+    for planner in functions:
+        if not callable(planner):
+            raise ValueError(f"planners: must be names or functions, not {planner!r}")
+    _require_free([_name(planner) for planner in planners], functions)
+    names = [planner for planner in planners if isinstance(planner, str)]
+    own = own_planners(Option("planners"), names)
+    try:
+        for call in functions:
+            own[_name(call)] = OwnPlanner.of_function(call, _name(call), kept)
+        return {name: one.to_be_sent() if sent else one for name, one in own.items()}
+    except OwnPlannerError as error:
+        raise ValueError(f"planners: {error}") from error
+
+
+def _name(given: str | Callable[..., object]) -> str:
+    """Returns what a planner or a scene is called in the table."""
+    if isinstance(given, str):
+        return given
+    return str(getattr(given, "__name__", type(given).__name__))
+
+
+def _require_free(names: Sequence[str], functions: Sequence[Planner]) -> None:
+    """Refuses functions that are called as another planner is."""
+    from cocap_opt.experiments.sweeps.cells import BOUND
+
+    for name in map(_name, functions):
+        if names.count(name) > 1 or name in {**PLANNERS, **EXACT, BOUND: None}:
+            raise ValueError(f"planners: two are called {name}; give the function another name")
+
+
+def _whole_seeds(seeds: Iterable[int] | str) -> tuple[int, ...]:
+    """Returns seeds as plain numbers; refuses what is no seed."""
+    from cocap_opt.run.options import Option
+
+    if isinstance(seeds, str):
+        return Option("seeds").numbers(seeds)
+    if not isinstance(seeds, Iterable):
+        raise ValueError(f"seeds: must be several, such as range(3), not {seeds!r}")
+    return tuple(Option("seeds").require_whole(seed) for seed in seeds)
+
+
+def _several_scenes(scenes: _Scene | Sequence[_Scene]) -> list[_Scene]:
+    """Returns one scene or several as a list."""
+    given = [scenes] if isinstance(scenes, str | Path | Problem) or callable(scenes) else scenes
+    if not isinstance(given, Iterable):
+        raise ValueError(f"scenes: must be names, files, problems or functions, not {scenes!r}")
+    return list(given)
+
+
+def _words_of_scenes(scenes: Sequence[_Scene]) -> tuple[list[str], Callable[[str, int], Problem]]:
+    """Returns what scenes are called that have seeds, and what makes a problem of word and seed."""
+    functions = {_name(scene): scene for scene in scenes if callable(scene)}
+    seeded = [scene for scene in scenes if not isinstance(scene, Problem)]
+    words = [_name(scene) if callable(scene) else str(scene) for scene in seeded]
+    for word in functions:
+        if words.count(word) > 1 or word in SCENES:
+            raise ValueError(f"scenes: two are called {word}; give the function another name")
+
+    def load(word: str, seed: int) -> Problem:
+        if word not in functions:
+            return load_scene(word, seed)
+        problem = functions[word](seed)
+        require(problem, word, "a function that returns a Problem", Problem)
+        return problem
+
+    return words, load
+
+
+def _require_told_apart(names: Sequence[tuple[str, int]]) -> None:
+    """Refuses two problems of one name and seed, whose rows nobody could tell apart."""
+    if len(set(names)) < len(names):
+        raise ValueError("scenes: two are called the same; give them other names")
+
+
+def _require_guard() -> None:
+    """Refuses a script that each worker process would run from its first line on."""
+    script = Path(str(getattr(sys.modules["__main__"], "__file__", "")))
+    if script.suffix == ".py" and script.is_file() and "__main__" not in script.read_text():
+        words = 'each worker imports your script; put its work under `if __name__ == "__main__":`'
+        raise ValueError(f"workers: {words}")
+
+
+def _nobody(message: str) -> None:
+    """Discards the note on seeds that make the same scene; the table shows which were kept."""

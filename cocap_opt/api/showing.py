@@ -1,0 +1,73 @@
+"""The face's player: plans side by side, in a notebook or on a page."""
+
+from typing import TYPE_CHECKING
+
+from cocap_opt.api.arguments import (
+    Bound,
+    cut_short_of,
+    plan_of,
+    require_flown,
+    require_made_for,
+    require_problem,
+    required_bound,
+)
+from cocap_opt.formulations.result import CertifiedResult
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import check as judge_plan
+from cocap_opt.result import Result
+
+if TYPE_CHECKING:
+    from cocap_opt.player.player import Player
+
+
+def show(
+    problem: Problem,
+    *plans: Plan | Result | None,
+    certificate: Bound | CertifiedResult | None = None,
+) -> "Player":
+    """Play plans side by side, inline in a notebook; `.save("plans.html")` writes the page.
+
+    Parameters
+    ----------
+    problem : that the plans are for
+    plans : plans, or results that have one, whose J is in their titles; who has none, or None, is
+        left out, and without any the drones are shown at their starts
+    certificate : a certificate, a proof or a result that has one, by which the player tells the
+        bound, what is proved of each plan, and what is lost by leaving each step
+
+    Returns
+    -------
+    Player
+        A notebook plays it; `save` writes a page of one file, which needs no network.
+
+    Raises
+    ------
+    CertificateError
+        If the certificate belongs to another problem, is not valid, or claims too low a bound.
+    ValueError
+        If a plan cannot be flown in this problem, or it is known to be for another; one that breaks
+        collision rules is shown.
+
+    Examples
+    --------
+    >>> co.show(problem, greedy, best, certificate=best).save("plans.html")
+    """
+    from cocap_opt.experiments.report.explaining import gaps_of
+    from cocap_opt.player.player import Player
+
+    require_problem(problem)
+    for n, given in enumerate(plans, 1):
+        require_made_for(f"plan {n}", given, problem)
+    known = [(given, own) for given in plans if given and (own := plan_of(given)) is not None]
+    for n, (_, own) in enumerate(known, 1):
+        require_flown(f"plan {n}", judge_plan(problem, own))
+    gaps = []
+    if certificate is not None and known:
+        gaps = gaps_of(problem, [own for _, own in known], required_bound(certificate))
+    titled = [(_title(n, given), own) for n, (given, own) in enumerate(known, 1)]
+    cut_short = [cut_short_of(given) for given, _ in known]
+    return Player(problem, titled, gaps, cut_short=cut_short)
+
+
+def _title(number: int, given: Plan | Result) -> str:
+    return f"{number}: J = {given.value:,.0f}" if isinstance(given, Result) else f"plan {number}"

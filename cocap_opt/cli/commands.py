@@ -1,0 +1,126 @@
+"""The program `cocap-opt`: all of its commands, by families."""
+
+import inspect
+import logging
+import sys
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from importlib.util import find_spec
+from typing import Annotated, Literal
+
+from cyclopts import App, CycloptsError, Parameter
+
+from cocap_opt.cli import (
+    fly_command,
+    gap_command,
+    picture_commands,
+    result_commands,
+    robustness_command,
+    scene_commands,
+    solver_commands,
+    verify_command,
+)
+from cocap_opt.console.streams import one_line, say
+from cocap_opt.data import ProblemError
+from cocap_opt.experiments.sweeps.crew import ClusterError
+from cocap_opt.files.documents import FileError
+from cocap_opt.run.options import UsageError
+
+
+def _help(command: Callable[..., int]) -> str:
+    """Returns a command's docstring, each paragraph on one line, which is wrapped when shown."""
+    paragraphs = (inspect.getdoc(command) or "").split("\n\n")
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
+
+
+def _usage(name: str, command: Callable[..., int]) -> str:
+    """Returns how a command is called."""
+    words = []
+    for parameter in inspect.signature(command).parameters.values():
+        if parameter.kind is parameter.VAR_POSITIONAL:
+            words.append(f"[{parameter.name.upper()}...]")
+        elif parameter.kind is parameter.POSITIONAL_ONLY:
+            words.append(parameter.name.upper())
+    return " ".join(["Usage: cocap-opt", name, *words, "[OPTIONS]"])
+
+
+app = App(
+    name="cocap-opt",
+    help="Plan the views of several camera drones, and prove how good the plans are.",
+    help_format="plaintext",
+    version=lambda: version("cocap-opt"),
+    version_flags=["--version"],
+    suppress_keyboard_interrupt=False,
+)
+for _family in (
+    scene_commands, solver_commands, verify_command, gap_command, result_commands,
+    picture_commands, fly_command, robustness_command,
+):  # fmt: skip
+    for _name, _command in _family.COMMANDS.items():
+        app.command(_command, name=_name, help=_help(_command), usage=_usage(_name, _command))
+app.command(  # by name: matplotlib is slow to import
+    "cocap_opt.cli.figure_commands:app",
+    name="figure",
+    help="Draw charts of results for papers.",
+)
+if find_spec("cocap_opt.experiments.lab"):  # in the repository
+    app.command(
+        "cocap_opt.experiments.lab.studies.app:app",
+        name="study",
+        help="Measure again what the project says of itself.",
+    )
+
+
+@app.command(name="completion", usage="Usage: cocap-opt completion SHELL")
+def _completion(
+    shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(help="which shell")], /
+) -> int:
+    """Print what completes names of commands and options in a shell.
+
+    Example: cocap-opt completion bash > ~/.local/share/bash-completion/completions/cocap-opt
+    """
+    sys.stdout.write(app.generate_completion(shell=shell))
+    return 0
+
+
+def run(arguments: Sequence[str] | None) -> int:
+    """Runs one command and returns its exit code; wrong input is one line on standard error."""
+    _log_to_stderr()
+    try:
+        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+    except (CycloptsError, UsageError, ClusterError, FileError, ProblemError) as error:
+        own = isinstance(error.__cause__, UsageError)  # an option's own words say all
+        say(str(error.__cause__ if own else error))
+        return 2
+    except MemoryError:
+        say("out of memory: the scene is too large for this method")
+        return 2
+    return int(code or 0)
+
+
+class _Once(logging.Filter):
+    """Lets a message through once; `once` names what it is about, be it of any seed or planner."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._seen: set[str] = set()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        message = str(getattr(record, "once", record.getMessage()))
+        new = message not in self._seen
+        self._seen.add(message)
+        return new
+
+
+class _OneLine(logging.Formatter):
+    """Writes a message on one line; some of it may come from files, as what is said may."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return one_line(super().format(record))
+
+
+def _log_to_stderr() -> None:
+    handler = logging.StreamHandler(sys.stderr)
+    handler.addFilter(_Once())
+    handler.setFormatter(_OneLine("cocap-opt: %(message)s"))
+    logging.basicConfig(handlers=[handler], level=logging.WARNING)

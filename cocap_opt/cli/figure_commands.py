@@ -1,0 +1,112 @@
+"""The commands of `cocap-opt figure`: charts for papers, as PNG, PDF or SVG."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+from matplotlib.figure import Figure
+
+from cocap_opt.cli.options import (
+    Json,
+    OfPlanners,
+    OfScenes,
+    Output,
+    PlanPath,
+    Results,
+    Scene,
+    Seed,
+    chosen,
+    load_planned,
+)
+from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, progress_figure
+from cocap_opt.experiments.sweeps.results import load_results
+from cocap_opt.experiments.tables.layout import TRACES
+from cocap_opt.output.files import PlanReader, check_output, save_bytes
+from cocap_opt.output.printing import print_result
+from cocap_opt.output.trace import Trace
+from cocap_opt.pictures.figures import PICTURES, picture
+from cocap_opt.run.options import Option, UsageError
+
+app = App(name="figure", help="Draw charts of results, as PNG, PDF or SVG.", version_flags=[])
+
+
+_Trace = Annotated[
+    Path, Parameter(help="file that `solve --trace` has written, or folder of a sweep")
+]
+
+
+@app.command(name="gaps")
+def _gaps(
+    folder: Results,
+    /,
+    *,
+    output: Output,
+    scene: OfScenes = None,
+    planner: OfPlanners = None,
+    json: Json = False,
+) -> int:
+    """Draw the gaps of a sweep's planners: a stroke per seed, mean and 95 % interval.
+
+    Example: cocap-opt figure gaps results -o gaps.pdf
+    """
+    _check(output)
+    return _save(output, gaps_figure(chosen(load_results(folder), scene, planner)), json)
+
+
+@app.command(name="progress")
+def _progress(*trace: _Trace, output: Output, json: Json = False) -> int:
+    """Draw the gap of solver runs over time, from files that --trace has written, or a sweep.
+
+    A folder stands for the traces of the sweep in it.
+
+    Example: cocap-opt figure progress trace.csv -o progress.pdf
+    """
+    _check(output)
+    if not trace:
+        raise UsageError("TRACE: name a file that `solve --trace` has written")
+    paths = [path for given in trace for path in _traces(given)]
+    traces = [Trace.load(path) for path in paths]
+    return _save(
+        output, progress_figure(dict(zip(PlanReader.titles(paths), traces, strict=True))), json
+    )
+
+
+def _traces(path: Path) -> list[Path]:
+    """Returns the traces of a sweep's folder, or the file itself."""
+    if not path.is_dir():
+        return [path]
+    found = sorted((path / TRACES).glob("*.csv"))
+    if not found:
+        raise UsageError(f"{path}: has no traces of a sweep")
+    return found
+
+
+@app.command(name="conflicts")
+def _conflicts(
+    scene: Scene, /, *plan: PlanPath, output: Output, seed: Seed = 0, json: Json = False
+) -> int:  # fmt: skip
+    """Draw which drones collide at which step, in one or more plans.
+
+    Example: cocap-opt figure conflicts bottleneck greedy.json cocap.json -o conflicts.pdf
+    """
+    _check(output)
+    if not plan:
+        raise UsageError("PLAN: name a plan, such as plan.json")
+    problem, plans = PlanReader(scene, load_planned(scene, seed)).plans(plan)
+    return _save(
+        output,
+        conflicts_figure(problem, dict(zip(PlanReader.titles(plan), plans, strict=True))),
+        json,
+    )
+
+
+def _check(output: Path | None) -> None:
+    Option("-o").ending(output, PICTURES)
+    check_output(output)
+
+
+def _save(output: Path | None, figure: Figure, json: bool) -> int:
+    assert output is not None
+    save_bytes(output, picture(figure, output.suffix.lower()))
+    print_result({"file": output}, json)
+    return 0

@@ -1,0 +1,102 @@
+"""Options of the commands that fly a plan, and the flight that they ask for."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.options import FLAG
+from cocap_opt.data import FieldError, ProblemError
+from cocap_opt.flight.flight_scene import FlightScene
+from cocap_opt.flight.flights import Flight, LimitError
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.run.options import Option, UsageError
+
+_MARGINS = 0.25, 0.5, 1.0  # m, which are tried for a plan that cannot be flown
+
+Smooth = Annotated[bool, FLAG(name="--smooth", help="fly with continuous speed and acceleration")]
+StepSeconds = Annotated[
+    float | None,
+    Parameter(name="--step", help="seconds of a step, if the scene does not say"),
+]
+Margin = Annotated[
+    float | None,
+    Parameter(
+        help="metres by which drones may be nearer to people than the scene says, aside (`people`) "
+        "and over heads (`over_people`)"
+    ),
+]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class FlightOptions:
+    """The options of commands that fly a plan."""
+
+    step: StepSeconds = None
+    smooth: Smooth = False
+    margin: Margin = None
+
+    def flight(self, problem: Problem, plan: Plan, is_local: bool) -> Flight:
+        """Returns the flight of a plan as the options ask for it.
+
+        Parameters
+        ----------
+        is_local : nobody asks where it is on the Earth
+
+        Raises
+        ------
+        ProblemError
+            If it breaks a rule or cannot be flown; one line, with what would do.
+        """
+        flown_in = self._scene(problem)
+        try:
+            return (flown_in.without_earth if is_local else flown_in).flight(plan, self.smooth)
+        except LimitError as error:
+            ways = [
+                f"set {_longer(problem, error.any_plan)} in the scene's recipe and plan again"
+                if self.step is None
+                else f"--step {error.step:g} would do"
+            ]
+            if self.smooth and self.margin is None:
+                ways += _margins_that_do(flown_in.problem, plan)
+            before = f"{error.way_out}, or " if error.way_out else "; "
+            raise ProblemError(f"{error.words}{before}{', or '.join(ways)}") from error
+
+    def _scene(self, problem: Problem) -> FlightScene:
+        """Returns the scene that plans of a problem are flown in."""
+        if self.step is not None and not Option("--step").require_seconds(self.step) > 0:
+            raise UsageError("--step: must be more than 0 seconds")
+        try:
+            return FlightScene.of(problem, self.step, self.margin)
+        except FieldError as error:
+            raise UsageError(f"--{error}") from error
+        except ProblemError as error:  # it is out of range, or too short for the drones' limits
+            raise UsageError(f"--step: {error}") from error
+
+
+AS_PLANNED = FlightOptions()
+
+
+def _longer(problem: Problem, step: float) -> str:
+    """Says which step a recipe must have, and how many of them last as long as those of before."""
+    steps = math.floor(problem.horizon * (problem.step or 0.0) / step)
+    return f"step = {step:g}" + (f" and steps = {steps}" if steps > 1 else "")
+
+
+def _margins_that_do(problem: Problem, plan: Plan) -> Iterator[str]:
+    """Yields the least margin with which drones can fly a plan smoothly, if there is one."""
+    asked = problem.airspace.people_aside
+    for margin in _MARGINS:
+        if margin > asked / 2:
+            return
+        nearer = FlightScene.of(problem, None, margin)
+        try:
+            nearer.flight(plan, smooth=True)
+        except ProblemError:
+            continue
+        kept = nearer.problem.airspace.people_aside
+        yield f"fly with --margin {margin:g}, {kept:g} m from people in place of {asked:g} m"
+        return

@@ -1,0 +1,174 @@
+"""The command `gap`: planners' plans on scenes and seeds, and what bounds them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.given_plans import GivenPlans
+from cocap_opt.cli.options import (
+    FLAG,
+    USUAL,
+    Budget,
+    Json,
+    Scene,
+    Workers,
+    load,
+    say_narrow_way,
+)
+from cocap_opt.experiments.sweeps.instances import Instance, Settings
+from cocap_opt.experiments.sweeps.named_planners import FORMS, own_planners
+from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
+from cocap_opt.experiments.sweeps.sweep import Hired, sweep
+from cocap_opt.experiments.tables.gap_table import print_gap_table
+from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.output.printing import print_result
+from cocap_opt.result import Reason
+from cocap_opt.run.judging import SOLVERS
+from cocap_opt.run.options import Option, UsageError
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class _Workforce:
+    """The options that say who computes."""
+
+    workers: Workers = None
+    scheduler: Annotated[
+        str | None, Parameter(help="address of a dask scheduler, whose workers are used")
+    ] = None
+    cell_limit: Annotated[
+        float | None,
+        Parameter(help="seconds after which a worker gives up a planner or a bound"),
+    ] = None
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """True if other processes compute."""
+        return self.workers is not None or self.scheduler is not None
+
+    def hired(self, settings: Settings) -> Hired:
+        """Returns the workers that the options name."""
+        if self.workers is not None and self.scheduler is not None:
+            raise UsageError("--workers: a scheduler has its own; leave one of the two options out")
+        Option("--workers").require_cores(self.workers)
+        limit = self.cell_limit
+        if limit is not None and not limit > 0:
+            raise UsageError(f"--cell-limit: must be a number of seconds > 0, not {limit}")
+        if limit is not None and not self.is_elsewhere:
+            raise UsageError(
+                "--cell-limit: is for --workers or --scheduler; this process has no limit"
+            )
+        return Hired(self.workers, self.scheduler, limit or settings.cell_limit)
+
+
+_HERE = _Workforce()
+
+
+def _gap(
+    *scene: Scene,
+    planner: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="",
+            show_default=False,
+            help=f"may be repeated; one of {', '.join(SOLVERS)}; {FORMS}",
+        ),
+    ] = None,
+    seeds: Annotated[str, Parameter(help="such as 0-9 or 0,3,7")] = "0",
+    budget: Budget = USUAL,
+    bound_limit: Annotated[
+        float | None, Parameter(help="seconds for each bound; as --time-limit if not given")
+    ] = None,
+    out: Annotated[
+        Path | None, Parameter(help="folder for results.csv, scenes, plans and certificates")
+    ] = None,
+    rendered: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            show_default=False,
+            help="J of each plan's rendered pixels beside the planned J",
+        ),
+    ] = False,
+    plan: Annotated[
+        list[Path] | None,
+        Parameter(
+            negative="",
+            show_default=False,
+            help="may be repeated; a file whose plan gets a row, too, at the scene and seed "
+            "that it was made for",
+        ),
+    ] = None,
+    workforce: _Workforce = _HERE,
+    retry: Annotated[
+        bool,
+        FLAG(help="try again what has failed in the folder of --out"),
+    ] = False,
+    json: Json = False,
+) -> int:
+    """Print the gap table: every planner's J against the best certified bound.
+
+    gap is to the bound under the scene's rules, gap_free to that without any rules.
+    Planners, if none is named: greedy, sequential, cocap, cocap-vs, cocap-lns, and
+    with one or two drones joint.
+    What is in the folder of --out already is not computed again; of a scene, seed
+    and planner its table has the newest row, with the lowest bound that was proved.
+    The exit code is 1 if a planner or a bound has ended by an error.
+
+    Example: cocap-opt gap corridor bottleneck --seeds 0-99 --workers 2 --out DIR
+    """
+    own = own_planners(Option("--planner"), planner or [])
+    kept = out is not None or workforce.is_elsewhere
+    settings = _settings(budget, bound_limit, rendered, kept)
+    if retry and out is None:
+        raise UsageError("--retry: name the folder with --out; without one nothing is kept")
+    hired = workforce.hired(settings)
+    scenes = _scenes(scene, Option("--seeds").numbers(seeds))
+    others = GivenPlans.read(plan or [], scenes.problems)
+    instances = [
+        Instance(
+            problem, 0 if others.own_starts else seed, planner,
+            settings, others.of(problem), others.own_starts, own,
+        )
+        for (_, seed), problem in others.problems.items()
+    ]  # fmt: skip
+    rows = sweep(instances, out, hired, retry, scenes.is_same)
+    _say_why_without_plan(rows, others.problems)
+    if json:
+        print_result({"rows": rows}, json)
+    else:
+        print_gap_table(rows)
+    return 1 if any(row.has_error for row in rows) else 0
+
+
+def _say_why_without_plan(rows: Sequence[Row], problems: Problems) -> None:
+    """Names the narrow ways of scenes in which a planner has found no plan."""
+    failed = {
+        (row.scene, row.seed) for row in rows if row.reason in (Reason.FAILED, Reason.INFEASIBLE)
+    }
+    for (scene, seed), problem in problems.items():
+        if (problem.name, seed) in failed:
+            say_narrow_way(scene, seed, problem)
+
+
+def _settings(budget: Budget, bound_limit: float | None, rendered: bool, kept: bool) -> Settings:
+    Option("--time-limit").require_seconds(budget.time_limit)  # a cell must end
+    bound_limit = budget.time_limit if bound_limit is None else bound_limit
+    allowance = budget.allowance
+    Option("--bound-limit").require_seconds(bound_limit)
+    return Settings(
+        time_limit=allowance.seconds, bound_time_limit=bound_limit, work_limit=allowance.work,
+        rendered=rendered, kept=kept,
+    )  # fmt: skip
+
+
+def _scenes(names: Sequence[str], seeds: Sequence[int]) -> Scenes:
+    if not names:
+        raise UsageError("SCENE: name at least one scene; `cocap-opt scenes` lists them")
+    return Scenes(names, seeds, load)
+
+
+COMMANDS = {"gap": _gap}

@@ -1,0 +1,77 @@
+"""The command line, `cocap-opt`: the commands are in `cocap_opt.cli.commands`.
+
+Results go to standard output, as a table or with --json as one JSON object and nothing
+else; progress and messages go to standard error. Exit codes: 0 done (also when there is no
+plan: that is a result), 1 a claim does not hold (verify), 2 wrong input, 130 interrupted
+before there was anything to give.
+"""
+
+import os
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from io import TextIOWrapper
+from types import FrameType
+
+from cocap_opt.console.streams import discard, say
+from cocap_opt.console.threads import ONE_THREAD
+
+_INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs the command line and exits."""
+    for name, count in ONE_THREAD.items():  # before NumPy loads
+        os.environ.setdefault(name, count)
+    _open_streams()
+    try:
+        with _leave_at_once():
+            from cocap_opt.cli.commands import run  # half a second
+        code = run(arguments)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # The reader of our output has gone, as with `| head`.
+        discard(sys.stdout)
+        code = 0
+    except OSError as error:  # files name themselves; what is left is the output
+        discard(sys.stdout)
+        say(f"standard output: cannot be written: {error.strerror}")
+        code = 2
+    except KeyboardInterrupt as interrupt:  # a second one, or before there was anything to give
+        say(", ".join(["interrupted", *map(str, interrupt.args)]))
+        code = _INTERRUPTED
+    sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Replaces a closed output stream by the null device, so that writing to it does not fail."""
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (open until the process ends)
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+    if isinstance(sys.stdout, TextIOWrapper):  # a file's name need not be text
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+@contextmanager
+def _leave_at_once() -> Iterator[None]:
+    """Ends the process at Ctrl-C: modules that are being imported may swallow an exception."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler:  # the caller has other plans with it
+        yield
+        return
+
+    def leave(number: int, frame: FrameType | None) -> None:
+        say("interrupted")
+        os._exit(_INTERRUPTED)
+
+    signal.signal(signal.SIGINT, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+if __name__ == "__main__":  # `python -m`, where the command is not on the path
+    main()

@@ -1,0 +1,143 @@
+"""Options that several commands share: their names, their help, and what is allowed."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter, Token
+
+from cocap_opt.console.streams import without_warnings
+from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.flight.strain import strains
+from cocap_opt.plausibility import narrow_way, warnings
+from cocap_opt.problem import Problem
+from cocap_opt.run.judging import Allowance
+from cocap_opt.run.options import Option, UsageError
+from cocap_opt.scenarios import NOTHING, SCENES, load_scene
+
+_log = logging.getLogger(__name__)
+
+
+def _whole(kind: object, tokens: Sequence[Token]) -> int:
+    """Returns the whole number that is given to an option; a fraction is refused, not rounded."""
+    return Option(tokens[0].keyword or "").whole(tokens[0].value)
+
+
+FLAG = partial(Parameter, negative="", show_default=False)
+Scene = Annotated[
+    str, Parameter(help="name of a built-in scene, or a scene's file in any format that is known")
+]
+PlanPath = Annotated[
+    Path, Parameter(help="file of a plan for it: of `plan`, or in a scene format's own plan format")
+]
+Results = Annotated[Path, Parameter(help="folder that `gap --out` has filled")]
+Whole = Annotated[int, Parameter(converter=_whole)]
+Seed = Annotated[int, Parameter(converter=_whole, help="seed of the scene, >= 0")]
+Seconds = Annotated[
+    float,
+    Parameter(
+        name="--time-limit",
+        help="seconds for each computation, its coverage included, inf: no limit; in `gap` finite, "
+        "and from when coverage is there",
+    ),
+]
+Work = Annotated[
+    int | None,
+    Parameter(
+        name="--work-limit",
+        converter=_whole,
+        help="units of work for each computation: pricing rounds, or nodes of CoCap's tree; "
+        "results then are the same on every machine that needs no more seconds than allowed",
+    ),
+]
+Workers = Annotated[
+    int | None,
+    Parameter(converter=_whole, help="processes, each on a core of its own; this one if not given"),
+]
+Json = Annotated[bool, FLAG(name="--json", help="print one JSON object")]
+Free = Annotated[bool, FLAG(help="leave collisions between drones out of the scene")]
+Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
+OfScenes = Annotated[
+    list[str] | None,
+    Parameter(name="--scene", negative="", help="may be repeated; all of the results if not given"),
+]
+OfPlanners = Annotated[
+    list[str] | None,
+    Parameter(
+        name="--planner", negative="", help="may be repeated; all of the results if not given"
+    ),
+]
+
+
+def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem:
+    """Returns a scene by its name or file, and logs what is doubtful in a file."""
+    Option("--seed").require_whole(seed)
+    problem = load_scene(scene, seed, options)
+    if scene not in SCENES:  # those are meant as they are
+        for warning in warnings(problem):
+            _say_once(scene, seed, warning)
+    return problem
+
+
+def load_planned(scene: str, seed: int) -> Problem:
+    """Returns a scene that has a plan already: what is doubtful in it was said before."""
+    Option("--seed").require_whole(seed)
+    with without_warnings("cocap_opt.scenarios"):
+        return load_scene(scene, seed)
+
+
+def say_strains(scene: str, seed: int, problem: Problem) -> None:
+    """Logs which drones smooth flights may ask too much of, where a scene is first looked at."""
+    for words in strains(problem):
+        _say_once(scene, seed, words)
+
+
+def say_narrow_way(scene: str, seed: int, problem: Problem) -> None:
+    """Logs where drones must queue, if there is such a place: it may be why there is no plan."""
+    if words := narrow_way(problem):
+        _say_once(scene, seed, words)
+
+
+def _say_once(scene: str, seed: int, words: str) -> None:
+    _log.warning("%s, seed %d: %s", scene, seed, words, extra={"once": f"{scene}, {words}"})
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Budget:
+    """The options of commands that say when a computation stops."""
+
+    time_limit: Seconds = 60.0
+    work_limit: Work = None
+
+    @property
+    def allowance(self) -> Allowance:
+        """The allowance of the options; a UsageError if they are not possible."""
+        work = self.work_limit
+        if work is not None:
+            work = Option("--work-limit").require_whole(work)
+        return Allowance(Option("--time-limit").require_limit(self.time_limit), work)
+
+
+USUAL = Budget()
+
+
+def chosen(
+    rows: Sequence[Row], scenes: Sequence[str] | None, planners: Sequence[str] | None
+) -> list[Row]:
+    """Returns results of some scenes and planners, of all if none is named; at least one."""
+    for name in scenes or []:
+        Option("--scene").require_one_of(name, dict.fromkeys(row.scene for row in rows))
+    for name in planners or []:
+        Option("--planner").require_one_of(name, dict.fromkeys(row.planner or "" for row in rows))
+    kept = [
+        row
+        for row in rows
+        if (not scenes or row.scene in scenes) and (not planners or row.planner in planners)
+    ]
+    if not kept:
+        raise UsageError("--planner: has no results on the scenes of --scene")
+    return kept

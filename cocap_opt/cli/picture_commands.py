@@ -1,0 +1,182 @@
+"""The commands that show plans: a player, pictures from above, and what each drone sees."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.options import (
+    Json,
+    Output,
+    PlanPath,
+    Scene,
+    Seed,
+    Whole,
+    load,
+    load_planned,
+    say_narrow_way,
+    say_strains,
+)
+from cocap_opt.console.progress import Watch
+from cocap_opt.data import MOST_PIXELS
+from cocap_opt.files.documents import FileError, problem_digest
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.formulations.explanation import Explanation
+from cocap_opt.output.files import (
+    PlanReader,
+    check_output,
+    make_folder,
+    save_bytes,
+)
+from cocap_opt.output.printing import print_result
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.result import UnsupportedError
+from cocap_opt.run.options import Option, UsageError
+
+_SHOWN = Path("show.html")
+_MOST_STEPS = 100  # in one picture
+SHOWN = (".html", ".png", ".pdf", ".svg", ".gif")
+
+
+def _show(
+    scene: Scene,
+    /,
+    *plan: PlanPath,
+    output: Output = None,
+    seed: Seed = 0,
+    certificate: Annotated[
+        Path | None,
+        Parameter(
+            help="certificate or proof; the player tells the bound, what is proved of each plan, "
+            "and what is lost by leaving each step"
+        ),
+    ] = None,
+    steps: Annotated[
+        str | None,
+        Parameter(help="such as 5 or 0,4,8, which a picture shows; else the last, a GIF all"),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Play plans side by side in an HTML file, or draw one from above.
+
+    The HTML file needs no network and no other file. PNG, PDF and SVG show one step, or several
+    side by side, a GIF one after the other. Without a plan the map, the people and the drones at
+    their starts are shown. Without -o the file is show.html.
+
+    Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
+    """
+    output = output or _SHOWN
+    suffix = Option("-o").ending(output, SHOWN)
+    if not plan and suffix == ".gif":
+        raise UsageError("PLAN: name a plan, such as plan.json; nothing moves without one")
+    if suffix != ".html" and len(plan) > 1:
+        raise UsageError(f"PLAN: a {suffix} file shows one plan, not {len(plan)}; .html takes more")
+    if certificate and (suffix != ".html" or not plan):
+        raise UsageError("--certificate: needs a plan, and a file that ends in .html")
+    if steps is not None and (suffix == ".html" or not plan):
+        raise UsageError("--steps: needs a plan, and a picture: the player shows all steps")
+    check_output(output, scene, *plan, certificate)
+    read = load_planned if plan else load
+    reader = PlanReader(scene, read(scene, seed))
+    problem, plans = reader.plans(plan)
+    if not plan:
+        say_strains(scene, seed, problem)
+    say_narrow_way(scene, seed, problem)
+    if suffix == ".html":
+        gaps = _gaps(problem, plans, certificate) if certificate else []
+        content = _player(problem, plans, reader, plan, gaps)
+    else:
+        chosen = () if steps is None else _steps(problem, steps)
+        content = _picture(problem, plans, suffix, chosen)
+    save_bytes(output, content)
+    digest = problem_digest(problem)
+    answer = {"scene": problem.name, "seed": seed, "digest": digest, "file": output}
+    print_result(answer, json)
+    return 0
+
+
+def _render(
+    scene: Scene,
+    plan: PlanPath,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="folder to write to")],
+    seed: Seed = 0,
+    width: Annotated[Whole, Parameter(help="of the pictures, px")] = 800,
+    pixel_step: Annotated[
+        Whole, Parameter(help="count one pixel of each block of so many by so many; 1 is exact")
+    ] = 1,
+    json: Json = False,
+) -> int:
+    """Render what each drone sees, and compare planned coverage with what is in the pictures.
+
+    The folder gets a PNG per drone and step, and coverage.csv with a row
+    for each face in a picture.
+
+    Example: cocap-opt render corridor plan.json -o views
+    """
+    from cocap_opt.pictures.rendering import write_views  # matplotlib is slow to import
+
+    if output is None:
+        raise UsageError("-o: name the folder to write to")
+    for option, value, most in (("--width", width, MOST_PIXELS), ("--pixel-step", pixel_step, 100)):
+        if not 1 <= value <= most:
+            raise UsageError(f"{option}: must be 1..{most}, not {value}")
+    problem, shown = PlanReader(scene, load_planned(scene, seed)).plan(plan)
+    make_folder(output)
+    with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
+        try:
+            row = write_views(output, problem, shown, width, pixel_step, watch.counter)
+        except UnsupportedError as error:
+            raise UsageError(f"{scene}: {error}") from error
+    print_result({"scene": problem.name, "seed": seed, "folder": output} | row, json)
+    return 0
+
+
+def _gaps(problem: Problem, plans: Sequence[Plan], path: Path) -> list[Explanation]:
+    """Returns what the gaps of plans are made of, by a certificate or a proof in a file."""
+    from cocap_opt.experiments.report.explaining import gaps_of
+
+    file = PlanReader(problem.name, problem).claim(path)
+    if not isinstance(file, CertificateFile | ProofFile):
+        raise FileError(f"{path}: must be a certificate or a proof, not a plan")
+    try:
+        return gaps_of(problem, plans, file)
+    except ValueError as error:
+        raise FileError(f"{path}: {error}") from error
+
+
+def _steps(problem: Problem, text: str) -> tuple[int, ...]:
+    """Returns the steps of a list, all of which the scene has."""
+    found = Option("--steps").numbers(text)
+    if max(found) > problem.horizon:
+        raise UsageError(f"--steps: must be 0..{problem.horizon}, not {max(found)}")
+    if len(found) > _MOST_STEPS:
+        raise UsageError(f"--steps: must be at most {_MOST_STEPS} steps, not {len(found)}")
+    return found
+
+
+def _player(
+    problem: Problem,
+    plans: Sequence[Plan],
+    reader: PlanReader,
+    paths: Sequence[Path],
+    gaps: Sequence[Explanation],
+) -> bytes:
+    """Returns the page that plays plans from files."""
+    from cocap_opt.player.player import Player
+
+    titled = list(zip(PlanReader.titles(paths), plans, strict=True))
+    planners, cut_short = map(reader.planner, paths), map(reader.cut_short, paths)
+    return Player(problem, titled, gaps, list(planners), list(cut_short)).page().encode()
+
+
+def _picture(problem: Problem, plans: Sequence[Plan], suffix: str, steps: Sequence[int]) -> bytes:
+    """Returns a picture of the only plan, or of the starts."""
+    from cocap_opt.pictures.figures import plan_picture  # matplotlib is slow to import
+
+    return plan_picture(problem, plans[0] if plans else None, suffix, steps)
+
+
+COMMANDS = {"show": _show, "render": _render}

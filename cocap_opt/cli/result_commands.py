@@ -1,0 +1,144 @@
+"""The commands that show what sweeps have found."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.options import (
+    Json,
+    OfPlanners,
+    OfScenes,
+    Output,
+    Results,
+    Whole,
+    chosen,
+)
+from cocap_opt.experiments.sweeps.results import load_results
+from cocap_opt.experiments.sweeps.run_file import RunFile
+from cocap_opt.experiments.tables.rows import COLUMNS, Row
+from cocap_opt.experiments.tables.tables import AGAINST, DOCUMENTS, Tables
+from cocap_opt.output.files import check_output, save_bytes
+from cocap_opt.output.printing import Listing, print_result
+from cocap_opt.run.options import Option, UsageError
+
+Against = Annotated[
+    str | None, Parameter(help=f"the planner that others are compared with, else {AGAINST}")
+]
+
+_PIPED = "markdown"  # the format of tables in a pipe, if none is named
+_ENDINGS = {"markdown": (".md", ".txt"), "latex": (".tex",), "html": (".html",)}
+
+
+def _table(
+    folder: Results,
+    /,
+    *,
+    style: Annotated[
+        str | None,
+        Parameter(
+            name="--format",
+            help=f"one of {', '.join(DOCUMENTS)}; if not given, as the file's ending says, "
+            "markdown in a pipe, plain text on a terminal",
+        ),
+    ] = None,
+    scene: OfScenes = None,
+    planner: OfPlanners = None,
+    against: Against = None,
+    output: Output = None,
+    json: Json = False,
+) -> int:
+    """Make tables of the results in a folder: planners, differences, prices, times.
+
+    Means of five seeds or more come with 95 % bootstrap intervals, times are
+    shifted geometric means.
+
+    Example: cocap-opt table results -o tables.tex
+    """
+    check_output(output)
+    as_document = DOCUMENTS[_format(style, output)]
+    rows = chosen(load_results(folder), scene, planner)
+    tables = Tables.of(rows, _against(against, rows))
+    if output is not None:
+        save_bytes(output, as_document(tables).encode())
+    if json:
+        print_result({"tables": tables}, json)
+    elif output is None and style is None and sys.stdout.isatty():
+        tables.print()
+    elif output is None:
+        sys.stdout.write(as_document(tables))
+    return 0
+
+
+def _format(style: str | None, output: Path | None) -> str:
+    """Returns the format of tables: the one that is named, or the one of the file's ending."""
+    if style is not None:
+        Option("--format").require_one_of(style, DOCUMENTS)
+    if output is None:
+        return style or _PIPED
+    endings = {
+        end: name for name, ends in _ENDINGS.items() for end in ends if style in (None, name)
+    }
+    return endings[Option("-o").ending(output, tuple(endings))]
+
+
+def _report(
+    folder: Results,
+    /,
+    *,
+    output: Output,
+    scene: OfScenes = None,
+    planner: OfPlanners = None,
+    against: Against = None,
+    players: Annotated[Whole, Parameter(help="scenes of which plans are shown, at most")] = 4,
+    json: Json = False,
+) -> int:
+    """Make one HTML page of a sweep: tables, figures, players, settings and limitations.
+
+    It needs no network and no other file.
+
+    Example: cocap-opt report results -o report.html
+    """
+    from cocap_opt.experiments.report.report import (
+        report_page,  # matplotlib and pandas are slow to import
+    )
+
+    Option("-o").ending(output, (".html",))
+    assert output is not None
+    if players < 0:
+        raise UsageError(f"--players: must be at least 0, not {players}")
+    check_output(output)
+    rows, run = chosen(load_results(folder), scene, planner), RunFile.load(folder)
+    content = report_page(folder, rows, run, _against(against, rows), players)
+    save_bytes(output, content.encode())
+    print_result({"file": output}, json)
+    return 0
+
+
+def _against(planner: str | None, rows: Sequence[Row]) -> str:
+    """Returns the planner that others are compared with, which must be in the results."""
+    if planner is None:
+        return AGAINST
+    Option("--against").require_one_of(planner, dict.fromkeys(row.planner or "" for row in rows))
+    return planner
+
+
+def _columns(*, json: Json = False) -> int:
+    """Print the columns of results.csv: their types, their units and what they mean.
+
+    Example: cocap-opt columns
+    """
+    rows = [
+        {"column": name, "type": c.kind.__name__, "unit": c.unit, "about": c.meaning}
+        for name, c in COLUMNS.items()
+    ]
+    if json:
+        print_result({"columns": rows}, json)
+    else:
+        Listing("columns of results.csv", rows).print()
+    return 0
+
+
+COMMANDS = {"columns": _columns, "table": _table, "report": _report}

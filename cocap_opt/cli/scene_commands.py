@@ -1,0 +1,173 @@
+"""The commands about scenes: listing them, an example of a recipe, and scenes as files."""
+
+import math
+import sys
+from collections.abc import Iterator
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.options import FLAG, Json, Output, Scene, Seed, Whole, load
+from cocap_opt.console.progress import Watch
+from cocap_opt.files.documents import SceneFile, encode, problem_digest
+from cocap_opt.output.files import check_output, save_bytes
+from cocap_opt.output.graphml import graphml
+from cocap_opt.output.printing import Listing, Record, print_result
+from cocap_opt.problem import Limits, Problem
+from cocap_opt.run.options import Option, UsageError
+from cocap_opt.scenarios import FORMATS, SCENES
+from cocap_opt.scenarios.airframes import AIRFRAMES
+from cocap_opt.scenarios.cameras import CAMERAS, with_cameras
+
+_GRAPH = ".graphml"
+
+
+def _scenes(*, json: Json = False) -> int:
+    """List the built-in scenes, the file formats that can be read, their options, and cameras.
+
+    Example: cocap-opt scenes
+    """
+    known = known_scenes()
+    if json:
+        print_result(known, json)
+    else:
+        Listing("built-in scenes", known["scenes"]).print()
+        Listing("files that can be read in place of a scene's name", known["formats"]).print()
+        Listing("options of `export`, as in --option triangles=no", known["options"]).print()
+        Listing("cameras that `export` can put on a scene's drones (px)", known["cameras"]).print()
+        Listing("airframes of recipes (m/s, m/s2, degrees/s)", known["airframes"]).print()
+    return 0
+
+
+def known_scenes() -> dict[str, list[Record]]:
+    """Returns rows of all scenes, formats, cameras and airframes, and of options of formats."""
+    return {
+        "scenes": [
+            {
+                "scene": name,
+                "rules": str(build(0).rules),
+                "about": (build.__doc__ or "").strip().splitlines()[0],
+            }
+            for name, build in SCENES.items()
+        ],
+        "formats": [{"format": name, "about": f.description} for name, f in FORMATS.items()],
+        "cameras": [
+            {
+                "camera": name, "width": camera.width, "height": camera.height,
+                "focal": camera.focal, "angle of view (deg)": 2 * math.degrees(camera.half_angle),
+            }
+            for name, camera in CAMERAS.items()
+        ],
+        "airframes": [
+            {
+                "airframe": name,
+                "limits": ", ".join(f"{kind} {value:,.4g}" for kind, value in _known(limits)),
+            }
+            for name, limits in AIRFRAMES.items()
+        ],
+        "options": [
+            {"option": name, "values": ", ".join(words), "of files": key}
+            for key, kind in FORMATS.items() if kind.options is not None
+            for name, words in kind.options.allowed.items()
+        ],
+    }  # fmt: skip
+
+
+def _known(limits: Limits) -> Iterator[tuple[str, float]]:
+    """Yields the limits that are known, in degrees where a recipe has them so."""
+    for kind in limits.__struct_fields__:
+        if (value := getattr(limits, kind)) is not None:
+            yield kind, math.degrees(value) if kind.endswith("_rate") else value
+
+
+def _recipe(*, json: Json = False) -> int:
+    """Print a recipe with every table: a scene made of maps, meshes, tracks and drones.
+
+    Example: cocap-opt recipe > scene.toml
+    """
+    from cocap_opt.scenarios.recipe.recipe import EXAMPLE  # its readers are slow to import
+
+    if json:
+        print_result({"recipe": EXAMPLE}, json)
+    else:
+        sys.stdout.write(EXAMPLE)
+    return 0
+
+
+def _export(
+    scene: Scene,
+    /,
+    *,
+    output: Output,
+    seed: Seed = 0,
+    over_time: Annotated[
+        bool,
+        FLAG(help="pixels add up over time as well as over drones"),
+    ] = False,
+    camera: Annotated[
+        str | None, Parameter(help="another camera on all drones; `cocap-opt scenes` lists them")
+    ] = None,
+    tilts: Annotated[
+        str | None,
+        Parameter(help="degrees below the horizon, such as 10 or, for a gimbal, 10,30,60"),
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="",
+            help="NAME=VALUE, how a file is read; may be repeated; `cocap-opt scenes` lists them",
+        ),
+    ] = None,
+    drone: Annotated[
+        Whole | None, Parameter(help="whose graph is written as GraphML; 0 if not given")
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Write any scene as a cocap-opt scene file, or a drone's time-expanded graph as GraphML.
+
+    A file whose name ends with .graphml gets the graph: one node for each state at each step that a
+    path of the drone can pass, with step, x, y, z (m), heading, tilt (rad) and reward.
+
+    Example: cocap-opt export corridor --seed 3 -o corridor-3.json
+    """
+    if output is not None:
+        check_output(output, scene)
+    as_graph = Option("-o").ending(output, (".json", _GRAPH)) == _GRAPH
+    assert output is not None
+    if drone is not None and not as_graph:
+        raise UsageError(f"--drone: is for a file whose name ends with {_GRAPH}")
+    problem = load(scene, seed, Option("--option").values(option or []))
+    if over_time:
+        objective = problem.objective.replace(over_time=True)
+        problem = problem.replace(name=f"{problem.name}-over-time", objective=objective)
+    if camera is not None or tilts is not None:
+        degrees = None if tilts is None else _angles("--tilts", tilts)
+        problem = with_cameras(problem, camera, degrees)
+    answer: Record = {"scene": problem.name, "seed": seed, "digest": problem_digest(problem)}
+    if as_graph:
+        answer["drone"] = _drone(drone or 0, problem)
+        with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
+            content = graphml(problem, answer["drone"], watch.counter)
+        save_bytes(output, content)
+    else:
+        save_bytes(output, encode(SceneFile.of(problem)))
+    print_result({**answer, "file": output}, json)
+    return 0
+
+
+def _drone(number: int, problem: Problem) -> int:
+    """Returns the number of a drone, if the scene has it."""
+    last = len(problem.robots) - 1
+    if not 0 <= number <= last:
+        raise UsageError(f"--drone: must be 0..{last}, not {number}")
+    return number
+
+
+def _angles(option: str, text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"{option}: must be numbers such as 10,30,60, not {text!r}") from None
+
+
+COMMANDS = {"scenes": _scenes, "recipe": _recipe, "export": _export}

@@ -1,0 +1,332 @@
+"""The commands that compute on one scene: plan, bound and solve."""
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import msgspec
+from cyclopts import Parameter
+
+from cocap_opt.cli.options import (
+    USUAL,
+    Budget,
+    Free,
+    Json,
+    Output,
+    Scene,
+    Seed,
+    load,
+    load_planned,
+    say_narrow_way,
+    say_strains,
+)
+from cocap_opt.console.progress import Watch
+from cocap_opt.experiments.sweeps.named_planners import FORMS, own_planners
+from cocap_opt.experiments.sweeps.own_planners import OwnPlannerError
+from cocap_opt.experiments.sweeps.work import cover
+from cocap_opt.experiments.tables.rows import OWN_STARTS, PlanRow
+from cocap_opt.files.atomic_write import write_atomically
+from cocap_opt.files.documents import FileError, encode, problem_digest
+from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.certificates import compiled_search
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
+from cocap_opt.output.files import (
+    PlanReader,
+    check_output,
+    save_bytes,
+)
+from cocap_opt.output.printing import Record, counted, print_result
+from cocap_opt.output.trace import Trace
+from cocap_opt.planners import RECOMMENDED, Planner
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import check
+from cocap_opt.result import Reason, Result, UnsupportedError
+from cocap_opt.run.forecast import warn_of_limit
+from cocap_opt.run.judging import (
+    SOLVERS,
+    Allowance,
+    Judged,
+    RefereeError,
+)
+from cocap_opt.run.options import Option, UsageError
+from cocap_opt.stop import Interrupt, Stop
+
+_ENDINGS = {"--trace": (".csv",)}  # of files; all others hold JSON
+AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
+_WITH_STEP_ENVELOPES = ("branch-and-price", AT_THE_ROOT)
+_NOT_COMPILED = (
+    "numba is not installed; with it (`pip install -e '.[fast]'`) step envelopes may lower the "
+    "bound further"
+)
+_SOLVE_METHODS = (*EXACT, AT_THE_ROOT)
+
+_Start = Annotated[Path | None, Parameter(help="file of a plan to start from")]
+_TraceFile = Annotated[
+    Path | None, Parameter(name="--trace", help="CSV file for value and bound over time")
+]
+
+
+def _plan(
+    scene: Scene,
+    /,
+    *,
+    planner: Annotated[str, Parameter(help=f"one of {', '.join(SOLVERS)}; {FORMS}")] = RECOMMENDED,
+    seed: Seed = 0,
+    free: Free = False,
+    budget: Budget = USUAL,
+    output: Output = None,
+    json: Json = False,
+) -> int:
+    """Plan a scene, have the plan checked, and write it to a file.
+
+    Example: cocap-opt plan corridor --seed 0 -o plan.json
+    """
+    own = own_planners(Option("--planner"), [planner]).get(planner)
+    allowance = budget.allowance
+    _check_outputs({"-o": output}, scene)
+    task = _Task.read(scene, seed, free, None)
+    problem = task.problem
+    say_strains(scene, seed, problem)
+    with Interrupt.caught() as interrupt, Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
+        watch.show("estimate of coverage")
+        warn_of_limit(problem, planner, allowance.seconds, seed, scene=scene)
+        call = None if own is None else own.seeded(seed)
+        try:
+            judged = _planned(problem, planner, allowance, interrupt, watch, call)
+        except (OwnPlannerError, RefereeError) as error:
+            if own is None:  # a bug of ours
+                raise
+            raise UsageError(f"--planner: {error}") from error
+        if judged.result.reason is Reason.UNSUPPORTED:
+            raise UsageError(f"--planner: {judged.result.message}")
+        if not judged.valid:
+            say_narrow_way(scene, seed, problem)
+        judged.warn(problem, seed, planner)
+        answer = asdict(PlanRow.of(problem, seed, planner, judged)) | task.about
+        _save(answer, "plan", {"file": (output, judged.plan_file(problem, planner, allowance))})
+    answer |= judged.result.statistics
+    if judged.verdict:
+        answer |= judged.reward_parts
+        answer["violations"] = judged.verdict.conflicts
+    print_result(_in_order(answer, judged.result.plan is not None), json)
+    return 0
+
+
+def _bound(
+    scene: Scene,
+    /,
+    *,
+    method: Annotated[str, Parameter(help=f"one of {', '.join(BOUNDS)}")] = "column-generation",
+    seed: Seed = 0,
+    start: _Start = None,
+    free: Free = False,
+    budget: Budget = USUAL,
+    output: Output = None,
+    trace: _TraceFile = None,
+    json: Json = False,
+) -> int:
+    """Compute an upper bound on J and the certificate that proves it.
+
+    Example: cocap-opt bound corridor --seed 0 -o certificate.json
+    """
+    Option("--method").require_one_of(method, BOUNDS)
+    allowance = budget.allowance
+    _check_outputs({"-o": output, "--trace": trace}, scene, start)
+    task = _Task.read(scene, seed, free, start)
+    with Interrupt.caught() as interrupt:
+        warn_of_limit(task.problem, method, allowance.seconds, seed, scene=scene)
+        judged = task.certified(seed, method, allowance.begin(interrupt), OPTIMALITY, trace)
+        answer = task.answer(seed, method, judged)
+        _say(answer, task.surpassed(judged))
+        _save(answer, "certificate", {"file": (output, judged.result.certificate)})
+    print_result(_in_order({**answer, **judged.result.statistics}), json)
+    return 0
+
+
+def _solve(
+    scene: Scene,
+    /,
+    *,
+    method: Annotated[
+        str, Parameter(help=f"one of {', '.join(_SOLVE_METHODS)} (bound and plan at the root)")
+    ] = "branch-and-price",
+    seed: Seed = 0,
+    gap: Annotated[
+        float,
+        Parameter(help=f"(bound - J) / bound to stop at; 0 means {OPTIMALITY:g}, called optimal"),
+    ] = 0.0,
+    start: _Start = None,
+    free: Free = False,
+    budget: Budget = USUAL,
+    output: Output = None,
+    certificate: Annotated[Path | None, Parameter(help="file to write the proof to")] = None,
+    trace: _TraceFile = None,
+    json: Json = False,
+) -> int:
+    """Find the best plan and prove that no other is better by more than the gap.
+
+    At a limit or Ctrl-C it gives the best plan and bound so far.
+    `verify` checks the file of --certificate, which proves the bound;
+    brute-force has none: its bound is what trying all plans proves.
+
+    Example: cocap-opt solve corridor --seed 0 -o plan.json --certificate proof.json
+    """
+    Option("--method").require_one_of(method, _SOLVE_METHODS)
+    if not 0 <= gap < 1:
+        raise UsageError(f"--gap: must be at least 0 and less than 1, such as 0.01, not {gap}")
+    if gap and method not in EXACT:
+        raise UsageError(f"--gap: {method} stops at the root at any gap; leave the option out")
+    allowance = budget.allowance
+    _check_outputs({"-o": output, "--certificate": certificate, "--trace": trace}, scene, start)
+    task = _Task.read(scene, seed, free, start)
+    with Interrupt.caught() as interrupt:
+        warn_of_limit(task.problem, method, allowance.seconds, seed, scene=scene)
+        stop = allowance.begin(interrupt)
+        judged = task.certified(seed, method, stop, max(gap, OPTIMALITY), trace)
+        answer = task.answer(seed, method, judged)
+        proof = certificate, judged.result.certificate
+        if judged.result.plan is None:
+            say_narrow_way(scene, seed, task.problem)
+        made = output, judged.plan_file(task.problem, method, allowance)
+        _save(answer, "plan", {"file": made, "certificate": proof})
+    has_plan = judged.result.plan is not None
+    print_result(_in_order({**answer, **judged.result.statistics}, has_plan), json)
+    return 0
+
+
+def _planned(
+    problem: Problem,
+    planner: str,
+    allowance: Allowance,
+    interrupt: Stop,
+    watch: Watch,
+    own: Planner | None = None,
+) -> Judged[Result]:
+    """Plans; coverage comes before, in the same time, and is not in the search's seconds."""
+    stop = allowance.begin(interrupt)
+    cover(problem, planner, stop, watch)
+    return Judged.planned(problem, planner, stop, own)
+
+
+def _in_order(answer: Record, has_plan: bool = True) -> Record:
+    """Returns an answer that says first what a limit has left of a plan, or that there is none."""
+    first = ("cut_short",) if has_plan else ("cut_short", "message")
+    return {key: answer[key] for key in first} | answer
+
+
+def _motion(problem: Problem) -> str:
+    """Says how far drones may move in a step, and how fast that is where steps have a duration."""
+    edge = problem.height_map.resolution
+    kinds = []
+    for radius in sorted({robot.motion.radius for robot in problem.robots}):
+        words = f"{counted(radius, 'cell')} of {edge:g} m along each axis a step"
+        if problem.step is not None:
+            fastest = math.sqrt(2) * radius * edge / problem.step
+            words += f" of {problem.step:g} s, at most {fastest:.3g} m/s"
+        kinds.append(words)
+    return "; ".join(kinds)
+
+
+class _Task(NamedTuple):
+    """The scene of a command; with a start, the variant of the scene that it fits."""
+
+    problem: Problem
+    start: Plan | None
+    about: Record  # for the answer
+
+    @classmethod
+    def read(cls, scene: str, seed: int, free: bool, path: Path | None) -> "_Task":
+        problem, start = (load if path is None else load_planned)(scene, seed), None
+        about: Record = {"free": True} if free else {"rules": str(problem.rules)}
+        about |= {"motion": _motion(problem)}
+        if path is not None:
+            # A start is judged anew, so that it may come from other rules or another objective.
+            fitting, start = PlanReader(scene, problem).plan(path, any_scene=True)
+            about |= {"seed": None, "starts": OWN_STARTS} if fitting is not problem else {}
+            problem = fitting
+        problem = problem.without_rules() if free else problem
+        return cls(problem, start, about | {"digest": problem_digest(problem)})
+
+    def certified(
+        self, seed: int, method: str, stop: Stop, gap: float, path: Path | None
+    ) -> Judged[CertifiedResult]:
+        """Runs a bound or an exact method, shows progress, and writes a trace if asked to."""
+        problem, trace = self.problem, Trace()
+        with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
+            report = trace.beside(watch.report())
+            cover(problem, method, stop, watch)
+            try:
+                judged = Judged.certified(problem, method, stop, self.start, report, gap)
+            except UnsupportedError as error:
+                raise UsageError(f"--method {method}: {error}") from error
+        if path is not None:
+            trace.end(judged.result)
+            save_bytes(path, trace.text.encode())
+        return judged
+
+    def surpassed(self, judged: Judged[CertifiedResult]) -> str:
+        """Says that the search has a better plan than the start, which a bound does not write."""
+        if self.start is None or not judged.valid:
+            return ""
+        given = check(self.problem, self.start).reward
+        if judged.reward <= given + OPTIMALITY * abs(given):
+            return ""
+        return (
+            f"reward and gap are those of a better plan than the start, whose J is {given:,.2f}: "
+            "`solve --start` with -o writes it"
+        )
+
+    def answer(self, seed: int, method: str, judged: Judged[CertifiedResult]) -> Record:
+        """Returns what the command prints."""
+        judged.warn(self.problem, seed, method)
+        record: Record = asdict(PlanRow.certified(self.problem, seed, method, judged)) | self.about
+        is_open = OPTIMALITY < judged.result.gap < math.inf
+        may_have = method in _WITH_STEP_ENVELOPES and not self.problem.objective.over_time
+        if is_open and may_have and not compiled_search.is_there():
+            _say(record, _NOT_COMPILED)
+        return record
+
+
+def _check_outputs(paths: Mapping[str, Path | None], *inputs: str | Path | None) -> None:
+    """Refuses files that cannot be written, other endings, and one file for two things."""
+    used: dict[str, str] = {}
+    for option, path in paths.items():
+        if path is None:
+            continue
+        check_output(path, *inputs)
+        Option(option).ending(path, _ENDINGS.get(option, (".json",)))
+        other = used.setdefault(os.path.realpath(path), option)
+        if other != option:
+            raise UsageError(f"{option}: must be another file than {other}, not {path}")
+
+
+def _say(answer: Record, words: str) -> None:
+    """Adds words to the message of an answer."""
+    answer["message"] = "; ".join(filter(None, (answer["message"], words)))
+
+
+_Wanted = tuple[Path | None, msgspec.Struct | None]  # a file, and its content if there is one
+
+
+def _save(answer: Record, noun: str, files: Mapping[str, _Wanted]) -> None:
+    """Writes files together; the answer says by their keys where each is, or why it is not."""
+    contents = {}
+    for key, (path, content) in files.items():
+        answer[key] = None
+        if path is not None and content is not None:
+            contents[path] = encode(content)
+            answer[key] = path
+        elif path is not None:
+            kind = noun if key == "file" else key
+            _say(answer, f"{path} was not written: there is no {kind}")
+    try:
+        write_atomically(contents)
+    except OSError as error:
+        names = " and ".join(map(str, contents))
+        raise FileError(f"{names}: cannot be written: {error.strerror}") from error
+
+
+COMMANDS = {"plan": _plan, "bound": _bound, "solve": _solve}

@@ -1,0 +1,272 @@
+"""The command `verify`, which checks what plans and certificates in files claim of a scene."""
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from cyclopts import Parameter
+
+from cocap_opt.cli.options import (
+    FLAG,
+    Free,
+    Json,
+    Scene,
+    Seed,
+    load_planned,
+    say_narrow_way,
+)
+from cocap_opt.console.progress import Watch
+from cocap_opt.data import ProblemError
+from cocap_opt.experiments.tables.rows import OWN_STARTS
+from cocap_opt.files.documents import FileError, PlanFile, other_coverage, problem_digest
+from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
+from cocap_opt.formulations.second_opinion import TooLargeError
+from cocap_opt.model import Model
+from cocap_opt.output.files import PlanReader
+from cocap_opt.output.printing import (
+    Record,
+    line_width,
+    print_result,
+    print_texts,
+)
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.run.explained import Explained
+from cocap_opt.run.explained_tables import explained_tables
+from cocap_opt.run.explained_words import explained_sentences
+from cocap_opt.run.forecast import warn_of_checking
+from cocap_opt.run.judging import Judged, finite
+from cocap_opt.run.options import Option, UsageError
+from cocap_opt.run.verification import ProvedBound, Verified
+from cocap_opt.scenarios import FORMATS, has_seed, scene_of_plan
+from cocap_opt.stop import TimeLimit, never
+from cocap_opt.text import printable
+
+_USUAL_LIMIT = 600.0  # s
+_NO_PLAN = "proved: there is no plan"
+_OPTIMISTIC = (
+    "a limit left this bound open: it was computed as if nothing hid anybody at some steps"
+)
+
+
+def _verify(
+    scene: Scene,
+    /,
+    *file: Annotated[
+        Path, Parameter(help="a plan, and any certificates and proofs of bounds, in any order")
+    ],
+    seed: Seed = 0,
+    free: Free = False,
+    explain: Annotated[
+        bool,
+        FLAG(name="--explain", help="say what the gap is made of; the terms add up to it"),
+    ] = False,
+    networkx: Annotated[
+        bool,
+        FLAG(help="compute bounds again, leaf by leaf, by networkx alone; both must agree"),
+    ] = False,
+    time_limit: Annotated[
+        float,
+        Parameter(
+            help="seconds for checking bounds, coverage included, networkx not; inf: no limit"
+        ),
+    ] = _USUAL_LIMIT,
+    json: Json = False,
+) -> int:
+    """Check a plan, certificates and proofs, trusting nobody: exit 0 only if all claims hold.
+
+    The plan may also be in a scene format's own plan format; a solution of
+    Hughes et al. names its scene, and needs no other. Of several bounds the
+    lowest is shown, and explained; gaps are to what is proved, be it less than
+    what is claimed. A bound that is not checked within the limit counts as not
+    proved, though it may hold.
+
+    Example: cocap-opt verify corridor plan.json certificate.json --explain
+    """
+    files = file or _plan_with_scene(scene)
+    if not files:
+        if not Path(scene).exists():
+            load_planned(scene, seed)  # there may be no such file
+        raise UsageError("FILE: name a plan, a certificate or a proof")
+    time_limit = Option("--time-limit").require_limit(time_limit)
+    claims = _Claims.read(scene, seed, free, files)
+    if explain and (claims.plan is None or not claims.bounds):
+        raise UsageError("--explain: name a plan, and a certificate or a proof")
+    if networkx and not claims.bounds:
+        raise UsageError("--networkx: name a certificate or a proof")
+    bounds, failed = claims.proved(networkx, time_limit)
+    verified = Verified.of(
+        claims.problem, claims.plan, claims.plan_file, bounds=bounds, failed=failed
+    )
+    if verified.verdict is not None and verified.verdict.conflicts:
+        say_narrow_way(scene, seed, claims.problem)
+    own_seed = seed if has_seed(scene) else None
+    answer = {
+        **({"cut_short": claims.cut_short} if claims.cut_short else {}),
+        "scene": claims.problem.name,
+        "seed": own_seed,
+        "digest": problem_digest(claims.problem),
+        **claims.answer(verified),
+    }
+    explained = Explained.of(verified) if explain else None
+    if explain and json:
+        answer["explanation"] = _data(explained) if explained else None
+    print_result(answer if json else answer | claims.by_person(verified), json)
+    if explained and not json:
+        print_texts(explained_tables(explained, line_width()), explained_sentences(explained))
+    return 1 if verified.violations else 0
+
+
+def _data(explained: Explained) -> Record:
+    return explained.record | {"sentences": explained_sentences(explained)}
+
+
+def _plan_with_scene(scene: str) -> tuple[Path, ...]:
+    """Returns a scene's file if it is itself the file of a plan that tells which scene it is of."""
+    path = Path(scene)
+    both = any(kind.scenes.has(path) and kind.plans.has(path) for kind in FORMATS.values())
+    return (path,) if both else ()
+
+
+def _between_cells(path: Path, problem: Problem) -> tuple[float, ...] | None:
+    """Returns the rewards by step of a foreign plan between the cells; None for any other file."""
+    try:
+        found = (kind.rewards_between_cells(path, problem) for kind in FORMATS.values())
+        return next((rewards for rewards in found if rewards is not None), None)
+    except ProblemError as error:
+        raise FileError(str(error)) from error
+
+
+class _Claims(NamedTuple):
+    """The claims to be checked; with a plan, for the variant of the scene that it was made for."""
+
+    problem: Problem
+    plan: Plan | None
+    plan_file: PlanFile | None  # what claims something of the plan
+    bounds: dict[Path, CertificateFile | ProofFile]
+    about: Record  # for the answer
+
+    @classmethod
+    def read(cls, scene: str, seed: int, free: bool, files: Sequence[Path]) -> "_Claims":
+        """Reads all files, in an order of their own, before any is checked."""
+        problem = load_planned(scene, seed)
+        about: Record = {"free": True} if free else {}
+        reader = PlanReader(scene, problem)
+        content: PlanFile | Plan | None = None
+        bounds = {}
+        for path in sorted(set(files)):
+            if (rewards := _between_cells(path, problem)) is not None:
+                about |= {
+                    "reward": math.fsum(rewards), "reward_at_start": rewards[0],
+                    "reward_per_step": rewards[1:],
+                    "message": f"{printable(path.name)} lies between the cells: it is evaluated "
+                    "there, and cannot be flown",
+                }  # fmt: skip
+                continue
+            claim = reader.claim(path)
+            if isinstance(claim, CertificateFile | ProofFile):
+                bounds[path] = claim
+            elif content is not None:
+                raise FileError(f"{path}: must be a certificate or a proof, not a second plan")
+            else:
+                content = claim
+        claimed = content if isinstance(content, PlanFile) else None
+        plan = claimed.plan if claimed else content
+        if isinstance(plan, Plan):
+            fitting = scene_of_plan(scene, problem, plan)
+            about |= {"seed": None, "starts": OWN_STARTS} if fitting is not problem else {}
+            problem = fitting
+        problem = problem.without_rules() if free else problem
+        return cls(problem, plan if isinstance(plan, Plan) else None, claimed, bounds, about)
+
+    def proved(self, by_networkx: bool, seconds: float) -> tuple[list[ProvedBound], list[str]]:
+        """Returns the bounds that are proved, and what is wrong with the others, in words.
+
+        Parameters
+        ----------
+        seconds : limit of all that comes before networkx; infinite if there is none
+
+        Raises
+        ------
+        UsageError
+            If one is too large for networkx.
+        """
+        bounds, failed = list[ProvedBound](), list[str]()
+        model = Model(self.problem, use_cache=False) if self.bounds else None
+        if model is not None:
+            warn_of_checking(model, [*self.bounds.values()], seconds)
+        stop = TimeLimit(seconds) if math.isfinite(seconds) else never
+        for path, file in self.bounds.items():
+            assert model is not None
+            name = printable(str(path))
+            with Watch.on_terminal(name) as watch:
+                part = "leaf" if isinstance(file, ProofFile) else "search of a step"
+                counters = watch.counter(part), watch.counter("best path by networkx")
+                try:
+                    bounds.append(ProvedBound.of(model, file, by_networkx, *counters, stop))
+                except CertificateError as error:
+                    failed.append(f"{name}: {error}")
+                except TooLargeError as error:
+                    raise UsageError(f"--networkx: {error}") from error
+        return bounds, failed
+
+    @property
+    def cut_short(self) -> str:
+        """Words for what a limit has left of the plan, which may be valid and only hover."""
+        return self.plan_file.told_cut_short if self.plan_file else ""
+
+    def by_person(self, verified: Verified) -> Record:
+        """Returns the rewards of people, which take the place of those of faces in a terminal."""
+        verdict = verified.verdict
+        if verdict is None or not verdict.face_reward:
+            return {}
+        rewards = np.bincount(self.problem.face_owner, weights=verdict.face_reward)
+        return {"reward_per_face": None, "reward_per_person": tuple(rewards.tolist())}
+
+    def _made_otherwise(self, verified: Verified) -> Iterator[str]:
+        """Yields which files were made with another version of coverage, in words."""
+        if self.plan_file and (words := other_coverage(self.plan_file.coverage_version)):
+            yield f"the plan: {words}"
+        if words := verified.other_coverage:
+            yield f"the bound: {words}"
+
+    def answer(self, verified: Verified) -> Record:
+        """Returns what `verify` prints of what it found."""
+        found: Record = {
+            "valid": not verified.violations, "violations": [*verified.violations], **self.about
+        }  # fmt: skip
+        if (verdict := verified.verdict) is not None:
+            known = math.isfinite(verified.reward)
+            found |= {
+                "planner": self.plan_file.planner if self.plan_file else None,
+                "conflicts": len(verdict.conflicts),
+                "reward": verified.reward if known else None,
+            }
+            if known:
+                found |= Judged.parts_of(verdict) | {"reward_per_face": verdict.face_reward}
+        if self.bounds:
+            proved = math.isfinite(verified.bound)
+            found |= {"method": verified.method, "bound": verified.bound if proved else None}
+            if verified.understated:
+                found |= {
+                    "bound_proved": verified.proved_bound, "bound_claimed": verified.claimed_bound
+                }  # fmt: skip
+            if verified.proved is not None and verified.proved.second_opinion is not None:
+                found |= {
+                    "bound_by_sweep": finite(verified.proved.pricing.bound),
+                    "bound_by_networkx": finite(verified.proved.second_opinion.bound),
+                }
+            if verified.no_plan:
+                found["message"] = _NO_PLAN
+            elif verified.optimistic:
+                found["message"] = _OPTIMISTIC
+        if words := "; ".join(self._made_otherwise(verified)):
+            found["message"] = "; ".join(filter(None, (found.get("message", ""), words)))
+        found["optimal"] = None
+        if verdict is not None and math.isfinite(verified.gap):
+            found |= {"gap": verified.gap, "optimal": verified.is_optimal}
+        return found
+
+
+COMMANDS = {"verify": _verify}

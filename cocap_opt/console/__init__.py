@@ -1,0 +1,1 @@
+"""The terminal: its streams, progress, threads, and the versions of what is installed."""

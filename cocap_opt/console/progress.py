@@ -1,0 +1,145 @@
+"""Progress on standard error: two lines that change, or a plain one now and then."""
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Event, Thread
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.text import Text
+
+from cocap_opt.console.streams import say
+from cocap_opt.formulations.result import Report, Snapshot
+from cocap_opt.stop import Clock
+from cocap_opt.text import printable
+
+_SECONDS_TO_A_PACE = 1.0  # after which what is left can be told
+_BAR_WIDTH = 40  # characters
+# Where standard error is no terminal: no silence is longer than 5 s, and the first one shorter.
+SECONDS_BETWEEN_LINES, SECONDS_TO_FIRST_LINE = 4.0, 2.0
+
+
+class Watch:
+    """Shows how far a command is, as it is told; nothing is shown but in `on_terminal`.
+
+    Parameters
+    ----------
+    task : what is being done, such as a scene and its seed
+    parts : the number of such tasks; None where there is one
+    plain : say it in lines that stay
+    """
+
+    def __init__(self, task: str = "", parts: int | None = None, plain: bool = False) -> None:
+        self._task = task
+        self._parts = parts
+        self._plain = plain
+        self._finished = 0
+        self._status = ""
+        self._clock = Clock()
+        # When the next line is due, on that clock.
+        self._due = min(SECONDS_TO_FIRST_LINE, SECONDS_BETWEEN_LINES)
+
+    @contextmanager
+    def _ticking(self) -> Iterator[None]:
+        """Says now and then how far the task is, also while nothing is shown."""
+        ended = Event()
+
+        def tick() -> None:
+            while not ended.wait(max(self._due - self._clock.seconds, 0.0)):
+                self._say()
+
+        ticker = Thread(target=tick, daemon=True)
+        ticker.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            ticker.join()
+
+    @classmethod
+    @contextmanager
+    def on_terminal(cls, task: str, parts: int | None = None) -> "Iterator[Watch]":
+        """Yields a watch that is shown on standard error.
+
+        On a terminal its lines change and are gone at the end; otherwise they are plain lines
+        that stay, one after two seconds and then one in four.
+        """
+        console = Console(stderr=True)
+        watch = cls(task, parts, plain=not console.is_terminal)
+        live = Live(console=console, get_renderable=watch.lines, transient=True)
+        with live if console.is_terminal else watch._ticking():
+            yield watch
+
+    def begin(self, task: str) -> None:
+        """Names the part that begins."""
+        self._task, self._status = task, ""
+
+    def finish(self) -> None:
+        """Counts a part as done."""
+        self._finished += 1
+
+    def show(self, status: str) -> None:
+        """Shows how far the task is."""
+        self._status = status
+        if self._plain and self._clock.seconds >= self._due:
+            self._say()
+
+    def _say(self) -> None:
+        self._due = self._clock.seconds + SECONDS_BETWEEN_LINES
+        say(": ".join(filter(None, (self._head(), self._status))))
+
+    def counter(self, noun: str) -> Callable[[int, int], None]:
+        """Returns a function that is told how many of some things are done, and of how many."""
+        return lambda done, total: self.show(f"{noun} {done}/{total}")
+
+    def countdown(self, noun: str) -> Callable[[int, int], None]:
+        """Returns a function that shows a share done, and the seconds that are left at this pace.
+
+        It is told how many of some things of equal weight are done, and of how many.
+        """
+        clock = Clock()
+
+        def show(done: int, total: int) -> None:
+            words = f"{noun} {100 * done / max(total, 1):.0f} %"
+            if clock.seconds >= _SECONDS_TO_A_PACE and 0 < done < total:
+                left = clock.seconds / done * (total - done)
+                words += f", about {left:.0f} s left"
+            self.show(words)
+
+        return show
+
+    def report(self, name: str = "") -> Report:
+        """Returns a function that shows what a solver reports, after a name."""
+        return lambda snapshot: self.show(f"{name} {_words(snapshot)}".strip())
+
+    def lines(self) -> RenderableType:
+        """Returns the lines that a terminal shows."""
+        texts = (printable(text) for text in (self._head(), self._status))
+        lines = [Text(text, no_wrap=True, overflow="ellipsis") for text in texts if text]
+        if self._parts is None:
+            return Group(*lines)
+        # A bar ends without a line break.
+        return Group(*lines, ProgressBar(self._parts, self._finished, width=_BAR_WIDTH))
+
+    def _head(self) -> str:
+        passed = self._clock.seconds
+        if self._parts is None:
+            return f"{self._task}, {passed:.0f} s"
+        words = f"{self._task}, {self._finished} of {self._parts} done, {passed:.0f} s"
+        if not self._finished:
+            return words
+        left = passed / self._finished * (self._parts - self._finished)
+        return f"{words}, about {left:.0f} s left"
+
+
+def _words(snapshot: Snapshot) -> str:
+    value, bound = (
+        f"{x:,.2f}" if math.isfinite(x) else "-" for x in (snapshot.value, snapshot.bound)
+    )
+    # The node that is being solved may already be below the best plan.
+    gap = f"{100 * max(snapshot.gap, 0.0):.4f} %" if math.isfinite(snapshot.gap) else "-"
+    return (
+        f"value {value} bound {bound} gap {gap} columns {snapshot.columns} nodes {snapshot.nodes}"
+    )

@@ -1,0 +1,166 @@
+"""The robustness of flights, as a table: J, least distances and rules under each change."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+from cocap_opt.data import ProblemError
+from cocap_opt.flight.delays import bearable_delay, bearable_delay_of_people
+from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.robustness import Outcome, Robustness
+from cocap_opt.problem import CollisionRules
+
+KEPT, NONE = "kept", "none"
+UNLIMITED = "unlimited"  # a delay
+MOST_ASIDE = 100.0  # m
+
+
+class Changes(NamedTuple):
+    """Changes of a plan, each of which makes a row.
+
+    Attributes
+    ----------
+    late : s, by which people are late, and early
+    aside : m, by which people walk to the left of where they would, and to the right
+    lag : s, by which any one drone is late
+    """
+
+    late: Sequence[float] = (1.0, 2.0)
+    aside: Sequence[float] = (1.0,)
+    lag: Sequence[float] = (0.5, 1.0, 2.0)
+
+    def rows(self, flight: Flight) -> list[dict[str, Any]]:
+        """Returns a row per change; of a drone that lags it has the worst, whichever drone it is.
+
+        Columns: `change`, `reward` (J between the steps, too), `share` (of that of the flight as
+        planned; None if that is 0), `least_distance` (m, between drones; None for one drone),
+        `people_distance` (m, to the middle of anybody, from above; None where the scene asks for
+        none), `rules` (kept, or to whom drones come too near; none where the scene has none
+        between the steps).
+
+        Raises
+        ------
+        ProblemError
+            If a change is none, or larger than the flight is long; one line.
+        """
+        self._require(flight.flown.seconds)
+        robustness, moves = Robustness(flight.flown), flight.verdict.reward_moves
+        planned = robustness.as_planned.reward + moves
+        asks = flight.flown.problem.airspace.people_aside > 0
+        fine = KEPT if asks or flight.flown.problem.rules.separation else NONE
+        rows = []
+        for words, outcome in self._outcomes(robustness):
+            reward, near = outcome.reward + moves, sorted(outcome.too_near)
+            rows.append({
+                "change": words,
+                "reward": reward,
+                "share": reward / planned if planned > 0 else None,
+                "least_distance": _finite(outcome.apart),
+                "people_distance": _finite(outcome.aside) if asks else None,
+                "rules": f"too near: {', '.join(near)}" if near else fine,
+            })  # fmt: skip
+        return rows
+
+    def _outcomes(self, robustness: Robustness) -> Iterator[tuple[str, Outcome]]:
+        yield "as planned", robustness.as_planned
+        for late in self.late:
+            yield f"people {late:g} s late", robustness.with_people(late=late)
+            yield f"people {late:g} s early", robustness.with_people(late=-late)
+        for aside in self.aside:
+            yield f"people {aside:g} m left", robustness.with_people(left=aside)
+            yield f"people {aside:g} m right", robustness.with_people(left=-aside)
+        for lag in self.lag:
+            yield f"any drone {lag:g} s late", robustness.with_laggard(lag)
+
+    def _require(self, seconds: float) -> None:
+        """Refuses what is no change, or no small one."""
+        for name, most, unit in (
+            ("late", seconds, "s, as long as the flight"), ("aside", MOST_ASIDE, "m"),
+            ("lag", seconds, "s, as long as the flight"),
+        ):  # fmt: skip
+            for value in getattr(self, name):
+                if not 0 < value <= most:  # true for nan, too
+                    raise ProblemError(
+                        f"{name}: must be more than 0 and at most {most:g} {unit}, not {value:g}"
+                    )
+
+
+def tolerated_delay(flight: Flight) -> float | None:
+    """Returns seconds below which drones may be behind each other, by the scene's own rules.
+
+    They are rounded down to hundredths, and inf where any delay will do. None: there is one drone
+    only, or the scene has no separation.
+    """
+    rules = flight.flown.problem.rules
+    if not rules.separation or rules.none or len(flight.flown.pieces) == 1:
+        return None
+    return told_delay(flight, rules)
+
+
+def tolerated_delay_of_people(flight: Flight) -> float | None:
+    """Returns seconds below which drones may be ahead of people or behind them, rounded down.
+
+    inf: any delay will do. None: there is nobody, or the scene asks for no distance to people.
+    """
+    problem = flight.flown.problem
+    if not problem.actors or not problem.airspace.people_aside:
+        return None
+    return _rounded_down(bearable_delay_of_people(flight.flown))
+
+
+def told_delay(flight: Flight, rules: CollisionRules) -> float:
+    """Returns seconds below which drones may be behind each other, rounded down to hundredths.
+
+    Parameters
+    ----------
+    rules : have a separation
+
+    Returns
+    -------
+    inf where any delay will do.
+    """
+    return _rounded_down(bearable_delay(flight.flown, rules))
+
+
+def people_and_delay(flight: Flight, delay: float | None) -> Iterator[str]:
+    """Yields what late drones, or late people, are to each other.
+
+    Parameters
+    ----------
+    delay : `tolerated_delay_of_people`
+    """
+    problem = flight.flown.problem
+    if not problem.actors:
+        return
+    if delay is None:
+        yield (
+            "the scene asks for no distance to people: nothing is known of how near a late drone "
+            "comes to them; `people` in [airspace] of a recipe asks for one"
+        )
+        return
+    kept = f"drones keep {problem.airspace.told_people}"
+    if math.isinf(delay):
+        yield f"{kept} however late or early anybody is"
+    elif delay == 0:
+        yield (
+            f"delay tolerance to people 0: {kept} only if everybody is on time; plan with a larger "
+            "`people`"
+        )
+    else:
+        yield (
+            f"delay tolerance to people: {kept} while none is {delay:.2f} s or more ahead of them "
+            "or behind"
+        )
+
+
+def written_delay(delay: float | None) -> float | str | None:
+    """Returns a tolerated delay as JSON has it, which knows no infinite numbers."""
+    return UNLIMITED if delay is not None and math.isinf(delay) else delay
+
+
+def _rounded_down(seconds: float) -> float:
+    return math.floor(100 * seconds) / 100 if math.isfinite(seconds) else seconds
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

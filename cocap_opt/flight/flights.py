@@ -1,0 +1,326 @@
+"""Flights of plans, checked for being flown, and their rows for tables and files."""
+
+import math
+from collections.abc import Iterable, Iterator
+from datetime import datetime
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FieldError, FloatArray, IntArray, ProblemError
+from cocap_opt.flight.earth import Geodesy
+from cocap_opt.flight.filming import parts_of, view_reward
+from cocap_opt.flight.nearest import nearest_people
+from cocap_opt.flight.pace import Demand, demands, tightest
+from cocap_opt.flight.safety import Danger, dangers
+from cocap_opt.flight.smooth import Smooth, spare
+from cocap_opt.flight.smooth import smooth as smoothed
+from cocap_opt.flight.strain import steep_ground, sufficient_step, sufficient_straight_step
+from cocap_opt.flight.trajectory import Trajectory
+from cocap_opt.problem import Airspace, Plan, Problem
+from cocap_opt.referee import Verdict, check
+from cocap_opt.world import HeightMap
+
+PER_STEP = 10  # rows of a smooth flight that nobody asked for otherwise
+MOST_ROWS = 5_000_000
+_TOUCH = 1e-6  # m, less is rounding
+_EVEN = ", even where it changes its speed as shortly as it can; "
+_UNITS = {"speed": "m/s", "climb": "m/s", "descent": "m/s", "acceleration": "m/s2",
+          "yaw_rate": "deg/s", "gimbal_rate": "deg/s"}  # fmt: skip
+_ANGLES = "yaw_rate", "gimbal_rate"  # in rad/s where they are computed
+
+
+class LimitError(ProblemError):
+    """A drone cannot fly this.
+
+    Attributes
+    ----------
+    step : s, duration of a step with which the same plan could be flown
+    any_plan : s, with which another plan could be flown, too
+    way_out : another one, in words that go on after those; empty where there is none
+    """
+
+    def __init__(self, words: str, step: float, any_plan: float, way_out: str = "") -> None:
+        self.words, self.step, self.any_plan, self.way_out = words, step, any_plan, way_out
+        super().__init__(f"{words}{way_out}; steps of {step:g} s would do for the same plan")
+
+
+class Flight(NamedTuple):
+    """The flights of a plan, which obey the scene's rules and the drones' limits.
+
+    Attributes
+    ----------
+    flown : straight or smooth
+    straight : the plan's own
+    verdict : the referee's, on the plan
+    geodesy : None where nobody knows where the scene is on the Earth
+    demands : the largest of each kind on each drone
+    slowed : steps of drones at which they pass more slowly than they could
+    shortened : steps of drones at which they change speed in less time than they could
+    start : when step 0 is, with its offset from UTC; None: nobody says
+    asked : the scene's airspace, where drones fly nearer to people than it says; else None
+    cut_short : what a limit has left of the plan, in words; empty where it is whole
+    """
+
+    flown: Trajectory
+    straight: Trajectory
+    plan: Plan
+    verdict: Verdict
+    geodesy: Geodesy | None
+    demands: list[Demand]
+    slowed: int
+    shortened: int
+    start: datetime | None = None
+    asked: Airspace | None = None
+    cut_short: str = ""
+
+    @classmethod
+    def of(cls, problem: Problem, plan: Plan, smooth: bool) -> "Flight":
+        """Returns the flights of a plan of a scene whose steps have a duration.
+
+        Raises
+        ------
+        ProblemError
+            If the plan breaks a rule, or its flights do between the steps, or a drone cannot fly
+            them, or the place of the scene cannot be found on the Earth; one line.
+        """
+        verdict = check(problem, plan)
+        broken = (*verdict.violations, *verdict.conflicts)
+        if broken:
+            raise ProblemError(f"{broken[0]}; what is flown must obey the scene's rules")
+        straight = Trajectory.straight(problem, plan)
+        flown, found, slowed, shortened = (
+            smoothed(problem, plan) if smooth else Smooth(straight, tuple(dangers(straight)), 0, 0)
+        )
+        if found:
+            raise ProblemError(f"{found[0]}{_way_out(found[0], straight) if smooth else ''}")
+        asked = demands(flown, smooth)
+        _require_limits(problem, asked, flown.step, smooth, shortened)
+        return cls(flown, straight, plan, verdict, _geodesy(problem), asked, slowed, shortened)
+
+    @property
+    def is_smooth(self) -> bool:
+        """True if speeds do not jump."""
+        return self.flown is not self.straight
+
+    def columns(self, every: float | None = None) -> dict[str, FloatArray]:
+        """Returns the flights as columns: drone, t (s), x, y, z (m), yaw, pitch (degrees), ..
+
+        Heights have the names of what they are above: the scene's zero (z), the ground and the
+        map's surface below the drone's start, where they are known, and the sea or the ellipsoid.
+
+        Parameters
+        ----------
+        every : s between rows; None: a row at each step, and ten a step of smooth flights
+        """
+        problem = self.flown.problem
+        found = self.flown.at(self._moments(every))
+        x, y, z = found.place.T
+        columns = {
+            "drone": found.drone, "t": found.t, "x": x, "y": y, "z": z,
+            "yaw": np.degrees(found.yaw), "pitch": np.degrees(found.pitch),
+        }  # fmt: skip
+        height_map = problem.height_map
+        if height_map.knows_ground:
+            columns["above_ground"] = z - height_map.ground[cells_below(height_map, found.place)]
+        starts = [height_map.heights[r.start.x, r.start.y] for r in problem.robots]
+        columns["above_takeoff"] = z - np.array(starts)[found.drone]
+        if self.geodesy is not None:
+            columns["latitude"], columns["longitude"] = self.geodesy.degrees(x, y)
+        if problem.earth is not None and problem.earth.heights is not None:
+            columns[f"above_{problem.earth.heights}"] = z + problem.earth.base
+        return columns
+
+    def off_between_rows(self, every: float | None) -> float:
+        """Returns how far (m) straight lines between rows are at most from what was checked."""
+        return self.flown.distance_from_chords(self._moments(every))
+
+    def between_rows(self, every: float | None) -> Iterator[str]:
+        """Yields what straight lines between rows are, if they are not the flight."""
+        off = self.off_between_rows(every)
+        if off > _TOUCH:
+            yield (
+                f"rows are on the flight that was checked; straight lines between them leave it by "
+                f"up to {off:.2g} m: a smaller --every keeps nearer to it"
+            )
+
+    def record(self) -> dict[str, Any]:
+        """Returns what there is to say of the flights as a whole."""
+        problem, least = self.flown.problem, self.flown.least_distance()
+        parts, close = parts_of(problem), nearest_people(self.flown)
+        found: dict[str, Any] = {
+            "flight": "smooth" if self.is_smooth else "straight",
+            "step": self.flown.step,
+            "duration": self.flown.seconds,
+            "least_distance": least if math.isfinite(least) else None,
+            "people_distance": None if close is None else close.distance,
+            "reward": self.verdict.reward,
+            "reward_straight": view_reward(self.straight, parts) + self.verdict.reward_moves,
+        }
+        if self.is_smooth:
+            smooth = view_reward(self.flown, parts) + self.verdict.reward_moves
+            found |= {
+                "reward_smooth": smooth,
+                "smoothing_cost": 1 - smooth / found["reward_straight"]
+                if found["reward_straight"] > 0
+                else None,
+                "deviation": self.flown.distance_from(self.straight),
+                "slowed": self.slowed,
+                "shortened": self.shortened,
+            }
+        if self.geodesy is not None:
+            found |= {"crs": self.geodesy.name, "accuracy": self.geodesy.accuracy}
+        return found
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Returns the tightest moment of each drone."""
+        rows = []
+        for own in tightest(self.demands):
+            scale = 180 / math.pi if own.kind in _ANGLES else 1.0
+            limit = None if own.limit is None else own.limit * scale
+            rows.append({
+                "drone": own.drone, "tightest": own.kind.replace("_", " "), "at (s)": own.t,
+                "value": own.most * scale, "limit": limit, "unit": _UNITS[own.kind],
+                "of the limit": None if limit is None else f"{100 * own.share:.0f} %",
+            })  # fmt: skip
+        return rows
+
+    def notes(self) -> Iterable[str]:
+        """Yields sentences on what the numbers mean, and what was not checked."""
+        yield (
+            "yaw is 0 along x and counter-clockwise; pitch is that of the camera, 0 is level and "
+            "below is negative (degrees)"
+        )
+        yield from self.nearer_to_people()
+        yield from self.warnings()
+
+    def nearer_to_people(self) -> Iterable[str]:
+        """Yields how near to people drones may come, if that is nearer than the scene says."""
+        if self.asked is not None:
+            kept = self.flown.problem.airspace
+            own, asked = f"{kept.people_aside:g} m aside", f"{self.asked.people_aside:g}"
+            if kept.people_above is not None:
+                own += f" or {kept.people_above:g} m over heads"
+                asked += f" and {self.asked.people_above:g}"
+            yield (f"--margin lets drones be nearer to people: {own}; the scene asks for {asked} m")
+
+    def warnings(self) -> Iterable[str]:
+        """Yields sentences on what was not checked or is not known."""
+        problem = self.flown.problem
+        if not self.is_smooth:
+            yield "speeds jump at each step, and no acceleration was checked; --smooth has neither"
+        least = self.flown.least_distance()
+        if not problem.rules.separation and math.isfinite(least):
+            yield (
+                "the scene's rules ask for no distance between drones between the steps: they come "
+                f"within {least:.2f} m of each other"
+            )
+        if any(robot.motion.corner_cutting for robot in problem.robots):
+            yield "the scene lets drones cut corners: walls were checked at the steps only"
+        if all(robot.limits is None for robot in problem.robots):
+            most = max((d.most for d in self.demands if d.kind == "acceleration"), default=0.0)
+            asked = f"; the flight asks for {most:.3g} m/s2" if self.is_smooth else ""
+            yield f"no limits of these drones are known, and none were checked{asked}"
+        if self.geodesy is not None:
+            yield self.geodesy_note(self.geodesy)
+        if problem.earth is not None and problem.earth.heights is None:
+            yield "nobody says if z is above the sea or the ellipsoid; [earth] of a recipe does"
+
+    def geodesy_note(self, geodesy: Geodesy) -> str:
+        """Says that y goes to the grid's north, and how far that is from the true one."""
+        turned = geodesy.convergence(*self.flown.problem.height_map.centre(0, 0))
+        side = "clockwise" if turned > 0 else "counter-clockwise"
+        return (
+            f"x goes to the east and y to the north of {geodesy.name}, {abs(turned):.2f} degrees "
+            f"{side} of true north here"
+        )
+
+    def _moments(self, every: float | None) -> FloatArray:
+        """Returns the times (s) of rows."""
+        usual = self.flown.step / (PER_STEP if self.is_smooth else 1)
+        return _moments(self.flown, usual if every is None else every)
+
+
+def cells_below(height_map: HeightMap, points: FloatArray) -> tuple[IntArray, IntArray]:
+    """Returns the cells x [n], y [n] below points [n, 2 or 3] (m); off the map, the nearest."""
+    last = np.array(height_map.shape) - 1
+    i, j = np.clip(height_map.cells_of(points), 0, last).T
+    return i, j
+
+
+def _moments(flown: Trajectory, every: float) -> FloatArray:
+    """Returns times (s) from 0 to the end, so far apart; the end is among them."""
+    if not every > 0:  # true for nan, too
+        raise FieldError("every", f"must be a number of seconds > 0, not {every!r}")
+    rows = flown.seconds / every * len(flown.pieces)
+    if rows > MOST_ROWS:
+        raise FieldError("every", f"must make at most {MOST_ROWS} rows, not {rows:.3g}")
+    count = math.floor(flown.seconds / every + 1e-9)
+    times = np.round(np.arange(count + 1) * every, 9)
+    if flown.seconds - times[-1] > 1e-9 * flown.seconds:
+        times = np.append(times, flown.seconds)
+    return times
+
+
+def _geodesy(problem: Problem) -> Geodesy | None:
+    if problem.earth is None:
+        return None
+    try:
+        return Geodesy(problem.earth, problem.height_map.centre(0, 0))
+    except FieldError as error:
+        raise FieldError(f"earth.{error.field}", error.allowed) from error
+
+
+def _way_out(danger: Danger, straight: Trajectory) -> str:
+    """Says what to do where no smooth flight is safe: by how much a plan must keep farther away."""
+    if same := dangers(straight):
+        return f"{_EVEN}neither is the straight flight safe: {same[0]}"
+    problem, other = straight.problem, "the straight flight is safe: leave --smooth out"
+    if danger.person is None:
+        return f"{_EVEN}{other}"
+    (drone,), airspace = danger.drones, problem.airspace
+    margin = math.ceil(100 * spare(problem, problem.robots[drone])) / 100
+    larger = f"people = {_up(airspace.people_aside + margin)}"
+    if airspace.people_above is not None:
+        larger += f" and over_people = {_up(airspace.people_above + margin)}"
+    return (
+        f"{_EVEN}plan with {larger} in [airspace], and fly that with --margin {_up(margin)}; of "
+        f"this plan {other}"
+    )
+
+
+def _up(metres: float) -> str:
+    """Returns a distance, rounded up to centimetres."""
+    return f"{math.ceil(100 * metres - _TOUCH) / 100:.2f}".rstrip("0").rstrip(".")
+
+
+def _require_limits(
+    problem: Problem, found: list[Demand], step: float, is_smooth: bool, shortened: int
+) -> None:
+    """Refuses flights that a drone cannot fly, with the durations of a step that would do."""
+    broken = [demand for demand in found if not demand.is_kept]
+    if not broken:
+        return
+    worst = max(broken, key=lambda demand: demand.slower)
+    scale = 180 / math.pi if worst.kind in _ANGLES else 1.0
+    limit = (worst.limit or 0.0) * scale
+    shorter = ""
+    if shortened and worst.kind == "acceleration":
+        shorter = ", where it changes its speed so fast to keep away from people"
+    flown, robot = problem.replace(step=step), problem.robots[worst.drone]
+    steep = steep_ground(flown, robot, worst.kind, is_smooth)
+    same = math.ceil(100 * step * worst.slower) / 100
+    usual = (
+        sufficient_step(problem, shortened=False)
+        if is_smooth
+        else sufficient_straight_step(problem)
+    )
+    enough = usual if step < usual else sufficient_step(problem, shortened=True)
+    raise LimitError(
+        f"drone {worst.drone} cannot fly this: {worst.kind.replace('_', ' ')} "
+        f"{worst.most * scale:.4g} {_UNITS[worst.kind]} at {worst.t:.4g} s, more than its "
+        f"{limit:.4g}{shorter}",
+        same,
+        max(same, enough),
+        steep,
+    )

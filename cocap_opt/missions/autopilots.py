@@ -1,0 +1,285 @@
+"""The rules by which autopilots fly missions, and missions that take the plan's time by them.
+
+PX4
+- It takes off at MPC_TKO_SPEED (multicopter_takeoff_params.c of mc_pos_control).
+- DO_CHANGE_SPEED sets one cruise speed, whatever its type says (`Navigator::run`,
+  navigator_main.cpp).
+- The cruise speed is that over the ground, at most MPC_XY_VEL_MAX (`FlightTaskAuto::
+  _evaluateTriplets`). Climbs and descents have the limits MPC_Z_V_AUTO_UP and MPC_Z_V_AUTO_DN, and
+  no mission changes them (`FlightTaskAuto::_updateTrajConstraints`). A leg is flown straight with
+  the largest velocity that keeps both (`PositionSmoothing::_generateVelocitySetpoint`). So each leg
+  over the ground has one speed, and on a leg straight up or down the drone waits first: it arrives
+  when the plan does.
+- A waypoint is reached when the drone looks there, too, to MIS_YAW_ERR; it turns with
+  MPC_YAWRAUTO_MAX. The hold time of a waypoint counts from its place on
+  (`MissionBlock::is_mission_item_reached_or_completed`), so a drone that turns where it is holds.
+- NAV_DELAY counts from its beginning (there, too).
+- A mission moves the gimbal only after MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE
+  (`InputMavlinkGimbalV2`).
+
+ArduPilot
+- It takes off at WPNAV_SPEED_UP (`AC_WPNav::get_default_speed_up`, in takeoff.cpp).
+- DO_CHANGE_SPEED sets the speed over ground, up or down, by its type (`ModeAuto::do_change_speed`,
+  mode_auto.cpp); one over ground below WPNAV_WP_SPEED_MIN is ignored (`AC_WPNav::set_speed_xy`).
+  Speeds stay until they are changed.
+- A leg is flown with the largest speed along it that keeps both (`AC_WPNav::
+  update_track_with_speed_accel_limits`, `SCurve::set_speed_max`).
+- A waypoint's yaw has no effect, and CONDITION_YAW does not hold the drone up, but holds up what is
+  to be done after it before the next waypoint (`AP_Mission::update`); so it is the last of those.
+- NAV_DELAY counts from its beginning (`ModeAuto::verify_nav_delay`); a waypoint's hold is whole
+  seconds, and not used.
+
+PX4 holds NUM_MISSIONS_SUPPORTED items (navigation.h), 2000 before 1.13; ArduPilot one in each 15
+bytes of its storage (`AP_Mission::num_commands_max`), and more with BRD_SD_MISSION.
+
+Defaults of PX4's parameters are those of mc_pos_control and navigator (1.15).
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, Self
+
+from cocap_opt.missions.items import (
+    CLIMB,
+    DESCENT,
+    GROUND,
+    Item,
+    control_of_gimbal,
+    delay,
+    hover,
+    speed,
+    take_off,
+    tilt,
+    turn,
+    waypoint,
+)
+from cocap_opt.missions.routes import Leg, Route
+
+XY_VEL_MAX = 12.0  # m/s, PX4's MPC_XY_VEL_MAX
+Z_UP, Z_DOWN = 3.0, 1.5  # m/s, MPC_Z_V_AUTO_UP, MPC_Z_V_AUTO_DN
+TURNS, LOOKS = 45.0, 12.0  # degrees/s and degrees, MPC_YAWRAUTO_MAX, MIS_YAW_ERR
+SLOWEST = 0.2  # m/s, WPNAV_WP_SPEED_MIN: 0.2 until ArduPilot 4.5, less since then
+_SAME_YAW, _SAME_PITCH = 5e-3, 1e-6  # degrees; a grid's north turns a little from place to place
+_ON_TIME = 1e-3  # s
+
+
+class Pace(NamedTuple):
+    """The items by which an autopilot flies a leg in its time.
+
+    Attributes
+    ----------
+    wait : s that the drone waits before it goes
+    speeds : m/s by their kind (SPEED_TYPE)
+    late : s by which it takes longer than planned
+    why : what takes so long, in words
+    """
+
+    wait: float
+    speeds: dict[int, float]
+    late: float = 0.0
+    why: str = ""
+
+
+class Late(NamedTuple):
+    """A leg that an autopilot cannot fly in its time."""
+
+    drone: int
+    step: int  # at its end
+    seconds: float
+    why: str
+
+    def __str__(self) -> str:
+        return f"drone {self.drone}, step {self.step - 1} to {self.step}: {self.why}"
+
+
+class Autopilot(NamedTuple):
+    """The rules and the wishes of an autopilot.
+
+    Attributes
+    ----------
+    name : in names of files, and of the option
+    endings : of the files that it has
+    title : its own name
+    number : MAV_AUTOPILOT
+    turns_by_command : True: a waypoint's yaw has no effect, MAV_CMD_CONDITION_YAW has
+    rise : m/s at which it takes off
+    rises_by : the parameter that says so
+    pace : how it is told to fly a leg in its time
+    extra : items beside those of a mission: ArduPilot keeps the home position as one
+    most : items that it usually holds
+    holds : why it holds no more
+    ceiling : the parameter of its greatest height above the take-off
+    note : what must be known to fly with it
+    """
+
+    name: str
+    endings: tuple[str, ...]
+    title: str
+    number: int
+    turns_by_command: bool
+    rise: float
+    rises_by: str
+    pace: Callable[[Leg], Pace]
+    extra: int
+    most: int
+    holds: str
+    ceiling: str
+    note: str
+
+    def holding(self, most: int) -> Self:
+        """Returns the autopilot on a board that holds so many items."""
+        return self if most == self.most else self._replace(most=most, holds="as it was told")
+
+    def items(self, route: Route) -> list[Item]:
+        """Returns the items of a drone's mission."""
+        return _Mission(self, route).items
+
+    def late_by(self, route: Route) -> float:
+        """Returns how late (s) a drone is at its end."""
+        return math.fsum(one.seconds for one in self.late(route))
+
+    def behind(self, route: Route) -> float:
+        """Returns how far (s) a drone is behind its plan at most, on legs for which it waits."""
+        waits = (self.pace(leg).wait for leg in route.legs() if leg.is_way)
+        return max(waits, default=0.0)
+
+    def late(self, route: Route) -> Iterator[Late]:
+        """Yields the legs that take longer than planned."""
+        rest = 0.0  # degrees by which the drone has not yet turned as it should
+        for leg in route.legs():
+            rest += leg.turn
+            pace = self.pace(leg._replace(turn=rest))
+            if pace.late > _ON_TIME:
+                yield Late(route.drone, leg.step, pace.late, pace.why)
+            turned = min(abs(rest), TURNS * (leg.seconds + pace.late))
+            rest -= math.copysign(turned, rest)
+
+
+def _px4_pace(leg: Leg) -> Pace:
+    """Returns PX4's pace, with its usual parameters."""
+    fastest, limit = (Z_UP, "MPC_Z_V_AUTO_UP") if leg.rise > 0 else (Z_DOWN, "MPC_Z_V_AUTO_DN")
+    climbs = abs(leg.rise) / fastest
+    goes, turns = leg.along / XY_VEL_MAX, max(abs(leg.turn) - LOOKS, 0.0) / TURNS
+    wait = max(leg.seconds - climbs, 0.0) if not leg.along else 0.0
+    speeds = {GROUND: leg.along / leg.seconds if leg.along else fastest} if leg.is_way else {}
+    later = climbs if wait else 0.0  # it waits at its place, turning, and then climbs
+    also = f" and then {later:.2f} s for its height" if later else ""
+    least = {
+        f"it goes {leg.along:.3g} m, which takes PX4 {goes:.2f} s by MPC_XY_VEL_MAX "
+        f"{XY_VEL_MAX:g} m/s": goes,
+        f"its height changes by {abs(leg.rise):.3g} m, which takes PX4 {climbs:.2f} s by {limit} "
+        f"{fastest:g} m/s": climbs,
+        f"it turns by {abs(leg.turn):.0f} degrees, which takes PX4 {turns:.2f} s by "
+        f"MPC_YAWRAUTO_MAX {TURNS:g} degrees/s{also}": turns + later,
+    }  # fmt: skip
+    why = max(least, key=lambda words: least[words])
+    late = least[why] - leg.seconds
+    return Pace(wait, speeds, max(late, 0.0), f"{why}, not {leg.seconds:.2f} s")
+
+
+def _ardupilot_pace(leg: Leg) -> Pace:
+    """Returns ArduPilot's pace; it knows no leg that takes too long."""
+    seconds, wait = leg.seconds, 0.0
+    speeds = {}
+    if leg.along / seconds >= SLOWEST:
+        speeds[GROUND] = leg.along / seconds
+    elif leg.along > abs(leg.rise):  # it cannot be told to be so slow
+        seconds = leg.along / SLOWEST
+        speeds[GROUND], wait = SLOWEST, leg.seconds - seconds
+    elif not leg.is_way:
+        wait = seconds
+    if leg.rise:
+        speeds[CLIMB if leg.rise > 0 else DESCENT] = abs(leg.rise) / seconds
+    return Pace(wait, speeds)
+
+
+class _Mission:
+    """Makes the items of a drone's mission, one after the other.
+
+    Attributes
+    ----------
+    items : so far
+    """
+
+    def __init__(self, autopilot: Autopilot, route: Route) -> None:
+        self.items: list[Item] = []
+        self._autopilot, self._route = autopilot, route
+        self._yaw, self._pitch = float(route.yaw[0]), float(route.pitch[0])
+        self._due = 0.0  # s to be waited
+        self._begin()
+        for leg in route.legs():
+            self._fly(leg)
+        self._wait()
+        self.items.append(hover(route.place(-1), self._yaw))
+
+    def _begin(self) -> None:
+        """Adds the way to the start, and the wait there."""
+        self.items.append(take_off(self._route.place(0), self._yaw))
+        if not self._autopilot.turns_by_command:
+            self.items.append(control_of_gimbal())
+        self.items.append(tilt(self._pitch))
+        if self._autopilot.turns_by_command:
+            self.items.append(turn(self._yaw))
+        self._go_to(0)
+        self._due = self._route.until - self._route.place(0)[2] / self._autopilot.rise
+        self._wait()
+
+    def _fly(self, leg: Leg) -> None:
+        pace = self._autopilot.pace(leg)
+        yaw, pitch = float(self._route.yaw[leg.step]), float(self._route.pitch[leg.step])
+        turns = abs((yaw - self._yaw + 180.0) % 360.0 - 180.0) > _SAME_YAW
+        if abs(pitch - self._pitch) > _SAME_PITCH:
+            self._wait()
+            self._pitch = pitch
+            self.items.append(tilt(pitch))
+        if leg.is_way or (turns and pace.wait):
+            self._wait()
+        if turns and pace.wait:
+            self._turn_and_wait(leg.step - 1, yaw, pace.wait)
+        else:
+            self._due += pace.wait
+        if leg.is_way:
+            self._wait()
+            # Each leg has its own, for whoever pauses a mission loses those of before.
+            self.items += [speed(kind, value) for kind, value in pace.speeds.items()]
+            if turns and self._yaw != yaw:  # it has not turned while it waited
+                self._turn(yaw)
+            self._go_to(leg.step)
+
+    def _turn_and_wait(self, step: int, yaw: float, seconds: float) -> None:
+        """Adds a turn where the drone is at a step, within some seconds."""
+        self._turn(yaw)
+        if self._autopilot.turns_by_command:
+            self._due = seconds
+        else:
+            self._go_to(step, seconds)
+
+    def _turn(self, yaw: float) -> None:
+        self._yaw = yaw
+        if self._autopilot.turns_by_command:
+            self.items.append(turn(yaw))
+
+    def _go_to(self, step: int, hold: float = 0.0) -> None:
+        self.items.append(waypoint(self._route.place(step), self._yaw, self._route.reached, hold))
+
+    def _wait(self) -> None:
+        """Adds the seconds that are to be waited."""
+        if self._due > 0:
+            self.items.append(delay(self._due))
+        self._due = 0.0
+
+
+PX4 = Autopilot(
+    "px4", (".plan",), "PX4", 12, False, 1.5, "MPC_TKO_SPEED",
+    _px4_pace, 0, 500, "since 1.13 and on most boards", "GF_MAX_VER_DIST",
+    "for PX4 with its usual MPC_Z_V_AUTO_UP 3, MPC_Z_V_AUTO_DN 1.5 and MPC_YAWRAUTO_MAX 45; an "
+    "ArduPilot would fly its climbs too fast or too slowly, and refuse to command its gimbal so",
+)  # fmt: skip
+ARDUPILOT = Autopilot(
+    "ardupilot", (".waypoints", ".plan"), "ArduPilot", 3, True, 2.5, "WPNAV_SPEED_UP",
+    _ardupilot_pace, 1, 718, "on boards with 16 kB of storage", "FENCE_ALT_MAX",
+    "for ArduPilot (a PX4 would take each speed for the one over ground): set WP_YAW_BEHAVIOR to "
+    "0, so that it looks where the plan does, and WPNAV_RADIUS to what corners may be cut by; it "
+    "takes whole degrees of pitch",
+)  # fmt: skip
+AUTOPILOTS = {autopilot.name: autopilot for autopilot in (PX4, ARDUPILOT)}

@@ -1,0 +1,353 @@
+"""The text of a flight sheet: what a crew must know of flights before it starts them."""
+
+import math
+from collections.abc import Iterator
+from datetime import UTC
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FieldError, FloatArray
+from cocap_opt.flight.changes import (
+    people_and_delay,
+    tolerated_delay,
+    tolerated_delay_of_people,
+)
+from cocap_opt.flight.flights import Flight, cells_below
+from cocap_opt.flight.nearest import nearest_drones, nearest_people
+from cocap_opt.missions.autopilots import AUTOPILOTS
+from cocap_opt.missions.routes import (
+    RISE,
+    routes,
+    seconds_in_the_air,
+    seconds_to_step_0,
+)
+from cocap_opt.missions.waypoints import lateness
+from cocap_opt.missions.zones import Zone, zones
+from cocap_opt.output.heights import over_datum
+from cocap_opt.problem import Problem
+from cocap_opt.scenarios.airframes import airframe_name
+from cocap_opt.scenarios.cameras import camera_name
+
+ROWS = 12  # of a drone's table, at most, where nobody asked for others
+_MOST_ROWS = 10_000
+_BLANK = "__________"
+_UNCHECKED = (
+    "wind, and how well drones keep to the flight: distances hold for flights flown exactly",
+    "take-off and landing legs, against anything",
+    "batteries, radio links and satellite reception",
+    "what stands or hangs there and is not on the map; people who are not in the scene, and how "
+    "well those in it keep to their walks",
+    "airspace and its rules, and permission of the owners of the ground",
+)
+
+
+_MOST_CORNERS = 8  # of a no-fly zone, that are listed
+
+
+class Section(NamedTuple):
+    """A part of the text."""
+
+    title: str
+    lines: list[str]
+
+
+def briefing(flight: Flight, every: float | None) -> list[Section]:
+    """Returns the text of a flight's sheet, without what its map shows.
+
+    Parameters
+    ----------
+    every : s between rows of the tables of places
+    """
+    return [
+        Section("Flight", list(_summary(flight))),
+        Section("Drones", list(_drones(flight))),
+        Section("Distances and limits", [*_distances(flight), "", *_limits(flight)]),
+        Section("Late drones and people", list(_delays(flight))),
+        Section("Take-off and landing (a suggestion)", list(_legs(flight))),
+        *_missions(flight),
+        *_places(flight, every),
+        *_walks(flight, every),
+        Section("Not checked", [f"- {words}" for words in _unchecked(flight)]),
+    ]
+
+
+def _unchecked(flight: Flight) -> Iterator[str]:
+    """Yields what nobody has checked; that a plan was cut short stands at the top of the sheet."""
+    yield from _UNCHECKED
+    yield from (words for words in flight.warnings() if words != flight.cut_short)
+
+
+def _summary(flight: Flight) -> Iterator[str]:
+    problem, flown = flight.flown.problem, flight.flown
+    if flight.cut_short:
+        yield f"ATTENTION: {flight.cut_short}."
+    drones, people = len(problem.robots), len(problem.actors)
+    yield (
+        f"{drones} {'drones' if drones > 1 else 'drone'}, {people} "
+        f"{'person' if people == 1 else 'people'}; {flown.seconds:g} s, in {problem.horizon} steps "
+        f"of {flown.step:g} s; {'smooth' if flight.is_smooth else 'straight from step to step'}"
+    )
+    yield f"Step 0, t = 0, is at {_start(flight)}. All drones start their flights together."
+    if people:
+        yield f"People set out at t = 0. {_signal(flight)}"
+    yield from _tracks(problem)
+    if flight.is_smooth:
+        yield "Missions of waypoints fly straight: their sheet is made without --smooth."
+    if flight.geodesy is None:
+        yield "Places: x and y of the map (m); where it is on the Earth is not known, or left out."
+    else:
+        off = flight.geodesy.accuracy
+        known = "nobody says how far off" if off is None else f"off by {off:g} m at most"
+        name = flight.geodesy.name
+        yield f"Places: x and y in {name}; latitudes and longitudes in WGS 84, {known}."
+        yield f"{flight.geodesy_note(flight.geodesy)}."
+    yield f"z is {_altitude(flight)}."
+
+
+def _signal(flight: Flight) -> str:
+    """Says when people get their signal."""
+    if flight.is_smooth:
+        return "Give them a signal then."
+    return (
+        f"Give them a signal then; with missions of waypoints, {seconds_to_step_0(flight):.3g} s "
+        "after starting these."
+    )
+
+
+def _start(flight: Flight) -> str:
+    """Returns the time of step 0 by the clock that was asked for, and in UTC."""
+    if flight.start is None:
+        return _BLANK
+    utc = f"{flight.start.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
+    if not flight.start.utcoffset():
+        return utc
+    return f"{flight.start.isoformat(' ', 'seconds')}, which is {utc}"
+
+
+def _tracks(problem: Problem) -> Iterator[str]:
+    """Yields at which times of their tracks people are at step 0."""
+    begins = dict[float, list[str]]()
+    for j, actor in enumerate(problem.actors):
+        if actor.begin is not None:
+            begins.setdefault(actor.begin, []).append(problem.person(j))
+    for begin, people in begins.items():
+        everybody = 1 < len(people) == len(problem.actors)
+        who = "all people" if everybody else ", ".join(people)
+        yield f"Step 0 is at {begin:.6g} s of the tracks of {who}."
+
+
+def _drones(flight: Flight) -> Iterator[str]:
+    """Yields the camera, the airframe and the battery of each drone, or a blank for the crew."""
+    problem = flight.flown.problem
+    yield f"drone  {'camera':<22}{'airframe':<22}battery"
+    for i, robot in enumerate(problem.robots):
+        lasts = robot.limits.endurance if robot.limits else None
+        battery = _BLANK if lasts is None else f"{lasts / 60:.1f}"
+        airframe = airframe_name(robot.limits) or _BLANK
+        yield (f"{i:>5}  {camera_name(robot.camera) or _BLANK:<22}{airframe:<22}{battery} min")
+    yield "Batteries last so long by the maker, in calm air; less in wind and cold."
+    yield from _in_the_air(flight)
+
+
+def _in_the_air(flight: Flight) -> Iterator[str]:
+    """Yields how long drones are in the air, and whose battery does not last for it."""
+    seconds = seconds_in_the_air(flight)
+    before = seconds - flight.flown.seconds
+    waits = "" if flight.is_smooth else ", where missions of waypoints wait for each other"
+    yield (
+        f"In the air: {seconds:.4g} s ({seconds / 60:.1f} min) from take-off to the last step, "
+        f"{before:.3g} s of them up to the first place at {RISE:g} m/s or faster{waits}; the way "
+        "down comes on top."
+    )
+    for i, robot in enumerate(flight.flown.problem.robots):
+        if robot.limits is not None and robot.limits.outlasted_by(seconds):
+            yield (
+                f"THE BATTERY OF DRONE {i} DOES NOT LAST: {robot.limits.endurance:.4g} s are less "
+                f"than {seconds:.4g} s."
+            )
+
+
+def _altitude(flight: Flight) -> str:
+    earth = flight.flown.problem.earth
+    if earth is None or earth.heights is None:
+        return "the map's height (m); nobody says what it is above"
+    above = "the sea" if earth.heights == "sea" else "the ellipsoid"
+    if not earth.base:
+        return f"the height above {above} (m)"
+    return f"the map's height (m); z + {earth.base:g} m is the height above {above}"
+
+
+def _distances(flight: Flight) -> Iterator[str]:
+    """Yields how near drones come to each other and to people, and the rules for it."""
+    problem = flight.flown.problem
+    near = nearest_drones(flight.flown)
+    rules = str(problem.rules)
+    if near is None:
+        yield "Between drones: there is one only."
+    else:
+        x, y, z = near.place.tolist()
+        yield (
+            f"Between drones: {near.distance:.2f} m at least, of {near.one} and {near.other} at "
+            f"{near.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f} (rules: {rules})."
+        )
+    close = nearest_people(flight.flown)
+    if close is not None:
+        x, y, z = close.place.tolist()
+        yield (
+            f"To people, seen from above: {close.distance:.2f} m at least, of drone {close.one} "
+            f"and {problem.person(close.other)} at {close.t:.2f} s "
+            f"near x {x:.1f}, y {y:.1f}, z {z:.1f}."
+        )
+    yield f"Airspace: {str(problem.airspace) or 'no zones, no ceiling, no distance to people'}."
+    if problem.airspace.ceiling is not None:
+        yield f"The ceiling is {problem.airspace.ceiling:g} m {over_datum(problem)}."
+    if flight.geodesy is not None:
+        for zone in zones(flight, flight.geodesy):
+            yield f"N{zone.name[1:]}{_corners(zone)}."
+    if flight.asked is not None:
+        yield f"The scene asks for {flight.asked.told_people}, and is flown with less, by --margin."
+
+
+def _corners(zone: Zone) -> str:
+    """Returns where a zone is, by its corners if they are few; KML and GeoJSON have all others."""
+    corners = list(zone.outline.exterior.coords)[:-1]
+    if len(corners) > _MOST_CORNERS:
+        west, south, east, north = zone.outline.bounds
+        return f", between x {west:.1f} and {east:.1f}, y {south:.1f} and {north:.1f}"
+    return f", with corners {', '.join(f'x {x:.1f} y {y:.1f}' for x, y in corners)}"
+
+
+def _delays(flight: Flight) -> Iterator[str]:
+    """Yields what becomes of the distances where somebody is late."""
+    rules, delay = flight.flown.problem.rules, tolerated_delay(flight)
+    if delay is not None and math.isinf(delay):
+        yield f"Between drones: {rules} is kept however late any of them is."
+    elif delay is not None:
+        yield f"Between drones: {rules} is kept while none is {delay:.2f} s or more behind another."
+    to_people = people_and_delay(flight, tolerated_delay_of_people(flight))
+    yield from (f"{words[0].upper()}{words[1:]}." for words in to_people)
+
+
+def _limits(flight: Flight) -> Iterator[str]:
+    """Yields the tightest moment of each drone."""
+    yield f"drone  {'tightest':<14}{'at (s)':>8}{'value':>10}{'':9}{'limit':<14}of the limit"
+    for row in flight.rows():
+        limit = "not known" if row["limit"] is None else f"{row['limit']:.2f} {row['unit']}"
+        yield (
+            f"{row['drone']:>5}  {row['tightest']:<14}{row['at (s)']:>8.2f}{row['value']:>10.2f} "
+            f"{row['unit']:<8}{limit:<14}{row['of the limit'] or '-'}"
+        )
+
+
+def _legs(flight: Flight) -> Iterator[str]:
+    """Yields the legs straight up to the first places and straight down from the last."""
+    problem, flown = flight.flown.problem, flight.flown
+    yield (
+        f"Straight up from the surface below the first place. {_order(flight)} Straight down at "
+        "the last place, one drone after the other."
+    )
+    yield ""
+    head = "drone              x (m)        y (m)   surface z    place z     leg (m)"
+    yield head + _head_of_degrees(flight)
+    ends = flown.at(np.array([0.0, flown.seconds]))
+    for k in range(len(ends.t)):
+        words = "take-off" if k % 2 == 0 else "landing"
+        x, y, z = ends.place[k].tolist()
+        i, j = (int(cell[0]) for cell in cells_below(problem.height_map, ends.place[k : k + 1]))
+        tops = [high for _, high in problem.workspace.columns.at(i, j) if high <= z]
+        surface = max(tops, default=math.nan)
+        yield (
+            f"{ends.drone[k]:>5} {words:<8}{x:>10.1f} {y:>12.1f} {surface:>11.2f} {z:>10.2f} "
+            f"{z - surface:>11.2f}{_degrees(flight, x, y)}"
+        )
+
+
+def _missions(flight: Flight) -> Iterator[Section]:
+    """Yields what the crew must know of each autopilot's missions of this flight."""
+    if flight.is_smooth or flight.geodesy is None:
+        return
+    lines = ["A mission flies on the autopilot that its file names, and on no other:"]
+    found = routes(flight, flight.geodesy)
+    for autopilot in AUTOPILOTS.values():
+        names = " or ".join(f"*.{autopilot.name}.*{ending}" for ending in autopilot.endings)
+        lines.append(f"- {names}: {autopilot.note}.")
+        lines += (f"  {words}." for words in lateness(autopilot, found))
+    yield Section("Missions of waypoints", lines)
+
+
+def _order(flight: Flight) -> str:
+    """Says when drones rise, and when the flight begins."""
+    if flight.is_smooth:
+        return "The flight begins when all drones are at their first places."
+    return (
+        "Start missions of waypoints all at once: each drone waits at its first place until "
+        f"{seconds_to_step_0(flight):.3g} s."
+    )
+
+
+def _angles(flight: Flight) -> str:
+    yaw = "yaw is 0 along x, counter-clockwise"
+    if flight.geodesy is not None:
+        yaw = "compass is clockwise from true north"
+    return f"Degrees: {yaw}; pitch is the camera's, 0 is level, below is negative."
+
+
+def _head_of_degrees(flight: Flight) -> str:
+    return "" if flight.geodesy is None else "     latitude    longitude"
+
+
+def _degrees(flight: Flight, x: float, y: float) -> str:
+    if flight.geodesy is None:
+        return ""
+    latitude, longitude = flight.geodesy.degrees(np.array([x]), np.array([y]))
+    return f" {latitude[0]:>12.7f} {longitude[0]:>12.7f}"
+
+
+def _columns(flight: Flight, every: float | None) -> dict[str, FloatArray]:
+    """Returns the flights at the times of the tables."""
+    steps = flight.flown.problem.horizon
+    usual = math.ceil(steps / (ROWS - 1)) * flight.flown.step
+    rows = 0.0 if every is None else flight.flown.seconds / every * len(flight.flown.pieces)
+    if rows > _MOST_ROWS:
+        raise FieldError("every", f"must make at most {_MOST_ROWS} rows on paper, not {rows:.3g}")
+    return flight.columns(usual if every is None else every)
+
+
+def _places(flight: Flight, every: float | None) -> Iterator[Section]:
+    """Yields a table of times and places for each drone."""
+    columns = _columns(flight, every)
+    over = "above_ground" if "above_ground" in columns else "above_takeoff"
+    yaw = columns["yaw"] % 360
+    if flight.geodesy is not None:
+        yaw = flight.geodesy.compass(columns["x"], columns["y"], np.radians(yaw))
+    head = (
+        f"{'t (s)':>8}{'x (m)':>12}{'y (m)':>13}{'z (m)':>9}{over.replace('_', ' '):>15}"
+        f"{'yaw' if flight.geodesy is None else 'compass':>9}{'pitch':>7}{_head_of_degrees(flight)}"
+    )
+    for drone in range(len(flight.flown.pieces)):
+        lines = [head]
+        for k in np.flatnonzero(columns["drone"] == drone).tolist():
+            x, y = float(columns["x"][k]), float(columns["y"][k])
+            lines.append(
+                f"{columns['t'][k]:>8.2f}{x:>12.2f}{y:>13.2f}{columns['z'][k]:>9.2f}"
+                f"{columns[over][k]:>15.2f}{yaw[k] % 360:>9.1f}{columns['pitch'][k]:>7.1f}"
+                f"{_degrees(flight, x, y)}"
+            )
+        yield Section(f"Drone {drone}", [_angles(flight), *lines] if drone == 0 else lines)
+
+
+def _walks(flight: Flight, every: float | None) -> Iterator[Section]:
+    """Yields a table of times and places for each person."""
+    problem, columns = flight.flown.problem, _columns(flight, every)
+    times = columns["t"][columns["drone"] == 0]
+    steps = np.arange(problem.horizon + 1) * flight.flown.step
+    head = f"{'t (s)':>8}{'x (m)':>12}{'y (m)':>13}{_head_of_degrees(flight)}"
+    for j, actor in enumerate(problem.actors):
+        walk = [np.interp(times, steps, axis) for axis in actor.poses[: len(steps), :2].T]
+        lines = [
+            f"{t:>8.2f}{x:>12.2f}{y:>13.2f}{_degrees(flight, x, y)}"
+            for t, x, y in zip(times.tolist(), *(axis.tolist() for axis in walk), strict=True)
+        ]
+        person = problem.person(j)
+        yield Section(f"{person[0].upper()}{person[1:]}", [head, *lines])

@@ -1,0 +1,111 @@
+"""Smooth flights as polynomials of the seventh degree (.crazyflie.csv), one file per drone.
+
+A row has a duration (s) and the coefficients of x, y, z (m) and yaw (rad, counter-clockwise from
+x) in the seconds since it began, as Crazyswarm's `uav_trajectory.loadcsv` and Bitcraze's
+high-level commander take them. Pieces of smooth flights are of the fifth degree and become rows
+to a micrometre; those in a row that go on as one polynomial, as where a drone stays as it is, are
+one row. x and y begin at the map's corner, for the drone computes in single precision.
+
+The memory of a Crazyflie holds 31 pieces (132 of 4096 bytes each): "Trajectory formats",
+https://www.bitcraze.io/documentation/repository/crazyflie-firmware/master/functional-areas/trajectory_formats/
+"""
+
+import io
+from collections.abc import Iterator
+from math import comb
+
+import numpy as np
+
+from cocap_opt.data import FieldError, FloatArray, ProblemError
+from cocap_opt.flight.bernstein import parted
+from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.trajectory import DEGREE, YAW
+from cocap_opt.missions.export import Export, require_nothing_else
+
+_HOLDS = 31  # pieces
+_COEFFICIENTS = 8
+_OFF = 1e-6  # m or rad, by which the rest of a polynomial may leave the pieces that it stands for
+_AXES = "x", "y", "z", "yaw"
+_HEADER = ("duration", *(f"{axis}^{k}" for axis in _AXES for k in range(_COEFFICIENTS)))
+_NOTES = (
+    "upload each file to its drone and start all at once: they then fly by one clock, each its own",
+    "x and y are from the map's corner; take-off to the first point and landing are not in it, "
+    "nor the camera's pitch",
+)
+
+
+def crazyflie(flight: Flight, every: float | None) -> Export:
+    """Returns the polynomials of each drone.
+
+    Raises
+    ------
+    ProblemError
+        If the flight is straight, whose speeds jump, or a drone's memory cannot hold it.
+    """
+    if not flight.is_smooth:
+        raise FieldError("smooth", "must be given, for a drone cannot follow speeds that jump")
+    require_nothing_else(every, "a polynomial has no moments")
+    files = {}
+    for i, pieces in enumerate(flight.flown.pieces):
+        span = flight.flown.piece_seconds
+        rows = [_row(piece, span, count) for piece, count in _runs(pieces[:, : YAW + 1])]
+        if len(rows) > _HOLDS:
+            raise ProblemError(
+                f"drone {i} needs {len(rows)} polynomials, and the memory of a Crazyflie holds "
+                f"{_HOLDS}; a plan of {_HOLDS} longer steps would do"
+            )
+        files[f"drone{i}"] = _table(rows)
+    return Export(files, _NOTES)
+
+
+def _runs(pieces: FloatArray) -> Iterator[tuple[FloatArray, int]]:
+    """Yields a piece [4, 6], and the number of those from it on that go on as it does."""
+    first, count = pieces[0], 1
+    for piece in pieces[1:]:
+        if np.abs(_continued(first, count) - piece).max() <= _OFF:
+            count += 1
+        else:
+            yield first, count
+            first, count = piece, 1
+    yield first, count
+
+
+def _continued(piece: FloatArray, count: int) -> FloatArray:
+    """Returns the coefficients of a polynomial as many pieces later."""
+    until, _ = parted(piece, count + 1)
+    return parted(until, count / (count + 1))[1]
+
+
+def _row(piece: FloatArray, span: float, count: int) -> FloatArray:
+    """Returns a row [33]: a duration, and the coefficients of each axis.
+
+    Parameters
+    ----------
+    span : s, of a piece
+    count : pieces that go on as it does
+    """
+    powers = np.zeros((len(_AXES), _COEFFICIENTS))
+    powers[:, : DEGREE + 1] = piece @ _powers() / span ** np.arange(DEGREE + 1)
+    return np.array([count * span, *powers.ravel()])
+
+
+def _powers() -> FloatArray:
+    """Returns [6, 6], which makes of Bernstein coefficients those of powers of the share."""
+    return np.array(
+        [
+            [
+                comb(DEGREE, k) * comb(k, i) * (-1.0) ** (k - i) if i <= k else 0.0
+                for k in range(DEGREE + 1)
+            ]
+            for i in range(DEGREE + 1)
+        ]
+    )
+
+
+def _table(rows: list[FloatArray]) -> bytes:
+    text = io.StringIO(newline="")
+    np.savetxt(
+        text, np.array(rows) + 0.0, fmt="%.12g", delimiter=",", header=",".join(_HEADER),
+        comments="", newline="\n",
+    )  # fmt: skip
+    return text.getvalue().encode()

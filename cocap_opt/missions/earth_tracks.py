@@ -1,0 +1,261 @@
+"""Flights, walks and footprints on the Earth: what GeoJSON and KML have in common."""
+
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from typing import NamedTuple, Self
+
+import numpy as np
+import shapely
+from matplotlib.colors import to_hex
+from shapely.geometry.base import BaseGeometry
+
+from cocap_opt.data import FieldError, FloatArray, ProblemError
+from cocap_opt.drawing import DRONE_COLOURS
+from cocap_opt.flight.earth import Geodesy
+from cocap_opt.flight.flights import Flight, cells_below
+from cocap_opt.flight.footprint import REACH, footprints
+from cocap_opt.output.heights import over_datum
+from cocap_opt.problem import Camera
+from cocap_opt.world import HeightMap
+
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+class Track(NamedTuple):
+    """Where a drone or a person is at some moments [n].
+
+    Attributes
+    ----------
+    t : [n] s since step 0
+    longitude, latitude : [n] degrees, WGS 84
+    heights : [n] m each, by what they are above
+    angles : [n] degrees: `yaw` clockwise from true north, 0..360, and of drones `pitch`, that of
+        the camera, 0 is level and below is negative
+    """
+
+    t: FloatArray
+    longitude: FloatArray
+    latitude: FloatArray
+    heights: dict[str, FloatArray]
+    angles: dict[str, FloatArray]
+
+    def parts(self) -> list[Self]:
+        """Returns the track cut at the antimeridian, where each part has a point of its own."""
+        turns = self._turns()
+        ends = np.flatnonzero(np.diff(turns))
+        if not len(ends):
+            return [self]
+        along = self.longitude + 360 * turns  # which does not jump
+        edge = 360 * np.maximum(turns[ends], turns[ends + 1]) - 180
+        share = (edge - along[ends]) / (along[ends + 1] - along[ends])
+        numbers = np.arange(len(turns), dtype=np.float64)
+        parts, first = [], 0.0
+        for last in [*(ends + share).tolist(), numbers[-1]]:
+            if last == first:
+                continue  # it begins or ends there
+            inner = numbers[(numbers > first) & (numbers < last)]
+            part = self._between(np.array([first, *inner, last]), along)
+            middle = (part.longitude.min() + part.longitude.max()) / 2
+            turn = np.floor((middle + 180) / 360)
+            parts.append(part._replace(longitude=part.longitude - 360 * turn))
+            first = last
+        return parts
+
+    def _turns(self) -> FloatArray:
+        """Returns the number of times [n] that the antimeridian was passed to the east so far."""
+        return -np.cumsum(np.rint(np.diff(self.longitude, prepend=self.longitude[0]) / 360))
+
+    def _between(self, numbers: FloatArray, along: FloatArray) -> Self:
+        """Returns the track at numbers of its points, which may be fractions."""
+
+        def at(values: FloatArray) -> FloatArray:
+            return np.interp(numbers, np.arange(len(values)), values)
+
+        heights = {name: at(values) for name, values in self.heights.items()}
+        angles = {name: at(np.unwrap(v, period=360)) % 360 if name == "yaw" else at(v)
+                  for name, v in self.angles.items()}  # fmt: skip
+        return self._replace(
+            t=at(self.t), longitude=at(along), latitude=at(self.latitude), heights=heights,
+            angles=angles,
+        )  # fmt: skip
+
+
+class Footprint(NamedTuple):
+    """The ground in a drone's image at a step.
+
+    Attributes
+    ----------
+    rings : longitudes and latitudes [n, 2] of polygons, counter-clockwise, the first point not
+        repeated; two on both sides of the antimeridian
+    reach : m, distance from the drone at which it ends
+    cut : true if the camera sees farther
+    """
+
+    drone: int
+    step: int
+    rings: list[FloatArray]
+    reach: float
+    cut: bool
+
+
+def geodesy_of(flight: Flight) -> Geodesy:
+    """Returns the way from a flight's scene to the Earth.
+
+    Raises
+    ------
+    ProblemError
+        If there is none.
+    """
+    if flight.geodesy is None:
+        raise FieldError(
+            "earth",
+            "must be known for a file of latitudes and longitudes; a GeoTIFF's system or [earth] "
+            "of a recipe says it",
+        )
+    return flight.geodesy
+
+
+def drone_tracks(flight: Flight, every: float | None = None) -> list[Track]:
+    """Returns the track of each drone.
+
+    Parameters
+    ----------
+    every : s between points, as in `Flight.columns`
+    """
+    geodesy, columns = geodesy_of(flight), flight.columns(every)
+    yaw = geodesy.compass(columns["x"], columns["y"], np.radians(columns["yaw"]))
+    points = np.column_stack([columns[axis] for axis in "xyz"])
+    columns |= _over(flight.flown.problem.height_map, points)
+    tracks = []
+    for i in range(len(flight.flown.pieces)):
+        own = columns["drone"] == i
+        tracks.append(Track(
+            columns["t"][own], columns["longitude"][own], columns["latitude"][own],
+            {name: values[own] for name, values in columns.items() if name.startswith("above_")},
+            {"yaw": yaw[own], "pitch": columns["pitch"][own]},
+        ))  # fmt: skip
+    return tracks
+
+
+def walks(flight: Flight) -> list[Track]:
+    """Returns the track of each person's feet, a point a step."""
+    geodesy, problem = geodesy_of(flight), flight.flown.problem
+    t = _times(flight)
+    tracks = []
+    for actor in problem.actors:
+        x, y, z, yaw = actor.poses[: len(t)].T
+        latitude, longitude = geodesy.degrees(x, y)
+        heights = _over(problem.height_map, actor.poses[: len(t)])
+        if problem.earth is not None and problem.earth.heights is not None:
+            heights[f"above_{problem.earth.heights}"] = z + problem.earth.base
+        angles = {"yaw": geodesy.compass(x, y, yaw)}
+        tracks.append(Track(t, longitude, latitude, heights, angles))
+    return tracks
+
+
+def _times(flight: Flight) -> FloatArray:
+    """Returns the times [T+1] (s) of the steps."""
+    return np.arange(flight.flown.problem.horizon + 1, dtype=np.float64) * flight.flown.step
+
+
+def _over(height_map: HeightMap, points: FloatArray) -> dict[str, FloatArray]:
+    """Returns the heights of points [n, 3] over the ground, or where no map tells it the surface.
+
+    The surface of a map is the top of all that stands on it.
+    """
+    known = height_map.knows_ground
+    name, below = ("above_ground", height_map.ground) if known else (
+        "above_surface", height_map.heights
+    )  # fmt: skip
+    return {name: points[:, 2] - below[cells_below(height_map, points)]}
+
+
+def footprints_on_earth(flight: Flight) -> Iterator[Footprint]:
+    """Yields the footprints of all cameras at all steps; a cone has no image, and none."""
+    geodesy, problem = geodesy_of(flight), flight.flown.problem
+    found = flight.flown.at(_times(flight))
+    for i, robot in enumerate(problem.robots):
+        if not isinstance(robot.camera, Camera):
+            continue
+        own = found.drone == i
+        pose = found.place[own], found.yaw[own], found.pitch[own]
+        prints = footprints(problem.height_map, robot.camera, *pose)
+        for t in np.flatnonzero(~np.isnan(prints.corners).any(axis=(1, 2))).tolist():
+            latitude, longitude = geodesy.degrees(*prints.corners[t, :, :2].T)
+            rings = rings_of(np.column_stack([longitude, latitude]))
+            if rings:
+                yield Footprint(i, t, rings, float(prints.reach[t]), bool(prints.cut[t]))
+
+
+def rings_of(corners: FloatArray) -> list[FloatArray]:
+    """Returns the polygon of corners [n, 2] (degrees), cut at the antimeridian.
+
+    Where the walls of a map let its sides cross, it is the convex hull.
+    """
+    jumps = np.rint((corners[:, 0] - corners[0, 0]) / 360)
+    ring = corners - np.column_stack([360 * jumps, np.zeros(len(corners))])
+    polygon = shapely.Polygon(ring)
+    whole: BaseGeometry = polygon
+    if not (polygon.is_valid and polygon.exterior.is_ccw):
+        whole = polygon.convex_hull
+    rings = []
+    for turn in (-1, 0, 1) if jumps.any() else (0,):
+        side = shapely.box(360 * turn - 180, -90, 360 * turn + 180, 90)
+        part = shapely.orient_polygons(whole & side if jumps.any() else whole, exterior_cw=False)
+        if isinstance(part, shapely.Polygon) and not part.is_empty:
+            rings.append(np.array(part.exterior.coords)[:-1] - [360 * turn, 0])
+    return rings
+
+
+class Clock(NamedTuple):
+    """Dates and times of a flight."""
+
+    start: datetime
+
+    @classmethod
+    def of(cls, flight: Flight) -> Self:
+        """Returns the clock of a flight; one of which nobody says when it starts begins in 1970.
+
+        Raises
+        ------
+        ProblemError
+            If the flight ends after the year 9999.
+        """
+        start = (flight.start or EPOCH).astimezone(UTC)
+        try:
+            start + timedelta(seconds=2 * flight.flown.seconds)
+        except OverflowError as error:
+            seconds = f"{flight.flown.seconds:.3g} s"
+            words = f"the flight of {seconds} must end in a year that has four digits"
+            if flight.start is None:
+                raise ProblemError(words) from error
+            raise FieldError("start", f"must be earlier, for {words}") from error
+        return cls(start)
+
+    def text(self, t: float) -> str:
+        """Returns the time (UTC, ISO 8601) of a moment t (s since step 0), to a millisecond."""
+        at = self.start + timedelta(seconds=round(t, 3))
+        return f"{at.replace(tzinfo=None).isoformat(timespec='milliseconds')}Z"
+
+
+def colour_of(drone: int) -> str:
+    """Returns a drone's colour, that of all pictures, as #rrggbb."""
+    return to_hex(DRONE_COLOURS[drone % len(DRONE_COLOURS)])
+
+
+def caveats(flight: Flight, every: float | None) -> Iterator[str]:
+    """Yields sentences on what tracks, times and footprints mean."""
+    yield from flight.between_rows(every)
+    if flight.start is None:
+        yield "times begin at 1970-01-01T00:00:00Z; --start says when the flight does"
+    problem = flight.flown.problem
+    if problem.airspace.ceiling is not None:
+        yield f"the ceiling is {problem.airspace.ceiling:g} m {over_datum(problem)}"
+    cameras = [isinstance(robot.camera, Camera) for robot in flight.flown.problem.robots]
+    if any(cameras):
+        yield (
+            f"footprints are the ground in the images at the steps, up to {REACH:g} times a "
+            "drone's height above it, with what buildings and people hide"
+        )
+    if not all(cameras):
+        yield "a cone is no camera: it has no image, and no footprint"

@@ -1,0 +1,83 @@
+"""Missions of waypoints as plans of QGroundControl (.plan), one per drone, with their geofence.
+
+Source: "Plan File Format", QGroundControl Developer Guide,
+https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html
+"""
+
+import json
+from typing import Any
+
+from cocap_opt.flight.flights import Flight
+from cocap_opt.missions.autopilots import ARDUPILOT, PX4, Autopilot
+from cocap_opt.missions.export import Export
+from cocap_opt.missions.items import Item
+from cocap_opt.missions.waypoints import Mission, waypoint_mission
+from cocap_opt.missions.zones import Zone
+
+_QUADROTOR = 2  # MAV_TYPE
+_ABOVE_TAKEOFF = 1  # QGroundControl's altitude mode
+
+
+def px4_plan(flight: Flight, every: float | None, most: int = PX4.most) -> Export:
+    """Returns a plan for each drone, of a straight flight in a scene with a place on the Earth."""
+    return _plan(flight, every, PX4.holding(most))
+
+
+def ardupilot_plan(flight: Flight, every: float | None, most: int = ARDUPILOT.most) -> Export:
+    """Returns the same for ArduPilot."""
+    return _plan(flight, every, ARDUPILOT.holding(most))
+
+
+def _plan(flight: Flight, every: float | None, autopilot: Autopilot) -> Export:
+    def written(mission: Mission) -> bytes:
+        return _document(mission, autopilot)
+
+    return waypoint_mission(flight, every, autopilot, written, has_fence=True)
+
+
+def _document(mission: Mission, autopilot: Autopilot) -> bytes:
+    route = mission.route
+    latitude, longitude, _ = route.place(0)
+    fastest = route.fastest or 1.0  # a drone that stays has no speed
+    fence = {"circles": [], "polygons": [_outside(zone) for zone in mission.fence], "version": 2}
+    document = {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "QGroundControl",
+        "geoFence": fence,
+        "rallyPoints": {"points": [], "version": 2},
+        "mission": {
+            "version": 2,
+            "firmwareType": autopilot.number,
+            "vehicleType": _QUADROTOR,
+            "globalPlanAltitudeMode": _ABOVE_TAKEOFF,
+            "cruiseSpeed": fastest,
+            "hoverSpeed": fastest,
+            "plannedHomePosition": [latitude, longitude, route.sea],
+            "items": [_simple(item, k + 1) for k, item in enumerate(mission.items)],
+        },
+    }
+    return json.dumps(document, indent=1, allow_nan=False).encode()
+
+
+def _outside(zone: Zone) -> dict[str, Any]:
+    """Returns a polygon that drones stay out of."""
+    return {"inclusion": False, "polygon": zone.corners[:, ::-1].tolist(), "version": 1}
+
+
+def _simple(item: Item, number: int) -> dict[str, Any]:
+    """Returns an item as a SimpleItem of the description."""
+    found: dict[str, Any] = {
+        "type": "SimpleItem",
+        "doJumpId": number,
+        "autoContinue": True,
+        "command": int(item.command),
+        "frame": item.frame,
+        "params": list(item.params),
+    }
+    if item.has_place:
+        found |= {
+            "AMSLAltAboveTerrain": None, "Altitude": item.params[-1],
+            "AltitudeMode": _ABOVE_TAKEOFF,
+        }  # fmt: skip
+    return found

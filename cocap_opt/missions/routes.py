@@ -1,0 +1,141 @@
+"""The waypoints of a drone's flight, and the legs between them, as autopilots need them."""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.flight.earth import Geodesy
+from cocap_opt.flight.flights import Flight
+from cocap_opt.missions.items import Place
+
+RISE = 1.0  # m/s, at which drones take off at the slowest
+_SETTLE = 10.0  # s, that the last one has left then
+_REACHED = 0.5  # m from a waypoint; a quarter of the shortest leg if that is less
+_STAYS = 1e-3  # m, less is no way
+
+
+class Leg(NamedTuple):
+    """The move of a drone in a step.
+
+    Attributes
+    ----------
+    step : the step at its end
+    seconds : it lasts by the plan
+    along : m over the ground; 0 of a drone that stays, or goes straight up or down
+    rise : m, less than 0 of a descent
+    turn : degrees by which the drone turns, clockwise
+    """
+
+    step: int
+    seconds: float
+    along: float
+    rise: float
+    turn: float
+
+    @property
+    def is_way(self) -> bool:
+        """True if it leads somewhere else."""
+        return self.along > 0 or self.rise != 0
+
+
+class Route(NamedTuple):
+    """The waypoints of a drone at the steps 0..T.
+
+    Attributes
+    ----------
+    drone : its number
+    places : [T+1, 3] latitude, longitude (degrees) and m above the take-off
+    yaw : [T+1] degrees from true north, clockwise
+    pitch : [T+1] degrees, of the camera, 0 is level and below the horizon is negative
+    lengths : [T] m along the ground
+    step : s
+    sea : m above the sea at the take-off; None: nobody knows
+    until : s from the start of the mission to step 0, for which the drone waits in its place
+    """
+
+    drone: int
+    places: FloatArray
+    yaw: FloatArray
+    pitch: FloatArray
+    lengths: FloatArray
+    step: float
+    sea: float | None
+    until: float
+
+    @property
+    def fastest(self) -> float:
+        """Largest speed over ground, m/s."""
+        return float(self.lengths.max() / self.step)
+
+    @property
+    def reached(self) -> float:
+        """Distance (m) from which on a waypoint counts as reached."""
+        legs = np.hypot(self.lengths, np.diff(self.places[:, 2]))
+        return min(_REACHED, float(legs[legs > _STAYS].min(initial=np.inf)) / 4)
+
+    def place(self, step: int) -> Place:
+        """Returns where the drone is at a step."""
+        return tuple(self.places[step].tolist())
+
+    def legs(self) -> Iterator[Leg]:
+        """Yields the legs in their order."""
+        rises = np.diff(self.places[:, 2])
+        for k, (length, rise) in enumerate(zip(self.lengths.tolist(), rises.tolist(), strict=True)):
+            turn = math.remainder(self.yaw[k + 1] - self.yaw[k], 360.0)
+            along = length if length > _STAYS else 0.0
+            yield Leg(k + 1, self.step, along, rise if abs(rise) > _STAYS else 0.0, turn)
+
+
+def routes(flight: Flight, geodesy: Geodesy) -> list[Route]:
+    """Returns the route of each drone of a flight."""
+    problem, columns = flight.flown.problem, flight.columns(flight.flown.step)
+    rows = {name: column.reshape(len(problem.robots), -1) for name, column in columns.items()}
+    height, earth = rows["above_takeoff"], problem.earth
+    until = seconds_to_step_0(flight)
+    found = []
+    for i in range(len(problem.robots)):
+        x, y, ground = rows["x"][i], rows["y"][i], float(rows["z"][i, 0] - height[i, 0])
+        above_sea = earth is not None and earth.heights == "sea"
+        lengths = geodesy.lengths(x, y)
+        places = np.column_stack([rows["latitude"][i], rows["longitude"][i], height[i]])
+        for k in np.flatnonzero(np.hypot(lengths, np.diff(height[i])) < _STAYS):
+            places[k + 1] = places[k]  # but for rounding it is the same place
+        found.append(Route(
+            i,
+            places,
+            geodesy.compass(x, y, np.radians(rows["yaw"][i])),
+            rows["pitch"][i],
+            lengths,
+            flight.flown.step,
+            ground + earth.base if earth is not None and above_sea else None,
+            until,
+        ))  # fmt: skip
+    return found
+
+
+def seconds_to_step_0(flight: Flight) -> float:
+    """Returns the seconds from the start of all missions of waypoints to step 0 of the plan.
+
+    A drone that rises at 1 m/s to the highest place has 10 s left then; autopilots rise faster.
+    """
+    return _SETTLE + float(_first_heights(flight).max()) / RISE
+
+
+def seconds_in_the_air(flight: Flight) -> float:
+    """Returns the seconds from the take-off of drones to the last step, the same for all.
+
+    A drone rises and waits as missions of waypoints do; with smooth flights, which begin when all
+    are there, the one that rises highest does not wait. The way down is not in them.
+    """
+    settles = _SETTLE if flight.is_smooth else 0.0
+    return seconds_to_step_0(flight) - settles + flight.flown.seconds
+
+
+def _first_heights(flight: Flight) -> FloatArray:
+    """Returns the heights [R] (m) of the first places above the take-offs."""
+    columns = flight.columns(flight.flown.seconds)
+    heights: FloatArray = columns["above_takeoff"][columns["t"] == 0]
+    return heights

@@ -1,0 +1,172 @@
+"""Flights as a show of Skybrush (.skyc), whose drones all fly by one clock.
+
+The file is a zip with `show.json`. Of each drone it has a trajectory, points [t, [x, y, z],
+control points] of Bezier curves, and yaw setpoints [t, degrees] between which the yaw changes
+evenly, clockwise. Readers know lines and curves of the second and third degree (Skybrush Viewer
+no others), so each piece of a smooth flight becomes cubic curves with its places and speeds at
+their ends, as many as keep it to half a millimetre. Times are then rounded to milliseconds, as
+readers do, in which a drone flies some millimetres; steps too short for that are refused.
+
+Coordinates are local: x and y begin at the map's corner, z at the lowest take-off. Where they are
+on the Earth is told to Skybrush Live when the show is set up.
+
+Sources: `@skybrush/show-format` (types and player) in https://github.com/skybrush-io/skybrush.js,
+`TrajectorySpecification` and `YawSetpointList` in https://github.com/skybrush-io/skybrush-server,
+https://doc.collmot.com/public/skybrush-studio-for-blender/latest/concepts.html
+"""
+
+import io
+import json
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
+import numpy as np
+
+from cocap_opt.data import FieldError, FloatArray
+from cocap_opt.flight.bernstein import elevated, halves, largest, squared_length
+from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.trajectory import DEGREE, YAW, Trajectory
+from cocap_opt.missions.export import Export, require_nothing_else
+from cocap_opt.problem import Problem
+
+_OFF = 5e-4  # m, by which cubic curves may leave the flight
+_TURNED_OFF = np.radians(0.1)  # rad, by which the yaw may
+_SHORTEST = 2e-3  # s, of a curve
+_DIGITS = 5
+
+
+def skybrush(flight: Flight, every: float | None) -> Export:
+    """Returns a show of a flight, straight or smooth."""
+    require_nothing_else(every, "a show has curves, not moments")
+    problem = flight.flown.problem
+    grounds = [problem.height_map.heights[r.start.x, r.start.y] for r in problem.robots]
+    local = flight.flown.pieces - np.array([0, 0, min(grounds), 0, 0])[:, None]
+    curves = [_split(own[:, :3], _cubic, _OFF) for own in local]
+    turns = [_split(own[:, YAW : YAW + 1], _line, _TURNED_OFF) for own in local]
+    _require_seconds(max(map(len, [*curves, *turns])), flight.flown)
+    drones = [
+        _drone(f"drone{i}", way, yaw, float(ground) - min(grounds), flight.flown)
+        for i, (way, yaw, ground) in enumerate(zip(curves, turns, grounds, strict=True))
+    ]
+    show = {
+        "version": 1,
+        "environment": {"type": "outdoor"},
+        "meta": {"title": problem.name, "segments": {"show": [0, _ms(flight.flown.seconds)]}},
+        "settings": _settings(problem),
+        "swarm": {"drones": drones},
+    }
+    return Export({"": _zipped(json.dumps(show, allow_nan=False))}, tuple(_notes(flight, grounds)))
+
+
+def _settings(problem: Problem) -> dict[str, Any]:
+    separation = problem.rules.separation
+    return {"validation": {"minDistance": separation}} if separation else {}
+
+
+def _drone(
+    name: str, curves: FloatArray, turns: FloatArray, ground: float, flown: Trajectory
+) -> dict[str, Any]:
+    """Returns the specification of a drone.
+
+    Parameters
+    ----------
+    curves : [n, 3, 4]
+    turns : [m, 1, 2] of its yaw
+    ground : m, where it takes off
+    flown : the flights of all drones
+    """
+    home = [*_rounded(curves[0, :2, 0]), round(ground, _DIGITS)]
+    trajectory = {"version": 1, "takeoffTime": 0, "points": _points(curves, flown)}
+    yaw = {"version": 1, "setpoints": _setpoints(turns, flown)}
+    settings = {"name": name, "home": home, "trajectory": trajectory, "yawControl": yaw}
+    return {"type": "generic", "settings": settings}
+
+
+def _points(curves: FloatArray, flown: Trajectory) -> list[list[Any]]:
+    """Returns the points of a trajectory of curves [n, 3, 4]."""
+    points: list[list[Any]] = [[0, _rounded(curves[0, :, 0]), []]]
+    for k, curve in enumerate(curves):
+        is_line = np.allclose(elevated(curve[:, [0, -1]], 3), curve, rtol=0, atol=1e-9)
+        control = [] if is_line else [_rounded(point) for point in curve[:, 1:-1].T]
+        t = (k + 1) * flown.seconds / len(curves)
+        points.append([_ms(t), _rounded(curve[:, -1]), control])
+    return points
+
+
+def _setpoints(lines: FloatArray, flown: Trajectory) -> list[list[float]]:
+    """Returns the setpoints of a yaw of lines [n, 1, 2] (rad, counter-clockwise)."""
+    times = np.arange(len(lines) + 1) * (flown.seconds / len(lines))
+    angles = -np.degrees([lines[0, 0, 0], *lines[:, 0, -1]])
+    return [[_ms(t), round(a + 0.0, _DIGITS)] for t, a in zip(times, angles.tolist(), strict=True)]
+
+
+def _split(
+    pieces: FloatArray, simpler: Callable[[FloatArray], FloatArray], off: float
+) -> FloatArray:
+    """Returns curves [n, d, .] of a lower degree, evenly spaced, along pieces [N, d, 6]."""
+    while True:
+        found = simpler(pieces)
+        ways = elevated(found, DEGREE) - pieces
+        if largest(squared_length(ways)).value <= off**2:
+            return found
+        pieces = np.stack(halves(pieces), axis=1).reshape(-1, *pieces.shape[1:])
+
+
+def _require_seconds(curves: int, flown: Trajectory) -> None:
+    """Refuses a flight of which a drone has so many curves that they are too short."""
+    shortest = flown.seconds / curves
+    if shortest < _SHORTEST:
+        least = math.ceil(1000 * flown.step * _SHORTEST / shortest - 1e-6) / 1000
+        raise FieldError(
+            "step",
+            f"must be at least {least:g} s for a show of this flight, not {flown.step:g} s: its "
+            f"curves, of {1000 * shortest:.2g} ms, begin and end at whole milliseconds",
+        )
+
+
+def _cubic(pieces: FloatArray) -> FloatArray:
+    """Returns cubic curves with the places and speeds of others [n, d, 6] at their ends."""
+    a, b, y, z = (pieces[..., k] for k in (0, 1, -2, -1))
+    share = DEGREE / 3
+    return np.stack([a, a + share * (b - a), z - share * (z - y), z], axis=-1)
+
+
+def _line(pieces: FloatArray) -> FloatArray:
+    return pieces[..., [0, -1]]
+
+
+def _ms(seconds: float) -> float:
+    """Returns seconds to a millisecond."""
+    return round(float(seconds), 3)
+
+
+def _rounded(point: FloatArray) -> list[float]:
+    return [round(value + 0.0, _DIGITS) for value in point.tolist()]
+
+
+def _zipped(text: str) -> bytes:
+    """Returns a zip file with the show, the same bytes each time."""
+    content = io.BytesIO()
+    with ZipFile(content, "w", ZIP_DEFLATED) as archive:
+        archive.writestr(ZipInfo("show.json"), text, ZIP_DEFLATED)
+    return content.getvalue()
+
+
+def _notes(flight: Flight, grounds: list[float]) -> Iterator[str]:
+    yield "the show begins and ends in the air: take-off and landing are not in it, nor the pitch"
+    yield (
+        f"x and y are from the map's corner, z is from {min(grounds):g} m, the lowest take-off; "
+        "yaw is clockwise from x, and all drones share one clock"
+    )
+    if max(grounds) > min(grounds):
+        yield "drones take off at different heights: let Skybrush control altitudes above the sea"
+    if flight.geodesy is not None:
+        x, y = (np.array([value]) for value in flight.flown.problem.height_map.origin)
+        (latitude,), (longitude,) = flight.geodesy.degrees(x, y)
+        (orientation,) = flight.geodesy.compass(x, y, np.zeros(1))
+        yield (
+            f"the show's origin is at latitude {latitude:.7f}, longitude {longitude:.7f}; its X+ "
+            f"axis points to {orientation:.2f} degrees"
+        )

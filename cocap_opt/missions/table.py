@@ -1,0 +1,23 @@
+"""Flights as a table (.csv): a row per drone and moment."""
+
+import io
+
+import numpy as np
+
+from cocap_opt.flight.flights import Flight
+from cocap_opt.missions.export import Export
+
+_DIGITS = {"latitude": 9, "longitude": 9}  # others have 6
+
+
+def table(flight: Flight, every: float | None) -> Export:
+    """Returns the columns of flights as CSV."""
+    columns = flight.columns(every)
+    formats = ["%d" if k == "drone" else f"%.{_DIGITS.get(k, 6)}f" for k in columns]
+    text = io.StringIO(newline="")
+    rows = np.column_stack(list(columns.values())) + 0.0  # which makes -0 a 0
+    np.savetxt(
+        text, rows, fmt=formats, delimiter=",", header=",".join(columns), comments="",
+        newline="\n",
+    )  # fmt: skip
+    return Export({"": text.getvalue().encode()}, tuple(flight.between_rows(every)))

@@ -1,0 +1,38 @@
+"""Missions of waypoints as plain text (.waypoints, "QGC WPL 110"), one per drone, for ArduPilot.
+
+The first row is the home position, as ArduPilot and its ground stations want it; ArduPilot puts
+the place where it is armed there.
+
+Source: "Mission Plain-Text File Format", https://mavlink.io/en/file_formats/
+"""
+
+from cocap_opt.flight.flights import Flight
+from cocap_opt.missions.autopilots import ARDUPILOT
+from cocap_opt.missions.export import Export
+from cocap_opt.missions.items import Command, Item
+from cocap_opt.missions.waypoints import Mission, waypoint_mission
+
+_HEADER = "QGC WPL 110"
+_ABSOLUTE = 0  # MAV_FRAME_GLOBAL
+
+
+def waypoint_list(flight: Flight, every: float | None, most: int = ARDUPILOT.most) -> Export:
+    """Returns a list for each drone, of a straight flight in a scene with a place on the Earth."""
+    return waypoint_mission(flight, every, ARDUPILOT.holding(most), _text, has_fence=False)
+
+
+def _text(mission: Mission) -> bytes:
+    latitude, longitude, _ = mission.route.place(0)
+    # Text has no way to say that a height is not known.
+    place = (latitude, longitude, mission.route.sea or 0.0)
+    home = Item(Command.WAYPOINT, (0.0, 0.0, 0.0, 0.0, *place))
+    rows = [_HEADER, _row(0, _ABSOLUTE, home)]
+    rows += (_row(k + 1, item.frame, item) for k, item in enumerate(mission.items))
+    return "".join(f"{row}\n" for row in rows).encode()
+
+
+def _row(number: int, frame: int, item: Item) -> str:
+    """Returns an item's line; what is not set is 0."""
+    is_home = int(number == 0)
+    params = (f"{value or 0.0:.9f}" for value in item.params)
+    return "\t".join([f"{number}", f"{is_home}", f"{frame}", f"{item.command:d}", *params, "1"])

@@ -1,0 +1,275 @@
+"""Missions of waypoints: what an autopilot of MAVLink flies alone, item by item.
+
+A drone takes off, goes to its start, waits there (MAV_CMD_NAV_DELAY), and then flies each leg of
+its plan in the time that the plan has for it, by the rules of its autopilot (`autopilots`). Nothing
+holds it to the times of the plan.
+
+- Altitudes are above the drone's take-off (MAV_FRAME_GLOBAL_RELATIVE_ALT): autopilots know that
+  from the moment they are armed, whatever the map's heights are above.
+- Yaw is in degrees from true north, clockwise.
+- Each move has a waypoint and its own speed; turns and tilts are said where they change.
+- The camera's pitch is set by MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, against the horizon and with
+  the drone's own yaw. MAV_CMD_DO_MOUNT_CONTROL is deprecated since 2020, and its yaw turns the
+  whole drone to the north on an ArduPilot whose gimbal has no yaw (ArduCopter,
+  `ModeAuto::do_mount_control`).
+- At the end the drone hovers (MAV_CMD_NAV_LOITER_UNLIM). Nobody has planned a way home, and
+  drones that all return at once may meet.
+
+Sources: https://mavlink.io/en/messages/common.html, "Mission Mode" of PX4's user guide, "Mission
+Command List" of ArduCopter's.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from cocap_opt.data import FieldError, ProblemError
+from cocap_opt.flight.changes import (
+    people_and_delay,
+    told_delay,
+    tolerated_delay_of_people,
+    written_delay,
+)
+from cocap_opt.flight.flights import Flight
+from cocap_opt.missions.autopilots import AUTOPILOTS, Autopilot
+from cocap_opt.missions.export import Export, require_nothing_else
+from cocap_opt.missions.items import Item
+from cocap_opt.missions.routes import (
+    Route,
+    routes,
+    seconds_in_the_air,
+    seconds_to_step_0,
+)
+from cocap_opt.missions.zones import Zone, crossed, zones
+from cocap_opt.output.heights import over_datum
+from cocap_opt.problem import CollisionRules
+from cocap_opt.scenarios.recipe.rules import SEPARATION
+
+_PART = "no-common-clock.drone"
+_LITTLE = 0.1  # s, of which nobody is told
+_CORNERS = 64  # of a geofence: DM_KEY_FENCE_POINTS_MAX of PX4, which newer ones have doubled
+_FEW = 3  # legs that are told one by one
+
+
+class Mission(NamedTuple):
+    """The content of the file of a drone.
+
+    Attributes
+    ----------
+    fence : the no-fly zones that the drones go around
+    """
+
+    route: Route
+    items: list[Item]
+    fence: list[Zone]
+
+
+def waypoint_mission(
+    flight: Flight,
+    every: float | None,
+    autopilot: Autopilot,
+    write: Callable[[Mission], bytes],
+    has_fence: bool,
+) -> Export:
+    """Returns a mission of waypoints for each drone.
+
+    Parameters
+    ----------
+    has_fence : the files can hold no-fly zones
+
+    Raises
+    ------
+    ProblemError
+        If nobody knows where on the Earth the scene is, the flight is smooth, an autopilot does
+        not hold so many items, or a battery does not last from the take-off to the last step.
+    """
+    if flight.geodesy is None:
+        raise FieldError(
+            "earth",
+            "must say where the scene is, for waypoints have latitudes and longitudes: in "
+            "[earth] of a recipe crs alone where x and y are its coordinates, else also latitude "
+            "and longitude of x = y = 0",
+        )
+    if flight.is_smooth:
+        raise FieldError("smooth", "must be left out, for waypoints have straight legs between")
+    require_nothing_else(every, "the waypoints are the steps of the plan")
+    found = routes(flight, flight.geodesy)
+    items = [autopilot.items(route) for route in found]
+    _require_few(items, autopilot)
+    _require_batteries(flight)
+    known = zones(flight, flight.geodesy)
+    fence = [zone for zone in known if has_fence and not crossed(flight, zone)]
+    missions = [Mission(*own, fence) for own in zip(found, items, strict=True)]
+    delay = told_delay(flight, _asked(flight)) if len(found) > 1 else None
+    to_people = tolerated_delay_of_people(flight)
+    late = lateness(autopilot, found)
+    behind = max(map(autopilot.behind, found))
+    warnings = (*late, *_too_late(behind, delay, to_people))
+    words = (
+        *warnings, *_waits(behind, autopilot), *_clock(flight, delay),
+        *people_and_delay(flight, to_people), *_ends(flight, found, autopilot),
+        *_fences(flight, autopilot, has_fence, known, fence),
+    )  # fmt: skip
+    return Export(
+        {f"{autopilot.name}.{_PART}{i}": write(mission) for i, mission in enumerate(missions)},
+        (*words, autopilot.note),
+        {
+            "autopilot": autopilot.title,
+            "items": max(map(len, items)),
+            "late": max(map(autopilot.late_by, found)),
+            "delay_tolerance": written_delay(delay),
+            "delay_tolerance_to_people": written_delay(to_people),
+        },
+        warnings,
+    )
+
+
+def _require_few(items: list[list[Item]], autopilot: Autopilot) -> None:
+    """Refuses missions that an autopilot does not hold."""
+    drone = max(range(len(items)), key=lambda i: len(items[i]))
+    count = len(items[drone]) + autopilot.extra
+    if count > autopilot.most:
+        others = ", ".join(f"{own.title} {own.most}" for own in AUTOPILOTS.values())
+        raise ProblemError(
+            f"the mission of drone {drone} has {count} items, more than the {autopilot.most} that "
+            f"{autopilot.title} takes, {autopilot.holds} (usual are {others}); plan fewer steps, "
+            "longer ones, or parts of the scene one after the other, each a mission of its own, or "
+            "say with --items how many the board takes"
+        )
+
+
+def _require_batteries(flight: Flight) -> None:
+    """Refuses missions longer than a battery lasts, with the rise and the wait at the start."""
+    seconds = seconds_in_the_air(flight)
+    rise = seconds - flight.flown.seconds
+    for i, robot in enumerate(flight.flown.problem.robots):
+        if robot.limits is not None and robot.limits.outlasted_by(seconds):
+            raise ProblemError(
+                f"drone {i} cannot fly this mission: from the take-off to the last step "
+                f"it is {seconds:.4g} s in the air, {rise:.3g} s of them on the way up and waiting "
+                f"for the others, and its battery lasts {robot.limits.endurance:.4g} s; fewer "
+                "steps would do"
+            )
+
+
+def lateness(autopilot: Autopilot, found: list[Route]) -> list[str]:
+    """Returns which legs take longer than planned, and what to do, in words; none if none do."""
+    late = sorted(
+        (one for route in found for one in autopilot.late(route)), key=lambda one: -one.seconds
+    )
+    if not late:
+        return []
+    shown, rest = late[:_FEW], len(late[_FEW:])
+    more = f", and {rest} more such legs" if rest else ""
+    return [
+        f"NOT IN TIME: {'; '.join(map(str, shown))}{more}; a drone is up to "
+        f"{max(map(autopilot.late_by, found)):.2f} s late at the end. Plan with longer steps, or "
+        "with [drones.limits] that keep to this"
+    ]
+
+
+def _waits(behind: float, autopilot: Autopilot) -> Iterator[str]:
+    """Yields how far (s) drones are behind their plans where they wait before a leg."""
+    if behind >= _LITTLE:
+        yield (
+            f"{autopilot.title} cannot be told to fly some legs as slowly as planned (straight up "
+            "or down, or very slow): drones wait before them, and then arrive in time; in between "
+            f"they are up to {behind:.2f} s behind the plan"
+        )
+
+
+def _too_late(behind: float, delay: float | None, to_people: float | None) -> Iterator[str]:
+    """Yields that such drones are farther behind than distances bear, if they are."""
+    tolerated = min(value for value in (delay, to_people, math.inf) if value is not None)
+    if behind >= max(tolerated, _LITTLE):
+        yield (
+            f"TOO LATE: where drones wait before a leg, they are up to {behind:.2f} s behind the "
+            f"plan, more than the delay tolerance, {tolerated:.2f} s; plan with larger distances, "
+            "or let drones climb on their way"
+        )
+
+
+def _fences(
+    flight: Flight, autopilot: Autopilot, has_fence: bool, known: list[Zone], fence: list[Zone]
+) -> Iterator[str]:
+    """Yields which limits of the airspace are in the files, and which are not."""
+    if known and not has_fence:
+        yield (
+            "no-fly zones are not in these files, which hold no fence: QGroundControl and Mission "
+            "Planner load it from a .plan file of the same flight, with --autopilot ardupilot"
+        )
+    if fence:
+        yield (
+            "no-fly zones are the geofence of these files, from the ground up, whatever their "
+            "heights are; upload it with the mission"
+        )
+    corners = sum(len(zone.corners) for zone in fence)
+    if corners > _CORNERS:
+        yield (
+            f"the geofence has {corners} corners, and autopilots may hold no more than {_CORNERS}: "
+            "see that yours has taken it whole"
+        )
+    for zone in known if has_fence else ():
+        if zone not in fence:
+            yield (
+                f"{zone.name}, is not in the geofence, for a drone flies above or below it and a "
+                "geofence has no heights"
+            )
+    yield from _ceiling(flight, autopilot)
+
+
+def _ceiling(flight: Flight, autopilot: Autopilot) -> Iterator[str]:
+    """Yields what the ceiling is above the take-offs, which files of missions do not say."""
+    problem, ceiling = flight.flown.problem, flight.flown.problem.airspace.ceiling
+    if ceiling is None:
+        return
+    altitude, surface = problem.height_map.altitude, problem.height_map.heights
+    starts = [robot.start for robot in problem.robots]
+    least = min(altitude(s.x, s.y, ceiling) - float(surface[s.x, s.y]) for s in starts)
+    yield (
+        f"the ceiling, {ceiling:g} m {over_datum(problem)}, is not in these files: set "
+        f"{autopilot.ceiling} of {autopilot.title}, which is above the take-off, to {least:.4g} m "
+        "or less"
+    )
+
+
+def _asked(flight: Flight) -> CollisionRules:
+    """Returns the separation that is asked about: the scene's, or the one that recipes have."""
+    rules = flight.flown.problem.rules
+    return rules if rules.separation else CollisionRules(separation=SEPARATION)
+
+
+def _clock(flight: Flight, delay: float | None) -> Iterator[str]:
+    """Yields what it means that drones keep no common clock; nothing of one drone alone."""
+    if delay is None:
+        return
+    owner = "the scene's" if flight.flown.problem.rules.separation else "a"
+    asked = f"{owner} {_asked(flight)}"
+    yield "waypoint missions keep no common clock after their start: nothing holds drones to times"
+    if math.isinf(delay):
+        yield f"between drones, {asked} holds however late any of them is"
+    elif delay == 0:
+        yield f"delay tolerance 0: {asked} holds for no difference in time; plan with a larger one"
+    else:
+        held = f"{asked} holds while no drone is {delay:.2f} s or more behind another in its plan"
+        yield f"delay tolerance: {held}"
+    yield "offboard control along a .csv file, or Skybrush (.skyc), keeps drones together"
+
+
+def _ends(flight: Flight, found: list[Route], autopilot: Autopilot) -> Iterator[str]:
+    """Yields what happens before and after the plan, and at its corners."""
+    at = f"{seconds_to_step_0(flight):.3g} s"
+    yield (
+        f"start all missions at once: each waits at its start until {at}, if it rises at "
+        f"{autopilot.rise:g} m/s ({autopilot.rises_by}); at the end it hovers, and the way "
+        "home is not in it"
+    )
+    if flight.flown.problem.actors:
+        yield f"give people their signal {at} after starting the missions: that is step 0"
+    yield (
+        "autopilots round corners and speeds; clearance was checked on the straight legs, and not "
+        "on the way up"
+    )
+    yield "in these files yaw is clockwise from true north, and altitudes are above the take-off"
+    if any(route.sea is None for route in found):
+        yield "the home's height above the sea is not known"

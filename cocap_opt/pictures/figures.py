@@ -1,0 +1,293 @@
+"""Pictures of plans at a step, by matplotlib, and figures as files.
+
+Each drawing function takes an axes and returns it.
+"""
+
+import io
+import math
+import textwrap
+import warnings
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple, Self
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Polygon, Wedge
+from matplotlib.patheffects import withStroke
+from matplotlib.text import Text
+from matplotlib.transforms import ScaledTranslation
+from PIL import Image
+
+from cocap_opt import drawing
+from cocap_opt.data import FloatArray
+from cocap_opt.output.printing import counted
+from cocap_opt.pictures.style import (
+    BLUE,
+    LABEL,
+    SMALL,
+    TITLE,
+    families_for,
+    new_figure,
+    set_frame,
+)
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import Verdict, check
+from cocap_opt.text import printable
+
+_BELOW_NAMES = -34  # points, from the axes down to below the name of the axis
+_TITLE = 40  # characters of the name of a scene; longer ones are cut
+VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras see farther
+_SPACES = "\n\u00a0\u2009\u202f"
+_FRAME_MILLISECONDS = 500
+_AROUND, _LEAST_SIDE = 3.0, 12.0  # m, around the action, and of the part that is drawn
+_COLUMNS, _STRIP = 2, 3.2  # panels beside each other in a strip, and the width of each (inches)
+_DISC, _BEHIND = 11, 9  # points: the width of a drone, and how far behind a person the number is
+_TO_COME = "#c9d6df"
+PICTURES = (".png", ".pdf", ".svg")
+
+
+def robot_colour(robot: int) -> tuple[float, float, float, float]:
+    """Returns the colour of a robot, the same in every picture; red is kept for people."""
+    return to_rgba(drawing.DRONE_COLOURS[robot % len(drawing.DRONE_COLOURS)])
+
+
+class Frame(NamedTuple):
+    """The part of a map that is drawn, from its lower to its upper corner (m)."""
+
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def of(cls, problem: Problem, plans: Iterable[Plan]) -> Self:
+        """Returns the part in which drones fly and people walk, with some room around it."""
+        centre = problem.height_map.centre
+        places = [centre(s.x, s.y) for plan in plans for path in plan.paths for s in path]
+        places += [(float(x), float(y)) for a in problem.actors for x, y in a.poses[:, :2]]
+        origin = np.array(problem.height_map.origin)
+        end = origin + np.array(problem.height_map.shape) * problem.height_map.resolution
+        low, high = np.min(places, axis=0), np.max(places, axis=0)
+        middle, size = (low + high) / 2, np.maximum(high - low + 2 * _AROUND, _LEAST_SIDE)
+        return cls(np.maximum(middle - size / 2, origin), np.minimum(middle + size / 2, end))
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and depth (m)."""
+        width, depth = (self.high - self.low).tolist()
+        return width, depth
+
+
+def draw_plan(ax: Axes, problem: Problem, plan: Plan, t: int, frame: Frame) -> Axes:
+    """Draws the terrain from above, and drones and people at step t with their ways so far."""
+    _draw_terrain(ax, problem)
+    _draw_robots(ax, problem, plan, t, VIEW_LENGTH * max(frame.size))
+    _draw_actors(ax, problem, t)
+    ax.set_xlim(frame.low[0], frame.high[0])
+    ax.set_ylim(frame.low[1], frame.high[1])
+    return ax
+
+
+def _draw_terrain(ax: Axes, problem: Problem) -> Axes:
+    """Draws the terrain from above.
+
+    Cells that block the lowest flight height are dark; lighter cells are free there, with a mesh
+    above or below.
+    """
+    view = problem.top_view()
+    view.draw_map(ax)
+    words = {
+        2: (drawing.WALL, f"blocks {view.height:g} m"),
+        1: (drawing.COVERED, "something above or below"),
+    }
+    shown = {kind: word for kind, word in words.items() if (view.kinds == kind).any()}
+    if 1 in shown:
+        handles = [Patch(color=colour, label=label) for colour, label in shown.values()]
+        down = ScaledTranslation(0, _BELOW_NAMES / 72, ax.figure.dpi_scale_trans)
+        ax.legend(handles=handles, fontsize=SMALL, loc="upper left", bbox_to_anchor=(0.0, 0.0),
+                  bbox_transform=ax.transAxes + down, ncols=2, frameon=False)  # fmt: skip
+    return ax
+
+
+def _draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
+    """Draws people at step t as filled outlines with their walk so far."""
+    for j, actor in enumerate(problem.actors):
+        x, y, _, yaw = actor.poses[t]
+        ax.plot(*actor.poses[: t + 1, :2].T, color=drawing.PERSON, lw=1, ls=":", zorder=3)
+        outline = actor.shape.faces()
+        base = np.unique(np.concatenate(outline)[:, :2].round(9), axis=0)
+        order = np.argsort(np.arctan2(base[:, 1], base[:, 0]))
+        c, s = np.cos(yaw), np.sin(yaw)
+        corners = base[order] @ np.array([[c, s], [-s, c]]) + [x, y]
+        ax.add_patch(
+            Polygon(corners, facecolor=drawing.PERSON, edgecolor="black", lw=0.6, zorder=5)
+        )
+        ax.plot(x, y, marker="o", color=drawing.PERSON, ms=5, zorder=4)  # of small outlines
+        tip = (x + 0.9 * c, y + 0.9 * s)
+        arrow = ax.annotate(
+            "", xy=tip, xytext=(x, y), zorder=6, annotation_clip=False,
+            arrowprops={"arrowstyle": "-|>", "lw": 0.8, "mutation_scale": 7},
+        )  # fmt: skip
+        arrow.set_in_layout(False)  # people may be far off the map
+        number = ax.annotate(
+            str(j), xy=(x, y), xytext=(-_BEHIND * c, -_BEHIND * s), textcoords="offset points",
+            color=drawing.PERSON, fontsize=SMALL, weight="bold", ha="center", va="center",
+            zorder=7, clip_on=True, annotation_clip=True,
+            path_effects=[withStroke(linewidth=2, foreground="white")],
+        )  # fmt: skip
+        number.set_in_layout(False)
+    return ax
+
+
+def _draw_robots(ax: Axes, problem: Problem, plan: Plan, t: int, length: float) -> Axes:
+    """Draws drones at step t with their paths; a ring marks each start.
+
+    Parameters
+    ----------
+    length : m, of the cones that show where cameras look
+    """
+    for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
+        colour = robot_colour(i)
+        track = np.array([problem.height_map.centre(state.x, state.y) for state in path])
+        ax.plot(*track.T, color=colour, lw=0.8, alpha=0.35, zorder=2)
+        ax.plot(*track[: t + 1].T, color=colour, lw=1.8, zorder=4)
+        ax.plot(*track[0], marker="o", mfc="none", mec=colour, ms=_DISC, zorder=4)
+        yaw = 360 * path[t].heading / robot.motion.headings
+        half = np.degrees(robot.camera.half_angle)
+        cone = Wedge(
+            tuple(track[t]), length, yaw - half, yaw + half, color=colour, alpha=0.18, zorder=1
+        )
+        ax.add_patch(cone)
+        ax.plot(*track[t], marker="o", color=colour, mec="black", mew=0.6, ms=_DISC, zorder=8)
+        ax.text(
+            track[t, 0],
+            track[t, 1],
+            str(i),
+            color="white",
+            fontsize=SMALL,
+            weight="bold",
+            ha="center",
+            va="center_baseline",
+            zorder=9,
+        )
+    return ax
+
+
+def _draw_reward(ax: Axes, verdict: Verdict, t: int) -> Axes:
+    """Draws the view reward of each step, up to step t in a darker colour."""
+    steps = np.arange(1, len(verdict.reward_per_step) + 1)
+    ax.bar(steps, verdict.reward_per_step, color=[BLUE if s <= t else _TO_COME for s in steps])
+    ax.set_xlabel("step")
+    ax.set_ylabel("view reward")
+    ax.set_xticks(steps[:: max(1, len(steps) // 10)])
+    return set_frame(ax, None)
+
+
+def _plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figure:
+    """Draws the top view at step t above the reward per step."""
+    frame = Frame.of(problem, [plan])
+    width, depth = frame.size
+    height = min(max(5.0 * depth / width, 2.5), 9.0)
+    figure = new_figure(5.6, height + 1.7)
+    top, bottom = figure.subplots(2, 1, height_ratios=[height, 1.1])
+    draw_plan(top, problem, plan, t, frame)
+    words = f"step {t} of {problem.horizon} ({_told(verdict)})"
+    top.set_title(f"{_name(problem)}, {words}", fontsize=TITLE)
+    _draw_reward(bottom, verdict, t)
+    return figure
+
+
+def _strip_figure(problem: Problem, plan: Plan, verdict: Verdict, steps: Sequence[int]) -> Figure:
+    """Draws top views at several steps, row by row."""
+    frame = Frame.of(problem, [plan])
+    width, depth = frame.size
+    rows = math.ceil(len(steps) / _COLUMNS)
+    columns = math.ceil(len(steps) / rows)
+    height = min(max(_STRIP * depth / width, 1.5), 6.0) + 0.5
+    figure = new_figure(_STRIP * columns + 0.6, height * rows + 0.4)
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for ax, t in zip(panels, steps, strict=False):
+        draw_plan(ax, problem, plan, t, frame)
+        ax.set_title(f"step {t}", fontsize=LABEL)
+        ax.label_outer()
+    for ax in panels[len(steps) :]:
+        ax.set_axis_off()
+    for ax in panels[: len(steps) - 1]:  # one legend is enough for all
+        if (legend := ax.get_legend()) is not None:
+            legend.remove()
+    figure.suptitle(f"{_name(problem)} ({_told(verdict)})", fontsize=TITLE)
+    return figure
+
+
+def _name(problem: Problem) -> str:
+    return textwrap.shorten(problem.name, _TITLE, placeholder=" ..")[:_TITLE]
+
+
+def _told(verdict: Verdict) -> str:
+    """Returns J and the conflicts of a plan in words."""
+    conflicts = f", {counted(len(verdict.conflicts), 'conflict')}" if verdict.conflicts else ""
+    return f"whole plan: J = {verdict.reward:,.0f}{conflicts}"
+
+
+def plan_picture(
+    problem: Problem, plan: Plan | None, suffix: str, steps: Sequence[int] = ()
+) -> bytes:
+    """Returns a file that shows a plan at some steps; a GIF file shows them one after the other.
+
+    Parameters
+    ----------
+    plan : without it, the drones are shown at their starts
+    suffix : one of PICTURES, or of a plan ``".gif"``
+    steps : without any, the last one, or in a GIF file all
+    """
+    if plan is None:
+        starts = problem.plot().get_figure(root=True)
+        assert starts is not None
+        return picture(starts, suffix)
+    verdict = check(problem, plan)
+    if suffix == ".gif":
+        shown = steps or range(problem.horizon + 1)
+        return _gif([_plan_figure(problem, plan, verdict, t) for t in shown])
+    if len(steps) > 1:
+        return picture(_strip_figure(problem, plan, verdict, steps), suffix)
+    (t,) = steps or (problem.horizon,)
+    return picture(_plan_figure(problem, plan, verdict, t), suffix)
+
+
+def picture(figure: Figure, suffix: str) -> bytes:
+    """Returns a figure as the content of a file.
+
+    Parameters
+    ----------
+    suffix : one of PICTURES; text in a PDF stays text
+    """
+    content = io.BytesIO()
+    canvas = FigureCanvasAgg(figure)
+    for text in figure.findobj(Text):  # names of scenes and files may hold dollar signs
+        text.set_parse_math(False)
+        text.set_text(printable(text.get_text(), _SPACES))
+        text.set_fontfamily(families_for(text.get_text()))
+    with (
+        mpl.rc_context({"pdf.fonttype": 42, "text.parse_math": False}),
+        warnings.catch_warnings(),
+    ):
+        warnings.filterwarnings("ignore", "Glyph")  # names may have any letters
+        if suffix == ".png":
+            # `savefig` would draw twice, first for the layout alone.
+            canvas.print_png(content)  # type: ignore[no-untyped-call]
+        else:
+            figure.savefig(content, format=suffix[1:])
+    return content.getvalue()
+
+
+def _gif(figures: Sequence[Figure]) -> bytes:
+    """Returns figures as the frames of a GIF file that repeats."""
+    frames = [Image.open(io.BytesIO(picture(figure, ".png"))).convert("RGB") for figure in figures]
+    content = io.BytesIO()
+    frames[0].save(
+        content, format="GIF", save_all=True, append_images=frames[1:], loop=0,
+        duration=_FRAME_MILLISECONDS,
+    )  # fmt: skip
+    return content.getvalue()

@@ -1,0 +1,122 @@
+"""Pictures by the drones' cameras, and a table of planned and rendered pixels beside them."""
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from PIL import Image
+
+from cocap_opt.data import FloatArray
+from cocap_opt.model import compiled
+from cocap_opt.output.files import save_bytes, save_csv
+from cocap_opt.output.printing import Record
+from cocap_opt.output.rendered import (
+    FaceView,
+    Pose,
+)
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import check
+from cocap_opt.vision.render import TERRAIN, Picture, Renderer
+
+_SKY_COLOUR, _GROUND_COLOUR = (0.80, 0.88, 0.95), (0.62, 0.60, 0.55)
+
+
+def write_views(
+    folder: Path,
+    problem: Problem,
+    plan: Plan,
+    width: int,
+    pixel_step: int,
+    counter: Callable[[str], Callable[[int, int], None]],
+) -> Record:
+    """Writes a picture per drone and step, and coverage.csv; returns rewards and errors by name.
+
+    Parameters
+    ----------
+    width : px, of the pictures
+    pixel_step : of the renderer that counts pixels
+    counter : returns a function that is told how many of some things are done, by their name
+    """
+    verdict = check(problem, plan)
+    steps = [max(round(Renderer.camera_of(robot).width / width), 1) for robot in problem.robots]
+    painters = {step: Renderer(problem, step) for step in set(steps)}
+    drawn, paint = Pose.all_of(plan), counter("picture")
+    for number, pose in enumerate(drawn):
+        paint(number, len(drawn))
+        painter = painters[steps[pose.robot]]
+        picture = painter.picture(problem.robots[pose.robot], pose.t, pose.state)
+        name = folder / f"drone{pose.robot:02d}-step{pose.t:03d}.png"
+        save_bytes(name, _png(problem, picture))
+    renderer = Renderer(problem, pixel_step)
+    poses = Pose.all_of(plan, problem.first_step)
+    views = list(FaceView.all_from(compiled(problem), renderer, poses, counter("view")))
+    save_csv(
+        folder / "coverage.csv", [_csv_row(problem, view) for view in views] or [{"robot": ""}]
+    )
+    return {
+        "reward": verdict.reward,
+        "reward_rendered": FaceView.reward(problem, views, verdict.reward_moves),
+        **FaceView.errors(views),
+    }
+
+
+def drone_view(problem: Problem, plan: Plan, robot: int, t: int, width: int) -> bytes:
+    """Returns the PNG file of what a drone sees at a step.
+
+    Parameters
+    ----------
+    width : px, about
+    """
+    own = problem.robots[robot]
+    painter = Renderer(problem, max(round(Renderer.camera_of(own).width / width), 1))
+    return _png(problem, painter.picture(own, t, plan.paths[robot][t]))
+
+
+def _csv_row(problem: Problem, view: FaceView) -> Record:
+    actor = int(problem.face_owner[view.face])
+    return {
+        "robot": view.pose.robot,
+        "step": view.pose.t,
+        "actor": actor,
+        "face": view.face - int(np.searchsorted(problem.face_owner, actor)),
+        "planned (px/m2)": view.planned / view.area,
+        "rendered (px/m2)": view.rendered / view.area,
+        "rendered (px)": view.rendered,
+        "unhidden (px)": view.unhidden,
+    }
+
+
+def _png(problem: Problem, picture: Picture) -> bytes:
+    """Returns a PNG file of a picture: people's faces in colours of their own, terrain shaded."""
+    height, width = picture.faces.shape
+    image = np.empty((height, width, 3))
+    image[:] = _SKY_COLOUR
+    light = 0.35 + 0.65 * picture.shade[..., None]
+    ground = picture.faces == TERRAIN
+    image[ground] = (light * _GROUND_COLOUR)[ground]
+    colours = _face_colours(problem)
+    if len(colours):
+        actors = picture.faces >= 0
+        image[actors] = (light * colours[np.maximum(picture.faces, 0)])[actors]
+    content = io.BytesIO()
+    Image.fromarray((255 * np.clip(image, 0, 1)).astype(np.uint8)).save(content, format="PNG")
+    return content.getvalue()
+
+
+def _face_colours(problem: Problem) -> FloatArray:
+    """Returns the colour of every face [F, 3]: the actor's, in a brightness of the face's own."""
+    owners = problem.face_owner.tolist()
+    colours = []
+    for f, owner in enumerate(owners):
+        first = owners.index(owner)
+        share = (f - first) / max(owners.count(owner) - 1, 1)
+        colours.append((1 - 0.5 * share) * np.array(_actor_colour(owner)) + 0.25 * share)
+    return np.array(colours).reshape(-1, 3)
+
+
+def _actor_colour(actor: int) -> tuple[float, float, float]:
+    """Returns the colour of an actor."""
+    red, green, blue, _ = mpl.colormaps["tab10"](actor % 10)
+    return red, green, blue

@@ -1,0 +1,174 @@
+"""The player: plans of one scene in one HTML file, which needs no network and no other file.
+
+The scripts in the folder `page` draw; this module makes the data that they draw.
+"""
+
+import json
+import re
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from cocap_opt.files.documents import FileError
+from cocap_opt.formulations.explanation import Explanation
+from cocap_opt.output.files import save_bytes
+from cocap_opt.output.heights import over_datum
+from cocap_opt.player.pages import PageFile
+from cocap_opt.player.player_plan import PlanData, digits
+from cocap_opt.player.player_scene import SceneData
+from cocap_opt.problem import Cone, Plan, Problem
+
+_SCRIPTS = (
+    "colours.js", "numbers.js", "geometry.js", "opening.js", "raster.js", "rays.js", "light.js",
+    "world.js", "camera.js", "figures.js", "pen.js", "bodies.js", "sights.js", "labels.js",
+    "view.js", "eye.js", "chart.js", "panel.js", "steer.js", "keys.js", "legend.js", "player.js",
+)  # fmt: skip
+_FRAME_HEIGHT = 680  # px, in a notebook
+
+Data = dict[str, Any]
+Titled = tuple[str, Plan]  # a title and a plan
+
+
+class Player:
+    """Plays plans of one scene side by side: inline in a notebook, or from a file.
+
+    Parameters
+    ----------
+    plans : with titles, none with violations by `check`; without any plan the drones are shown at
+        their starts
+    gaps : what the gap of each plan is made of, None where it is not known; none if not given
+    planners : which planner made each plan, None where it is not known; none if not given
+    cut_short : what a limit has left of each plan, in words; none if not given
+
+    Examples
+    --------
+    >>> problem = co.load("corridor")
+    >>> plans = [co.plan(problem, name) for name in ("greedy", "cocap")]
+    >>> co.show(problem, *plans).save("plans.html")
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        plans: Sequence[Titled] = (),
+        gaps: Sequence[Explanation | None] = (),
+        planners: Sequence[str | None] = (),
+        cut_short: Sequence[str] = (),
+    ) -> None:
+        self._problem = problem if plans else _without_goals(problem)
+        self._waits = not plans
+        self._plans = plans or [("drones at their starts", _waiting(problem))]
+        self._gaps = gaps or [None] * len(self._plans)
+        self._planners = planners or [None] * len(self._plans)
+        self._cut_short = cut_short or [""] * len(self._plans)
+        self._judged = problem if plans else _without_distance_to_people(self._problem)
+
+    def page(self) -> str:
+        """Returns the text of the HTML file."""
+        parts = {
+            "style": PageFile("player.css").text,
+            "script": _without_comments("\n".join(PageFile(name).text for name in _SCRIPTS)),
+            "data": _inert(self.data()),
+        }
+        return PageFile("player.html").filled(parts)
+
+    def data(self) -> Data:
+        """Returns all data that the player draws, as one JSON object.
+
+        Lengths are in m, angles in rad, positions those of `SceneData`; each plan is as
+        `PlanData` has it. Gaps are shares of the bound.
+        """
+        problem, scene = self._problem, SceneData(self._problem)
+        plans = [
+            PlanData(scene, self._judged, plan, gap)
+            for (_, plan), gap in zip(self._plans, self._gaps, strict=True)
+        ]
+        shown: list[Data] = [
+            {"title": title, "planner": planner, "waits": self._waits, "cutShort": cut_short}
+            | plan.data()
+            for (title, _), planner, cut_short, plan in zip(
+                self._plans, self._planners, self._cut_short, plans, strict=True
+            )
+        ]
+        return {
+            "name": problem.name,
+            "about": _about(problem),
+            "steps": problem.horizon,
+            "first": problem.first_step,
+            "layers": len(problem.layers),
+            "over": over_datum(problem),
+            "unit": _unit(problem),
+            "most": digits(max(float(plan.seen.max(initial=0.0)) for plan in plans)) or 1.0,
+            "mostReward": max(max(plan["rewards"]) for plan in shown),
+            **scene.scope([plan for _, plan in self._plans]),
+            "terrain": scene.terrain(),
+            **scene.meshes(),
+            "airspace": scene.airspace(),
+            "people": [scene.person(j) for j in range(len(problem.actors))],
+            "drones": [scene.drone(number) for number in range(len(problem.robots))],
+            "plans": shown,
+        }
+
+    def save(self, path: Path | str) -> None:
+        """Writes the HTML file.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written, or is not named .html; one line with its name.
+        """
+        if Path(path).suffix.lower() not in (".html", ".htm"):
+            raise FileError(f"{path}: must be named .html; `problem.plot(plan)` draws a picture")
+        save_bytes(Path(path), self.page().encode())
+
+    def __repr__(self) -> str:
+        titles = " | ".join(title for title, _ in self._plans)
+        return f"Player of {self._problem.name!r}: {titles}; .save(path) writes it as an HTML file"
+
+    def _repr_html_(self) -> str:
+        """Plays inline in a notebook, in a frame that holds the whole page."""
+        return (
+            f'<iframe srcdoc="{escape(self.page())}" title="plans of {escape(self._problem.name)}" '
+            f'width="100%" height="{_FRAME_HEIGHT}" style="border: 0"></iframe>'
+        )
+
+
+def _waiting(problem: Problem) -> Plan:
+    """Returns the plan in which all drones stay at their starts."""
+    return Plan(paths=tuple((robot.start,) * (problem.horizon + 1) for robot in problem.robots))
+
+
+def _without_goals(problem: Problem) -> Problem:
+    """Returns the problem in which drones may stay at their starts."""
+    return problem.replace(robots=tuple(robot.replace(goal=None) for robot in problem.robots))
+
+
+def _without_distance_to_people(problem: Problem) -> Problem:
+    """Returns the problem in which people may walk by drones that stay at their starts."""
+    airspace = problem.airspace.replace(people_aside=0.0, people_above=None)
+    return problem.replace(airspace=airspace)
+
+
+def _without_comments(script: str) -> str:
+    """Returns a script without comments and indents, which would be a fifth of the page."""
+    return re.sub(r"^\s*(?://.*)?\n|^ +", "", script, flags=re.MULTILINE)
+
+
+def _inert(data: Data) -> str:
+    """Returns JSON that neither ends nor begins an HTML element, whatever names are in it."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def _unit(problem: Problem) -> str:
+    """Returns the unit of coverage: cones do not count pixels."""
+    cones = [isinstance(robot.camera, Cone) for robot in problem.robots]
+    return "1/m²" if all(cones) else "px/m² or 1/m²" if any(cones) else "px/m²"
+
+
+def _about(problem: Problem) -> str:
+    """Returns the numbers of drones, people and steps in words."""
+    counts = ((len(problem.robots), "drone", "drones"), (len(problem.actors), "person", "people"),
+              (problem.horizon, "step", "steps"))  # fmt: skip
+    return ", ".join(f"{count} {one if count == 1 else many}" for count, one, many in counts)

@@ -1,0 +1,237 @@
+"""A plan as the player has it: what drones see and add, where they come near, what it lacks.
+
+Coverage is that of the model's tables, by which the referee's rewards can be had (tests hold both
+to each other). Steps at which nothing counts have a reward of 0.
+"""
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.formulations.explanation import Explanation
+from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.model import compiled
+from cocap_opt.output.conflicts import told_conflict
+from cocap_opt.player.player_scene import SceneData
+from cocap_opt.problem import Conflict, Plan, Problem, Robot, State, VertexConflict
+from cocap_opt.referee import check
+
+_DIGITS = 5  # of px/m2 and shares as they are shown; rewards have all digits
+_COSTLIEST = 5  # moves that are marked
+_LEAST = 5e-6  # of the bound, a loss to speak of
+_ROUNDING = 1e-6  # of distances
+
+Data = dict[str, Any]
+
+
+class PlanData:
+    """A plan of a scene, as JSON values.
+
+    Parameters
+    ----------
+    judged : the problem by whose rules it is judged
+    gap : what its gap is made of, None where that is not known
+    """
+
+    def __init__(
+        self, scene: SceneData, judged: Problem, plan: Plan, gap: Explanation | None
+    ) -> None:
+        self._scene, self._problem, self._judged = scene, scene.problem, judged
+        self._plan, self._gap = plan, gap
+
+    @cached_property
+    def own(self) -> FloatArray:
+        """The coverage [R, T+1, F] (px/m2; 1/m2 for cones) that each drone has."""
+        model = compiled(self._problem)
+        return np.array([
+            model.views(model.class_of[i]).along(0, np.array(path))
+            for i, path in enumerate(model.paths(self._plan))
+        ])  # fmt: skip
+
+    @cached_property
+    def seen(self) -> FloatArray:
+        """The coverage [T+1, F] (px/m2) that all drones together have."""
+        total: FloatArray = self.own.sum(axis=0)
+        return total
+
+    def data(self) -> Data:
+        """Returns all that the player knows of the plan; steps t, drones i, faces f.
+
+        `rewards[t]` is the referee's view reward of a step, `seen[t][f]` the coverage of each face
+        (px/m2) by all drones together, `meanPixels` its mean over faces and the steps that count,
+        and `ownPixels[i][t]` the mean coverage of a face by one drone. `adds[i][t]` is what a
+        step's reward would be less without a drone, empty where pixels add up over time.
+        `heights[i]` are flight heights (m), one if it is the same at all steps. `near` are moments
+        at which two drones come close, `besidePeople` says where one comes too near to somebody.
+        """
+        verdict = check(self._judged, self._plan)
+        counted = self.seen[self._problem.first_step :]
+        return {
+            "reward": verdict.reward,
+            "moves": verdict.reward_moves,
+            "rewards": [verdict.reward_at_start, *verdict.reward_per_step],
+            "meanPixels": digits(float(_means(counted).mean())),
+            "seen": [[digits(value) for value in row] for row in self.seen.tolist()],
+            "ownPixels": [[digits(value) for value in _means(one).tolist()] for one in self.own],
+            "adds": [[digits(value) for value in row] for row in self._adds().tolist()],
+            "conflicts": [self._conflict(one) for one in self._plan.conflicts(self._problem)],
+            "near": self._near(),
+            "besidePeople": [*self._beside_people()],
+            "gap": None if self._gap is None else _gap(self._problem, self._gap, verdict.valid),
+        } | self._flight()
+
+    def _beside_people(self) -> Iterator[str]:
+        """Yields where each drone first comes too near to somebody, in words.
+
+        Plans do not: the referee looks at them. Drones that only wait at their starts may.
+        """
+        for i, path in enumerate(self._plan.paths):
+            at = self._problem.where(self._problem.robots[i], path)
+            found = [
+                near for j in range(len(self._problem.actors)) for near in self._near_to(j, at)
+            ]
+            if found:
+                t, aside, j = min(found)
+                yield (
+                    f"drone {i} is {aside:.1f} m from {self._problem.person(j)} at step {t:.3g}; "
+                    f"rule {self._problem.airspace.people_aside:g} m"
+                )
+
+    def _near_to(self, j: int, at: FloatArray) -> Iterator[tuple[float, float, int]]:
+        """Yields when a drone at places [T+1, 3] (m) is too near to somebody, and how near."""
+        actor, airspace = self._problem.actors[j], self._problem.airspace
+        ways = at - actor.middles[: len(at)]
+        for t in range(len(at) - 1):
+            if airspace.near_person(actor, t, at[t], at[t + 1]):
+                share = float(airspace.rules_beside(actor).closest(ways[t], ways[t + 1]).share)
+                x, y, _ = (1 - share) * ways[t] + share * ways[t + 1]
+                yield t + share, math.hypot(x, y), j
+
+    def _flight(self) -> Data:
+        scene = self._scene
+        flown = list(zip(self._problem.robots, self._plan.paths, strict=True))
+        return {
+            "paths": [scene.rounded(scene.path(robot, path)) for robot, path in flown],
+            "heights": [_heights(robot, path) for robot, path in flown],
+        }
+
+    def _adds(self) -> FloatArray:
+        """Returns what each step's reward [R, T+1] would be less without each drone."""
+        problem = self._problem
+        if problem.objective.over_time:
+            return np.empty((0, 0))
+        others = np.maximum(self.seen - self.own, 0.0)
+        roots = np.sqrt(self.seen) - np.sqrt(others)
+        adds: FloatArray = (problem.step_weights * roots).sum(axis=2)
+        adds[:, : problem.first_step] = 0.0
+        return adds
+
+    def _conflict(self, conflict: Conflict) -> Data:
+        return {
+            "step": conflict.t,
+            "robots": list(conflict.robots),
+            "between": not isinstance(conflict, VertexConflict),
+            "words": told_conflict(self._problem, conflict),
+        }
+
+    def _near(self) -> list[Data]:
+        """Returns the nearest that two drones come in each step, where that is close.
+
+        Close is nearer than half a cell, in scenes whose rules have no separation; who keeps one
+        is far enough. Pairs in conflict are not told.
+        """
+        rules, cell = self._problem.rules, self._problem.height_map.resolution
+        if not self._pairs or rules.separation:
+            return []
+        closest = rules.closest(self._ways[:, :-1], self._ways[:, 1:])
+        apart = np.where(self._in_conflict(), np.inf, closest.distance)
+        close = cell / 2 * (1 - _ROUNDING)
+        return [
+            self._approach(self._pairs[k], t + float(closest.share[k, t]), float(apart[k, t]))
+            for t, k in enumerate(apart.argmin(axis=0).tolist())
+            if apart[k, t] < close
+        ]
+
+    @staticmethod
+    def _approach(pair: tuple[int, int], time: float, apart: float) -> Data:
+        words = f"drones {pair[0]} and {pair[1]} come within {apart:.2g} m of each other"
+        return {"time": round(time, 3), "robots": list(pair), "words": words}
+
+    @cached_property
+    def _pairs(self) -> list[tuple[int, int]]:
+        return list(combinations(range(len(self._plan.paths)), 2))
+
+    @cached_property
+    def _ways(self) -> FloatArray:
+        """The ways [P, T+1, 3] (m) from one drone of each pair to the other."""
+        flights = zip(self._problem.robots, self._plan.paths, strict=True)
+        at = np.array([self._scene.path(robot, path)[:, :3] for robot, path in flights])
+        one, other = np.array(self._pairs).T
+        ways: FloatArray = at[other] - at[one]
+        return ways
+
+    def _in_conflict(self) -> BoolArray:
+        """Returns an array [P, T], true for pairs in conflict in a step, or at its ends."""
+        found = np.zeros((len(self._pairs), self._problem.horizon), dtype=np.bool_)
+        for conflict in self._plan.conflicts(self._problem):
+            first = max(conflict.t - 1, 0) if isinstance(conflict, VertexConflict) else conflict.t
+            found[self._pairs.index(conflict.robots), first : conflict.t + 1] = True
+        return found
+
+
+def _heights(robot: Robot, path: tuple[State, ...]) -> list[float]:
+    """Returns the flight heights (m) of a path, one if it is the same at all steps."""
+    heights = [digits(robot.motion.layers[state.layer]) for state in path]
+    return heights if len(set(heights)) > 1 else heights[:1]
+
+
+def digits(value: float) -> float:
+    """Returns a number with as many digits as the player shows."""
+    short = float(f"{value:.{_DIGITS}g}")
+    return int(short) if short.is_integer() else short
+
+
+def _means(seen: FloatArray) -> FloatArray:
+    """Returns the mean [n] over faces of coverage [n, F]; 0 where there is nobody."""
+    means: FloatArray = seen.sum(axis=1) / max(seen.shape[1], 1)
+    return means
+
+
+def _gap(problem: Problem, gap: Explanation, obeys: bool) -> Data:
+    """Returns a bound, and what the gap to it is made of, as shares of the bound.
+
+    Only a plan that obeys the rules can be optimal: the others may have more than the bound.
+    `losses[i][t]` is what drone i loses by leaving step t, of which the largest are `costliest`,
+    and `faces[t][f]` what is paid for faces.
+    """
+    first = np.searchsorted(problem.face_owner, np.arange(len(problem.actors)))
+    faces = np.zeros((problem.view_sum_steps, len(problem.face_weights)))
+    for term in gap.of_kind("face"):
+        assert term.actor is not None
+        assert term.face is not None
+        faces[term.step or 0, first[term.actor] + term.face] += gap.share(term.amount)
+    return {
+        "bound": gap.bound,
+        "total": gap.share(gap.gap),
+        "optimal": obeys and gap.share(gap.gap) <= OPTIMALITY,
+        "costliest": _costliest(gap),
+        "losses": [[digits(gap.share(x)) for x in row] for row in gap.losses().tolist()],
+        "faces": [[digits(value) for value in row] for row in faces.tolist()],
+        "rules": gap.share(gap.total("row", "decision")),
+        "rest": gap.share(gap.total("leaves", "stages", "claim", "rounding")),
+    }
+
+
+def _costliest(gap: Explanation) -> list[Data]:
+    """Returns the moves by which drones lose most, by step."""
+    moves = sorted(gap.of_kind("path"), key=lambda term: -term.amount)[:_COSTLIEST]
+    costly = [move for move in moves if gap.share(move.amount) >= _LEAST]
+    return [
+        {"step": move.step, "robot": move.robot, "share": digits(gap.share(move.amount))}
+        for move in sorted(costly, key=lambda term: term.step or 0)
+    ]

@@ -1,0 +1,230 @@
+"""Terrain, meshes, people and drones of a scene in the coordinates of the player.
+
+Positions are from the corner of the map and from its lowest height, in m. They have as many
+digits as one can see; map coordinates of 500 km would not fit into a picture's precision.
+"""
+
+import math
+from collections.abc import Iterable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.pictures.figures import VIEW_LENGTH, robot_colour
+from cocap_opt.problem import (
+    Camera,
+    Plan,
+    Problem,
+    Robot,
+    State,
+)
+from cocap_opt.world.workspace import Mesh, Workspace
+
+MOST_CELLS = 128  # along an edge of the map, as it is drawn
+MOST_TRIANGLES = 10_000  # of all meshes; finer meshes are drawn as the cells that they fill
+_DIGITS = 5  # of the map's size
+_GROUND, _LOW, _BLOCKS = 0, 1, 2  # kinds of cells; the last blocks the lowest flight height
+_SLAB = 0.012  # of the map's size, height of its edge as it is drawn
+_MARGIN = 4.0  # m, from all flights and walks to the edge of the picture
+_SKY = 4.0  # m, above the highest flight, up to which closed airspace is drawn
+
+Data = dict[str, Any]
+
+
+class SceneData:
+    """A scene in the player's coordinates, as JSON values."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        heights = problem.height_map.heights
+        self._corner = np.array([*problem.height_map.origin, float(heights.min())])
+        self._size = np.array(problem.height_map.shape) * problem.height_map.resolution
+        self._decimals = _DIGITS - 1 - math.floor(math.log10(self._size.max()))
+
+    def rounded(self, values: FloatArray) -> Any:
+        """Returns lengths (m) or angles with as many decimals as can be seen, as lists of lists."""
+        return _short((np.asarray(values).round(max(self._decimals, 3)) + 0.0).tolist())
+
+    def local(self, points: FloatArray) -> FloatArray:
+        """Returns world points [.., 3] in the player's coordinates."""
+        result: FloatArray = points - self._corner
+        return result
+
+    def path(self, robot: Robot, path: tuple[State, ...]) -> FloatArray:
+        """Returns the poses [T+1, 5] of a robot: x, y, z (m), heading and tilt (rad)."""
+        height_map, motion = self.problem.height_map, robot.motion
+        rows = [
+            (*height_map.centre(s.x, s.y), height_map.altitude(s.x, s.y, motion.layers[s.layer]),
+             math.tau * s.heading / motion.headings, robot.camera.tilts[s.pitch])
+            for s in path
+        ]  # fmt: skip
+        poses = np.array(rows)
+        poses[:, :3] = self.local(poses[:, :3])
+        return poses
+
+    @cached_property
+    def _block(self) -> int:
+        """Number of the map's cells along the edge of a cell as it is drawn."""
+        return math.ceil(max(self.problem.height_map.shape) / MOST_CELLS)
+
+    def _coarse(self, values: FloatArray, take: np.ufunc) -> FloatArray:
+        """Returns values [.., X, Y] of cells as they are drawn."""
+        for axis in (-2, -1):
+            starts = np.arange(0, values.shape[axis], self._block)
+            values = take.reduceat(values, starts, axis=axis)
+        return values
+
+    def terrain(self) -> Data:
+        """Returns the columns of the height map; on a large map, the highest of each block."""
+        height_map = self.problem.height_map
+        parts = (np.minimum(height_map.heights, self._ceiling), height_map.ground, self._kinds)
+        heights, ground, kinds = (self._coarse(part, np.maximum) for part in parts)
+        return {
+            "cell": height_map.resolution * self._block,
+            "cells": list(heights.shape),
+            "size": self._size.tolist(),
+            "slab": self.rounded(_SLAB * self._size.max()),
+            "heights": self.rounded(heights.ravel() - self._corner[2]),
+            "grounds": self.rounded(np.minimum(ground, heights).ravel() - self._corner[2]),
+            "kinds": "".join(str(int(kind)) for kind in kinds.ravel()),
+        }
+
+    @property
+    def _ceiling(self) -> float:
+        """Altitude to which columns are drawn: one may be as high as a number can be."""
+        tops = [self.problem.height_map.altitudes(self.problem.layers).max()]
+        tops += [actor.poses[:, 2].max() for actor in self.problem.actors]
+        return float(max(tops) + self._size.max())
+
+    @property
+    def _kinds(self) -> FloatArray:
+        """Kind of every cell [X, Y] of the height map."""
+        height_map = self.problem.height_map
+        blocked = _blocked_cells(self.problem, Workspace(height_map))  # meshes are drawn themselves
+        kinds = np.where(height_map.stands_out, np.where(blocked, _BLOCKS, _LOW), _GROUND)
+        return kinds.astype(np.float64)
+
+    def meshes(self) -> Data:
+        """Returns meshes as triangles, or as boxes: cells x, y and the altitudes that they fill."""
+        return self._solids(self.problem.meshes)
+
+    def airspace(self) -> Data | None:
+        """Returns what is closed to drones, as far up as the picture shows it; None: nothing.
+
+        `zones` are like meshes; `lid` has the ceiling's height in each cell as it is drawn, and is
+        empty where the ceiling is higher than that; `aside` and `above` are the distances (m) to
+        people, None where there is no such rule.
+        """
+        airspace = self.problem.airspace
+        if not str(airspace):
+            return None
+        zones = [
+            zone.replace(vertices=np.clip(zone.vertices, [-np.inf, -np.inf, self._corner[2]],
+                                          [np.inf, np.inf, self._sky]))
+            for zone in airspace.no_fly
+        ]  # fmt: skip
+        return {
+            "words": str(airspace),
+            "zones": self._solids(tuple(zones)),
+            "lid": self._lid(airspace.ceiling),
+            "aside": airspace.people_aside or None,
+            "above": airspace.people_above,
+            "sky": self.rounded(self._sky - self._corner[2]),
+        }
+
+    def _lid(self, ceiling: float | None) -> list[float]:
+        if ceiling is None:
+            return []
+        tops = self._coarse(self.problem.height_map.altitudes((ceiling,))[0], np.minimum)
+        shown: list[float] = self.rounded(tops.ravel() - self._corner[2])
+        return shown if tops.min() <= self._sky else []
+
+    @property
+    def _sky(self) -> float:
+        """Altitude up to which closed airspace is drawn: it may reach as high as numbers do."""
+        return float(self.problem.height_map.altitudes(self.problem.layers).max()) + _SKY
+
+    def _solids(self, meshes: tuple[Mesh, ...]) -> Data:
+        if sum(len(mesh.triangles) for mesh in meshes) > MOST_TRIANGLES:
+            return {"meshes": [], "boxes": self._boxes(meshes)}
+        shown = [
+            {
+                "vertices": self.rounded(self.local(mesh.vertices).ravel()),
+                "triangles": mesh.triangles.ravel().tolist(),
+            }
+            for mesh in meshes
+        ]
+        return {"meshes": shown, "boxes": []}
+
+    def _boxes(self, meshes: tuple[Mesh, ...]) -> list[list[float]]:
+        columns = Workspace(self.problem.height_map, meshes).columns
+        low = self._coarse(columns.low[1:], np.minimum) - self._corner[2]
+        high = self._coarse(columns.high[1:], np.maximum) - self._corner[2]
+        filled = np.argwhere(low <= high)
+        return [
+            [int(x), int(y), self.rounded(low[k, x, y]), self.rounded(high[k, x, y])]
+            for k, x, y in filled
+        ]
+
+    def scope(self, plans: Iterable[Plan]) -> Data:
+        """Returns corners of a box around flights and walks, and the length (m) of view cones."""
+        steps, robots = self.problem.horizon + 1, self.problem.robots
+        parts = [self.local(actor.poses[:steps, :3]) for actor in self.problem.actors]
+        for plan in plans:
+            paths = zip(robots, plan.paths, strict=True)
+            parts += [self.path(robot, path)[:, :3] for robot, path in paths]
+        points = np.concatenate(parts)
+        least, most = points.min(axis=0), points.max(axis=0)
+        margin, edge = np.array([_MARGIN, _MARGIN, 0.0]), np.array([*self._size, np.inf])
+        # The map's edge ends the picture, except for people beyond it who are not too far away.
+        floor = np.where(least < 0, -edge - margin, np.array([0.0, 0.0, -np.inf]))
+        edge = np.where(most > edge, 2 * edge + margin, edge)
+        low, high = np.clip(least - margin, floor, edge), np.clip(most + margin, floor, edge)
+        size = min(float(self._size.min()), float((high - low)[:2].max()))
+        return {"scope": [self.rounded(low), self.rounded(high)], "reach": VIEW_LENGTH * size}
+
+    def person(self, j: int) -> Data:
+        """Returns faces around the foot point, their names, and poses [T+1, 4], of a person."""
+        actor = self.problem.actors[j]
+        poses = actor.poses[: self.problem.horizon + 1].copy()
+        poses[:, :3] = self.local(poses[:, :3])
+        faces = actor.shape.faces()
+        return {
+            "faces": [self.rounded(face) for face in faces],
+            "called": self.problem.person(j),
+            "names": actor.shape.face_names,
+            "height": self.rounded(np.array(actor.shape.height)),
+            "poses": self.rounded(poses),
+        }
+
+    def drone(self, number: int) -> Data:
+        """Returns a drone's colour and half its angles of view (rad).
+
+        `rise`, the vertical one, is None for a cone, which looks level.
+        """
+        camera = self.problem.robots[number].camera
+        red, green, blue, _ = (round(255 * share) for share in robot_colour(number))
+        rise = math.atan(camera.height / 2 / camera.focal) if isinstance(camera, Camera) else None
+        return {
+            "colour": f"#{red:02x}{green:02x}{blue:02x}",
+            "half": camera.half_angle,
+            "rise": rise,
+        }
+
+
+def _short(values: Any) -> Any:
+    """Returns lists of numbers in which whole ones are written without a point."""
+    if isinstance(values, list):
+        return [_short(value) for value in values]
+    return int(values) if values.is_integer() else values
+
+
+def _blocked_cells(problem: Problem, workspace: Workspace) -> BoolArray:
+    """Returns the cells [X, Y] of a workspace in which no robot may be at the lowest layer."""
+    lowest = problem.layers[:1]
+    low = (robot.motion for robot in problem.robots if robot.motion.layers[:1] == lowest)
+    free = [motion.replace(layers=lowest).free_places(workspace)[0] for motion in set(low)]
+    blocked: BoolArray = ~np.any(free, axis=0)
+    return blocked

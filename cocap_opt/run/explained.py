@@ -1,0 +1,148 @@
+"""A gap explained as plain data: its terms, what they are about, and what they add up to.
+
+Tables of it are in `explained_tables`, sentences in `explained_words`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import msgspec
+
+from cocap_opt.coordination.replans import Replan, replans
+from cocap_opt.formulations.certificates import Cells, Move, Moves, Resource, Swap, Visit
+from cocap_opt.formulations.explanation import Explanation, Kind, explain
+from cocap_opt.model import Model
+from cocap_opt.output.printing import Record
+from cocap_opt.problem import Cell, Plan, Problem
+from cocap_opt.run.verification import Verified
+
+SHOWN = 5e-6  # of the bound; less is a dot in tables and not worth a sentence
+_PARTS: dict[str, tuple[Kind, ...]] = {
+    "drones leave the best paths that it knows": ("path",),
+    "it pays more for faces than they give": ("face",),
+    "rules with a price are not used, or broken": ("row",),
+    "decisions of the plan's leaf have prices": ("decision",),
+    "another leaf of the proof has a larger bound": ("leaves",),
+    "stages, or paths tried, take this off again": ("stages",),
+    "it claims more than its numbers prove": ("claim",),
+    "it covers rounding": ("rounding",),
+}
+
+
+@dataclass(frozen=True)
+class Explained:
+    """The gap of a plan, its terms, and the single re-plans that would lessen it.
+
+    Attributes
+    ----------
+    leaves : bounds of a proof's leaves, in order, if they are known
+    """
+
+    model: Model
+    plan: Plan
+    explanation: Explanation
+    leaves: tuple[float, ...] = ()
+
+    @classmethod
+    def of(cls, verified: Verified) -> "Explained | None":
+        """Returns the explanation of what was verified.
+
+        It is None where there is no plan that can be flown, or no bound to compare it with.
+        """
+        plan, proved = verified.plan, verified.proved
+        if plan is None or proved is None or proved.file.bound is None or not verified.reward >= 0:
+            return None
+        model, file, pricing, _ = proved
+        if verified.understated:  # the gap is to what is proved, not to what is claimed
+            file = msgspec.structs.replace(file, bound=pricing.bound)
+        found = explain(model, plan, verified.reward, file, pricing.bound)
+        return cls(model, plan, found, pricing.leaves)
+
+    @property
+    def problem(self) -> Problem:
+        """The problem of the plan."""
+        return self.model.problem
+
+    @cached_property
+    def replans(self) -> list[Replan]:
+        """The plan with one robot planned again, robot by robot."""
+        return replans(self.model, self.plan)
+
+    # -- data -----------------------------------------------------------------------------
+
+    @property
+    def records(self) -> list[Record]:
+        """A row of plain data per term; all rows have the same keys."""
+        found = self.explanation
+        return [
+            {
+                "kind": term.kind,
+                "step": term.step,
+                "robot": term.robot,
+                "actor": term.actor,
+                "face": term.face,
+                "amount": term.amount,
+                "share": found.share(term.amount),
+                "resource": None if term.resource is None else self.named(term.resource),
+                "sense": term.sense,
+                "robots": term.robots,
+                "used": None if term.users is None else len(term.users),
+                "price": term.price,
+            }
+            for term in found.terms
+        ]
+
+    @property
+    def record(self) -> Record:
+        """All of it as plain data, but for the sentences."""
+        found, leaf = self.explanation, self.explanation.leaf
+        terms = [
+            {key: value for key, value in row.items() if value is not None}
+            | ({} if term.resource is None else {"uses": msgspec.to_builtins(term.resource)})
+            for row, term in zip(self.records, found.terms, strict=True)
+        ]
+        return {
+            "bound": found.bound,
+            "reward": found.reward,
+            "difference": found.gap,
+            "sum": found.total(),
+            "terms": terms,
+            "leaf": leaf and {"node": leaf.node, "bound": leaf.bound, "leaves": list(self.leaves)},
+            "replans": [
+                {"robot": one.robot, "gain": one.gain, "share": found.share(one.gain)}
+                for one in self.replans
+            ],
+        }
+
+    def parts(self) -> dict[str, float]:
+        """Returns the sums of the terms by what they are, which add up to the gap."""
+        found = self.explanation
+        return {
+            words: found.total(*kinds)
+            for words, kinds in _PARTS.items()
+            if found.of_kind(*kinds) and (kinds != ("claim",) or found.total("claim"))
+        }
+
+    def named(self, resource: Resource | None) -> str:
+        """Returns a resource in words; empty where there is none."""
+        if isinstance(resource, Cells):
+            return f"cell{'s' if len(resource.cells) > 1 else ''} {self._cells(resource.cells)}"
+        if isinstance(resource, Swap):
+            return f"swap {self._cells(resource.cells)}"
+        if isinstance(resource, Move):
+            return f"move {self._cells(resource.cells)}"
+        if isinstance(resource, Moves):
+            more = len(resource.moves) - 1
+            return f"move {self._cells(resource.moves[0])}" + (f" +{more}" if more else "")
+        if isinstance(resource, Visit):
+            x, y, layer, heading, pitch = resource.state
+            aim = f"heading {heading}" + (f", pitch {pitch}" if pitch else "")
+            return f"{aim} in cell {self._cells([Cell(x, y, layer)])}"
+        return ""
+
+    def _cells(self, cells: Sequence[Cell]) -> str:
+        """Returns up to two cells, with their layers if there are several, and how many more."""
+        layers = len(self.problem.layers) > 1
+        shown = [f"({c.x}, {c.y}, {c.layer})" if layers else f"({c.x}, {c.y})" for c in cells[:2]]
+        return " ".join(shown) + (f" +{len(cells) - 2}" if len(cells) > 2 else "")

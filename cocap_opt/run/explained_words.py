@@ -1,0 +1,143 @@
+"""A gap explained in sentences: what is broken, what costs most, the leaf, and the way back."""
+
+import math
+from collections.abc import Iterable, Sequence
+
+from cocap_opt.formulations.certificates import Cells, Move, Moves, Resource, Swap, Visit
+from cocap_opt.formulations.explanation import Term
+from cocap_opt.graph.choke_points import choke_point
+from cocap_opt.output.conflicts import told_conflict
+from cocap_opt.output.printing import counted, rounded
+from cocap_opt.problem import Cell
+from cocap_opt.run.explained import SHOWN, Explained
+
+_TOLD = 6  # sentences on single terms
+
+
+def explained_sentences(explained: Explained) -> list[str]:
+    """Returns plain sentences: what is broken, what costs most, the leaf, and the way back."""
+    found = explained.explanation
+    broken = sorted((term for term in found.terms if term.is_broken), key=lambda x: x.amount)
+    costly = _costly(explained)
+    nothing = f"no single term is above {100 * SHOWN:g} % of the bound"
+    told = [_told(explained, term) for term in broken[:_TOLD]]
+    if more := broken[_TOLD:]:
+        amount = _amount(explained, sum(term.amount for term in more))
+        told.append(f"{counted(len(more), 'more broken rule')} with a price: {amount}")
+    told += [
+        *_told_unpriced(explained, broken),
+        *(_told(explained, term) for term in costly[:_TOLD]),
+    ]
+    told = [*(told or [nothing]), *_told_leaves(explained), *_told_queue(explained)]
+    told += _told_replans(explained)
+    return [f"{words[0].upper()}{words[1:]}." for words in told]
+
+
+def _costly(explained: Explained) -> list[Term]:
+    """Returns the terms that are worth a sentence, the largest first."""
+    terms = explained.explanation.of_kind("path", "face", "row", "decision")
+    some = [term for term in terms if explained.explanation.share(term.amount) >= SHOWN]
+    return sorted(some, key=lambda term: -term.amount)
+
+
+def costliest(explained: Explained) -> str:
+    """Returns a few words on the largest term; empty where none is worth a sentence."""
+    return _told(explained, _costly(explained)[0]) if _costly(explained) else ""
+
+
+def _amount(explained: Explained, amount: float) -> str:
+    share = round(100 * explained.explanation.share(amount), 3) + 0.0
+    return f"{share:.3f} % of the bound ({rounded(amount)})"
+
+
+def _told(explained: Explained, term: Term) -> str:
+    amount = _amount(explained, term.amount)
+    if term.kind == "path":
+        return f"drone {term.robot}, leaving step {term.step}, costs {amount}"
+    if term.actor is not None and term.face is not None:
+        name = explained.problem.actors[term.actor].shape.face_names[term.face]
+        when = "over all steps" if term.step is None else f"at step {term.step}"
+        return (
+            f"person {term.actor}'s {name} {when} is paid {amount} more than the drones get for it"
+        )
+    at = "at" if isinstance(term.resource, Cells | Visit) else "from"
+    where = f"{explained.named(term.resource)} {at} step {term.step}"
+    who = _listed(term.users or ())
+    if term.is_broken:
+        return f"{who} use {where}, which breaks a rule: {amount}"
+    return (
+        f"{who} use{'' if len(term.users or ()) > 1 else 's'} {where}, where {term.sense} "
+        f"{term.robots} may at the price {rounded(term.price or 0.0)}: it costs {amount}"
+    )
+
+
+def _told_unpriced(explained: Explained, broken: Sequence[Term]) -> Iterable[str]:
+    """Yields conflicts of the plan that no broken rule with a price accounts for."""
+    priced = [(term.step, set(term.users or ())) for term in broken]
+    free = [
+        conflict
+        for conflict in explained.plan.conflicts(explained.problem)
+        if not any(conflict.t == t and users >= set(conflict.robots) for t, users in priced)
+    ]
+    for conflict in free[:_TOLD]:
+        words = told_conflict(explained.problem, conflict)
+        yield f"{words} at step {conflict.t}, which breaks a rule that has no price there"
+    if len(free) > _TOLD:
+        yield f"{counted(len(free) - _TOLD, 'more broken rule')} without a price"
+
+
+def _told_leaves(explained: Explained) -> Iterable[str]:
+    leaf, leaves = explained.explanation.leaf, explained.leaves
+    if leaf is None or len(leaves) < 2:
+        return
+    most = max(bound for n, bound in enumerate(leaves) if n != leaf.position)
+    others = f"bounds of up to {most:,.2f}" if math.isfinite(most) else "no plans"
+    yield (
+        f"the plan belongs to leaf {leaf.position + 1} of {len(leaves)}, of bound "
+        f"{leaf.bound:,.2f}; the others have {others}"
+    )
+
+
+def _told_queue(explained: Explained) -> Iterable[str]:
+    """Yields where drones must queue, and what the rules there are priced at."""
+    problem = explained.problem
+    wanted = explained.model.cells_with_a_view(problem.horizon)
+    choke = None if problem.rules.none else choke_point(problem, wanted)
+    if choke is not None:
+        rows = explained.explanation.of_kind("row")
+        price = sum(t.price or 0.0 for t in rows if _touches(t.resource, choke.cells))
+        paid = f"; rules there carry prices of {_amount(explained, price)}" if price else ""
+        yield f"{choke.told(len(problem.robots), 'somebody is seen')}{paid}"
+
+
+def _told_replans(explained: Explained) -> Iterable[str]:
+    found = explained.explanation
+    gaining = [one for one in explained.replans if found.share(one.gain) >= SHOWN]
+    gaining.sort(key=lambda one: -one.gain)
+    for one in gaining[:_TOLD]:
+        yield (
+            f"planned again past the others, drone {one.robot} would gain "
+            f"{_amount(explained, one.gain)}"
+        )
+    if len(gaining) > _TOLD:
+        yield f"{counted(len(gaining) - _TOLD, 'more drone')} would gain less, each alone"
+    if not gaining:
+        # Where pixels add up over time, the path that is found is not always the best.
+        can = "was found to" if explained.problem.objective.over_time else "can"
+        yield f"no drone alone {can} gain by another path that obeys the rules"
+
+
+def _touches(resource: Resource | None, cells: Sequence[Cell]) -> bool:
+    """Returns True if drones are in one of the cells when they use a resource, begin or end."""
+    if isinstance(resource, Moves):
+        return any(cell in cells for move in resource.moves for cell in move)
+    if isinstance(resource, Cells | Swap | Move):
+        return any(cell in cells for cell in resource.cells)
+    return False
+
+
+def _listed(robots: Sequence[int]) -> str:
+    if not robots:
+        return "nobody"
+    *first, last = map(str, robots)
+    return f"drones {', '.join(first)} and {last}" if first else f"drone {last}"

@@ -1,0 +1,299 @@
+"""Forecasts: whether a limit will do for coverage, before it begins, and what would do."""
+
+import logging
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, Self
+
+import psutil
+
+from cocap_opt.console.streams import without_warnings
+from cocap_opt.data import ProblemError
+from cocap_opt.files.documents import problem_digest
+from cocap_opt.formulations.certificates import CertificateFile, Leaf, ProofFile
+from cocap_opt.model import CoverageEstimate, Model, compiled
+from cocap_opt.planners import LAZY
+from cocap_opt.problem import Problem
+from cocap_opt.scenarios import FORMATS, SCENES
+
+if TYPE_CHECKING:
+    from cocap_opt.scenarios.recipe.lighter import Change
+
+_log = logging.getLogger(__name__)
+
+PRICING = 2e-7  # s, of a state at a step in the search of a certificate's best paths: measured
+_GIGABYTE = 1e9
+_USABLE = 0.9  # of the memory that is free
+# Times an estimate: what a limit must allow so that nothing is said, and so that it is advised.
+_ENOUGH, _AMPLE = 1.2, 1.7
+_TRIES = 3  # changes of a kind that are tried
+_LONG = 20.0  # s, of which is said how long they are where there is no limit
+_SLOWEST = 1e-3  # s of a view; more than any scene has asked for
+_NEAR = 0.75  # of the limit, that changes which are advised take at the most
+
+
+class Forecast(NamedTuple):
+    """The cost of all that comes before the search: coverage, and planning each drone once.
+
+    Attributes
+    ----------
+    coverage : what of it is not there yet
+    planning : s
+    """
+
+    coverage: CoverageEstimate
+    planning: float = 0.0
+
+    @classmethod
+    def of(cls, model: Model) -> Self:
+        """Forecasts a model, from a sample of its views.
+
+        Raises
+        ------
+        ProblemError
+            If coverage is certainly larger than the memory.
+        """
+        return cls(model.coverage_estimate(), model.planning_seconds)
+
+    def fits(self, seconds: float, margin: float = _ENOUGH) -> bool:
+        """Returns True if a limit leaves time for each drone's plan after all coverage."""
+        return margin * self.coverage.seconds + self.planning <= seconds and self.has_memory
+
+    @property
+    def seconds(self) -> float:
+        """Seconds of both."""
+        return self.coverage.seconds + self.planning
+
+    @property
+    def has_memory(self) -> bool:
+        """There is as much memory as it needs."""
+        return self.coverage.memory <= _USABLE * _GIGABYTE * _free()
+
+    @property
+    def ample(self) -> float:
+        """A time limit in s that will do, with two digits."""
+        seconds = max(_AMPLE * self.coverage.seconds + 2 * self.planning, 1.0)
+        unit = 10.0 ** (math.floor(math.log10(seconds)) - 1)
+        return math.ceil(seconds / unit) * unit
+
+    @property
+    def words(self) -> str:
+        """Seconds and memory in words."""
+        parts, size = [], max(self.coverage.memory / _GIGABYTE, 0.1)
+        if self.coverage.views:
+            parts.append(f"coverage takes {about(self.coverage.seconds)} and {size:.1f} GB")
+        if self.planning >= 1 or not parts:
+            parts.append(f"a first plan of all drones takes {about(self.planning)}")
+        return ", ".join(parts)
+
+
+def _free() -> float:
+    """Returns the memory that is free, in GB."""
+    return float(psutil.virtual_memory().available / _GIGABYTE)
+
+
+def duration(seconds: float) -> str:
+    """Returns seconds in words, with two digits."""
+    if seconds < 1:
+        return "0 s" if seconds == 0 else "less than 1 s"
+    if seconds < 120:
+        return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds:.0f} s"
+    minutes = seconds / 60
+    return f"{minutes:.0f} min" if minutes < 120 else f"{minutes / 60:.2g} h"
+
+
+def about(seconds: float) -> str:
+    """Returns estimated seconds in words."""
+    return duration(seconds) if seconds < 1 else f"about {duration(seconds)}"
+
+
+def doubts(forecast: Forecast, seconds: float, option: str, recipe: "Tried | None") -> str:
+    """Returns why a limit will not do and what would, in one line; empty if it will.
+
+    Parameters
+    ----------
+    seconds : the limit
+    option : what sets the limit, such as "--time-limit"
+    recipe : of which changes are tried; None where the scene is of no recipe
+    """
+    if forecast.fits(seconds):
+        return ""
+    if not forecast.has_memory:
+        problem, ways = f"of which {_free():.1f} GB are free", []
+    else:
+        problem = f"too much for a limit of {duration(seconds)}: drones may stay at their starts"
+        ways = [f"{option} {forecast.ample:g}"]
+    changes = () if recipe is None else recipe.that_fit(forecast, _NEAR * seconds)
+    ways += [f"{change.words} ({about(found.seconds)})" for change, found in changes]
+    way_out = f"; what would do: {'; or '.join(ways)}" if ways else ""
+    return f"{forecast.words}, {problem}{way_out}"
+
+
+class Tried(NamedTuple):
+    """A recipe of which changes are tried: the coverage of each is sampled, too."""
+
+    path: Path
+    seed: int
+    problem: Problem
+
+    @classmethod
+    def of(cls, scene: str, seed: int, problem: Problem) -> Self | None:
+        """Returns the recipe of a scene by its name or file; None for all other scenes."""
+        path = Path(scene)
+        if not scene or scene in SCENES or not FORMATS["recipe"].scenes.has(path):
+            return None
+        return cls(path, seed, problem)
+
+    def that_fit(self, now: Forecast, seconds: float) -> "list[tuple[Change, Forecast]]":
+        """Returns the mildest change of each kind that fits a limit.
+
+        Where none does alone, it is one of several kinds together.
+        """
+        from cocap_opt.scenarios.recipe.lighter import Change, lighter  # its readers are slow
+
+        def expected(change: "Change") -> bool:
+            return change.share * (_AMPLE * now.coverage.seconds + now.planning) <= seconds
+
+        kinds = lighter(self.path, self.problem)
+        alone = [[change for change in kind if expected(change)] for kind in kinds]
+        found = [self._first(changes, seconds) for changes in alone]
+        if not any(found):
+            together = (Change.all_of(some) for some in _combined(kinds))
+            found = [self._first(list(filter(expected, together)), seconds)]
+        return [one for one in found if one is not None]
+
+    def _first(
+        self, changes: "Sequence[Change]", seconds: float
+    ) -> "tuple[Change, Forecast] | None":
+        """Returns the first change that fits; after a few that do not there is none."""
+        for change in changes[:_TRIES]:
+            try:
+                with without_warnings("cocap_opt.scenarios"):
+                    forecast = Forecast.of(Model(change.scene(self.path, self.seed)))
+            except ProblemError:  # it does not fit the recipe's other fields
+                continue
+            if forecast.fits(seconds, _AMPLE):
+                return change, forecast
+        return None
+
+
+def _combined(kinds: "Sequence[Sequence[Change]]") -> "Iterator[list[Change]]":
+    """Yields changes of several kinds together, milder ones and fewer kinds first."""
+    some = [kind for kind in kinds if kind]
+    for level in range(max(map(len, some), default=0)):
+        chosen = [kind[min(level, len(kind) - 1)] for kind in some]
+        for count in range(2, len(chosen) + 1):
+            yield chosen[:count]
+
+
+def warn_of_checking(
+    model: Model, files: Sequence[CertificateFile | ProofFile], seconds: float
+) -> None:
+    """Warns, before it begins, of a limit in which bounds will hardly be checked.
+
+    Coverage is computed afresh, and each leaf of a proof takes a search of every class. How long
+    certificates in stages take beyond that nobody knows.
+
+    Parameters
+    ----------
+    model : that they are checked with
+    """
+    files = [file for file in files if file.digest == problem_digest(model.problem)]
+    if not files:  # others are refused at once
+        return
+    try:
+        coverage = model.coverage_estimate()
+    except ProblemError:  # it does not fit into the memory, which the check says itself
+        return
+    states = sum(c.graph.n_states for c in model.classes) * (model.problem.horizon + 1)
+    leaves = sum(map(_leaves, files))
+    forecast = Forecast(coverage, leaves * states * PRICING)
+    if not forecast.has_memory:
+        _log.warning(
+            "%s: %s, of which %.1f GB are free", model.problem.name, forecast.words, _free()
+        )
+    elif not forecast.fits(seconds):
+        _log.warning(
+            "%s: to check takes %s, coverage %s of it; the limit is %s; what would do: "
+            "--time-limit %g",
+            model.problem.name, about(forecast.seconds), duration(coverage.seconds),
+            duration(seconds), forecast.ample,
+        )  # fmt: skip
+
+
+def _leaves(file: CertificateFile | ProofFile) -> int:
+    """Returns the number of leaves of a proof; a certificate is one."""
+    if isinstance(file, ProofFile):
+        return sum(isinstance(node, Leaf) for node in file.nodes)
+    return 1
+
+
+def warn_of_limit(
+    problem: Problem,
+    method: str,
+    seconds: float,
+    seed: int | None = None,
+    option: str = "--time-limit",
+    scene: str = "",
+) -> None:
+    """Warns, before coverage begins, of a limit in which it will hardly be done.
+
+    Where there is no limit, it says how long that takes, if it is long.
+
+    Parameters
+    ----------
+    method : that needs the coverage; those that evaluate single views do not
+    """
+    if method in LAZY or _is_little(compiled(problem), seconds):
+        return
+    try:
+        forecast = Forecast.of(compiled(problem))
+    except ProblemError:  # it does not fit into the memory: the method says so itself
+        return
+    words, whose = "", problem.name if seed is None else f"{problem.name}, seed {seed}"
+    if math.isfinite(seconds):
+        recipe = Tried.of(scene, seed or 0, problem)
+        words = doubts(forecast, seconds, option, recipe)
+    elif forecast.seconds > _LONG:
+        words = f"{forecast.words}; Ctrl-C or {option.removesuffix(' =')} ends it early"
+    if words:
+        _log.warning("%s: %s", whose, words)
+
+
+def warn_before_limits(
+    problem: Problem, seed: int, cell_limit: float = math.inf, cores: int = 1
+) -> None:
+    """Says, before a sweep, how long coverage takes that no time limit ends, if that is long.
+
+    Parameters
+    ----------
+    cell_limit : s, after which a worker gives up
+    cores : as many that are used here, for each that a worker has
+    """
+    model = compiled(problem)
+    if _is_little(model, _LONG):
+        return
+    try:
+        coverage = model.coverage_estimate()
+    except ProblemError:  # it does not fit into the memory: the cells say so themselves
+        return
+    forecast = Forecast(coverage._replace(seconds=cores * coverage.seconds))
+    words = f"{problem.name}, seed {seed}: {forecast.words}"
+    if not forecast.has_memory:
+        _log.warning("%s, of which %.1f GB are free", words, _free())
+    elif not forecast.fits(cell_limit):
+        _log.warning(
+            "%s; a worker gives up after %s; what would do: --cell-limit %g",
+            words, duration(cell_limit), cell_limit + forecast.ample,
+        )  # fmt: skip
+    elif forecast.seconds > _LONG:
+        _log.warning("%s, before any time limit begins", words)
+
+
+def _is_little(model: Model, seconds: float) -> bool:
+    """Returns True if coverage is computed sooner than estimated, and nothing is to be said."""
+    if model.planning_seconds > 1:  # there are so many states that it takes long to count views
+        return False
+    most = _SLOWEST * model.reachable_views + model.planning_seconds
+    return most <= min(seconds, _LONG)

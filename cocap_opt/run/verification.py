@@ -1,0 +1,216 @@
+"""Verification of plans, certificates and proofs: their claims, against what is computed anew."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
+
+from cocap_opt.files.documents import PlanFile, other_coverage, problem_digest
+from cocap_opt.formulations.certificates import (
+    CertificateError,
+    CertificateFile,
+    Pricing,
+    ProofFile,
+    verify,
+)
+from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.formulations.second_opinion import SecondOpinion, require_small
+from cocap_opt.model import Model
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import Verdict, check
+from cocap_opt.result import relative_gap
+from cocap_opt.run.judging import ROUNDING
+from cocap_opt.stop import Stop, never
+from cocap_opt.text import other_scene
+
+Progress = Callable[[int, int], None]
+
+
+def _tell_nobody(done: int, total: int) -> None:
+    pass
+
+
+class ProvedBound(NamedTuple):
+    """The bound of a file that proves what it claims: every number was computed anew."""
+
+    model: Model  # by which it is priced, with coverage that is computed afresh
+    file: CertificateFile | ProofFile
+    pricing: Pricing  # what the sweep finds of it
+    second_opinion: SecondOpinion | None = None  # what networkx finds; None if nobody has asked
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        file: CertificateFile | ProofFile,
+        by_networkx: bool = False,
+        progress: Progress = _tell_nobody,
+        second: Progress = _tell_nobody,
+        stop: Stop = never,
+    ) -> Self:
+        """Prices a certificate, or all leaves of a proof, and compares that with its claim.
+
+        Parameters
+        ----------
+        by_networkx : it is added up a second time, with networkx
+        progress : told how many leaves are done, and of how many
+        second : told how many best paths networkx has found, and of how many
+        stop : limit of what comes before networkx
+
+        Raises
+        ------
+        CertificateError
+            If it proves nothing, or less than it claims, or networkx finds another bound.
+        UnfinishedError
+            If a limit is reached: it may hold all the same.
+        TooLargeError
+            If it is to be priced by networkx, and is too large for that.
+        """
+        if not by_networkx:
+            return cls(model, file, verify(model.problem, file, progress, model, stop))
+        require_small(model.problem, file)
+        pricing = verify(model.problem, file, progress, model, stop)
+        opinion = SecondOpinion.of(model.problem, file, second)
+        if not opinion.agrees(pricing):
+            raise CertificateError(
+                f"bound: the sweep finds {pricing.bound!r}, networkx {opinion.bound!r}, so one of "
+                "the two is wrong"
+            )
+        return cls(model, file, pricing, opinion)
+
+
+@dataclass(frozen=True)
+class Verified:
+    """Outcome of checking claims.
+
+    Attributes
+    ----------
+    problem : that the claims are about
+    plan : that was checked
+    verdict : of the referee on the plan; None without one
+    proved : the lowest bound that is proved
+    violations : what does not hold, in words
+    """
+
+    problem: Problem
+    plan: Plan | None = None
+    verdict: Verdict | None = None
+    proved: ProvedBound | None = None
+    violations: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        plan: Plan | None = None,
+        claimed: PlanFile | None = None,
+        values: Sequence[float] = (),
+        bounds: Sequence[ProvedBound] = (),
+        failed: Sequence[str] = (),
+    ) -> Self:
+        """Has the referee judge a plan, and compares it with claims and with bounds.
+
+        Parameters
+        ----------
+        claimed : the plan's file, which claims something of it
+        values : J as others claim it of the plan
+        bounds : of which the lowest counts
+        failed : what is wrong with further bounds, in words
+        """
+        verdict = None if plan is None else check(problem, plan)
+        proved = min(bounds, key=lambda bound: bound.pricing.bound, default=None)
+        found = cls(problem, plan, verdict, proved)
+        violations = [*found._of_plan(claimed, values), *failed]
+        return replace(found, violations=tuple(violations or found._of_both()))
+
+    @property
+    def reward(self) -> float:
+        """J of the plan; -infinite without one that can be flown."""
+        flown = self.verdict is not None and not self.verdict.violations
+        return self.verdict.reward if self.verdict is not None and flown else -math.inf
+
+    @property
+    def bound(self) -> float:
+        """The lowest bound that is proved, to which gaps are; infinite without one.
+
+        It is what the file claims, or where its numbers prove clearly less, what they prove.
+        """
+        return self.proved_bound if self.understated else self.claimed_bound
+
+    @property
+    def claimed_bound(self) -> float:
+        """The lowest bound, as its file claims it, which is proved; infinite without one."""
+        return math.inf if self.proved is None else self.proved.file.proved
+
+    @property
+    def proved_bound(self) -> float:
+        """What the numbers of the lowest bound's file prove, which may be less than it claims."""
+        return math.inf if self.proved is None else self.proved.pricing.bound
+
+    @property
+    def understated(self) -> bool:
+        """Returns True if the numbers prove clearly less than the file claims."""
+        if self.proved is None:
+            return False
+        return self.claimed_bound - self.proved_bound > OPTIMALITY * abs(self.claimed_bound)
+
+    @property
+    def method(self) -> str | None:
+        """The method that made the bound."""
+        return None if self.proved is None else self.proved.file.method
+
+    @property
+    def optimistic(self) -> bool:
+        """The bound was computed as if nothing hid anybody, at some steps."""
+        file = None if self.proved is None else self.proved.file
+        return isinstance(file, CertificateFile) and bool(file.coverage)
+
+    @property
+    def other_coverage(self) -> str:
+        """Says that the bound was made with another version of coverage; empty if it was not."""
+        return "" if self.proved is None else other_coverage(self.proved.file.coverage_version)
+
+    @property
+    def gap(self) -> float:
+        """The relative gap, (bound - reward) / bound; infinite where one of them is missing."""
+        return relative_gap(self.reward, self.bound)
+
+    @property
+    def no_plan(self) -> bool:
+        """It is proved that no plan obeys the rules: J >= 0, and a bound is below 0."""
+        return self.bound < 0
+
+    @property
+    def is_optimal(self) -> bool:
+        """All claims hold, and the bound leaves nothing open above the plan."""
+        return not self.violations and self.gap <= OPTIMALITY
+
+    def __repr__(self) -> str:
+        gap = f"{100 * self.gap:.4f} %" if math.isfinite(self.gap) else "none"
+        return f"Verified(J {self.reward:,.2f}, bound {self.bound:,.2f}, gap {gap})"
+
+    def _of_plan(self, claimed: PlanFile | None, values: Sequence[float]) -> Iterator[str]:
+        """Yields what is wrong with the plan, and with what is claimed of it."""
+        if self.verdict is None:
+            return
+        if claimed is not None and claimed.digest != problem_digest(self.problem):
+            which = other_scene(claimed.scene, self.problem.name)
+            yield f"digest: the plan was made for {which}"
+        yield from self.verdict.violations
+        yield from self.verdict.conflicts
+        if self.verdict.violations:
+            return
+        for value in values if claimed is None else (claimed.reward, *values):
+            if not math.isclose(value, self.reward, rel_tol=ROUNDING, abs_tol=ROUNDING):
+                made = None if claimed is None else claimed.coverage_version
+                why = f"; {words}" if (words := other_coverage(made)) else ""
+                yield f"reward: the plan claims {value!r}, it is {self.reward!r}{why}"
+
+    def _of_both(self) -> Iterator[str]:
+        """Yields what contradicts each other in a plan and a bound of which all claims hold."""
+        if self.verdict is None:
+            return
+        if self.no_plan:
+            yield "plan: it obeys the rules, though it is proved that no plan does"
+        elif self.reward > self.bound + ROUNDING * abs(self.bound):
+            yield "reward: it is above the bound, so one of the two is wrong"

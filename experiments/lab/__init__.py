@@ -1,0 +1,5 @@
+"""The laboratory, which measures the project itself; it is no part of the wheel.
+
+`studies` are the commands of `cocap-opt study`, `stored` the results that they have left,
+`notebooks` and `pictures` what people see of them, and `manual` what the pages show of the code.
+"""

@@ -1,0 +1,134 @@
+"""Pictures of bounds: their curves, their progress, and what they are made of."""
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from cocap_opt.experiments.lab.manual import one_face, worked
+from cocap_opt.experiments.lab.manual.node_pictures import COLOURS
+from cocap_opt.pictures.style import (
+    AMBER,
+    BLUE,
+    FADED,
+    LABEL,
+    PURPLE,
+    RED,
+    TEAL,
+    TITLE,
+    add_legend,
+    new_figure,
+    set_frame,
+)
+
+
+def draw_curves() -> Figure:
+    """Draws what relaxations think that two drones with a share in one view see."""
+    found = one_face.curves()
+    figure = new_figure(5.6, 3.8)
+    ax = set_frame(figure.add_subplot())
+    ax.plot(found.share, found.concave, color=RED, lw=1.8, label="root of the mean (concave)")
+    ax.plot(found.share, found.single_view, color=AMBER, lw=1.8, label="single-view cut")
+    ax.plot(found.share, found.cut, color=PURPLE, lw=1.8, ls="--", label="envelope cut")
+    least = np.minimum(np.minimum(found.concave, found.single_view), found.cut)
+    ax.fill_between(found.share, least, color=TEAL, alpha=0.12, lw=0, label="what all three allow")
+    ax.plot((0, 0.5, 1), found.plans, "o", color="black", ms=6, label="plans", zorder=4)
+    ax.set(xlabel="share of each of two drones that is in the view", ylabel="root of the face",
+           xlim=(-0.02, 1.02), ylim=(0, 24))  # fmt: skip
+    add_legend(figure, ax, columns=2)
+    return figure
+
+
+def draw_rounds() -> Figure:
+    """Draws how far bound and plan are from the optimum, pricing round by pricing round."""
+    own = worked.bottleneck()
+    best = own.staged.target
+    figure = new_figure(5.6, 3.3)
+    ax = set_frame(figure.add_subplot())
+    above = [100 * (told.bound - best) / best for told in own.progress]
+    below = [100 * (best - told.value) / best for told in own.progress]
+    rounds = range(1, len(above) + 1)
+    ax.plot(rounds, above, "-o", ms=4, color=BLUE, label="bound, above the optimum")
+    some = [(k, gap) for k, gap in zip(rounds, below, strict=True) if gap > 1e-9]
+    if some:
+        ax.plot(*zip(*some, strict=True), "-s", ms=4, color=AMBER, label="best plan, below it")
+    ax.set(yscale="log", xlabel="report of the search", ylabel="% of the optimum",
+           ylim=(0.01, 150))  # fmt: skip
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.yaxis.set_major_formatter("{x:g}")
+    add_legend(figure, ax)
+    return figure
+
+
+def draw_states_left() -> Figure:
+    """Draws how many states a better plan may visit, step by step, stage by stage."""
+    figure = new_figure(5.6, 3.3)
+    ax = set_frame(figure.add_subplot(), "y")
+    shown = worked.stages()
+    for k, (stage, colour) in enumerate(zip(shown, (FADED, AMBER, TEAL), strict=False)):
+        steps = np.arange(1, len(stage.left))
+        ax.bar(steps + (k - 1) * 0.28, stage.left[1:], width=0.28, color=colour, label=stage.words)
+    ax.set(yscale="log", xlabel="step", ylabel="states", xticks=steps)
+    ax.yaxis.set_major_formatter("{x:g}")
+    add_legend(figure, ax)
+    return figure
+
+
+def draw_tangent() -> Figure:
+    """Draws the root of a face, and what the doorway's certificate allows for it."""
+    own, t = worked.doorway_multipliers(), worked.doorway().horizon
+    alpha, beta = own.alpha[t][0], own.beta[t][0]
+    constant = worked.doorway_parts().faces.reshape(t + 1, -1)[t, 0]
+    pixels = np.linspace(0, 620, 300)
+    figure = new_figure(5.2, 3.4)
+    ax = set_frame(figure.add_subplot())
+    ax.plot(pixels, np.sqrt(pixels), color=BLUE, lw=2, label="the root")
+    ax.plot(pixels, alpha * np.sqrt(pixels) + beta * pixels + constant, color=RED, lw=1.8,
+            label="what is paid, and the constant")  # fmt: skip
+    touch = 15.0**2 + 12.0**2
+    ax.plot(touch, np.sqrt(touch), "o", color="black", label="the best plan's pixels")
+    ax.set(xlabel="pixels on the front at step 3, all drones together (px/m2)", ylabel="reward",
+           xlim=(0, 620), ylim=(0, 27))  # fmt: skip
+    add_legend(figure, ax, columns=2)
+    return figure
+
+
+def draw_parts() -> Figure:
+    """Draws the numbers that the doorway's bound is the sum of, above J of its best plan."""
+    parts = worked.doorway_parts()
+    pieces = [(f"front, step {t}", value, colour) for t, value, colour in zip(
+        (1, 2, 3), parts.faces[parts.faces > 0], ("#b9cfe0", "#8fb2cd", BLUE), strict=True)
+    ]  # fmt: skip
+    pieces.append(("rule", parts.rows, AMBER))
+    pieces += [(f"drone {i}", value, COLOURS[i]) for i, value in enumerate(parts.paths)]
+    figure = new_figure(5.8, 2.2)
+    ax = set_frame(figure.add_subplot(), "x")
+    left = 0.0
+    for words, value, colour in pieces:
+        ax.barh(1, value, left=left, color=colour, edgecolor="white", label=words)
+        left += value
+    ax.barh(0, worked.planned(worked.doorway(), "joint").value, color=FADED)
+    ax.set_yticks([0, 1], ["J of the best plan", "the bound"])
+    add_legend(figure, ax, columns=3)
+    return figure
+
+
+def draw_losses() -> Figure:
+    """Draws what drones lose by each move, and what is paid for people beyond what they give."""
+    own = worked.explained().explanation
+    figure = new_figure(5.4, 3.8)
+    top, bottom = figure.subplots(2, 1, sharex=True)
+    people = worked.paid_for_people()
+    for ax, amounts, noun in ((top, own.losses(), "drone"), (bottom, people, "person")):
+        shares = 100 * amounts / own.bound
+        ax.imshow(shares, cmap="OrRd", aspect="auto", vmin=0, vmax=max(shares.max(), 1e-9))
+        for (row, step), share in np.ndenumerate(shares):
+            if share >= 0.005:
+                dark = share > 0.6 * shares.max()
+                ax.text(step, row, f"{share:.2f}", fontsize=LABEL, ha="center", va="center",
+                        color="white" if dark else "black")  # fmt: skip
+        ax.set_yticks(range(len(shares)), [f"{noun} {i}" for i in range(len(shares))])
+    bottom.set_xticks(range(people.shape[1]))
+    bottom.set_xlabel("step")
+    top.set_title("lost by the move that begins at the step (% of the bound)", fontsize=TITLE)
+    bottom.set_title("paid for a person beyond the reward (% of the bound)", fontsize=TITLE)
+    return figure

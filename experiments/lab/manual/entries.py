@@ -1,0 +1,41 @@
+"""All that pages of `docs` insert by a name, `{{ name }}`: quotes, and lists made from the code."""
+
+from collections.abc import Callable
+from functools import partial
+
+from cocap_opt.experiments.lab.manual.commands import commands_in_markdown, studies_in_markdown
+from cocap_opt.experiments.lab.manual.formats import DOCUMENTS, example, fields_in_markdown
+from cocap_opt.experiments.lab.manual.gallery import gallery_in_markdown
+from cocap_opt.experiments.lab.manual.lists import LISTS
+from cocap_opt.experiments.lab.manual.worked_words import WORKED
+from cocap_opt.experiments.lab.studies.quotes import QUOTES
+
+
+def _json(name: str) -> str:
+    return f"```json\n{example(name).strip()}\n```"
+
+
+ENTRIES: dict[str, Callable[[], str]] = {
+    **QUOTES,
+    **LISTS,
+    **WORKED,
+    "gallery": gallery_in_markdown,
+    "commands": commands_in_markdown,
+    "studies": studies_in_markdown,
+    **{f"{name}_fields": partial(fields_in_markdown, name) for name in DOCUMENTS},
+    **{f"{name}_example": partial(_json, name) for name in ("scene", "plan", "certificate")},
+}
+
+
+def all_entries() -> dict[str, str]:
+    """Returns the Markdown of each name.
+
+    Raises
+    ------
+    ValueError
+        If a name stands for nothing, which a page would show as a gap in a sentence.
+    """
+    made = {name: make().strip() for name, make in ENTRIES.items()}
+    if empty := [name for name, text in made.items() if not text]:
+        raise ValueError(f"{empty[0]}: stands for nothing")
+    return made

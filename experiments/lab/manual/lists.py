@@ -1,0 +1,52 @@
+"""Lists that are made from the code: columns, built-in scenes, formats, cameras, airframes."""
+
+from collections.abc import Callable
+from functools import cache, partial
+
+from cocap_opt.cli.scene_commands import known_scenes
+from cocap_opt.experiments.tables.rows import COLUMNS
+from cocap_opt.output.printing import Listing, Record
+from cocap_opt.scenarios.recipe.recipe import EXAMPLE
+
+_WIDEST = 78  # characters of a line of code that a page shows without scrolling
+
+
+def _columns() -> str:
+    rows = [
+        {"column": name, "type": column.kind.__name__, "unit": column.unit,
+         "meaning": column.meaning}
+        for name, column in COLUMNS.items()
+    ]  # fmt: skip
+    return Listing("", rows).markdown
+
+
+def _recipe() -> str:
+    lines = map(_without_end, EXAMPLE.strip().splitlines())
+    return "\n".join(["```toml", *lines, "```"])
+
+
+def _without_end(line: str) -> str:
+    """Returns a line of TOML; if it is too wide for a page, its comment stands above it."""
+    content, sign, comment = line.partition("  #")
+    if len(line) <= _WIDEST or not sign:
+        return line
+    return f"# {comment.strip()}\n{content.rstrip()}"
+
+
+def _known(kind: str) -> str:
+    return Listing("", _all_known()[kind]).markdown
+
+
+@cache
+def _all_known() -> dict[str, list[Record]]:
+    return known_scenes()  # builds every scene
+
+
+LISTS: dict[str, Callable[[], str]] = {
+    "columns": _columns,
+    "recipe": _recipe,
+    **{
+        kind: partial(_known, kind)
+        for kind in ("scenes", "formats", "options", "cameras", "airframes")
+    },
+}

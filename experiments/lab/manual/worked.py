@@ -1,0 +1,295 @@
+"""The worked examples of the concept pages: each is solved once, for its numbers and its pictures.
+
+Small scenes, whose numbers can be followed by hand; the bottleneck, where they are of real size.
+"""
+
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.experiments.lab.manual.recorded_tree import RecordedNode, recorded_tree
+from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.certificates import (
+    CertificateFile,
+    Multipliers,
+    Narrowing,
+    ProofFile,
+    Staged,
+    Wanted,
+    best_plan,
+    verify,
+)
+from cocap_opt.formulations.certificates.pricing import Prices
+from cocap_opt.formulations.certificates.staged import MOST_NODES
+from cocap_opt.formulations.certificates.sweep import plain_sweep
+from cocap_opt.formulations.column_generation.root import Root
+from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
+from cocap_opt.formulations.explanation import explain
+from cocap_opt.formulations.result import OPTIMALITY, Snapshot
+from cocap_opt.graph.networks import time_expanded_graph
+from cocap_opt.model import Model, compiled
+from cocap_opt.planners import PLANNERS
+from cocap_opt.problem import Objective, Plan, Problem
+from cocap_opt.result import Result
+from cocap_opt.run.explained import Explained
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import never
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+SEED = 4  # of the bottleneck: CoCap loses more there than elsewhere
+SHORT = 2  # steps of the bottleneck on which cone programs are quick
+
+
+def planned(problem: Problem, planner: str) -> Result:
+    """Returns the result of a planner, which finds a plan."""
+    result = PLANNERS[planner](problem, never)
+    assert result.plan is not None
+    return result
+
+
+@cache
+def trap() -> Problem:
+    """Returns the scene in which the drone that is planned first takes the view of the second."""
+    return load_scene("tiny-trap")
+
+
+# -- the doorway: CoCap, the time-expanded graph, a certificate -----------------------------
+
+
+@cache
+def doorway() -> Problem:
+    """Returns the scene in which two drones look through a doorway that has room for one."""
+    return load_scene("tiny-doorway")
+
+
+@cache
+def doorway_tree() -> list[RecordedNode]:
+    """Returns the nodes of CoCap's tree, in the order in which they are made."""
+    return recorded_tree(doorway())
+
+
+@cache
+def doorway_graph() -> "nx.DiGraph[Any]":
+    """Returns the time-expanded graph of drone 1."""
+    return time_expanded_graph(doorway(), 1)
+
+
+@cache
+def doorway_bound() -> CertificateFile:
+    """Returns the certificate of the root relaxation, which meets the optimum."""
+    file = BOUNDS["column-generation"](doorway(), never).certificate
+    assert isinstance(file, CertificateFile)
+    return file
+
+
+class _BoundParts(NamedTuple):
+    """The numbers that a bound is the sum of."""
+
+    faces: FloatArray  # [Z] constants of view sums
+    rows: float  # prices of rules
+    paths: tuple[float, ...]  # best path of each robot
+
+    @classmethod
+    def of(cls, problem: Problem, multipliers: Multipliers) -> "_BoundParts":
+        """Returns the parts of the bound that multipliers prove."""
+        model = compiled(problem)
+        prices = Prices.of(model, multipliers)
+        best = [0.0] * len(problem.robots)
+        for number, one in enumerate(model.classes):
+            values = plain_sweep(problem, one, prices.rewards(number), prices.charges(number))
+            for robot, start in zip(one.robots, one.starts, strict=True):
+                best[robot] = float(values[start])
+        return cls(prices.payment.constants, prices.charge.constant, tuple(best))
+
+    @property
+    def total(self) -> float:
+        """The bound, but for rounding."""
+        return float(self.faces.sum()) + self.rows + sum(self.paths)
+
+
+def doorway_multipliers() -> Multipliers:
+    """Returns the numbers in the doorway's certificate."""
+    numbers = doorway_bound().certificate
+    assert isinstance(numbers, Multipliers)
+    return numbers
+
+
+@cache
+def doorway_parts() -> _BoundParts:
+    """Returns what the doorway's bound is the sum of."""
+    return _BoundParts.of(doorway(), doorway_multipliers())
+
+
+# -- the bottleneck: column generation, step envelopes, a gap explained ----------------------
+
+
+class _Bottleneck(NamedTuple):
+    """CoCap's plan of the bottleneck, and the bound beside it."""
+
+    problem: Problem
+    plan: Result
+    bound: float
+    file: CertificateFile
+    progress: tuple[Snapshot, ...]  # of the search for the bound
+
+    @property
+    def model(self) -> Model:
+        """The compiled problem."""
+        return compiled(self.problem)
+
+    @property
+    def staged(self) -> Staged:
+        """The numbers in its certificate."""
+        assert isinstance(self.file.certificate, Staged)
+        return self.file.certificate
+
+
+@cache
+def bottleneck() -> _Bottleneck:
+    """Returns the bottleneck, planned by CoCap and bounded by column generation."""
+    problem = load_scene("bottleneck", SEED)
+    told: list[Snapshot] = []
+    found = BOUNDS["column-generation"](problem, never, report=told.append)
+    assert isinstance(found.certificate, CertificateFile)
+    plan = planned(problem, "cocap")
+    return _Bottleneck(problem, plan, found.bound, found.certificate, tuple(told))
+
+
+class Stage(NamedTuple):
+    """What is left of the bottleneck after a stage of a certificate."""
+
+    words: str
+    bound: float
+    left: IntArray  # [T+1] states
+    cells: frozenset[tuple[int, int]]  # at the middle step
+    joint: int  # joint states of them, conflicts included
+    reached: tuple[int, ...]  # [T+1] joint states, if all paths are tried at this point
+
+
+@cache
+def in_stages() -> Staged:
+    """Returns a certificate of the bottleneck whose paths are not tried, so that it has stages."""
+    model = bottleneck().model
+    root = Root.of(Search(model), OPTIMALITY)
+    root.solve_aggregated()
+    search = Search(model, incumbent=root.search.incumbent)
+    step_envelopes(search, root.relaxation.best.duals, root.cutoff, tries_paths=False)
+    assert search.spare is not None
+    assert isinstance(search.spare.certificate, Staged)
+    return search.spare.certificate
+
+
+@cache
+def stages() -> list[Stage]:
+    """Returns what the stages of the bottleneck leave, one after the other."""
+    own = in_stages()
+    narrowing = Narrowing(bottleneck().model, own.multipliers, own.target)
+    found = [_stage("in reach", narrowing)]
+    narrowing.close_states()
+    found.append(_stage("after the multipliers", narrowing))
+    for n, stage in enumerate(own.stages, 1):
+        for payments in stage.payments:
+            narrowing.pay(payments)
+        narrowing.price()
+        for step in stage.constants:
+            joint = narrowing.joint_states(step.t, step.constant)
+            narrowing.lower(joint, Wanted(step.constant, MOST_NODES))
+        narrowing.close_states()
+        found.append(_stage(f"after stage {n}", narrowing))
+    return found
+
+
+def middle() -> int:
+    """Returns the step of the bottleneck whose cells are shown."""
+    return bottleneck().problem.horizon // 2
+
+
+def _stage(words: str, narrowing: Narrowing) -> Stage:
+    model, cells = narrowing.model, set[tuple[int, int]]()
+    for number, left in enumerate(narrowing.left):
+        places = np.flatnonzero(left[middle()]) % model.classes[number].graph.n_places
+        cells |= {model.cells[number][place][:2] for place in places.tolist()}
+    return Stage(
+        words, narrowing.bound, narrowing.states_left, frozenset(cells),
+        narrowing.joint_states_left, best_plan(narrowing, MOST_NODES).reached,
+    )  # fmt: skip
+
+
+@cache
+def explained() -> Explained:
+    """Returns the gap of CoCap's plan of the bottleneck, explained."""
+    own = bottleneck()
+    assert own.plan.plan is not None
+    found = explain(own.model, own.plan.plan, own.plan.value, own.file)
+    return Explained(own.model, own.plan.plan, found)
+
+
+@cache
+def seen_from(actor: int) -> FloatArray:
+    """Returns the reward of one drone's best look at a person from each cell [X, Y], alone."""
+    own = bottleneck()
+    robot_class, faces = own.model.classes[0], own.problem.face_owner == actor
+    graph, weights = robot_class.graph, own.problem.face_weights
+    states = np.arange(graph.n_states)
+    pixels = own.model.views(robot_class).coverage(middle(), states)
+    rewards = (np.sqrt(pixels[:, faces]) * weights[faces]).sum(axis=1)
+    best = rewards.reshape(graph.n_orientations, graph.n_places).max(axis=0)
+    found = np.zeros(own.problem.height_map.shape)
+    for place, (x, y, _) in enumerate(own.model.cells[0]):
+        if 0 <= x < found.shape[0] and 0 <= y < found.shape[1]:
+            found[x, y] = max(found[x, y], best[place])
+    return found
+
+
+def paid_for_people() -> FloatArray:
+    """Returns what the bottleneck's bound pays for each person beyond the reward [A, T+1]."""
+    problem = bottleneck().problem
+    paid = np.zeros((len(problem.actors), problem.horizon + 1))
+    for term in explained().explanation.of_kind("face"):
+        paid[term.actor or 0, term.step or 0] += term.amount
+    return paid
+
+
+# -- bounds compared, and a proof -------------------------------------------------------------
+
+
+@cache
+def compared() -> list[tuple[str, list[float]]]:
+    """Returns the bounds of all methods on two scenes, and at last the optimum."""
+    short = load_scene("bottleneck", 0).replace(horizon=SHORT)
+    scenes = [trap(), short]
+    starts = [planned(scene, "sequential").plan for scene in scenes]
+    rows = [
+        (name, [_bound(name, *both) for both in zip(scenes, starts, strict=True)])
+        for name in BOUNDS
+    ]
+    optima = [EXACT["branch-and-price"](scene, never).value for scene in scenes]
+    return [*rows, ("optimum", optima)]
+
+
+def _bound(name: str, problem: Problem, start: Plan | None) -> float:
+    return BOUNDS[name](problem, never, start=start).bound
+
+
+class _Proof(NamedTuple):
+    """A problem solved by a tree of decisions."""
+
+    problem: Problem
+    value: float
+    file: ProofFile
+    bounds: tuple[float, ...]  # of its leaves, in the order of their numbers
+
+
+@cache
+def proof() -> _Proof:
+    """Returns a corridor whose pixels add up over time, solved by branch-and-price."""
+    problem = load_scene("corridor", 2).replace(objective=Objective(over_time=True))
+    found = EXACT["branch-and-price"](problem, never)
+    assert isinstance(found.certificate, ProofFile)
+    leaves = verify(problem, found.certificate, model=compiled(problem)).leaves
+    return _Proof(problem, found.value, found.certificate, leaves)

@@ -1,0 +1,188 @@
+"""The worked examples in words, numbers and tables, as the concept pages insert them."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+
+from cocap_opt.experiments.lab.manual import one_face, worked
+from cocap_opt.experiments.lab.manual.recorded_tree import Closed
+from cocap_opt.formulations.certificates import Branch, Cells, Resource
+from cocap_opt.output.printing import Listing, Record
+from cocap_opt.problem import Conflict, SwapConflict, VertexConflict
+
+
+def number(amount: float) -> str:
+    """Returns an amount with two decimals."""
+    return f"{amount:,.2f}"
+
+
+def told_conflict(conflict: Conflict | None) -> str:
+    """Says where two drones meet."""
+    if conflict is None:
+        return "none"
+    if isinstance(conflict, SwapConflict):
+        one, other = (f"({cell.x}, {cell.y})" for cell in conflict.cells)
+        return f"they swap {one} and {other} after step {conflict.t}"
+    assert isinstance(conflict, VertexConflict), "the doorway's rules know no other"
+    cell = conflict.cells[0]
+    return f"both in ({cell.x}, {cell.y}) at step {conflict.t}"
+
+
+def told_closed(closed: Sequence[Closed]) -> str:
+    """Says what constraints close to drones."""
+    return "; ".join(map(_told_closed, closed)) or "none"
+
+
+def _told_closed(closed: Closed) -> str:
+    cells = [f"({cell.x}, {cell.y})" for cell in closed.cells]
+    if len(cells) == 1:
+        return f"drone {closed.robot} not in {cells[0]} at step {closed.t}"
+    return f"drone {closed.robot} not from {cells[0]} to {cells[1]} after step {closed.t}"
+
+
+def _tree_table() -> str:
+    return _table([
+        {
+            "node": str(n),
+            "child of": "" if one.parent is None else str(one.parent),
+            "constraints": told_closed(one.closed),
+            "J": number(one.value),
+            "first conflict": told_conflict(one.conflict),
+            "taken from OPEN": "never" if one.turn is None else f"number {one.turn}",
+        }
+        for n, one in enumerate(worked.doorway_tree())
+    ])  # fmt: skip
+
+
+def _bounds_table() -> str:
+    return _table([
+        {"bound": f"`{name}`", "tiny-trap": number(trap),
+         f"bottleneck, {worked.SHORT} steps": f"{short:,.3f}"}
+        for name, (trap, short) in worked.compared()
+    ])  # fmt: skip
+
+
+def _certificate_table() -> str:
+    parts, rows = worked.doorway_parts(), worked.doorway_multipliers().rows
+    steps = parts.faces.reshape(worked.doorway().horizon + 1, -1).sum(axis=1)
+    named = [(f"constant of the front at step {t}", v) for t, v in enumerate(steps.tolist()) if v]
+    named += [(f"price of {told_resource(row.resource)}", row.multiplier) for row in rows]
+    named += [(f"best path of drone {i}", value) for i, value in enumerate(parts.paths)]
+    named.append(("**the bound**", parts.total))
+    return _table([{"part": words, "amount": f"{amount:.4f}"} for words, amount in named])
+
+
+def told_resource(resource: Resource) -> str:
+    """Says what a row or a decision is about; cells only."""
+    assert isinstance(resource, Cells)
+    cells = ", ".join(f"({cell.x}, {cell.y})" for cell in resource.cells)
+    return f"cell {cells} at step {resource.t}"
+
+
+def _stages_table() -> str:
+    return _table([
+        {"": stage.words, "states left": f"{stage.left[1:].sum():,}", "bound": number(stage.bound),
+         "joint states reached": f"{sum(stage.reached[1:]):,}" if n else ""}
+        for n, stage in enumerate(worked.stages())
+    ])  # fmt: skip
+
+
+def _reached() -> str:
+    """Returns how many joint states are reached from the multipliers alone, step by step."""
+    return ", ".join(map(str, worked.stages()[1].reached[1:]))
+
+
+def _parts_table() -> str:
+    own = worked.explained()
+    rows = list(own.parts().items())
+    rows.append(("**bound - J**", own.explanation.gap))
+    return _table([
+        {"the bound is higher because": words, "amount": number(amount),
+         "% of the bound": f"{100 * own.explanation.share(amount):.3f}"}
+        for words, amount in rows
+    ])  # fmt: skip
+
+
+def _costliest() -> str:
+    losses = worked.explained().explanation.losses()
+    robot, step = np.unravel_index(int(losses.argmax()), losses.shape)
+    share = 100 * worked.explained().explanation.share(float(losses.max()))
+    return f"drone {robot} leaves step {step} in a way that costs {share:.2f} % of the bound"
+
+
+def _second() -> str:
+    second = float(np.sort(worked.explained().explanation.losses(), axis=None)[-2])
+    return f"{100 * worked.explained().explanation.share(second):.2f} %"
+
+
+def _replan() -> str:
+    best = max(worked.explained().replans, key=lambda one: one.gain)
+    return (
+        f"If drone {best.robot} alone is planned again, given all others, "
+        f"J grows by {number(best.gain)}, which is "
+        f"{100 * best.gain / worked.explained().explanation.gap:.0f} % of the gap."
+    )
+
+
+def _proof_table() -> str:
+    rows: list[Record] = []
+    leaves = iter(worked.proof().bounds)
+    for n, node in enumerate(worked.proof().file.nodes):
+        if isinstance(node, Branch):
+            told = f"at most {node.robots}: node {node.at_most}; more: node {node.at_least}"
+            rows.append({"node": str(n), "content": f"branch, {told}", "bound": ""})
+        else:
+            rows.append({"node": str(n), "content": "leaf", "bound": number(next(leaves))})
+    return _table(rows)
+
+
+def _table(rows: Sequence[Record]) -> str:
+    """Returns rows as a table in Markdown, in which cells may have marks."""
+    listing = Listing("", rows)
+    head, rule, *_ = listing.markdown.splitlines()
+    lines = [f"| {' | '.join(map(str, row.values()))} |" for row in rows]
+    return "\n".join([head, rule, *lines])
+
+
+def _curve(name: str) -> str:
+    return number(one_face.curves().at(0.75)[name])
+
+
+WORKED: dict[str, Callable[[], str]] = {
+    "doorway_root": lambda: number(worked.doorway_tree()[0].value),
+    "doorway_plan": lambda: number(worked.planned(worked.doorway(), "cocap").value),
+    "doorway_tree": _tree_table,
+    "doorway_made": lambda: str(len(worked.doorway_tree())),
+    "doorway_taken": lambda: str(sum(one.turn is not None for one in worked.doorway_tree())),
+    "doorway_states": lambda: str(worked.doorway_graph().number_of_nodes()),
+    "doorway_moves": lambda: str(worked.doorway_graph().number_of_edges()),
+    "doorway_bound": lambda: f"{worked.doorway_bound().proved:.4f}",
+    "doorway_certificate": _certificate_table,
+    "doorway_alpha": lambda: f"{worked.doorway_multipliers().alpha[1][0]:.4f}",
+    "doorway_beta": lambda: f"{worked.doorway_multipliers().beta[1][0]:.5f}",
+    "trap_in_turn": lambda: number(worked.planned(worked.trap(), "sequential").value),
+    "trap_best": lambda: number(worked.compared()[-1][1][0]),
+    "bounds_compared": _bounds_table,
+    "shadow_visible": lambda: f"{100 * one_face.shadow().visible:.0f} %",
+    **{f"curve_{name}": partial(_curve, name) for name in ("concave", "single_view", "least")},
+    "middle_step": lambda: str(worked.middle()),
+    "rounds_first": lambda: number(worked.bottleneck().progress[0].bound),
+    "rounds_last": lambda: number(worked.stages()[0].bound),
+    "rounds_columns": lambda: str(worked.bottleneck().progress[-1].columns),
+    "stages": _stages_table,
+    "stages_bound": lambda: number(worked.stages()[-1].bound),
+    "stages_target": lambda: number(worked.in_stages().target),
+    "joint_states_left": lambda: f"{worked.stages()[1].joint:,}",
+    "joint_states_reached": _reached,
+    "gap_bound": lambda: number(worked.bottleneck().bound),
+    "gap_reward": lambda: number(worked.bottleneck().plan.value),
+    "gap_parts": _parts_table,
+    "gap_costliest": _costliest,
+    "gap_second": _second,
+    "gap_replan": _replan,
+    "proof_value": lambda: number(worked.proof().value),
+    "proof_bound": lambda: number(worked.proof().file.proved),
+    "proof_leaves": lambda: str(len(worked.proof().bounds)),
+    "proof_tree": _proof_table,
+}

@@ -1,0 +1,93 @@
+"""Coverage by Greedy Perspectives' own program beside ours, state by state.
+
+Their program counts pixels in an image of 400 x 300 pixels of which each stands for 100 of the
+camera's, so that the px/m2 of a face are multiples of a quantum. Only states that robot 0 can
+reach are compared, because it was the first to ask for them: their cache gives every robot the
+tilt of the first one.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.model import Model
+from cocap_opt.output.printing import Listing, Record
+from cocap_opt.problem import Problem, State
+from cocap_opt.scenarios.formats import greedy_perspectives
+from cocap_opt.vision.render import Renderer
+
+_THEIR_STEP = 10  # of our pixels along an edge of one of theirs
+_PIXELS = 100.0  # of ours that one of theirs stands for
+_QUANTILES = {"half": 0.5, "90 %": 0.9, "99 %": 0.99, "all": 1.0}
+
+
+class _Difference(NamedTuple):
+    """Our coverage of a face in a state less theirs, in quanta."""
+
+    planned: float
+    rendered: float
+    hidden: bool  # true if something hides a part of the face
+
+
+def peers(scene: Path, coverage: Path, states: int) -> None:
+    """Prints how far planned and rendered coverage are from theirs.
+
+    Parameters
+    ----------
+    scene : seq.yaml of the scene
+    coverage : CSV file that their program wrote
+    states : at most so many random ones are compared
+    """
+    problem = greedy_perspectives.read(scene, options={"start-set": "yaml"})
+    theirs = greedy_perspectives.PeerResults(problem).coverage(coverage)
+    found, totals = _differences(problem, theirs, states)
+    rows: list[Record] = []
+    for what in ("planned", "rendered"):
+        for part, hidden in (("in full view", False), ("partly hidden", True)):
+            values = [abs(getattr(d, what)) for d in found if d.hidden == hidden]
+            quantiles = {
+                word: float(np.quantile(values, q)) if values else None
+                for word, q in _QUANTILES.items()
+            }
+            rows.append({"coverage": what, "faces": part, "count": len(values), **quantiles})
+    Listing(f"{problem.name}: differences from theirs that so many faces are below, in quanta",
+            rows).print()  # fmt: skip
+    Listing("sums over all these faces, relative to theirs", [
+        {"coverage": what, "difference (%)": 100 * (ours / totals["theirs"] - 1)}
+        for what, ours in totals.items() if what != "theirs"
+    ]).print()  # fmt: skip
+
+
+def _differences(
+    problem: Problem, theirs: dict[tuple[int, State], FloatArray], most: int
+) -> tuple[list[_Difference], dict[str, float]]:
+    """Compares some random states; returns the differences, and sums of px/m2 by name."""
+    model, renderer = Model(problem), Renderer(problem, _THEIR_STEP)
+    robot, robot_class = problem.robots[0], model.class_of[0]
+    graph = robot_class.graph
+    reached = graph.reachable([model.start(0)], problem.horizon)
+    near = (key for key in theirs if graph.window.covers(key[1].x, key[1].y))
+    known = [key for key in near if reached[key[0], graph.index(key[1])]]
+    if not known:
+        raise ProblemError("drone 0 reaches none of the states in the coverage file")
+    some = np.random.default_rng(0).permutation(len(known))[:most].tolist()
+    found: list[_Difference] = []
+    totals = dict.fromkeys(("theirs", "planned", "rendered"), 0.0)
+    for t, state in (known[k] for k in some):
+        areas = renderer.areas(t)
+        planned = model.views(robot_class).coverage(t, np.array([graph.index(state)]))[0]
+        pixels, unhidden = renderer.pixels(robot, t, state), renderer.unhidden(robot, t, state)
+        peer, quantum = theirs[t, state], _PIXELS / areas
+        for name, values in zip(totals, (peer, planned, pixels / areas), strict=True):
+            totals[name] += float(values.sum())
+        for f in np.flatnonzero((peer > 0) | (planned > 0) | (pixels > 0)).tolist():
+            found.append(
+                _Difference(
+                    planned=float((planned[f] - peer[f]) / quantum[f]),
+                    rendered=float((pixels[f] / areas[f] - peer[f]) / quantum[f]),
+                    hidden=bool(pixels[f] < unhidden[f]),
+                )
+            )
+    return found, totals

@@ -1,0 +1,165 @@
+"""Tables of simulated flights, and what follows from them, in sentences made from numbers."""
+
+import math
+from collections.abc import Iterator, Sequence
+from statistics import fmean
+from typing import NamedTuple
+
+from cocap_opt.experiments.lab.studies.flight.runs import SMOOTH, STRAIGHT, Run
+from cocap_opt.output.printing import Listing, Record
+from cocap_opt.scenarios.recipe.rules import SEPARATION
+
+_NOTE = (
+    "error: how far drones are from where they should be, mean and largest; late: the same along "
+    "the way, in time, as it fits best and at most; drones, walls: least distance between two, "
+    "and to obstacles and ground, as the flight has it and as flown; J: of what was filmed, at the "
+    "steps and between them, too, in % of the plan's and the flight's"
+)
+
+
+class _Summary(NamedTuple):
+    """The flights of one kind in one wind, over the seeds of a scene.
+
+    Attributes
+    ----------
+    kept, kept_between : share of J that is filmed, mean
+    """
+
+    error_mean: float
+    error_most: float
+    late_mean: float
+    late_most: float
+    apart: tuple[float, float]
+    clear: tuple[float, float]
+    kept: float
+    kept_between: float
+
+    @classmethod
+    def of(cls, runs: Sequence[Run]) -> "_Summary":
+        """Returns means, and the worst of what must not be."""
+        return cls(
+            fmean(run.error_mean for run in runs),
+            max(run.error_most for run in runs),
+            fmean(run.late_mean for run in runs),
+            max(run.late_most for run in runs),
+            (min(run.apart_planned for run in runs), min(run.apart_flown for run in runs)),
+            (min(run.clear_planned for run in runs), min(run.clear_flown for run in runs)),
+            fmean(run.kept for run in runs),
+            fmean(run.kept_between for run in runs),
+        )
+
+    @property
+    def is_team(self) -> bool:
+        """True if there are drones that could come near to each other."""
+        return self.apart[0] < math.inf
+
+    def row(self) -> Record:
+        """Returns the columns of a table."""
+        return {
+            "error (m)": f"{self.error_mean:.2f}, {self.error_most:.2f}",
+            "late (s)": f"{self.late_mean:.2f}, {self.late_most:.2f}",
+            "drones (m)": f"{self.apart[0]:.2f}, {self.apart[1]:.2f}" if self.is_team else "-",
+            "walls (m)": f"{self.clear[0]:.2f}, {self.clear[1]:.2f}",
+            "J (%)": f"{100 * self.kept:.1f}, {100 * self.kept_between:.1f}",
+        }
+
+
+def listings(runs: Sequence[Run]) -> list[Listing]:
+    """Returns a table of smooth flights, and one of straight ones."""
+    found = []
+    for flight in (SMOOTH, STRAIGHT):
+        some = [run for run in runs if run.flight == flight]
+        rows = [
+            {"scene": scene, "wind": f"{wind:g}", **summary.row()}
+            for (scene, _, wind), summary in _summaries(some)
+        ]
+        found.append(Listing(f"{flight} flights in RotorPy, wind in m/s", rows))
+    return [found[0], found[1]._replace(notes=[_NOTE])]
+
+
+def sentences(runs: Sequence[Run]) -> list[str]:
+    """Returns a sentence on each scene, and some on the separation of recipes."""
+    return [*_on_scenes(runs), *_on_separation(runs)]
+
+
+def flights_in_markdown(runs: Sequence[Run]) -> str:
+    """Returns the tables as one in Markdown, and a sentence on what its columns are."""
+    rows = [
+        {"scene": scene, "flight": flight, "wind (m/s)": f"{wind:g}", **summary.row()}
+        for (scene, flight, wind), summary in _summaries(runs)
+    ]
+    return f"{Listing('', rows).markdown}\n{_capital(_NOTE)}.\n"
+
+
+def _on_scenes(runs: Sequence[Run]) -> Iterator[str]:
+    for scene in dict.fromkeys(run.scene for run in runs):
+        own = [run for run in runs if run.scene == scene]
+        calm, stormy = min(run.wind for run in own), max(run.wind for run in own)
+        words = [
+            _on_wind([run for run in own if run.wind == wind], wind)
+            for wind in dict.fromkeys((calm, stormy))
+        ]
+        steps = " to ".join(
+            dict.fromkeys(f"{end(run.step for run in own):g}" for end in (min, max))
+        )
+        yield f"{scene} (steps of {steps} s): {'; '.join(words)}."
+
+
+def _on_wind(runs: Sequence[Run], wind: float) -> str:
+    """Says in some words what becomes of a scene's flights in a wind."""
+    found = {
+        flight: _Summary.of([run for run in runs if run.flight == flight])
+        for flight in dict.fromkeys(run.flight for run in runs)
+    }
+    smooth, straight = found[SMOOTH], found[STRAIGHT]
+    near = f"{smooth.clear[1]:.2f} m from walls" if smooth.clear[1] else "into walls"
+    return (
+        f"in {_air(wind)} smooth flights are off by {smooth.error_most:.2f} m at most and come "
+        f"{near}, straight ones are off by {straight.error_most:.2f} m, and "
+        f"{100 * smooth.kept_between:.1f} and {100 * straight.kept_between:.1f} % of J are filmed"
+    )
+
+
+def _on_separation(runs: Sequence[Run]) -> Iterator[str]:
+    """Says what is left of the separation of recipes, by the largest errors of smooth flights."""
+    width = max(run.span for run in runs)
+    enough = []
+    for wind in dict.fromkeys(run.wind for run in runs):
+        some = [run for run in runs if run.flight == SMOOTH and run.wind == wind]
+        most = max(run.error_most for run in some)
+        lost = [run.apart_planned - run.apart_flown for run in some if run.robots > 1]
+        left = SEPARATION - 2 * most
+        fits = left >= width
+        enough += [wind] if fits else []
+        yield (
+            f"In {_air(wind)} the largest error of smooth flights is {most:.2f} m: two drones that "
+            f"are so far off towards each other have {_left(left)} left of {SEPARATION:g} m, which "
+            f"is {'enough' if fits else 'too little'} for vehicles {width:g} m wide; "
+            f"{_up(width + 2 * most):g} m would {'do' if fits else 'be needed'}. "
+            f"The least distance of a team fell by {max([*lost, 0.0]):.2f} m at most."
+        )
+    winds = f"{'up to' if any(enough) else 'in'} {_air(max(enough))}" if enough else "in none"
+    yield f"So {SEPARATION:g} m are enough {winds}."
+
+
+def _summaries(runs: Sequence[Run]) -> Iterator[tuple[tuple[str, str, float], _Summary]]:
+    """Yields scene, kind of flight and wind, and what became of its seeds."""
+    for key in dict.fromkeys((run.scene, run.flight, run.wind) for run in runs):
+        yield key, _Summary.of([run for run in runs if (run.scene, run.flight, run.wind) == key])
+
+
+def _air(wind: float) -> str:
+    return f"{wind:g} m/s of wind" if wind else "still air"
+
+
+def _left(metres: float) -> str:
+    return f"{metres:.2f} m" if metres > 0 else "nothing"
+
+
+def _up(metres: float) -> float:
+    """Returns metres, rounded up to tenths."""
+    return math.ceil(10 * metres - 1e-9) / 10
+
+
+def _capital(words: str) -> str:
+    return words[:1].upper() + words[1:]

@@ -1,0 +1,74 @@
+"""The speed of the player: pictures a second while it plays, and what each of them costs.
+
+The cost is the processor time of the page's main thread, as a share of what there is for 30
+pictures a second, so that a busy machine hardly changes it. It needs Chromium, as `pictures` does.
+"""
+
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from cocap_opt.experiments.lab.studies.pictures import _Browser
+from cocap_opt.output.printing import Listing, Record
+from cocap_opt.planners import PLANNERS
+from cocap_opt.player.player import Player
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import never
+
+_SIZE = 1400, 900  # px
+_WARM, _MEASURED = 3.0, 6.0  # s, before and while pictures are counted
+_WANTED = 30.0  # pictures a second
+_KEYS = {"play": "", "with a drone's picture": "d", "following a drone": "df"}
+_PLAY = """
+const speed = document.getElementById("speed");
+speed.value = "2";
+speed.dispatchEvent(new Event("change"));
+document.getElementById("play").click();
+window.pictures = 0;
+const count = () => { window.pictures += 1; requestAnimationFrame(count); };
+count();
+"""
+
+
+def frames(scene: str, planner: str) -> None:
+    """Prints how fast a scene's plan is drawn while it plays, row by row for what is looked at.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no browser, or no driver.
+    """
+    problem = load_scene(scene, 0)
+    plan = PLANNERS[planner](problem, never).plan
+    assert plan is not None
+    with TemporaryDirectory() as folder:
+        page = Path(folder) / "player.html"
+        Player(problem, [(planner, plan)]).save(page)
+        rows = [_measured(page, name, keys) for name, keys in _KEYS.items()]
+    title = f"{problem.name}, {len(problem.robots)} drones: {_SIZE[0]} x {_SIZE[1]} px"
+    Listing(title, rows).print()
+
+
+def _measured(page: Path, name: str, keys: str) -> Record:
+    with _Browser.opened(page, _SIZE) as browser:
+        browser.execute_cdp_cmd("Performance.enable", {"timeDomain": "threadTicks"})
+        browser.press(keys)
+        browser.execute_script(_PLAY)
+        time.sleep(_WARM)
+        begin, pictures, busy = time.perf_counter(), *_spent(browser)
+        time.sleep(_MEASURED)
+        seconds, after = time.perf_counter() - begin, _spent(browser)
+    count = after[0] - pictures
+    return {
+        "looked at": name,
+        "pictures a second": round(count / seconds, 1),
+        "processor time, of 1/30 s": f"{100 * _WANTED * (after[1] - busy) / count:.0f} %",
+    }
+
+
+def _spent(browser: Any) -> tuple[int, float]:
+    """Returns how many pictures were drawn, and the main thread's processor time (s)."""
+    metrics = browser.execute_cdp_cmd("Performance.getMetrics", {})["metrics"]
+    busy = {metric["name"]: metric["value"] for metric in metrics}["TaskDuration"]
+    return browser.execute_script("return window.pictures"), busy

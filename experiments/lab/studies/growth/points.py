@@ -1,0 +1,158 @@
+"""Sizes at which growth is measured, the samples of each, and power laws fitted to them.
+
+The exponent of a size n is the slope of log seconds over log n, by least squares over the sizes
+at which all seeds came to their end within the limit; that of the gap is over all sizes. Where
+medians are not near such a line, no power law is said.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from cocap_opt.experiments.lab.studies.runs import Run
+from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.output.files import load_csv
+
+GAP = 0.03  # certified gap whose time is taken: one that most sizes reach
+_LEAST_SIZES = 4  # of a fit: any two points are on a line, and three are often near one
+_NEAR = 1.5  # times, by which medians may be off a power law
+
+
+class Field(NamedTuple):
+    """Parameters of the scene `field`."""
+
+    robots: int
+    actors: int
+    cells: int  # along each edge
+    steps: int
+
+    @property
+    def words(self) -> str:
+        """The parameters in one line, such as "8 robots, 8 actors, 30 cells, 16 steps"."""
+        return ", ".join(f"{n} {what}" for what, n in self._asdict().items())
+
+
+_BASE = Field(robots=8, actors=8, cells=30, steps=16)
+# Where 15 x 15 cells are to compare with more, there is room for two people only.
+BASES = {"robots": _BASE, "steps": _BASE, "cells": _BASE._replace(actors=2)}
+SIZES: dict[str, tuple[int, ...]] = {
+    "robots": (2, 4, 8, 16, 32, 64),
+    "steps": (8, 16, 32, 64, 80),
+    "cells": (15, 30, 48, 64, 96),
+}
+
+
+class Runs(NamedTuple):
+    """Column generation on one field, as it is, and without step envelopes."""
+
+    whole: Run
+    cuts: Run
+
+
+class Sample(NamedTuple):
+    """Column generation on one field: a row of growth.csv."""
+
+    axis: str  # a key of SIZES, the parameter that changes
+    size: int  # its value
+    seed: int
+    limit: float  # s
+    finished: bool  # no limit stopped it
+    seconds: float
+    seconds_to_gap: float  # to a certified gap of GAP; infinite where it was not reached
+    gap: float  # certified, relative, at the end or the limit
+    gap_of_cuts: float  # the same of envelope cuts alone, which bound faces one by one
+    gigabytes: float  # peak memory
+
+    @classmethod
+    def of(cls, axis: str, size: int, seed: int, limit: float, runs: "Runs") -> Self:
+        """Returns what is kept of the runs on one field."""
+        run = runs.whole
+        return cls(
+            axis, size, seed, limit, run.finished, run.seconds, run.seconds_to_gap(GAP), run.gap,
+            runs.cuts.gap, run.gigabytes,
+        )  # fmt: skip
+
+    @classmethod
+    def read(cls, path: Path) -> list[Self]:
+        """Returns the samples that are stored in a file."""
+        return load_csv(path, cls, "cocap-opt study growth")
+
+
+@dataclass(frozen=True)
+class Point:
+    """The samples of one size, one per seed."""
+
+    axis: str
+    size: int
+    samples: tuple[Sample, ...]
+
+    @classmethod
+    def all_of(cls, samples: Sequence[Sample]) -> list[Self]:
+        """Returns the points of some samples, axis by axis."""
+        sizes = dict.fromkeys((sample.axis, sample.size) for sample in samples)
+        return [
+            cls(axis, size, tuple(s for s in samples if (s.axis, s.size) == (axis, size)))
+            for axis, size in sizes
+        ]
+
+    @property
+    def finished(self) -> bool:
+        """True if all runs came to their end."""
+        return all(sample.finished for sample in self.samples)
+
+
+class Measure(NamedTuple):
+    """A number that each run has.
+
+    Attributes
+    ----------
+    one : the number of a sample
+    whole : true of a point if no limit has cut one of its numbers short
+    """
+
+    one: Callable[[Sample], float]
+    whole: Callable[[Point], bool]
+
+    def of(self, point: Point) -> list[float]:
+        """Returns the numbers of a point's samples."""
+        return [self.one(sample) for sample in point.samples]
+
+    def exponent(self, points: Sequence[Point]) -> float:
+        """Returns the exponent of the power law through the medians; NaN if there is none."""
+        line = self.fit(points)
+        return math.nan if line is None else line[0]
+
+    def fit(self, points: Sequence[Point]) -> tuple[float, float] | None:
+        """Returns slope and offset of log measure over log size, of sizes that no limit cut short.
+
+        None if there are fewer than four such sizes, or if the medians are not near the line.
+        """
+        pairs = [(p.size, median(self.of(p))) for p in points if self.whole(p)]
+        pairs = [(size, value) for size, value in pairs if 0 < value < math.inf]
+        if len(pairs) < _LEAST_SIZES:
+            return None
+        n, values = np.log(np.array(pairs)).T
+        slope, offset = np.polyfit(n, values, 1)
+        if np.abs(slope * n + offset - values).max() > math.log(_NEAR):
+            return None
+        return float(slope), float(offset)
+
+
+MEASURES: dict[str, Measure] = {
+    "seconds": Measure(lambda sample: sample.seconds, lambda point: point.finished),
+    "seconds_to_gap": Measure(
+        lambda sample: sample.seconds_to_gap,
+        lambda point: all(math.isfinite(sample.seconds_to_gap) for sample in point.samples),
+    ),
+    "gap_of_cuts_percent": Measure(
+        lambda sample: 100 * max(sample.gap_of_cuts, OPTIMALITY), lambda point: True
+    ),
+    "gap_percent": Measure(  # at least the gap of a proof
+        lambda sample: 100 * max(sample.gap, OPTIMALITY), lambda point: True
+    ),
+}

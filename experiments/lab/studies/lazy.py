@@ -1,0 +1,161 @@
+"""The views and the time that lazy value iteration saves, where views are cheap and where not.
+
+Time is that of processors, so that other load on the machine counts little; whatever is compared is
+measured in one process. Nothing is taken from the disk cache, but the coverage for the plan that is
+compared with, whose computation is measured apart.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from statistics import fmean, median
+from typing import Any
+
+import numpy as np
+
+from cocap_opt.console.streams import say
+from cocap_opt.experiments.lab.studies.coverage.coverage import ACTORS, SCENES
+from cocap_opt.model import Model, compiled
+from cocap_opt.output.files import make_folder, save_csv
+from cocap_opt.output.printing import Listing, Record
+from cocap_opt.planners import PLANNERS
+from cocap_opt.problem import Problem
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import never
+from cocap_opt.world.workspace import Mesh
+
+_LAYERS, _TILTS = tuple(np.arange(2.0, 16.0, 2.0).tolist()), (-0.3, 0.2, 0.6, 1.0)  # m, rad
+_PIER, _FROM_EDGE = 0.2, 0.5  # m: half of its width, and how far it is from the deck's edges
+_QUICK, _REPEATS = 1.0, 3  # s; what is quicker is measured so often
+_TEAM, _STEPS = 2, 30  # drones and steps on maps of 120 x 120 cells
+_ONE_BY_ONE = "sequential"  # for 64 drones CoCap's tree grows too large
+
+
+def _bridge(seed: int, is_pierced: bool = False, has_many_states: bool = False) -> Problem:
+    """Builds the bridge with seven layers and four pitches, or on piers, or both."""
+    problem = load_scene("bridge", seed)
+    if is_pierced:
+        problem = problem.replace(meshes=(_on_piers(problem.meshes[0]),))
+    if not has_many_states:
+        return problem
+    return problem.replace(
+        robots=tuple(
+            robot.replace(
+                motion=robot.motion.replace(layers=_LAYERS),
+                camera=robot.camera.replace(tilts=_TILTS),
+            )
+            for robot in problem.robots
+        )
+    )
+
+
+def _on_piers(deck: Mesh) -> Mesh:
+    """Makes one mesh of a deck and the piers below its corners, which is not convex."""
+    low, high = deck.vertices.min(axis=0), deck.vertices.max(axis=0)
+    parts = [deck]
+    for x in (low[0] + _FROM_EDGE, high[0] - _FROM_EDGE):
+        for y in (low[1] + _FROM_EDGE, high[1] - _FROM_EDGE):
+            foot, top = (x - _PIER, y - _PIER, 0.0), (x + _PIER, y + _PIER, float(low[2]))
+            parts.append(Mesh.box(foot, top))
+    return Mesh.joined(parts)
+
+
+def _wide(name: str, seed: int) -> Problem:
+    """Builds a map of 120 x 120 cells of the study of coverage."""
+    make, change = SCENES[name]
+    return change(make(seed=seed, robots=_TEAM, actors=ACTORS, steps=_STEPS))
+
+
+_MORE: dict[str, Callable[[int], Problem]] = {
+    "bridge, 7 layers, 4 pitches": partial(_bridge, has_many_states=True),
+    "bridge on piers": partial(_bridge, is_pierced=True),
+    "bridge on piers, 7 layers, 4 pitches": partial(_bridge, is_pierced=True, has_many_states=True),
+    "field of 120 x 120 cells": partial(_wide, "field, 1 m"),
+    "town of 120 x 120 cells": partial(_wide, "town, 1 m"),
+    "town on hills": partial(_wide, "town, 1 m, on hills"),
+}
+ALL = ["corridor", "bottleneck", "passage", "field", "bridge", *_MORE, "field-large"]
+
+
+def lazy(scenes: Sequence[str], seeds: Sequence[int], out: Path | None = None) -> None:
+    """Measures, prints means over the seeds, and writes all runs (lazy.csv).
+
+    Parameters
+    ----------
+    scenes : built-in scenes, files, or names of _MORE
+    """
+    make_folder(out)
+    rows: list[Record] = []
+    for scene in scenes:
+        for seed in seeds:
+            rows.append(_measured(scene, seed))
+            say(f"{scene} seed {seed}: {rows[-1]['views']:.1%} of the views")
+            if out is not None:
+                save_csv(out / "lazy.csv", rows)
+    Listing(
+        "lazy value iteration: views evaluated, J and processor time, as shares of those of value "
+        "iteration with the coverage of all states",
+        means(rows),
+    ).print()
+
+
+def means(rows: Sequence[Record]) -> list[Record]:
+    """Returns a row for each scene, with means over its seeds as they are shown."""
+    found: list[Record] = []
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        some = [row for row in rows if row["scene"] == scene]
+
+        def mean(name: str, some: Sequence[Record] = some) -> float:
+            return fmean(float(row[name]) for row in some)
+
+        found.append({
+            "scene": scene,
+            "planner": some[0]["planner"],
+            "states": f"{mean('states'):,.0f}",
+            "us a view": f"{mean('view_us'):.1f}",
+            "views": f"{100 * mean('views'):.2g} %",
+            "J": f"{mean('reward'):.3f}",
+            "time": f"{mean('seconds') / (mean('coverage_seconds') + mean('plan_seconds')):.2f}",
+        })  # fmt: skip
+    return found
+
+
+def _measured(scene: str, seed: int) -> Record:
+    """Plans a scene with all coverage, and lazily."""
+    problem = _MORE[scene](seed) if scene in _MORE else load_scene(scene, seed)
+    planner = _ONE_BY_ONE if scene == "field-large" else "cocap"
+    states = _reachable(Model(problem, use_cache=False))  # which compiles the graph as well
+    _, coverage = _timed(lambda: Model(problem, use_cache=False).prepare_all())
+    found, seconds = _timed(lambda: _anew(problem, f"{planner}-lazy"))
+    compiled(problem).prepare_all()
+    expected, plan = _timed(lambda: PLANNERS[planner](problem, never))
+    return {
+        "scene": scene, "seed": seed, "planner": planner, "states": states,
+        "view_us": 1e6 * coverage / states, "views": found.statistics["evaluated"] / states,
+        "reward": found.value / expected.value, "seconds": seconds, "coverage_seconds": coverage,
+        "plan_seconds": plan,
+    }  # fmt: skip
+
+
+def _anew(problem: Problem, planner: str) -> Any:
+    """Plans a problem of which no view is known."""
+    compiled.cache_clear()
+    return PLANNERS[planner](problem, never)
+
+
+def _timed(run: Callable[[], Any]) -> tuple[Any, float]:
+    """Returns what a call returns, and the median of its seconds of processor time."""
+    seconds: list[float] = []
+    while not seconds or (seconds[0] < _QUICK and len(seconds) < _REPEATS):
+        begin = time.process_time()
+        result = run()
+        seconds.append(time.process_time() - begin)
+    return result, median(seconds)
+
+
+def _reachable(model: Model) -> int:
+    """Returns the number of states, over all steps that count, whose views some robot can have."""
+    first = model.problem.first_step
+    sights = {c.sight: c for c in model.classes}
+    return sum(int(np.count_nonzero(model.reachable(c)[first:])) for c in sights.values())

@@ -1,0 +1,99 @@
+"""The project's notebooks, run from start to end and stored with their outputs."""
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Self
+
+import nbformat
+from nbclient import NotebookClient
+from nbclient.exceptions import CellExecutionError
+from nbformat import NotebookNode
+from traitlets.config import Config
+
+from cocap_opt.console.streams import say
+from cocap_opt.files.atomic_write import write_atomically
+from cocap_opt.files.documents import FileError
+
+_FOLDER = Path(__file__).parents[1] / "notebooks"
+_MOST_SECONDS = 120  # for a cell
+# The person who ran them last and the versions of packages are left out.
+_METADATA = {
+    "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+    "language_info": {"name": "python"},
+}
+
+
+class Notebook:
+    """A notebook and its file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @classmethod
+    def all(cls) -> list[Self]:
+        """Returns all notebooks of the project."""
+        return [cls(path) for path in sorted(_FOLDER.glob("*.ipynb"))]
+
+    @classmethod
+    def store_all(cls, names: Sequence[str]) -> None:
+        """Runs notebooks and stores them; a notebook of which a cell fails is left as it is.
+
+        Parameters
+        ----------
+        names : as of `first_tour`; all notebooks if there is none
+
+        Raises
+        ------
+        FileError
+            If there is no such notebook, or one of its cells fails.
+        """
+        found = {notebook.path.stem: notebook for notebook in cls.all()}
+        if unknown := [name for name in names if name not in found]:
+            raise FileError(f"{unknown[0]}: must be one of {', '.join(found)}")
+        for name in names or found:
+            say(name)
+            try:
+                found[name].store()
+            except CellExecutionError as error:
+                words = f"a cell fails with {error.ename}: {error.evalue}"
+                raise FileError(f"{found[name].path.name}: {words}") from error
+
+    def content(self) -> NotebookNode:
+        """Reads the notebook."""
+        notebook: NotebookNode = nbformat.read(self.path, as_version=4)
+        return notebook
+
+    def executed(self) -> NotebookNode:
+        """Runs the notebook in a process of its own, in a folder that is removed afterwards.
+
+        Raises
+        ------
+        nbclient.exceptions.CellExecutionError
+            If a cell fails.
+        """
+        notebook = self.content()
+        with TemporaryDirectory() as folder:
+            # Sockets are files of that folder: TCP would be open to others on this machine.
+            sockets = {"transport": "ipc", "connection_file": f"{folder}/kernel.json"}
+            client = NotebookClient(
+                notebook, timeout=_MOST_SECONDS, kernel_name="python3", record_timing=False,
+                config=Config({"KernelManager": sockets}), resources={"metadata": {"path": folder}},
+            )  # fmt: skip
+            client.execute()
+        return notebook
+
+    def store(self) -> None:
+        """Runs the notebook and writes it with its outputs."""
+        notebook = self.executed()
+        notebook.metadata = nbformat.from_dict({**_METADATA, "ran": self.digest(notebook)})
+        for cell in notebook.cells:
+            cell.metadata = nbformat.from_dict({})
+        write_atomically({self.path: (nbformat.writes(notebook) + "\n").encode()})
+
+    @staticmethod
+    def digest(content: NotebookNode) -> str:
+        """Returns a digest of the code that outputs come from."""
+        code = [cell.source for cell in content.cells if cell.cell_type == "code"]
+        return hashlib.sha256("\0".join(code).encode()).hexdigest()[:12]

@@ -1,0 +1,119 @@
+"""Findings on the evaluation of others, in sentences: what they reported beside what it is worth.
+
+Sentences that hold for all scenes come from their programs, which were read; those of a scene from
+the numbers that are stored with it.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+
+from cocap_opt.experiments.lab.studies.others.tables import Compared
+
+_NAMED = 8  # frames that are named
+_THEIR_BEST = "their-multipleroundsgreedy"
+
+# What holds for all their scenes.
+ON_GREEDY_PERSPECTIVES = (
+    "Greedy Perspectives: their coverage cache ignores whose camera asks, so that the reported "
+    "rewards mix the drones' tilts; here each drone has its own.",
+    "Their planner also gets 100 for each move with dx + dy = 0, which no reward counts; their "
+    "published means are over one row too many, a spurious 0.",
+)
+ON_HUGHES = (
+    "Hughes et al.: their planners also get 0.02 for keeping the heading and 0.01 for keeping the "
+    "cell, which no reward counts. They have no rule against collisions, so bound and planners "
+    "here have none either; the column collide counts how often two drones are in one cell.",
+    "Their formation flies between the cells and starts in formation, not where the others start.",
+    "In their published scene cluster the first two frames of ppa_evaluation.csv come from another "
+    "version of their program.",
+)
+
+
+def findings(compared: Sequence[Compared], of_hughes: bool) -> list[str]:
+    """Returns the findings on the scenes of one project."""
+    general = ON_HUGHES if of_hughes else ON_GREEDY_PERSPECTIVES
+    on_scene = _on_frames if of_hughes else _on_tilts
+    sentences = [sentence for one in compared for sentence in on_scene(one)]
+    return [*general, *sentences, *(_against_their_best(compared) if of_hughes else ())]
+
+
+def _on_tilts(compared: Compared) -> Iterator[str]:
+    """Says what the tilts of their cache change, and how far our evaluator is from theirs."""
+    for one in compared.case.published.values():
+        worth = compared.reward(one.name)
+        if worth is None or one.reported is None:
+            continue
+        name, reported = compared.case.problem.name, math.fsum(one.reported)
+        if one.own_tilts is None:
+            yield f"{name}: their program reported {reported:,.1f}; J is {_than(worth, reported)}."
+            continue
+        own = math.fsum(one.own_tilts)
+        yield (
+            f"{name}: their program reported {reported:,.1f}; by its own pixels with each drone's "
+            f"own tilt that is {_than(own, reported)}. Our J is {_than(worth, own)} than those."
+        )
+
+
+def _on_frames(compared: Compared) -> Iterator[str]:
+    """Says at which frames the stored rewards are not those of the stored solutions."""
+    name, agreeing, frames = compared.case.problem.name, [], compared.case.counted_steps
+    for one in compared.case.published.values():
+        rewards, planner = compared.by_us.get(one.name), one.name.removeprefix("their-")
+        if rewards is None or one.reported is None:
+            continue
+        off = compared.off(one)
+        if not off:
+            agreeing.append(planner)
+            continue
+        worst = max(
+            (abs(one.reported[t - 1] / rewards[t - 1] - 1) for t in off if rewards[t - 1]),
+            default=math.inf,
+        )
+        yield (
+            f"{name}: the stored rewards of {planner} are not those of its stored solution at "
+            f"{_frames(off)} of {frames}, by up to {_percent(worst)}."
+        )
+    if agreeing:
+        yield (
+            f"{name}: the stored rewards of {', '.join(agreeing)} are those of the stored "
+            f"solutions, at all {frames} frames."
+        )
+
+
+def _against_their_best(compared: Sequence[Compared]) -> Iterator[str]:
+    """Says on how many scenes each planner of ours has the reward of their multi-round planner."""
+    scenes = [one for one in compared if one.reward(_THEIR_BEST) is not None]
+    ours = dict.fromkeys(
+        row.planner for one in scenes for row in one.rows if row.planner not in one.case.published
+    )
+    for planner in ours:
+        above = [_above_their_best(one, planner or "") for one in scenes]
+        least = min((share for share in above if share is not None), default=None)
+        reached = sum(share is not None and share >= 0 for share in above)
+        if least is not None:
+            percent = round(100 * least, 2) + 0.0  # no -0.00
+            yield (
+                f"{planner} has at least the reward of {_THEIR_BEST.removeprefix('their-')} on "
+                f"{reached} of {len(scenes)} scenes, {percent:+.2f} % where that is least."
+            )
+
+
+def _above_their_best(compared: Compared, planner: str) -> float | None:
+    theirs, ours = compared.reward(_THEIR_BEST), compared.reward(planner)
+    return None if ours is None or not theirs else ours / theirs - 1
+
+
+def _than(value: float, other: float) -> str:
+    """Returns how much more or less a value is, in words."""
+    share = 100 * (value / other - 1)
+    return f"{abs(share):.2f} % {'more' if share >= 0 else 'less'}"
+
+
+def _percent(share: float) -> str:
+    """Returns a share in %, with two digits where it is small."""
+    return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:,.0f} %"
+
+
+def _frames(numbers: Sequence[int]) -> str:
+    more = f" and {len(numbers) - _NAMED} more" if len(numbers) > _NAMED else ""
+    return f"frames {', '.join(map(str, numbers[:_NAMED]))}{more}"

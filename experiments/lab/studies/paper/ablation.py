@@ -1,0 +1,166 @@
+"""Ablation: what each part adds beside others, in pairs on the same seeds.
+
+The parts are an order of the drones, rounds of best responses, CoCap's constraint tree, and large
+neighbourhood search. What a part adds is J with it minus J without it, in % of the certified bound.
+"""
+
+from collections.abc import Sequence
+from statistics import geometric_mean
+from typing import NamedTuple, Self
+
+from cocap_opt.experiments.lab.studies.paper.answers import FAILS, HOLDS, OPEN, Answer
+from cocap_opt.experiments.lab.studies.paper.measured import POLISHED
+from cocap_opt.experiments.lab.studies.paper.stopped import StoppedRuns
+from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.statistics import NONE, Mean
+from cocap_opt.experiments.tables.tables import Table
+
+ALL = "all scenes alike"
+_ALIKE = 0.1  # % of the bound within which two planners are called as good as each other
+
+
+class Contrast(NamedTuple):
+    """A part, what it is added to, and the planners with it and without it."""
+
+    part: str
+    beside: str
+    with_it: str
+    without: str
+
+    @property
+    def words(self) -> str:
+        """The part's companions in words."""
+        return self.beside if self.beside.startswith("in place of") else f"beside {self.beside}"
+
+
+TREE_ALONE = Contrast("the tree", "in place of sequential planning", "cocap", "sequential")
+ROUNDS = Contrast("rounds", "sequential planning", "sequential-rounds", "sequential")
+ORDERS = Contrast("ten orders", "sequential planning", "best-of-orders", "sequential")
+TREE_OR_ROUNDS = Contrast("the tree", "in place of rounds", "cocap", "sequential-rounds")
+TREE = Contrast("the tree", "rounds", POLISHED, "sequential-rounds")
+TREE_FROM_ROUNDS = Contrast(
+    "the tree with a focal list from a root in rounds", "rounds", "cocap-focal", "sequential-rounds"
+)
+SEARCH = Contrast("neighbourhood search", "rounds", "cocap-lns", "sequential-rounds")
+SEARCH_OR_TREE = Contrast(
+    "neighbourhood search", "in place of the tree and rounds", "cocap-lns", POLISHED
+)
+CONTRASTS = (
+    TREE_ALONE, ROUNDS, ORDERS, TREE_OR_ROUNDS, TREE, TREE_FROM_ROUNDS, SEARCH, SEARCH_OR_TREE,
+)  # fmt: skip
+
+
+class Effect(NamedTuple):
+    """The gain by a part on one scene, or on all of them weighed alike."""
+
+    scene: str
+    contrast: Contrast
+    differences: tuple[tuple[float, ...], ...]  # % of the bound, by scene and seed
+    lost: int  # seeds on which one of the planners has no plan
+    ratios: tuple[float, ...]  # of the seconds with it to those without, where both were timed
+    stopped: int  # pairs of which a limit stopped the planner with it
+
+    @classmethod
+    def all_of(cls, rows: Sequence[Row], contrast: Contrast) -> list[Self]:
+        """Returns the effect on each scene, and at the end that on all of them."""
+        effects = []
+        for (scene,), some in Row.grouped(rows, "scene").items():
+            with_it, without = (
+                {row.seed: row for row in some if row.planner == name and row.valid}
+                for name in (contrast.with_it, contrast.without)
+            )
+            seeds = {
+                row.seed for row in some if row.planner in (contrast.with_it, contrast.without)
+            }
+            pairs = [
+                (with_it[s], without[s]) for s in sorted(with_it.keys() & without.keys(), key=str)
+            ]
+            differences = tuple(_difference(one, other) for one, other in pairs)
+            ratios = tuple(
+                one.seconds / other.seconds for one, other in pairs if one.seconds and other.seconds
+            )
+            late = StoppedRuns.of(some, contrast.with_it).seeds
+            stopped = sum(one.seed in late for one, _ in pairs)
+            lost = len(seeds) - len(pairs)
+            effects.append(cls(scene, contrast, (differences,), lost, ratios, stopped))
+        lost, stopped = (sum(getattr(one, n) for one in effects) for n in ("lost", "stopped"))
+        ratios = sum((one.ratios for one in effects), ())
+        everything = tuple(one.differences[0] for one in effects if one.differences[0])
+        return [*effects, cls(ALL, contrast, everything, lost, ratios, stopped)]
+
+    @classmethod
+    def over_all(cls, rows: Sequence[Row], contrast: Contrast) -> Self:
+        """Returns the effect on all scenes, weighed alike."""
+        return cls.all_of(rows, contrast)[-1]
+
+    @property
+    def mean(self) -> Mean | None:
+        """Mean over scenes of means over seeds; None without seeds on which both have a plan."""
+        return Mean.of(*self.differences) if any(self.differences) else None
+
+    @property
+    def longer(self) -> str:
+        """The time with the part, as a multiple of that without it (geometric mean)."""
+        if not self.ratios:
+            return NONE
+        ratio = geometric_mean(self.ratios)
+        return f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:,.0f}"
+
+    @property
+    def record(self) -> dict[str, str]:
+        """Its row of a table."""
+        values = [value for some in self.differences for value in some]
+        return {
+            "what is added": self.contrast.part,
+            "to, or beside": self.contrast.beside,
+            "scene": self.scene,
+            "adds (% of the bound)": self.mean.text(3) if self.mean else NONE,
+            "better": str(sum(value > 0 for value in values)),
+            "equal": str(sum(value == 0 for value in values)),
+            "worse": str(sum(value < 0 for value in values)),
+            "no plan": str(self.lost),
+            "stopped": str(self.stopped),
+            "times as long": self.longer,
+        }
+
+    def answer(self) -> Answer:
+        """Answers if the part adds anything; if it takes away, or adds next to nothing, says so."""
+        found, contrast = self.mean, self.contrast
+        what = f"{contrast.part} {contrast.words}"
+        if found is None:
+            return Answer(f"{_capital(what)}: there is no seed on which both have a plan.", OPEN)
+        verdict = Answer.above(found, 0.0)
+        words = f"That it adds anything {verdict}"
+        if verdict == OPEN and max(-found.low, found.high) < _ALIKE:
+            words = f"That is less than {_ALIKE:g} % either way: without it planning is as good"
+            verdict = FAILS
+        elif verdict == HOLDS and found.value < _ALIKE:
+            words += f", but on average it is less than {_ALIKE:g} %: planning without it is nearly"
+            words += " as good"
+        long = f" in {self.longer} times the time" if self.ratios else ""
+        return Answer(
+            f"{_capital(what)} adds {found.text(3, ' %')} of the bound{long} ({contrast.with_it} "
+            f"against {contrast.without}, {self.scene}, {found.size} seeds{self._cut_short()}). "
+            f"{words}.",
+            verdict,
+        )
+
+    def _cut_short(self) -> str:
+        return f"; a limit stopped the tree on {self.stopped} of them" if self.stopped else ""
+
+
+def table(rows: Sequence[Row]) -> Table:
+    """Returns a row per contrast and scene."""
+    return [effect.record for one in CONTRASTS for effect in Effect.all_of(rows, one)]
+
+
+def _difference(one: Row, other: Row) -> float:
+    """Returns how much more J a plan has than another, in % of the bound; rounding is none."""
+    if one.reward is None or other.reward is None or not one.bound:
+        return 0.0
+    share = 100 * (one.reward - other.reward) / one.bound
+    return 0.0 if abs(share) < 1e-6 else share
+
+
+def _capital(words: str) -> str:
+    return words[0].upper() + words[1:]

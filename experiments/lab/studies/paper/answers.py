@@ -1,0 +1,343 @@
+"""The paper's claims, answered from measurements in sentences and tables.
+
+A claim about a mean holds if its whole confidence interval is on the right side of the line,
+does not hold if it is on the wrong side, and is left open otherwise. Intervals are bootstrap
+intervals over seeds, since gaps are never negative and mostly small.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean, median
+from typing import NamedTuple, Self
+
+from cocap_opt.experiments.lab.studies.paper.measured import DIVE
+from cocap_opt.experiments.lab.studies.paper.stopped import Seed, StoppedRuns
+from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.statistics import NONE, Mean
+from cocap_opt.experiments.tables.tables import Table
+from cocap_opt.planners import LAZY
+from cocap_opt.result import relative_gap
+from cocap_opt.stop import Limit
+
+SOURCE = "Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695)"
+HOLDS, FAILS, OPEN = "holds", "does not hold", "is left open by so many seeds"
+_CLOSE = 1.0  # % below the bound without collisions that is called close to it
+_PUBLISHED = {"sequential": 482.0, "cocap": 3981.0, "cocap-vs": 2.7}  # s, their corridor, 8 steps
+
+
+def lines() -> str:
+    """Says where the lines are drawn that claims are judged by."""
+    return (
+        f"the paper says close without a number, and here {_CLOSE:g} % is close, to planning "
+        "without collisions and to value iteration alike"
+    )
+
+
+class Answer(NamedTuple):
+    """An answer in words, and what it says of the claim."""
+
+    words: str
+    verdict: str  # HOLDS, FAILS or OPEN
+
+    @staticmethod
+    def below(found: Mean, line: float) -> str:
+        """Returns HOLDS, FAILS or OPEN for the claim that a mean is below a line."""
+        if found.high < line:
+            return HOLDS
+        return FAILS if found.low > line else OPEN
+
+    @staticmethod
+    def above(found: Mean, line: float) -> str:
+        """Returns HOLDS, FAILS or OPEN for the claim that a mean is above a line."""
+        turned = Mean(-found.value, -found.high, -found.low, found.spread, found.size)
+        return Answer.below(turned, -line)
+
+
+@dataclass(frozen=True)
+class SceneAnswers:
+    """Answers about one scene, a sentence or two each.
+
+    Attributes
+    ----------
+    rows : of all planners and seeds of the scene
+    """
+
+    scene: str
+    rows: Sequence[Row]
+
+    @classmethod
+    def all_of(cls, rows: Sequence[Row]) -> list[Self]:
+        """Makes the answers about each scene of some rows."""
+        return [cls(scene, some) for (scene,), some in Row.grouped(rows, "scene").items()]
+
+    def closeness(self) -> Answer:
+        """Answers if CoCap comes close to unconstrained performance.
+
+        CoCap loses at most its distance below the certified bound without collisions, and at
+        least its distance below the best plan found without collisions.
+        """
+        own = self._of("cocap")
+        planned = [row for row in own if row.valid and row.gap_free is not None]
+        if not planned:
+            words = "CoCap has no plan that obeys the rules; the claim cannot be tried."
+            return Answer(f"{self.scene}: {words}", OPEN)
+        found = Mean.of(Row.percent(planned, "gap_free"))
+        least = Mean.of([
+            100 * relative_gap(row.reward, row.optimum_free)
+            for row in planned
+            if row.reward is not None and row.optimum_free is not None
+        ])  # fmt: skip
+        verdict = Answer.below(found, _CLOSE)
+        if verdict != HOLDS:
+            verdict = FAILS if Answer.below(least, _CLOSE) == FAILS else OPEN
+        words = verdict
+        if len(planned) < len(own):
+            words = f"{OPEN}, as it has no plan on {len(own) - len(planned)} of {len(own)}"
+            verdict = OPEN
+        apart = self._stopped().apart({r.seed: 100 * r.gap_free for r in planned if r.gap_free})
+        return Answer(
+            f"{self.scene}: CoCap is {_text(found)} below the certified bound of planning without "
+            f"collisions, at most {max(Row.percent(planned, 'gap_free')):.2f} %.{apart} That it "
+            f"comes within {_CLOSE:g} % of unconstrained performance {words} (mean over "
+            f"{found.size} seeds).",
+            verdict,
+        )
+
+    def price(self) -> str:
+        """Tells what collision avoidance costs the best plan, certified from both sides."""
+        least, most = self._prices()
+        if not least:
+            return f"{self.scene}: no price of collisions is certified."
+        low, high = f"{fmean(least):.2f} %", f"{fmean(most):.2f} %"
+        return (
+            f"{self.scene}: avoiding collisions costs the best plan "
+            f"{low if low == high else f'between {low} and {high}'} on average over {len(least)} "
+            f"seeds, certified, and {max(most):.2f} % at most on any."
+        )
+
+    def price_row(self) -> dict[str, str]:
+        """Returns the row of the price of collision avoidance, in % of the free bound."""
+        least, most = self._prices()
+        return {
+            "scene": self.scene,
+            "at least (%)": Mean.in_words(least, 3),
+            "at most (%)": Mean.in_words(most, 3),
+            "largest (%)": Mean.rounded(max(most, default=None), 3),
+            "seeds": str(len(least)),
+        }
+
+    def _prices(self) -> tuple[list[float], list[float]]:
+        """Returns the least and the largest price of each seed, in %."""
+        first = {row.seed: row for row in self.rows}.values()
+        ends = [end for row in first if (end := row.price) is not None]
+        return [100 * low for low, _ in ends], [100 * high for _, high in ends]
+
+    def against_sequential(self, planner: str = "cocap", name: str = "CoCap") -> Answer:
+        """Answers if CoCap, or another planner, is better than sequential planning."""
+        pairs = self._pairs(planner, "sequential", lambda row: row.reward if row.valid else None)
+        if not pairs:
+            words = f"{self.scene}: there is no seed on which both planners have a plan."
+            return Answer(words, OPEN)
+        gains = {seed: 100 * (a - b) / b for seed, (a, b) in pairs.items()}
+        found = Mean.of(list(gains.values()))
+        better, worse = (sum(sign * gain > 0 for gain in gains.values()) for sign in (1, -1))
+        verdict = Answer.above(found, 0.0)
+        return Answer(
+            f"{self.scene}: {name}'s reward is {_text(found)} above that of sequential planning on "
+            f"the same seeds, at most {max(gains.values()):.2f} % (better on {better}, worse on "
+            f"{worse} of {len(pairs)}).{self._stopped(planner).apart(gains)} That it outperforms "
+            f"sequential planning {verdict}.",
+            verdict,
+        )
+
+    def sequential_failures(self) -> str:
+        """Answers when sequential planning fails."""
+        collides = {row.seed for row in self._of("greedy") if row.conflicts}
+        own = self._of("sequential")
+        without = sum(not row.valid for row in own)
+        parts = []
+        for words, chosen in (("with", True), ("without", False)):
+            some = [row for row in own if row.valid and (row.seed in collides) == chosen]
+            gaps = Row.percent(some, "gap")
+            said = _text(Mean.of(gaps)) if gaps else NONE
+            parts.append(f"{said} on the {len(gaps)} seeds {words} collisions in the greedy plan")
+        return (
+            f"{self.scene}: below the best certified bound, sequential planning is "
+            f"{' and '.join(parts)}; it finds no plan on {without} of {len(own)} seeds."
+        )
+
+    def times(self) -> Answer:
+        """Answers if view search is faster than value iteration.
+
+        Value iteration needs the coverage of all states, which is computed before it; view
+        search computes what it touches while it runs. So that time is added to the former's.
+        """
+        pairs = self._pairs("cocap", "cocap-vs", _whole_seconds)
+        if not pairs:
+            return Answer(f"{self.scene}: not both low levels were timed.", OPEN)
+        ours = [median(times) for times in zip(*pairs.values(), strict=True)]
+        log_ratio = Mean.of([math.log(a / b) for a, b in pairs.values() if b > 0])
+        ratio, low, high = (math.exp(log_ratio[k]) for k in range(3))
+        theirs = _PUBLISHED["cocap"] / _PUBLISHED["cocap-vs"]
+        reach = "" if math.isnan(low) else f" ({low:.2g} to {high:.2g})"
+        verdict = Answer.above(log_ratio, 0.0)
+        return Answer(
+            f"{self.scene}: CoCap takes {ours[0]:.3f} s with value iteration, the coverage of all "
+            f"states included, and {ours[1]:.3f} s with view search (medians). The former takes "
+            f"{ratio:.2g}{reach} times as long as the latter (geometric mean); published are "
+            f"{theirs:,.0f} times.{self._cut_short()} That view search is the faster one "
+            f"{verdict} here.",
+            verdict,
+        )
+
+    def _cut_short(self) -> str:
+        """Says how many of the times of both low levels are cut short; nothing if none is."""
+        tables, views = (len(self._stopped(name).seeds) for name in ("cocap", "cocap-vs"))
+        if not tables + views:
+            return ""
+        return (
+            f" A limit stopped the former on {tables} seeds and the latter on {views}, whose times "
+            "are counted as they are."
+        )
+
+    def views(self) -> str:
+        """Tells how many views view search evaluates, with its discount and without, and its J."""
+        theirs = _PUBLISHED["cocap"] / _PUBLISHED["cocap-vs"]
+        parts, factors = [], []
+        for planner, words in (
+            ("cocap-vs", "view search evaluates"),
+            (DIVE, "with gamma 1, where it dives, it evaluates"),
+        ):
+            views = self._pairs(planner, "cocap", lambda row: row.views)
+            rewards = self._pairs(planner, "cocap", lambda r: r.reward if r.valid else None)
+            shares, kept = ([100 * a / b for a, b in p.values()] for p in (views, rewards))
+            if shares and kept:
+                factors.append(fmean(100 / share for share in shares))
+                parts.append(
+                    f"{words} {fmean(shares):.1f} % of the views that drones can have (from "
+                    f"{min(shares):.1f} to {max(shares):.1f} %), {factors[-1]:.0f} times fewer "
+                    f"than value iteration, for {fmean(kept):.1f} % of its reward"
+                )
+        if not parts:
+            return f"{self.scene}: views were not counted."
+        explained = ", or ".join(f"{factor:.0f}" for factor in factors)
+        return (
+            f"{self.scene}: {'; '.join(parts)}. Where all time goes into views, that makes it "
+            f"{explained} times as fast; published are {theirs:,.0f} times."
+        )
+
+    def kept_by_view_search(self) -> Answer:
+        """Answers if view search plans nearly as well as value iteration does."""
+        pairs = self._pairs("cocap-vs", "cocap", lambda row: row.reward if row.valid else None)
+        if not pairs:
+            return Answer(f"{self.scene}: not both low levels have a plan.", OPEN)
+        costs = {seed: 100 * (b - a) / b for seed, (a, b) in pairs.items()}
+        found = Mean.of(list(costs.values()))
+        verdict = Answer.below(found, _CLOSE)
+        return Answer(
+            f"{self.scene}: with view search CoCap's reward is {_text(found)} below that with "
+            f"value iteration.{self._where_both_end(costs)} That view search costs less than "
+            f"{_CLOSE:g} % {verdict}.",
+            verdict,
+        )
+
+    def _where_both_end(self, costs: Mapping[Seed, float]) -> str:
+        """Says what view search costs where no limit stopped it, nor value iteration."""
+        stopped = self._stopped("cocap").seeds | self._stopped("cocap-vs").seeds
+        ended = [cost for seed, cost in costs.items() if seed not in stopped]
+        if len(ended) == len(costs):
+            return ""
+        known = f"that is {_text(Mean.of(ended))}" if ended else "nothing is known"
+        return f" On the {len(ended)} seeds on which no limit stopped either of them, {known}."
+
+    def stopped(self) -> Answer:
+        """Answers if CoCap's tree ends in time."""
+        own, stopped = self._of("cocap"), self._stopped()
+        limit = max(Row.values(own, "time_limit"), default=0.0)
+        verdict = FAILS if stopped.seeds else HOLDS
+        return Answer(
+            f"{self.scene}: the limit of {limit:g} s stops CoCap on {len(stopped.seeds) or 'none'} "
+            f"of {len(own)} seeds{stopped.whose_plan}. That its tree ends in time {verdict}.",
+            verdict,
+        )
+
+    def comparison(self) -> Table:
+        """Returns published seconds beside ours, and what only bounds can tell."""
+        table = []
+        for (planner,), own in Row.grouped(self.rows, "planner").items():
+            planned = [row for row in own if row.valid]
+            published = _PUBLISHED.get(planner) if self.scene == "corridor" else None
+            stopped = self._stopped(planner).seeds
+            ended = [row for row in planned if row.seed not in stopped]
+            table.append(
+                {
+                    "scene": self.scene,
+                    "planner": planner,
+                    "plans": f"{len(planned)} of {len(own)}",
+                    "J": _mean(Row.values(own, "reward"), 0),
+                    "below the bound (%)": Mean.in_words(Row.percent(planned, "gap"), 3),
+                    "at most (%)": Mean.rounded(max(Row.percent(planned, "gap"), default=None), 3),
+                    "below the free bound (%)": Mean.in_words(Row.percent(planned, "gap_free"), 3),
+                    "seconds, median": _median(Row.values(own, "seconds"), 3),
+                    "stopped": str(len(stopped)),
+                    "below the bound, if not stopped (%)": (
+                        Mean.in_words(Row.percent(ended, "gap"), 3) if stopped else NONE
+                    ),
+                    "views, median": _median(Row.values(own, "views"), 0),
+                    "published (s)": NONE if published is None else f"{published:g}",
+                }
+            )
+        return table
+
+    def scaling(self, limit: float) -> str:
+        """Answers what a team of this size costs.
+
+        Parameters
+        ----------
+        limit : s, that each planner had
+        """
+        parts = []
+        for planner in ("sequential", "cocap", "cocap-lns"):
+            own = self._of(planner)
+            gaps = Row.percent([row for row in own if row.valid], "gap")
+            stopped = sum(row.limit == Limit.TIME for row in own)
+            words = f", stopped by the limit of {limit:g} s on {stopped}" if stopped else ""
+            gap = f"{_text(Mean.of(gaps))} below the bound" if gaps else "without a plan"
+            parts.append(f"{planner} is {gap} on {len(gaps)} of {len(own)} seeds{words}")
+        return f"{self.scene}: {'; '.join(parts)}."
+
+    def _of(self, planner: str) -> list[Row]:
+        return [row for row in self.rows if row.planner == planner]
+
+    def _stopped(self, planner: str = "cocap") -> StoppedRuns:
+        return StoppedRuns.of(self.rows, planner)
+
+    def _pairs(
+        self, first: str, second: str, figure: Callable[[Row], float | None]
+    ) -> dict[Seed, tuple[float, float]]:
+        """Returns a figure of two planners, by the seeds on which both have it."""
+        one, other = (
+            {row.seed: number for row in self._of(name) if (number := figure(row)) is not None}
+            for name in (first, second)
+        )
+        return {seed: (number, other[seed]) for seed, number in one.items() if seed in other}
+
+
+def _whole_seconds(row: Row) -> float | None:
+    """Returns the time of a search with the coverage that it needs."""
+    if row.seconds is None:
+        return None
+    return row.seconds + (0.0 if row.planner in LAZY else row.coverage_seconds or 0.0)
+
+
+def _text(found: Mean) -> str:
+    return found.text(2, " %")
+
+
+def _mean(values: Sequence[float], digits: int) -> str:
+    return Mean.rounded(fmean(values) if values else None, digits)
+
+
+def _median(values: Sequence[float], digits: int) -> str:
+    return Mean.rounded(median(values) if values else None, digits)

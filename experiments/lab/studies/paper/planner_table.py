@@ -1,0 +1,176 @@
+"""The table of planners: of what each is made, what it takes and promises, its gap and its time."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import fmean
+
+from cocap_opt.experiments.lab.stored_results import STORED
+from cocap_opt.experiments.lab.studies.paper.measured import read_rows
+from cocap_opt.experiments.lab.studies.paper.stopped import StoppedRuns
+from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.statistics import NONE
+from cocap_opt.experiments.tables.tables import Table
+from cocap_opt.files.documents import FileError
+from cocap_opt.planners import LAZY, PLANNERS, RECOMMENDED
+from cocap_opt.stop import NO_LIMIT
+
+_IN_SHORT = (  # planners of the README's table
+    "greedy", "sequential", "sequential-rounds", "best-of-orders", "cocap", "cocap-vs", "cocap-lns",
+)  # fmt: skip
+_ALONE = "no drone alone can better it"
+_COMPLETE = "a plan, or the proof that there is none, if it is not stopped"
+_PARTS = {  # of what a planner is made, and what it promises
+    "greedy": ("each drone in turn, collisions ignored", "half the best J without rules; collides"),
+    "greedy-rounds": ("greedy, then rounds of best responses", f"{_ALONE}; collides"),
+    "sequential": ("each drone in turn, clear of the earlier ones", "obeys the rules"),
+    "sequential-rounds": ("sequential, then rounds that obey the rules", _ALONE),
+    "best-of-orders": ("sequential in ten orders", "at least as good as sequential"),
+    "cocap": ("constraint tree over value iteration, Alg. 1", _COMPLETE),
+    "greedy-lazy": ("greedy over lazy value iteration", "the plan of greedy"),
+    "sequential-lazy": ("sequential over lazy value iteration", "the plan of sequential"),
+    "cocap-lazy": ("cocap over lazy value iteration", "the plan of cocap"),
+    "cocap-vs": ("constraint tree over view search, Alg. 2", _COMPLETE),
+    "cocap-vs-undiscounted": ("cocap-vs, values not discounted", _COMPLETE),
+    "cocap-rounds": ("cocap from a root planned in rounds", _COMPLETE),
+    "cocap-focal": ("cocap-rounds with a focal list, then rounds", f"{_COMPLETE}; {_ALONE}"),
+    "cocap-lns": (
+        "sequential (cocap-focal where it fails), rounds, large neighbourhood search",
+        f"{_COMPLETE}; {_ALONE}",
+    ),
+    "joint": ("value iteration over both drones at once", "the proved optimum"),
+    "formation": ("drones on circles around the people", "obeys the rules"),
+    "myopic": ("every drone as if alone", "collides"),
+    "one-step": ("each drone in turn, the best next view", "obeys the rules"),
+}
+
+
+def planner_table(rows: Sequence[Row]) -> Table:
+    """Returns a row per planner; gaps are means over seeds, in % of the certified bound."""
+    base = {row.key: row.seconds for row in rows if row.planner == "sequential"}
+    scenes = list(dict.fromkeys(row.scene for row in rows))
+    table = []
+    for name in PLANNERS:
+        own = [row for row in rows if row.planner == name]
+        parts, promise = _PARTS.get(name, (NONE, NONE))
+        table.append(
+            {
+                "planner": f"`{name}`" + (" (recommended)" if name == RECOMMENDED else ""),
+                "made of": parts,
+                "takes": _needs(name),
+                "promises": promise,
+                **{scene: _gap([row for row in own if row.scene == scene]) for scene in scenes},
+                "time": _ratio(own, base),
+            }
+        )
+    return table
+
+
+def _needs(name: str) -> str:
+    """Returns what a planner needs besides the scene."""
+    views = "single views" if name in LAZY else "all coverage"
+    return f"1 or 2 drones, {views}" if name == "joint" else views
+
+
+def _gap(rows: Sequence[Row]) -> str:
+    """Returns the mean gap of plans that obey the rules; * where a limit stopped some."""
+    gaps = Row.percent([row for row in rows if row.valid], "gap")
+    if not gaps:
+        return NONE
+    late = "\\*" if any(row.limit != NO_LIMIT for row in rows) else ""
+    some = "" if len(gaps) == len(rows) else f" ({len(gaps)} of {len(rows)})"
+    return f"{fmean(gaps):.2f}{late}{some}"
+
+
+def _ratio(rows: Sequence[Row], base: dict[tuple[str, int | None], float | None]) -> str:
+    """Returns how many times as long as sequential planning it takes, as a geometric mean."""
+    logs = [
+        math.log(row.seconds / other)
+        for row in rows
+        if row.seconds and (other := base.get(row.key))
+    ]  # fmt: skip
+    if not logs:
+        return NONE
+    ratio = math.exp(fmean(logs))
+    return f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:,.0f}"
+
+
+def planners_in_markdown(path: Path | None = None) -> str:
+    """Returns the table in Markdown, and a sentence on what its numbers are.
+
+    Parameters
+    ----------
+    path : rows of the paper's study; None for the stored ones
+    """
+    rows = _rows(path)
+    return _with_note(planner_table(rows), rows)
+
+
+def described_planners_in_markdown() -> str:
+    """Returns what each planner is made of, what it takes and what it promises."""
+    return _lines(_without(planner_table(()), "time"))
+
+
+def measured_planners_in_markdown() -> str:
+    """Returns the stored gap and time of each planner."""
+    rows = _rows()
+    return _with_note(_without(planner_table(rows), "made of", "takes", "promises"), rows)
+
+
+def short_planners_in_markdown() -> str:
+    """Returns the rows and columns of the stored table that a newcomer wants to see first."""
+    rows = _rows()
+    table = [row for row in planner_table(rows) if row["planner"].split("`")[1] in _IN_SHORT]
+    return _with_note(_without(table, "takes", "promises"), rows)
+
+
+def _without(table: Table, *columns: str) -> Table:
+    return [{key: cell for key, cell in row.items() if key not in columns} for row in table]
+
+
+def _lines(table: Table) -> str:
+    lines = [list(table[0]), ["---"] * len(table[0]), *(list(row.values()) for row in table)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _rows(path: Path | None = None) -> Sequence[Row]:
+    path = path or STORED / "paper.csv"
+    rows = read_rows(path)
+    if not rows:
+        raise FileError(f"{path}: has no rows of the paper's study")
+    return rows
+
+
+def _with_note(table: Table, rows: Sequence[Row]) -> str:
+    """Returns a table in Markdown, and what its numbers are."""
+    seeds = len({row.seed for row in rows})
+    limit = max(Row.values(rows, "time_limit"), default=0.0)
+    joint = any("`joint`" in row["planner"] for row in table)
+    without = ", or it takes no such teams" if joint else ""
+    return (
+        f"{_lines(table)}\n\n"
+        "Gaps: below the certified bound, in %, means over those seeds on which the planner's plan "
+        f"obeys the rules: {seeds}, or as many as the brackets say; - where there is no such "
+        f"plan{without}; \\* where the limit of {limit:g} s stopped some.{_fallen_back(rows)} "
+        "Time: of the processor, for the search, as a multiple of that of `sequential` on the same "
+        "scenes (geometric mean); coverage is apart, but for planners that take single views.\n"
+    )
+
+
+def _fallen_back(rows: Sequence[Row]) -> str:
+    """Says where stopped runs of `cocap` have the plans of `sequential`, if some have."""
+    said = ""
+    for (scene,), some in Row.grouped(rows, "scene").items():
+        fallen = StoppedRuns.of(some, "cocap").fallen_back
+        own = [row for row in some if row.planner == "cocap" and row.valid]
+        ended, stopped = (
+            Row.percent([row for row in own if (row.seed in fallen) == late], "gap")
+            for late in (False, True)
+        )
+        if stopped:
+            others = f"; the others are {fmean(ended):.2f} % below" if ended else ""
+            said += (
+                f" On the {scene} {len(stopped)} of {len(own)} plans of `cocap`, which was "
+                f"stopped, are those of `sequential`, {fmean(stopped):.2f} % below{others}."
+            )
+    return said

@@ -1,0 +1,155 @@
+"""The player in a browser without a window, for its picture in the README and for its tests.
+
+It needs Chromium and its driver from the system's packages, and selenium.
+"""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple, Self
+
+from PIL import Image
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.wait import WebDriverWait
+
+from cocap_opt.experiments.report.explaining import gaps_of
+from cocap_opt.formulations import BOUNDS
+from cocap_opt.planners import PLANNERS
+from cocap_opt.player.player import Player
+from cocap_opt.problem import Problem
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import never
+
+PLAYER_IS_READY = "document.documentElement.dataset.ready === 'yes'"
+_SCENE, _STEP, _KEYS = "bottleneck", 6, "ddd"  # of the picture, in which drone 2 is picked
+_PLANNERS = ("greedy", "cocap")  # a plan with conflicts beside one without
+_SIZE = 1280, 800  # px
+_SMALL = 800, 500  # px, of the moving picture
+_PACE, _QUALITY = 600, 80  # of the moving picture: ms a step; of WebP
+_PATIENCE = 30.0  # s
+_OPTIONS = (
+    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--no-first-run", "--hide-scrollbars",
+    "--host-resolver-rules=MAP * ~NOTFOUND",  # no network
+)  # fmt: skip
+
+
+class _Programs(NamedTuple):
+    browser: str
+    driver: str
+
+
+def write_pictures(folder: Path) -> None:
+    """Writes player.html, which plays two plans of the bottleneck, player.png and player.webp.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no browser, or no driver.
+    """
+    page = folder / "player.html"
+    problem = load_scene(_SCENE, 0)
+    _player(problem).save(page)
+    with _Browser.opened(page) as browser:
+        browser.go_to(_STEP)
+        browser.press(_KEYS)
+        browser.go_to(_STEP)
+        browser.save_screenshot(str(folder / "player.png"))
+        frames = [browser.frame(step) for step in range(problem.horizon + 1)]
+    frames[0].save(
+        folder / "player.webp", save_all=True, append_images=frames[1:], duration=_PACE, loop=0,
+        quality=_QUALITY,
+    )  # fmt: skip
+
+
+def _player(problem: Problem) -> Player:
+    """Returns the player of two plans, with the certificate of a bound."""
+    plans = {name: PLANNERS[name](problem, never).plan for name in _PLANNERS}
+    shown = {name: plan for name, plan in plans.items() if plan is not None}
+    proof = BOUNDS["column-generation"](problem).certificate
+    assert proof is not None
+    gaps = gaps_of(problem, list(shown.values()), proof)
+    titled = [(f"{name}.json", plan) for name, plan in shown.items()]
+    return Player(problem, titled, gaps, list(shown))
+
+
+class _Browser(webdriver.Chrome):
+    """Chromium without a window, which cannot reach any network."""
+
+    @staticmethod
+    def is_installed() -> bool:
+        """Returns True if the browser and its driver are installed."""
+        return _programs() is not None
+
+    @classmethod
+    @contextmanager
+    def opened(
+        cls, page: Path, size: tuple[int, int] = _SIZE, ready: str = PLAYER_IS_READY
+    ) -> Iterator[Self]:
+        """Opens a page in a browser of its own.
+
+        Parameters
+        ----------
+        size : px
+        ready : an expression that is true in the page once it is loaded
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is no browser, or no driver.
+        """
+        found = _programs()
+        if found is None:
+            raise FileNotFoundError("chromium and chromedriver must be installed")
+        options = webdriver.ChromeOptions()
+        options.binary_location = found.browser
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        with TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+            for option in (*_OPTIONS, f"--user-data-dir={profile}"):
+                options.add_argument(option)
+            browser = cls(options=options, service=Service(found.driver))
+            try:
+                browser.resize(size)
+                browser.get(page.absolute().as_uri())
+                loaded = WebDriverWait(browser, _PATIENCE)
+                loaded.until(lambda driver: driver.execute_script(f"return {ready}"))
+                yield browser
+            finally:
+                browser.quit()
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Gives the page a size (px)."""
+        width, height = size
+        screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+
+    def frame(self, step: int) -> Image.Image:
+        """Returns a small picture of the player at a step."""
+        self.go_to(step)
+        picture = Image.open(BytesIO(self.get_screenshot_as_png())).convert("RGB")
+        return picture.resize(_SMALL, Image.Resampling.LANCZOS)
+
+    def press(self, keys: str) -> None:
+        """Presses keys anywhere on the page."""
+        self.find_element(By.TAG_NAME, "body").send_keys(keys)
+
+    def go_to(self, step: int) -> None:
+        """Puts the player's slider to a step, and waits until the page has drawn it."""
+        slide = (
+            "const [step, done] = arguments, slider = document.getElementById('slider');"
+            "slider.value = step; slider.dispatchEvent(new Event('input'));"
+            "const drawn = () => requestAnimationFrame(() => requestAnimationFrame(() => done()));"
+            "setTimeout(drawn, 230);"  # pictures are fine after 200 ms of rest
+        )
+        self.execute_async_script(slide, step)
+
+
+def _programs() -> _Programs | None:
+    browser, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    return _Programs(browser, driver) if browser and driver else None

@@ -1,0 +1,141 @@
+"""Quotes of the stored results for pages: a name for each number, sentence and table.
+
+Pages of `docs` write `{{ name }}`, which Sphinx replaces when it builds them. The README has marks,
+`<!-- quote: name -->` and `<!-- end of quote -->`, between which `cocap-opt study quote --into
+README.md` writes. Both take what is below, and nothing else: no number is written by hand.
+"""
+
+import re
+from collections.abc import Callable, Iterable
+from functools import cache, partial
+from pathlib import Path
+
+from cocap_opt.experiments.lab.stored_results import STORED
+from cocap_opt.experiments.lab.studies.flight.flight import TABLE as FLIGHTS
+from cocap_opt.experiments.lab.studies.flight.runs import Run as FlightRun
+from cocap_opt.experiments.lab.studies.flight.tables import flights_in_markdown, sentences
+from cocap_opt.experiments.lab.studies.gamma import chosen_in_words, gammas_in_markdown
+from cocap_opt.experiments.lab.studies.paper.answers import lines
+from cocap_opt.experiments.lab.studies.paper.conditions import PUBLISHED, read_trials
+from cocap_opt.experiments.lab.studies.paper.measured import read_rows
+from cocap_opt.experiments.lab.studies.paper.page import Page
+from cocap_opt.experiments.lab.studies.paper.planner_table import (
+    described_planners_in_markdown,
+    measured_planners_in_markdown,
+    short_planners_in_markdown,
+)
+from cocap_opt.experiments.lab.studies.paper.reproduction import SCENES
+from cocap_opt.experiments.lab.studies.separation.points import Point
+from cocap_opt.experiments.lab.studies.separation.tables import separation_in_markdown
+from cocap_opt.experiments.lab.studies.stored_tables import (
+    coverage_in_markdown,
+    findings_in_markdown,
+    growth_in_markdown,
+    lazy_in_markdown,
+    published_in_markdown,
+    solver_figures_in_markdown,
+    speed_in_markdown,
+    start_sets_in_markdown,
+    views_in_markdown,
+)
+from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.files.documents import FileError
+from cocap_opt.output.files import read_text, save_bytes
+from cocap_opt.output.printing import counted
+from cocap_opt.planners import RECOMMENDED
+
+_MARKED = re.compile(r"(<!-- quote: (\S+) -->\n).*?(<!-- end of quote -->)", re.DOTALL)
+
+
+@cache
+def _paper() -> Page:
+    rows, trials = STORED / "paper.csv", STORED / "paper-conditions.csv"
+    return Page(read_rows(rows), read_trials(trials))
+
+
+def _listed(said: Iterable[str]) -> str:
+    return "".join(f"- {sentence}\n" for sentence in said)
+
+
+def _side(title: str) -> str:
+    """Returns what speaks for CoCap, what against it, or what is left open."""
+    return _listed(_paper().verdict()[title])
+
+
+def _answers(question: str) -> str:
+    return _listed(_paper().questions()[question])
+
+
+def _settings() -> str:
+    """Says how many seeds there are, and what plans and bounds were allowed."""
+    rows = _paper().rows
+    plans, bounds = (max(Row.values(rows, name)) for name in ("time_limit", "bound_time_limit"))
+    return (
+        f"{counted(len({row.seed for row in rows}), 'seed')} of each scene, with limits of "
+        f"{plans:g} s for plans and {bounds:g} s for bounds"
+    )
+
+
+def _gap(scene: str, planner: str) -> str:
+    """Returns the mean gap of a planner in a scene, in %."""
+    own = [row for row in _paper().rows if (row.scene, row.planner) == (scene, planner)]
+    gaps = Row.percent([row for row in own if row.valid], "gap")
+    return f"{sum(gaps) / len(gaps):.2f} %"
+
+
+QUOTES: dict[str, Callable[[], str]] = {
+    "planners_described": described_planners_in_markdown,
+    "planners_measured": measured_planners_in_markdown,
+    "planners_in_short": short_planners_in_markdown,
+    "separation": lambda: separation_in_markdown(Point.read(STORED / "separation.csv")),
+    "flights": lambda: flights_in_markdown(FlightRun.read(STORED / FLIGHTS)),
+    "flights_in_sentences": lambda: _listed(sentences(FlightRun.read(STORED / FLIGHTS))),
+    "gammas": gammas_in_markdown,
+    "gamma_chosen": chosen_in_words,
+    "lazy": lazy_in_markdown,
+    "greedy_perspectives": start_sets_in_markdown,
+    "greedy_perspectives_plans": partial(published_in_markdown, "greedy-perspectives-plans.csv"),
+    "hughes_plans": partial(published_in_markdown, "hughes-plans.csv"),
+    "hughes_findings": partial(findings_in_markdown, "hughes.md"),
+    "coverage": coverage_in_markdown,
+    "growth": growth_in_markdown,
+    "views": views_in_markdown,
+    "solver_figures": solver_figures_in_markdown,
+    "speed": speed_in_markdown,
+    "paper_in_short": lambda: _listed(_paper().summary()),
+    "paper_settings": _settings,
+    "paper_lines": lines,
+    "paper_for": partial(_side, "For CoCap"),
+    "paper_against": partial(_side, "Against it"),
+    "paper_left_open": partial(_side, "Left open"),
+    "paper_prices": partial(_answers, "What do collisions cost at all?"),
+    "paper_parts": partial(_answers, "What does each part add?"),
+    "paper_conditions": partial(_answers, f"When does CoCap gain {PUBLISHED:g} %?"),
+    **{
+        f"gap_{planner}_{scene}".replace("-", "_"): partial(_gap, scene, planner)
+        for planner in ("sequential", "cocap", RECOMMENDED)
+        for scene in SCENES
+    },
+}
+
+
+def quote(name: str) -> str:
+    """Returns the Markdown of a name.
+
+    Raises
+    ------
+    FileError
+        If nothing has this name.
+    """
+    if name not in QUOTES:
+        raise FileError(f"quote: must be one of {', '.join(QUOTES)}, not {name!r}")
+    return QUOTES[name]().strip()
+
+
+def requote(document: Path) -> None:
+    """Replaces what stands between the marks of a document in Markdown."""
+    text = read_text(document)
+    if not _MARKED.search(text):
+        raise FileError(f"{document}: must hold <!-- quote: NAME --> and <!-- end of quote -->")
+    again = _MARKED.sub(lambda found: f"{found[1]}\n{quote(found[2])}\n\n{found[3]}", text)
+    save_bytes(document, again.encode())

@@ -1,0 +1,280 @@
+"""Runs of one method on one instance, each in a process of its own and on one thread.
+
+Seconds are of processor time, limits, too, so that a busy machine hardly changes them. Imports,
+first solves of tiny instances and the coverage are not counted. Plan and bound pass the referee
+after the clock has stopped.
+"""
+
+import math
+import multiprocessing
+import os
+import resource
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing.connection import Connection, wait
+from threading import Thread
+from typing import Self
+
+from cocap_opt.console.streams import say
+from cocap_opt.console.threads import ONE_THREAD
+from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.result import BoundMethod, Snapshot
+from cocap_opt.model import compiled
+from cocap_opt.problem import Problem
+from cocap_opt.result import Reason, relative_gap
+from cocap_opt.run.judging import Judged
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Limit, Stop, TimeLimit, never
+
+_WARM_UP_SECONDS = 5.0
+_MOST_MORE_SECONDS = 900.0  # for coverage, and for a method that is slow to notice its limit
+BYTES = 1 if sys.platform == "darwin" else 1024  # unit of ru_maxrss
+_ONE_THREAD = {**ONE_THREAD, "RAYON_NUM_THREADS": "1"}
+
+Build = Callable[[], Problem]  # made so that it can be pickled: it goes to another process
+
+
+@dataclass(frozen=True)
+class Run:
+    """Outcome of a run.
+
+    Attributes
+    ----------
+    moments : one each time that value or bound improved, with seconds of processor time
+    value : J by the referee; -inf without a plan
+    seconds : of processor time until the method returned, processes that it started included
+    elapsed : seconds until then by the method's own clock
+    gigabytes : peak memory of the process, imports and coverage included
+    solver_bound : bound that a generic solver claims, which nobody can check; else infinite
+    """
+
+    moments: tuple[Snapshot, ...]
+    value: float
+    bound: float
+    reason: Reason
+    limit: Limit | None
+    seconds: float
+    elapsed: float = math.nan
+    gigabytes: float = math.nan
+    message: str = ""
+    solver_bound: float = math.inf
+
+    class Error(RuntimeError):
+        """A run failed; the message says why."""
+
+    @staticmethod
+    @contextmanager
+    def one_thread() -> Iterator[None]:
+        """Limits the libraries of processes that are started meanwhile to one thread."""
+        before = {name: os.environ.get(name) for name in _ONE_THREAD}
+        os.environ.update(_ONE_THREAD)
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value
+
+    @staticmethod
+    def of(build: Build, method: BoundMethod, seconds: float) -> "Run":
+        """Runs a method with a limit of processor time in a process of its own.
+
+        Raises
+        ------
+        Run.Error
+            If the method fails, its process dies, or it runs on long after its limit.
+        """
+        (outcome,) = Run.each([build], method, seconds)
+        if isinstance(outcome, Run.Error):
+            raise outcome
+        return outcome
+
+    @staticmethod
+    def each(
+        builds: Sequence[Build],
+        method: BoundMethod,
+        seconds: float,
+        patience: float = _MOST_MORE_SECONDS,
+    ) -> "Iterator[Run | Run.Error]":
+        """Runs a method on problem after problem in one process, and yields each outcome.
+
+        Where the process dies, or the method runs on long after its limit, the rest runs in
+        another process.
+
+        Parameters
+        ----------
+        seconds : of each run
+        patience : s, beyond twice the limit, for coverage and for a method that is slow to notice
+        """
+        left = list(builds)
+        while left:
+            for outcome in _outcomes(left, method, seconds, patience):
+                left.pop(0)
+                yield outcome
+
+    def told(self, name: str, seed: int) -> Self:
+        """Prints a line about the run on standard error, and returns the run."""
+        gap = f"gap {100 * self.gap:.4f} %" if math.isfinite(self.gap) else "no gap"
+        say(f"{name} seed {seed}: {self.reason} after {self.seconds:.2f} s of processor time "
+            f"({self.elapsed:.2f} s), {gap}, {self.gigabytes:.2f} GB")  # fmt: skip
+        return self
+
+    @property
+    def finished(self) -> bool:
+        """True if no limit stopped it."""
+        return self.limit is None
+
+    @property
+    def gap(self) -> float:
+        """Certified relative gap at the end."""
+        return relative_gap(self.value, self.bound)
+
+    @property
+    def seconds_to_proof(self) -> float:
+        """Seconds until the proof was there; infinite without one."""
+        return self.seconds if self.reason is Reason.OPTIMAL else math.inf
+
+    def gap_after(self, seconds: float) -> float:
+        """Returns the certified relative gap that was reached within some seconds."""
+        if seconds >= self.seconds:
+            return self.gap
+        before = [moment for moment in self.moments if moment.seconds <= seconds]
+        value = max((moment.value for moment in before), default=-math.inf)
+        return relative_gap(value, min((moment.bound for moment in before), default=math.inf))
+
+    def seconds_to_gap(self, gap: float) -> float:
+        """Returns the seconds until the relative gap was at most this; infinite if it never was."""
+        value, bound = -math.inf, math.inf
+        for moment in self.moments:
+            value, bound = max(value, moment.value), min(bound, moment.bound)
+            if relative_gap(value, bound) <= gap:
+                return moment.seconds
+        return self.seconds if self.gap <= gap else math.inf
+
+    def seconds_to_bound(self, bound: float) -> float:
+        """Returns the seconds until the bound was at most this; infinite if it never was."""
+        first = (moment.seconds for moment in self.moments if moment.bound <= bound)
+        return next(first, self.seconds if self.bound <= bound else math.inf)
+
+
+def scene(name_or_path: str, seed: int, horizon: int | None = None) -> Problem:
+    """Builds a scene; with a horizon, cut off after so many steps."""
+    problem = load_scene(name_or_path, seed)
+    return problem if horizon is None else problem.replace(horizon=horizon)
+
+
+def _warm_up(method: BoundMethod) -> None:
+    """Has libraries imported that methods import only once they need them."""
+    method(_prepared(partial(scene, "tiny-share", 0)), TimeLimit(_WARM_UP_SECONDS))
+    branch_and_price(_prepared(partial(scene, "bottleneck", 0, 4)), TimeLimit(_WARM_UP_SECONDS))
+
+
+def _measured(build: Build, method: BoundMethod, seconds: float) -> Run:
+    """Runs a method with a limit of processor time in this process."""
+    problem = _prepared(build)
+    moments: list[Snapshot] = []
+    stop = _ProcessorLimit(seconds)
+
+    def note(snapshot: Snapshot) -> None:
+        value, bound = snapshot.value, max(snapshot.bound, snapshot.value)
+        if not moments or (value, bound) != (moments[-1].value, moments[-1].bound):
+            moments.append(Snapshot(value, bound, stop.seconds))
+
+    result = method(problem, stop, None, note)
+    processor = stop.seconds
+    gigabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * BYTES / 1e9
+    judged = Judged.of(str(getattr(method, "__name__", method)), problem, result)
+    if result.plan is not None and not judged.valid:
+        raise Run.Error("the plan breaks a collision rule")
+    return Run(
+        tuple(moments), judged.reward, result.bound, result.reason, result.limit, processor,
+        result.seconds, gigabytes, result.message, result.statistics.get("solver_bound", math.inf),
+    )  # fmt: skip
+
+
+class _ProcessorLimit(Stop):
+    """Reached after so many seconds of processor time of this process and those it has started.
+
+    Attributes
+    ----------
+    seconds : used since it was made
+    """
+
+    def __init__(self, most: float) -> None:
+        self._most, self._begin = most, _processor_seconds()
+
+    @property
+    def seconds(self) -> float:
+        return _processor_seconds() - self._begin
+
+    def reached(self) -> Limit | None:
+        """Return `Limit.TIME` once the processor time is up."""
+        return Limit.TIME if self.seconds >= self._most else None
+
+    @property
+    def seconds_left(self) -> float:
+        """Seconds of processor time until the limit, >= 0, which solvers take for seconds."""
+        return max(0.0, self._most - self.seconds)
+
+
+def _processor_seconds() -> float:
+    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(some.ru_utime + some.ru_stime for some in usage)
+
+
+def _outcomes(
+    builds: Sequence[Build], method: BoundMethod, seconds: float, patience: float
+) -> "Iterator[Run | Run.Error]":
+    """Yields the outcomes of a process, until it has done all, dies or must be killed."""
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_send, args=(sender, builds, method, seconds))
+    with Run.one_thread():
+        process.start()
+    sender.close()
+    try:
+        for _ in builds:
+            if not receiver.poll(2 * seconds + patience):
+                words = f"the method was killed: it ran on after its limit of {seconds:g} s"
+                yield Run.Error(words)
+                return
+            outcome: Run | str = receiver.recv()
+            yield Run.Error(outcome) if isinstance(outcome, str) else outcome
+    except EOFError:
+        process.join()
+        yield Run.Error(f"the process died (exit code {process.exitcode})")
+    finally:
+        process.kill()
+        process.join()
+        receiver.close()
+
+
+def _send(sender: Connection, builds: Sequence[Build], method: BoundMethod, seconds: float) -> None:
+    Thread(target=_end_with_parent, daemon=True).start()
+    with suppress(Exception):  # it fails in the runs, too, where it is told
+        _warm_up(method)
+    for build in builds:
+        try:
+            sender.send(_measured(build, method, seconds))
+        except Exception as error:  # whatever it is, the caller must be told
+            sender.send(f"{type(error).__name__}: {error}")
+
+
+def _end_with_parent() -> None:
+    """Ends this process once its parent has been killed."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+
+def _prepared(build: Build) -> Problem:
+    """Builds a problem and computes its coverage."""
+    problem = build()
+    compiled(problem).prepare_all(never)
+    return problem

@@ -1,0 +1,75 @@
+"""The figure of separation: its certified price, and the time that plans and proofs take."""
+
+from collections.abc import Callable, Sequence
+from itertools import cycle
+from statistics import median
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cocap_opt.experiments.lab.studies.separation.points import Point
+from cocap_opt.pictures.style import (
+    SERIES,
+    TITLE,
+    add_legend,
+    draw_level,
+    new_figure,
+    set_frame,
+    set_plain_log,
+)  # fmt: skip
+
+
+def separation_figure(points: Sequence[Point]) -> Figure:
+    """Draws the price of separation, and processor seconds relative to the papers' rules."""
+    figure = new_figure(9, 8)
+    (price, plan), (lns, proof) = figure.subplots(2, 2)
+    scenes = list(dict.fromkeys(point.scene for point in points))
+    for scene, colour in zip(scenes, cycle(SERIES), strict=False):
+        some = [point for point in points if point.scene == scene]
+        _draw_price(price, some, scene, colour)
+        _draw_times(plan, some, colour, lambda point: point.cocap_seconds)
+        _draw_times(lns, some, colour, lambda point: point.lns_seconds)
+        _draw_times(proof, some, colour, lambda point: point.proof_seconds)
+    price.set_title("price of separation, certified", fontsize=TITLE)
+    price.set_ylabel("% of the optimal J under the papers' rules")
+    titles = {
+        plan: "time of CoCap", lns: "time of cocap-lns", proof: "time of the proof, or of its limit"
+    }  # fmt: skip
+    for ax, title in titles.items():
+        ax.set_title(title, fontsize=TITLE)
+        set_plain_log(ax, "y")
+        draw_level(ax, 2, "goal: 2")
+    for ax in (plan, lns, proof):
+        ax.set_ylabel("times that under the papers' rules")
+    for ax in (price, plan, lns, proof):
+        ax.set_xlabel("separation (m)")
+        ax.set_xticks(sorted({point.separation for point in points if point.separation}))
+        set_frame(ax)
+    most = max(20, plan.get_ylim()[1])
+    for ax in (plan, lns, proof):
+        ax.set_ylim(0.2, most)
+    add_legend(figure, price, columns=4)
+    return figure
+
+
+def _draw_price(ax: Axes, points: Sequence[Point], scene: str, colour: str) -> None:
+    """Draws the median of seeds; the band is what is certified: from the least to the most."""
+    wide = sorted({point.separation for point in points if point.separation})
+    ends = [[p.price(p.base(points)) for p in points if p.separation == apart] for apart in wide]
+    least = [median(low for low, _ in own) for own in ends]
+    most = [median(high for _, high in own) for own in ends]
+    ax.fill_between(wide, least, most, color=colour, alpha=0.2, lw=0)
+    ax.plot(wide, [(a + b) / 2 for a, b in zip(least, most, strict=True)], color=colour,
+            marker="o", ms=5, lw=1.2, label=scene)  # fmt: skip
+
+
+def _draw_times(
+    ax: Axes, points: Sequence[Point], colour: str, seconds: Callable[[Point], float]
+) -> None:
+    """Draws the median over seeds of the time beside that under the papers' rules."""
+    wide = sorted({point.separation for point in points if point.separation})
+    ratios = [
+        median(seconds(p) / seconds(p.base(points)) for p in points if p.separation == apart)
+        for apart in wide
+    ]
+    ax.plot(wide, ratios, color=colour, marker="o", ms=5, lw=1.2)

@@ -1,0 +1,87 @@
+"""The measurements of the price of separation: a row per scene, seed and separation."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple, Self
+
+from cocap_opt.output.files import load_csv
+from cocap_opt.output.printing import Record
+from cocap_opt.result import relative_gap
+from cocap_opt.stop import NO_LIMIT
+
+
+class Point(NamedTuple):
+    """The measurements at one separation of one instance."""
+
+    scene: str
+    seed: int
+    separation: float  # m; 0: the papers' rules
+    cocap: float  # J
+    cocap_seconds: float  # of processor
+    cocap_limit: str
+    lns: float  # J of the recommended planner, cocap-lns
+    lns_seconds: float
+    lns_limit: str
+    best: float  # J of the best plan
+    bound: float  # certified
+    proof_seconds: float  # of processor
+    proof_limit: str
+
+    @classmethod
+    def read(cls, path: Path) -> list[Self]:
+        """Returns the measurements that are stored in a file."""
+        return load_csv(path, cls, "cocap-opt study separation")
+
+    @property
+    def proved(self) -> bool:
+        """True if the best plan is proved optimal."""
+        return self.proof_limit == NO_LIMIT
+
+    def base(self, points: "Sequence[Point]") -> "Point":
+        """Returns the point under the papers' rules of the same instance."""
+        return next(
+            one for one in points
+            if (one.scene, one.seed, one.separation) == (self.scene, self.seed, 0)
+        )  # fmt: skip
+
+    def price(self, base: "Point") -> tuple[float, float]:
+        """Returns the certified least and greatest price, in % of the optimum of `base`.
+
+        J of a plan and a bound enclose each optimum; where both are proved, so is the price.
+        """
+        least = 1 - self.bound / base.best
+        most = 1 - self.best / base.bound
+        return 100 * max(least, 0.0), 100 * max(most, 0.0)
+
+    @staticmethod
+    def listed(points: "Sequence[Point]") -> list[Record]:
+        """Returns the rows of the table, one per point."""
+        rows: list[Record] = []
+        for one in points:
+            base = one.base(points)
+            rows.append(
+                {
+                    "scene": one.scene, "seed": one.seed,
+                    "separation": f"{one.separation:g} m" if one.separation else "papers' rules",
+                    "best J": f"{one.best:,.2f}",
+                    "gap %": f"{100 * relative_gap(one.best, one.bound):.3f}",
+                    "price %": between(*one.price(base)) if one.separation else "",
+                    "CoCap's gap %": f"{100 * relative_gap(one.cocap, one.bound):.3f}",
+                    "CoCap s": _seconds(one.cocap_seconds, one.cocap_limit),
+                    "cocap-lns' gap %": f"{100 * relative_gap(one.lns, one.bound):.3f}",
+                    "cocap-lns s": _seconds(one.lns_seconds, one.lns_limit),
+                    "proof s": _seconds(one.proof_seconds, one.proof_limit),
+                }
+            )  # fmt: skip
+        return rows
+
+
+def between(least: float, most: float) -> str:
+    """Returns a range of percentages in words, or one where its ends are the same."""
+    return f"{most:.2f}" if most - least < 0.005 else f"{least:.2f}..{most:.2f}"
+
+
+def _seconds(seconds: float, limit: str) -> str:
+    words = f"{seconds:.2f}" if math.isfinite(seconds) else "-"
+    return words if limit == NO_LIMIT else f"{words} *"

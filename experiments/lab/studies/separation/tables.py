@@ -1,0 +1,115 @@
+"""The tables of separation in Markdown: its certified price, and the time of the planners."""
+
+import math
+from collections.abc import Iterable, Sequence
+from statistics import fmean, median
+
+from cocap_opt.experiments.lab.studies.separation.points import Point, between
+from cocap_opt.experiments.tables.statistics import NONE
+from cocap_opt.output.printing import counted
+from cocap_opt.result import relative_gap
+from cocap_opt.stop import NO_LIMIT
+
+_GOAL = 2  # times the time under the papers' rules
+_PLANNERS = ("cocap", "cocap-lns")
+
+
+def separation_in_markdown(points: Sequence[Point]) -> str:
+    """Returns the table of prices and the table of times, with a sentence below each."""
+    wide = sorted({point.separation for point in points if point.separation})
+    scenes = list(dict.fromkeys(point.scene for point in points))
+    own = {scene: [point for point in points if point.scene == scene] for scene in scenes}
+    metres = [f"{apart:g} m" for apart in wide]
+    prices = [
+        ["price of", *metres],
+        *([scene, *(f"{_price(own[scene], apart)} %" for apart in wide)] for scene in scenes),
+    ]
+    times = [
+        ["time of", "scene", "papers' rules", *metres, "gap"],
+        *(
+            [f"`{planner}`", scene, *_times(own[scene], planner, wide)]
+            for planner in _PLANNERS
+            for scene in scenes
+        ),
+    ]
+    seeds = len({point.seed for point in points})
+    return (
+        f"{_table(prices)}\n\n"
+        f"Means over {counted(seeds, 'seed')}, as a range where a proof was stopped.\n\n"
+        f"{_table(times)}\n\n"
+        "Processor time under the papers' rules (median), and at each separation as a multiple of "
+        f"it (geometric mean; **bold** above the goal of {_GOAL}); \\* where the limit stopped "
+        "some, so that the multiple says little. The gap to the certified bound is the mean over "
+        "all of them.\n\n"
+        f"{_verdict(points)}\n"
+    )
+
+
+def _table(lines: Sequence[Sequence[str]]) -> str:
+    lines = [lines[0], ["---"] * len(lines[0]), *lines[1:]]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _price(points: Sequence[Point], apart: float) -> str:
+    """Returns the mean price of a separation in one scene."""
+    ends = [point.price(point.base(points)) for point in points if point.separation == apart]
+    return between(fmean(low for low, _ in ends), fmean(high for _, high in ends))
+
+
+def _times(points: Sequence[Point], planner: str, wide: Iterable[float]) -> list[str]:
+    """Returns the cells of one planner in one scene: its time, the multiples, its mean gap."""
+    base = [point for point in points if not point.separation]
+    cells = [f"{median(_seconds(p, planner) for p in base):.2g} s{_star(base, planner)}"]
+    for apart in wide:
+        some = [point for point in points if point.separation == apart]
+        ratio = _times_the_base(some, points, planner)
+        words = f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:,.0f}"
+        cells.append((f"**{words}**" if round(ratio, 1) > _GOAL else words) + _star(some, planner))
+    gap = fmean(relative_gap(_value(point, planner), point.bound) for point in points)
+    return [*cells, f"{100 * gap:.2f} %" if math.isfinite(gap) else NONE]
+
+
+def _times_the_base(some: Sequence[Point], points: Sequence[Point], planner: str) -> float:
+    """Returns how many times as long as under the papers' rules a planner takes, as geometric mean.
+
+    Parameters
+    ----------
+    some : points at one separation
+    points : all of them, those under the papers' rules among them
+    """
+    ratios = [_seconds(p, planner) / _seconds(p.base(points), planner) for p in some]
+    return math.exp(fmean(map(math.log, ratios)))
+
+
+def _verdict(points: Sequence[Point]) -> str:
+    """Returns how often each planner keeps within the goal, in a sentence."""
+    parts = []
+    for planner in _PLANNERS:
+        pairs = [(p, p.base(points)) for p in points if p.separation]
+        ended = [
+            _seconds(p, planner) / _seconds(base, planner) for p, base in pairs
+            if _limit(base, planner) == NO_LIMIT
+        ]  # fmt: skip
+        kept = sum(ratio <= _GOAL for ratio in ended)
+        parts.append(f"`{planner}` in {kept} of {len(ended)} runs")
+    return (
+        f"At most {_GOAL} times the time under the papers' rules, where no limit stopped that: "
+        f"{' and '.join(parts)}."
+    )
+
+
+def _star(points: Iterable[Point], planner: str) -> str:
+    """Returns a mark where a limit stopped a planner."""
+    return "\\*" if any(_limit(point, planner) != NO_LIMIT for point in points) else ""
+
+
+def _seconds(point: Point, planner: str) -> float:
+    return point.cocap_seconds if planner == "cocap" else point.lns_seconds
+
+
+def _limit(point: Point, planner: str) -> str:
+    return point.cocap_limit if planner == "cocap" else point.lns_limit
+
+
+def _value(point: Point, planner: str) -> float:
+    return point.cocap if planner == "cocap" else point.lns

@@ -1,0 +1,210 @@
+"""Rows of the table of solvers that compare our methods with generic solvers on one instance.
+
+The instance is a scene cut off after h steps. h is the most steps that the generic solver
+finishes within the limit on the first seed. The ratios are medians over all seeds.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from statistics import median
+from typing import NamedTuple
+
+from cocap_opt.console.streams import say
+from cocap_opt.experiments.lab.studies.runs import Build, Run, scene
+from cocap_opt.experiments.lab.studies.solvers.contenders import ALONE, WITH_OUR_ROOT
+from cocap_opt.experiments.lab.studies.solvers.figures import Figure, Target
+from cocap_opt.experiments.lab.studies.solvers.rows import SEEDS, Options
+from cocap_opt.formulations import BOUNDS
+from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.formulations.column_generation.column_generation import column_generation
+from cocap_opt.formulations.relaxations.cone_program import single_view
+from cocap_opt.formulations.result import OPTIMALITY, BoundMethod
+from cocap_opt.scenarios import load_scene
+
+_LIMIT = 300.0  # s
+_BOTTLENECK_STEPS = (2, 4, 6, 8, 11)
+_CORRIDOR_STEPS = range(2, 9)
+_RELAXED = {"corridor": 5, "field": 3}  # scenes and steps, small enough for one program
+_RELAXATIONS = ("concave", "single-view", "envelope", "column-generation")
+_REPEATS = 3  # of ours, which takes a fraction of a second
+_SAME = 1e-7  # relative, by which bounds differ that are the same
+
+
+class _Duel(NamedTuple):
+    """Seconds of our method and of a generic solver on one instance."""
+
+    ours: float  # s
+    theirs: float  # s; the limit if it did not finish
+
+    @property
+    def ratio(self) -> float:
+        """Seconds of the generic solver over ours."""
+        return self.theirs / self.ours
+
+
+def _cone_program(options: Options) -> list[Figure]:
+    """Compares column generation with its single-view relaxation as one cone program (Clarabel)."""
+    seeds, limit = options.seeds_or(SEEDS), options.limit_or(_LIMIT)
+    steps, first, why = _largest_cone_program(seeds[0], limit)
+    duels, tighter = [], []
+    for seed in seeds:
+        build = partial(scene, "bottleneck", seed, steps)
+        theirs = first if seed == seeds[0] else _try(build, single_view, limit, "cone", seed)
+        if theirs is None:
+            say(f"bottleneck seed {seed}, {steps} steps: not within {limit:g} s, left out")
+            continue
+        bound = theirs.bound * (1 + _SAME)
+        ours = [Run.of(build, column_generation, limit).told("bottleneck", seed)
+                for _ in range(_REPEATS)]  # fmt: skip
+        reached = median(r.seconds_to_bound(bound) for r in ours)
+        duels.append(_Duel(reached, theirs.seconds))
+        tighter.append(100 * (1 - ours[0].bound / theirs.bound))
+    note = f"bottleneck, {steps} of {load_scene('bottleneck').horizon} steps{why}"
+    if len(duels) < len(seeds):
+        note += f"; {len(seeds) - len(duels)} seeds left out, whose cone program took longer"
+    return [
+        *_ratios("cone program / column generation to the same bound", duels, 200, note),
+        Figure("column generation's end below that bound", median(tighter), "%", None, None,
+               "its envelope cuts"),
+    ]  # fmt: skip
+
+
+def _largest_cone_program(seed: int, limit: float) -> tuple[int, Run, str]:
+    """Returns the most steps that the cone program finishes, its run, and why no more."""
+    best: tuple[int, Run] | None = None
+    for steps in _BOTTLENECK_STEPS:
+        build = partial(scene, "bottleneck", seed, steps)
+        theirs = _try(build, single_view, limit, f"cone program, {steps} steps", seed)
+        if theirs is None:
+            break
+        best = steps, theirs
+    if best is None:
+        raise Run.Error(f"the cone program does not finish {steps} steps within {limit:g} s")
+    why = f"; {steps} not within {limit:g} s" if steps > best[0] else ""
+    return *best, why
+
+
+def _relaxations(options: Options) -> list[Figure]:
+    """Measures how far relaxations are above the optimum, and what they close of the weakest."""
+    figures = []
+    for name, steps in _RELAXED.items():
+        above: dict[str, list[float]] = {}
+        for seed in options.seeds_or(SEEDS):
+            build = partial(scene, name, seed, steps)
+            best = Run.of(build, branch_and_price, options.limit_or(_LIMIT)).told(name, seed)
+            for method in _RELAXATIONS:
+                result = _try(build, BOUNDS[method], options.limit_or(_LIMIT), method, seed)
+                bound = math.nan if result is None else result.bound
+                above.setdefault(method, []).append(100 * (bound - best.value) / bound)
+        worst = median(above[_RELAXATIONS[0]])
+        for method, shares in above.items():
+            closed = 100 * (1 - median(shares) / worst) if worst > 0 else math.nan
+            note = f"closes {closed:.1f} % of what {_RELAXATIONS[0]} leaves"
+            figures.append(
+                Figure(f"{name}, {steps} steps: {method} above the optimum, median",
+                       median(shares), "%", None, None, note)
+            )  # fmt: skip
+    return figures
+
+
+def _milps(options: Options) -> list[Figure]:
+    """Compares branch-and-price with HiGHS, SCIP and CP-SAT alone."""
+    return _against(ALONE, options)
+
+
+def _rooted_milps(options: Options) -> list[Figure]:
+    """Compares branch-and-price with the same solvers, given the bound and cuts of our root."""
+    return _against(WITH_OUR_ROOT, options, asked=False)
+
+
+def _against(
+    contenders: Mapping[str, BoundMethod], options: Options, asked: bool = True
+) -> list[Figure]:
+    seeds, limit = options.seeds_or(SEEDS), options.limit_or(_LIMIT)
+    steps, first, why = _largest_closed(contenders, seeds[0], limit)
+    duels, best = [], []
+    for seed in seeds:
+        build = partial(scene, "corridor", seed, steps)
+        theirs = first if seed == seeds[0] else {
+            name: found
+            for name in first
+            if (found := _try(build, contenders[name], limit, f"{name}, {steps} steps", seed))
+        }  # fmt: skip
+        fastest = min(theirs, key=lambda name: theirs[name].seconds, default="none")
+        ours = [Run.of(build, branch_and_price, limit).told("corridor", seed)
+                for _ in range(_REPEATS)]  # fmt: skip
+        for name, other in theirs.items():
+            _require_same(name, other.value, ours[0].value)
+        proof = median(r.seconds_to_proof for r in ours)
+        duels.append(_Duel(proof, theirs[fastest].seconds) if theirs else _Duel(proof, limit))
+        best.append(fastest)
+    note = f"corridor, {steps} of {load_scene('corridor').horizon} steps{why}; fastest per seed: "
+    name = "best of HiGHS, SCIP, CP-SAT / branch-and-price"
+    return _ratios(name, duels, 500, note + ", ".join(best), asked)
+
+
+def _largest_closed(
+    contenders: Mapping[str, BoundMethod], seed: int, limit: float
+) -> tuple[int, dict[str, Run], str]:
+    """Returns the most steps for which a solver proves the optimum, its runs, and why no more.
+
+    A solver that fails is not tried with more steps.
+    """
+    left = dict(contenders)
+    best: tuple[int, dict[str, Run]] | None = None
+    for steps in _CORRIDOR_STEPS:
+        build = partial(scene, "corridor", seed, steps)
+        done = {
+            name: found
+            for name, method in left.items()
+            if (found := _try(build, method, limit, f"{name}, {steps} steps", seed))
+        }
+        if not done:
+            break
+        left = {name: contenders[name] for name in done}
+        best = steps, done
+    if best is None:
+        raise Run.Error(f"no solver proves {steps} steps within {limit:g} s")
+    why = f"; {steps} not within {limit:g} s" if steps > best[0] else ""
+    return *best, why
+
+
+def _try(build: Build, method: BoundMethod, limit: float, name: str, seed: int) -> Run | None:
+    """Runs a method; returns None if it failed or did not come to its end within the limit."""
+    try:
+        result = Run.of(build, method, limit).told(name, seed)
+    except Run.Error as error:
+        say(f"{name} seed {seed}: {error}")
+        return None
+    return result if result.finished else None
+
+
+def _require_same(name: str, theirs: float, ours: float) -> None:
+    """Raises Run.Error if two proved optima differ: then one of the methods is wrong."""
+    if abs(theirs - ours) > 2 * OPTIMALITY * abs(ours):
+        raise Run.Error(f"{name}'s optimum is {theirs!r}, branch-and-price's {ours!r}")
+
+
+def _ratios(
+    name: str, duels: Sequence[_Duel], moonshot: float, note: str, asked: bool = True
+) -> list[Figure]:
+    if not duels:
+        raise Run.Error("no seed could be compared")
+    must, more = (Target.at_least(50), Target.at_least(moonshot)) if asked else (None, None)
+    ratios = [duel.ratio for duel in duels if math.isfinite(duel.ours)]
+    missed = [0.0] * (len(duels) - len(ratios))  # ours did not finish
+    return [
+        Figure(name, median([*ratios, *missed]), "x", must, more, note),
+        Figure("smallest ratio", min([*ratios, *missed]), "x"),
+        Figure("theirs, median", median(duel.theirs for duel in duels), "s"),
+        Figure("ours, median", median(duel.ours for duel in duels), "s"),
+    ]
+
+
+COMPARISONS: Mapping[str, Callable[[Options], list[Figure]]] = {
+    "relaxations": _relaxations,
+    "cone-program": _cone_program,
+    "milp": _milps,
+    "milp-with-our-root": _rooted_milps,
+}

@@ -1,0 +1,186 @@
+"""Speed of coverage, of planners and of the command line, beside the speed that is promised.
+
+Each figure is a median over repeated runs, in seconds of processor time, those of programs that are
+started included. Ratios compare two things done in the same process, so they hold on slow and busy
+machines; seconds do not.
+"""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from statistics import median
+from time import process_time
+from typing import NamedTuple
+
+from rich.console import Console
+from rich.table import Table
+
+from cocap_opt.graph.value_iteration import backward_sweep
+from cocap_opt.model import Model, compiled
+from cocap_opt.objective import marginal_reward
+from cocap_opt.output.files import make_folder, save_csv
+from cocap_opt.planners import PLANNERS
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import never
+
+_SEEDS = range(10)
+_SHORT_CALLS = 100  # of what takes microseconds, timed together
+_GAP = "from cocap_opt.cli.main import main; main(['gap', 'corridor', '--seeds', '0'])"
+_JOINT = """\
+import json, resource
+from time import process_time
+from cocap_opt.model import compiled
+from cocap_opt.planners import PLANNERS
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import never
+problem = load_scene('corridor', 0)
+model = compiled(problem)
+model.coverage(model.classes[0])
+before = process_time()
+result = PLANNERS['joint'](problem, never)
+assert result.reason == 'optimal'
+seconds = process_time() - before
+print(json.dumps([seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6]))
+"""
+
+
+class _Figure(NamedTuple):
+    figure: str
+    measured: float
+    unit: str
+    target: str = ""
+
+
+def speed(out: Path | None = None) -> None:
+    """Measures and prints all figures, and writes the table (speed.csv)."""
+    make_folder(out)
+    path = None if out is None else out.resolve() / "speed.csv"
+    os.chdir(Path(__file__).parents[2])  # for the programs that are started
+    table = Table("figure", "measured", "target", title="speed (processor time; one thread)")
+    figures = [figure for measure in _MEASURES for figure in measure()]
+    for figure in figures:
+        table.add_row(figure.figure, f"{figure.measured:.3g} {figure.unit}", figure.target)
+    if path is not None:
+        save_csv(path, [figure._asdict() for figure in figures])
+    Console(soft_wrap=True).print(table)
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
+    Console().print(f"largest process started: {peak:.2f} GB; Python {sys.version.split()[0]}")
+
+
+def _value_iteration() -> list[_Figure]:
+    """Compares a backward sweep with copying its reward array, on two scenes."""
+    return [
+        _Figure("value iteration / copying the reward array, corridor", _sweep("corridor"), "x",
+                "< 20"),
+        _Figure("... field", _sweep("field"), "x", "< 20"),
+    ]  # fmt: skip
+
+
+def _sweep(scene: str) -> float:
+    """Returns the time of a backward sweep, as a multiple of that of copying its rewards."""
+    model = compiled(load_scene(scene, 0))
+    robot_class = model.classes[0]
+    reward = marginal_reward(model, robot_class, model.problem.no_pixels())
+
+    def sweeps() -> None:
+        for _ in range(_SHORT_CALLS):
+            backward_sweep(robot_class.graph, reward)
+
+    def copies() -> None:
+        for _ in range(_SHORT_CALLS):
+            reward.copy()
+
+    # In turns, so that both meet the same noise.
+    return median(_seconds(sweeps, 3) / _seconds(copies, 3) for _ in range(11))
+
+
+def _coverage() -> list[_Figure]:
+    """Measures the coverage of all reachable states of the corridor, without the cache."""
+    problem = load_scene("corridor", 0)
+
+    def run() -> None:
+        model = Model(problem, use_cache=False)
+        model.coverage(model.classes[0])
+
+    return [_Figure("coverage of the corridor", _seconds(run, 5), "s", "< 3")]
+
+
+def _joint() -> list[_Figure]:
+    """Measures joint value iteration on the corridor in a process of its own, for its memory."""
+    runs = [json.loads(_run_python(_JOINT)) for _ in range(3)]
+    seconds, gigabytes = (median(column) for column in zip(*runs, strict=True))
+    return [
+        _Figure("joint value iteration, corridor, both rules", seconds, "s", "< 5"),
+        _Figure("... its memory", gigabytes, "GB", "< 2"),
+    ]
+
+
+def _cocap() -> list[_Figure]:
+    """Compares CoCap with value iteration and sequential planning on the bottleneck."""
+    ratios = []
+    for seed in _SEEDS:
+        problem = load_scene("bottleneck", seed)
+        compiled(problem).prepare_all(never)
+        cocap, sequential = (
+            _seconds(partial(PLANNERS[name], problem, never), 3) for name in ("cocap", "sequential")
+        )
+        ratios.append(cocap / sequential)
+    return [
+        _Figure("CoCap / sequential, bottleneck, median of 10 seeds", median(ratios), "x",
+                "< 3 (paper: 8.3)"),
+        _Figure("... the slowest seed", max(ratios), "x"),
+    ]  # fmt: skip
+
+
+def _command_line() -> list[_Figure]:
+    """Measures importing the command line, and the corridor's gap table."""
+    imports, bare, warm = (
+        _seconds(partial(_run_python, program), repeats)
+        for program, repeats in (
+            ("import cocap_opt.cli.commands", 5),
+            ("pass", 5),
+            (_GAP, 3),
+        )
+    )
+    with tempfile.TemporaryDirectory() as empty:
+        before = _processor_seconds()
+        _run_python(_GAP, COCAP_OPT_CACHE=empty)
+        cold = _processor_seconds() - before
+    return [
+        _Figure("importing the command line", imports - bare, "s", "< 2"),
+        _Figure("gap corridor --seeds 0", warm, "s", "< 10"),
+        _Figure("... with an empty coverage cache", cold, "s", "< 10"),
+    ]
+
+
+_MEASURES = (_value_iteration, _coverage, _joint, _cocap, _command_line)
+
+
+def _seconds(run: Callable[[], object], repeats: int) -> float:
+    """Returns the median processor time of a call, after one call that is not counted."""
+    run()
+    times = []
+    for _ in range(repeats):
+        before = _processor_seconds()
+        run()
+        times.append(_processor_seconds() - before)
+    return median(times)
+
+
+def _processor_seconds() -> float:
+    """Returns the processor time of this process, and of those that it has started and awaited."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return process_time() + children.ru_utime + children.ru_stime
+
+
+def _run_python(code: str, **environment: str) -> bytes:
+    """Runs a Python program in a process of its own; returns its output."""
+    command = [sys.executable, "-c", code]
+    variables = os.environ | environment
+    return subprocess.run(command, check=True, capture_output=True, env=variables).stdout

@@ -1,0 +1,74 @@
+"""Errors of planned coverage against rendered coverage."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cocap_opt.console.streams import say
+from cocap_opt.model import Model
+from cocap_opt.output.files import make_folder, save_csv
+from cocap_opt.output.printing import Listing, Record
+from cocap_opt.output.rendered import FaceView, Pose
+from cocap_opt.problem import Problem
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Clock
+from cocap_opt.vision.render import Renderer
+
+_SEED = 0
+_SECONDS_BETWEEN_LINES = 10.0
+_CLEAR, _HIDDEN = "clear, 99 % error (%)", "hidden, median error (%)"
+_SHOWN = {
+    "scene": "scene",
+    "clear": "clear",
+    "99 %": _CLEAR,
+    "largest": "clear, largest error (%)",
+    "hidden": "hidden",
+    "median": _HIDDEN,
+    "90 %": "hidden, 90 % error (%)",
+}
+
+
+def views(scenes: Sequence[str], poses: int, out: Path | None = None) -> None:
+    """Measures, prints, and writes the table (views.csv).
+
+    Parameters
+    ----------
+    poses : how many random ones of each scene
+    """
+    make_folder(out)
+    rows: list[Record] = []
+    for scene in scenes:
+        problem = load_scene(scene, _SEED)
+        some = _random_poses(problem, poses)
+        found = list(FaceView.all_from(Model(problem), Renderer(problem), some, _told(scene)))
+        rows.append({"scene": problem.name} | FaceView.errors(found))
+        if out is not None:
+            save_csv(out / "views.csv", rows)
+    shown = [{name: row[key] for name, key in _SHOWN.items()} for row in rows]
+    Listing(f"errors (%) of planned pixels, {poses} random poses a scene", shown).print()
+
+
+def _random_poses(problem: Problem, count: int) -> list[Pose]:
+    """Returns the poses of random robots at random steps, from which some face is in view."""
+    rng, model = np.random.default_rng(_SEED), Model(problem)
+    poses = []
+    for robot in rng.integers(len(problem.robots), size=count).tolist():
+        robot_class = model.class_of[robot]
+        nodes = model.coverage(robot_class).nodes
+        t, state = divmod(int(rng.choice(nodes)), robot_class.graph.n_states)
+        poses.append(Pose(robot, t, robot_class.graph.state(state)))
+    return poses
+
+
+def _told(scene: str) -> Callable[[int, int], None]:
+    """Makes a function that prints now and then how many views are rendered."""
+    clock = Clock()
+
+    def tell(done: int, total: int) -> None:
+        nonlocal clock
+        if clock.seconds > _SECONDS_BETWEEN_LINES:
+            clock = Clock()
+            say(f"{scene}: view {done}/{total}")
+
+    return tell

@@ -1,0 +1,209 @@
+"""The gap table as it is printed, with sentences that say what its bounds are, and its means."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+from msgspec import UNSET
+
+from cocap_opt.experiments.tables.rows import SAMPLED_COVERAGE, Row
+from cocap_opt.output.printing import Listing, Marked, Record
+from cocap_opt.problem.plan import NO_PLAN
+from cocap_opt.result import Reason
+from cocap_opt.stop import NO_LIMIT
+from cocap_opt.text import shortened
+
+_CUT = "!"  # marks a planner whose plan a limit has cut short
+_OPEN = "*"  # marks a bound that a limit stopped
+_LATE = "!"  # marks the seconds of a planner that overran its time limit
+PROVED = ("optimal", "infeasible")
+_MISSING = {  # why there is no bound
+    "stopped": "a limit stopped its search before there was one",
+    "error": "its search ended in an error",
+    "exceeded": "its search took longer than a cell may",
+    "died": "the process of its search died",
+}
+_UNFINISHED = (Reason.UNSUPPORTED, Reason.FAILED, Reason.INFEASIBLE, Reason.STOPPED)
+_NAMED = 3  # cases that are named in a sentence
+# What a narrow terminal does without, the least useful first.
+_SPARE = (
+    "coverage_seconds", "gap_free", "seconds", "reason", "bound", "seed", "limit",
+    "reward_rendered", "reward",
+)  # fmt: skip
+_SPARE_MEANS = ("gap_free", "seconds", "bound", "bounds proved", "reward")
+_MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
+
+
+def print_gap_table(rows: Sequence[Row]) -> None:
+    """Prints the gap table and, where there are several seeds, means over them."""
+    _print_rows(rows)
+    means = _means(rows)
+    if len(rows) > len(means):
+        Listing("means over seeds", means).fitted(_SPARE_MEANS).print()
+
+
+def _print_rows(rows: Sequence[Row]) -> None:
+    keys = ["scene", "seed", "planner", "reward"]
+    keys += ["reward_rendered"] if any(r.reward_rendered is not UNSET for r in rows) else []
+    keys += ["bound", "gap", "gap_free", "conflicts", "reason"]
+    if any(row.limit != NO_LIMIT for row in rows):
+        keys.append("limit")
+    keys.append("seconds")
+    if any(row.coverage_seconds is not None for row in rows):
+        keys.append("coverage_seconds")
+    table: list[Record] = [{key: _shown(row, key) for key in keys} for row in rows]
+    listing = Listing(_title(rows), table).fitted(_spare(rows, table), "--json or --out DIR")
+    listing._replace(notes=[*listing.notes, *_notes(rows, listing.rows)]).print()
+
+
+def _spare(rows: Sequence[Row], table: Sequence[Record]) -> list[str]:
+    """Returns the columns that need not be there: no bounds with marks, nor seeds that differ."""
+    kept = {"bound"} if any(shown["bound"].mark == _OPEN for shown in table) else set()
+    kept |= {"seconds"} if any(row.overrun is not None for row in rows) else set()
+    kept |= {"seed"} if len({row.seed for row in rows}) > 1 else set()
+    return [key for key in _SPARE if key not in kept]
+
+
+def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:
+    """Yields sentences that say what the table does not say of itself."""
+    values = (value for shown in table for value in shown.values())
+    if any(isinstance(value, Marked) and value.mark == _OPEN for value in values):
+        yield (
+            f"{_OPEN} A limit stopped the search for this bound: it is certified, but the optimum "
+            "may be lower."
+        )
+    late = [
+        f"{row.planner} on {_name(row)} ({row.seconds:.1f} s of {row.time_limit:g} s)"
+        for row in rows
+        if row.overrun is not None
+    ]
+    if late:
+        yield f"{_LATE} Longer than the time limit allows: {_first(late)}."
+    if any(row.coverage_seconds is not None for row in rows):
+        yield (
+            "Coverage was computed once per scene and seed before any time limit began, and is "
+            "charged to nobody."
+        )
+    yield from _missing_bounds(rows)
+    sampled = [_name(row) for row in rows if row.coverage == SAMPLED_COVERAGE]
+    if sampled:
+        yield (
+            f"Rays sample what is seen past the meshes of {_first(list(dict.fromkeys(sampled)))}; "
+            "the gaps leave the error of that out."
+        )
+    yield from _cut_short(rows)
+    remarked = [row for row in rows if row.reason in _UNFINISHED and row.message]
+    told = dict.fromkeys(f"{row.planner} on {_name(row)}: {row.message}." for row in remarked)
+    yield from list(told)[:_NAMED]
+    if any(row.conflicts for row in rows):
+        yield (
+            "A plan with conflicts breaks the scene's rules: its reward may exceed the bound, "
+            "and it has no gap."
+        )
+
+
+def _cut_short(rows: Sequence[Row]) -> Iterator[str]:
+    """Yields what limits have left of plans, for those of which least is left first."""
+    cut = [row for row in rows if row.cut_short]
+    cut.sort(key=lambda row: not row.cut_short.startswith(NO_PLAN))
+    for row in cut[:_NAMED]:
+        yield f"{_CUT} {row.planner} on {_case(row)}: {row.cut_short}."
+    if len(cut) > _NAMED:
+        yield f"{_CUT} {len(cut) - _NAMED} more plans were cut short; --json or --out DIR has all."
+
+
+def _shown(row: Row, key: str) -> object:
+    """Returns the value of a column, with a mark where it depends on a bound that is open."""
+    value = getattr(row, key)
+    if value is UNSET:
+        return None
+    if key == "planner" and row.cut_short:
+        return f"{value} {_CUT}"
+    reasons = {"bound": row.bound_reason, "gap_free": row.bound_free_reason}
+    if key == "seconds":
+        return value if row.overrun is None else Marked(value, _LATE)
+    if key not in reasons:
+        return value
+    if key == "bound" and reasons[key] == Reason.INFEASIBLE:
+        return Marked("no plan", " ")
+    is_open = value is not None and reasons[key] not in PROVED
+    return Marked(value, _OPEN if is_open else " ")
+
+
+# Bounds that a limit left, whose names say nothing; `verify` says how they are made.
+_SIMPLE = dict.fromkeys(("step-multipliers", "optimistic"), "simple")
+
+
+def _title(rows: Sequence[Row]) -> str:
+    """Returns the title, which says how good the bounds are."""
+    if not rows:
+        return "no rows"
+    proved = [row for row in rows if row.bound_is_proved]
+    others = [r for r in rows if r.bound is not None and r.bound_reason not in PROVED]
+    methods = ", ".join(
+        dict.fromkeys(_SIMPLE.get(row.bound_method, row.bound_method) for row in (*proved, *others))
+    )
+    if not others:
+        no_gaps = "no bounds" if all(row.bound is None for row in rows) else "no plan exists"
+        return f"gap to the proved optimum ({methods})" if proved else no_gaps
+    if proved:
+        return (
+            f"gap to the proved optimum, or where marked {_OPEN} to a certified bound ({methods})"
+        )
+    return f"gap to a certified bound ({methods})"
+
+
+def _missing_bounds(rows: Sequence[Row]) -> list[str]:
+    """Returns sentences that say which bounds are missing, and why."""
+    found: dict[tuple[str, str], dict[str, None]] = {}
+    for row in rows:
+        words, value, reason = "No bound", row.bound, row.bound_reason
+        if value is not None:
+            words, value, reason = "No bound without rules", row.bound_free, row.bound_free_reason
+        if value is None and reason not in PROVED:
+            found.setdefault((words, reason), {})[_case(row)] = None
+    return [
+        f"{words} for {_first(list(cases))}: {_MISSING.get(reason, reason)}."
+        for (words, reason), cases in found.items()
+    ]
+
+
+def _name(row: Row) -> str:
+    """Returns the name of a row's scene as sentences have it."""
+    return shortened(row.scene)
+
+
+def _case(row: Row) -> str:
+    """Returns the name of a row's scene and its seed, if it has one."""
+    return _name(row) if row.seed is None else f"{_name(row)} seed {row.seed}"
+
+
+def _first(names: Sequence[str]) -> str:
+    """Returns the first names, and how many more there are."""
+    more = len(names) - _NAMED
+    return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _means(rows: Sequence[Row]) -> list[Record]:
+    """Returns means over seeds, numbers of plans that obey the rules, and of proved optima.
+
+    A mean exists only where all seeds have a value: means over different seeds mislead.
+    """
+    table = []
+    for scene, planner in dict.fromkeys((row.scene, row.planner) for row in rows):
+        some = [row for row in rows if (row.scene, row.planner) == (scene, planner)]
+        table.append(
+            {
+                "scene": scene,
+                "planner": planner,
+                "seeds": len(some),
+                "feasible": sum(row.valid for row in some),
+                "bounds proved": sum(row.bound_is_proved for row in some),
+                **{key: _mean(some, key) for key in _MEANS},
+            }
+        )
+    return table
+
+
+def _mean(rows: Sequence[Row], key: str) -> float | None:
+    values = [getattr(row, key) for row in rows]
+    return None if None in values else math.fsum(values) / len(values)

@@ -1,0 +1,402 @@
+"""Rows of results: each column is stated here once, with its type, unit, range and meaning.
+
+`plan`, `bound` and `solve` print a `PlanRow`. The gap table, `results.csv` and `gap --json` are
+made of `Row`, which is put together from what is known of a plan (`PlannedRow`) and what is known
+of its scene and seed (`BoundColumns`). Every plan has passed the referee before it gets here, and
+every bound is certified, but that of brute force, whose row says so in `message`.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+from msgspec import UNSET, UnsetType
+
+from cocap_opt.experiments.tables.columns import Column
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
+from cocap_opt.problem import Problem
+from cocap_opt.result import Reason, relative_gap
+from cocap_opt.run.judging import BOUND_METHOD, ROUNDING, Judged, finite
+from cocap_opt.stop import NO_LIMIT, Limit
+from cocap_opt.vision.faces import FaceGeometry
+
+ERROR = "error"  # the reason of a planner or a bound that ended by an error
+EXACT_COVERAGE, SAMPLED_COVERAGE = "exact", "sampled"
+OWN_STARTS = "those in the scene's own file"
+_REWARD = "sqrt(px/m2)"
+_ANY = {"unit": _REWARD, "least": -(2**63 - 1)}  # a bound below 0 proves that there is no plan
+# Planners ask for the time every second or so, and may have to end what they are at. Who takes more
+# than a quarter above the limit and a second besides has not kept to it.
+_TOLERATED, _TOLERATED_SECONDS = 1.25, 1.0
+_SHARE = {"unit": "1", "least": -ROUNDING, "most": 1 + ROUNDING}
+
+_Bound = Annotated[
+    float | None,
+    Column("A certified number that no plan's J exceeds under the scene's rules.", **_ANY),
+]
+_Number = float | None
+_Count = int | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanRow:
+    """The row of a plan; with a bound if one comes with it."""
+
+    scene: Annotated[str, Column("The scene's name.")]
+    seed: Annotated[
+        _Count, Column("The seed; empty where the drones start as the scene's own file says.")
+    ]
+    planner: Annotated[str | None, Column("The planner, or the file of a plan of others.")]
+    method: Annotated[
+        str | None, Column("The method of bound: in the gap table the same as bound_method.")
+    ] = None
+    reward: Annotated[
+        _Number, Column("J of the plan by the referee; empty without a plan.", **_ANY)
+    ]
+    bound: _Bound = None
+    gap: Annotated[
+        _Number,
+        Column("(bound - reward) / bound, of a plan that obeys the rules.", **_SHARE),
+    ] = None
+    reason: Annotated[
+        str,
+        Column(
+            "Why the planner stopped: finished, optimal, infeasible, failed, unsupported or "
+            "stopped; or why its cell has no result: error, exceeded or died."
+        ),
+    ]
+    limit: Annotated[str, Column("The limit that stopped the planner, or none.")]
+    seconds: Annotated[
+        _Number,
+        Column(
+            "Wall-clock time of the search; coverage and checking are apart, but for planners that "
+            "evaluate single views, whose search that is.",
+            unit="s",
+        ),
+    ]
+    coverage_seconds: Annotated[
+        _Number,
+        Column(
+            "Wall-clock time of the coverage of all states. In the gap table it is the scene's: "
+            "computed once, before the time of any planner or bound begins, charged to nobody, and "
+            "the same in all rows; from the disk cache it comes with what it took when it was "
+            "computed. Of plan, bound and solve it is what this process spent, and 0 for planners "
+            "that evaluate single views.",
+            unit="s",
+        ),
+    ] = None
+    checking_seconds: Annotated[
+        _Number, Column("Wall-clock time in which the referee checked the plan.", unit="s")
+    ] = None
+    views: Annotated[
+        _Count,
+        Column(
+            "Views, each of a state at a step, that the planner needs: those that it evaluates, or "
+            "all that drones can have where coverage is computed before."
+        ),
+    ] = None
+    conflicts: Annotated[_Count, Column("Collision rules that the plan breaks.")]
+    cut_short: Annotated[
+        str,
+        Column(
+            "What a limit has left of the plan, in words, among them how many drones stay at their "
+            "starts; empty where no limit stopped the planner."
+        ),
+    ] = ""
+    message: Annotated[str, Column("Further remarks of the planner and on its plan, in words.")]
+
+    @classmethod
+    def of(
+        cls, problem: Problem, seed: int | None, planner: str | None, judged: Judged[Any]
+    ) -> "PlanRow":
+        """Returns the row of a plan, without a bound: only certified bounds are shown."""
+        result = judged.result
+        return PlanRow(
+            scene=problem.name,
+            seed=seed,
+            planner=planner,
+            reward=finite(judged.reward),
+            reason=str(judged.reason),
+            limit=Limit.written(result.limit),
+            seconds=finite(result.seconds),
+            coverage_seconds=judged.coverage_seconds,
+            checking_seconds=judged.checking_seconds,
+            views=judged.views,
+            conflicts=judged.conflicts if judged.verdict else None,
+            cut_short=result.cut_short,
+            message="; ".join(judged.remarks(problem)),
+        )
+
+    @classmethod
+    def certified(
+        cls, problem: Problem, seed: int | None, method: str, judged: Judged[CertifiedResult]
+    ) -> "PlanRow":
+        """Returns the row of a bound, with a plan if its method found one."""
+        result = judged.result
+        row = PlanRow.of(problem, seed, method if result.plan else None, judged)
+        messages = [row.message] if row.message else []
+        if result.reason is Reason.INFEASIBLE and result.bound < 0:
+            messages.append("proved: no plan obeys the rules, no J is below 0")
+        if result.certificate is None and math.isfinite(result.bound):
+            messages.append(f"no certificate: the bound is what {method} proves by itself")
+        return replace(
+            row,
+            method=method,
+            bound=finite(result.bound),
+            gap=finite(judged.gap),
+            message="; ".join(messages),
+        )
+
+    @property
+    def valid(self) -> bool:
+        """There is a plan, and it obeys the rules."""
+        return self.reward is not None and not self.conflicts
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedRow(PlanRow):
+    """The columns of the gap table that depend on the plan alone."""
+
+    colliding: Annotated[_Count, Column("Drones that take part in a conflict.")]
+    robots: Annotated[int, Column("Drones of the scene.")]
+    actors: Annotated[int, Column("People of the scene.")]
+    steps: Annotated[int, Column("Steps after the start.")]
+    coverage: Annotated[
+        str, Column("exact, or sampled: past meshes that are not convex, rays sample what is seen.")
+    ] = EXACT_COVERAGE
+    time_limit: Annotated[
+        _Number,
+        Column("Time that the planner was allowed, from when coverage was there.", unit="s"),
+    ] = None
+    overrun: Annotated[
+        _Number,
+        Column(
+            "Time that the planner took beyond its limit, where that is more than a quarter of the "
+            "limit and a second; empty where it kept to it.",
+            unit="s",
+        ),
+    ] = None
+    work_limit: Annotated[
+        _Count, Column("Units of work that the planner was allowed; empty without such a limit.")
+    ] = None
+    planner_digest: Annotated[
+        str | UnsetType,
+        Column(
+            "Digest of the code of a planner that is none of this project's; only in tables that "
+            "have such planners."
+        ),
+    ] = UNSET
+    reward_rendered: Annotated[
+        _Number | UnsetType,
+        Column("J of the rendered pixels; only with --rendered.", **_ANY),
+    ] = UNSET
+
+    @classmethod
+    def of_planner(
+        cls, problem: Problem, seed: int, planner: str, judged: Judged[Any], **more: Any
+    ) -> "PlannedRow":
+        """Returns the row of a plan of the gap table, with more columns by their names."""
+        row = PlanRow.of(problem, seed, planner, judged)
+        return PlannedRow(**{
+            **_fields(row),
+            "overrun": _overrun(row.seconds, more.get("time_limit")),
+            "colliding": judged.colliding(problem),
+            "robots": len(problem.robots),
+            "actors": len(problem.actors),
+            "steps": problem.horizon,
+            "coverage": SAMPLED_COVERAGE if FaceGeometry.is_sampled(problem) else EXACT_COVERAGE,
+            **more,
+        })  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoundColumns:
+    """The columns that all rows of one scene and seed share: bounds, and the best known plans."""
+
+    bound: _Bound = None
+    bound_method: Annotated[str, Column("The method whose certificate proves bound.")] = (
+        BOUND_METHOD
+    )
+    bound_reason: Annotated[
+        str,
+        Column("Why the search for the bound stopped: optimal means that J of a plan meets it."),
+    ]
+    bound_limit: Annotated[str, Column("The limit that stopped this search, or none.")] = NO_LIMIT
+    bound_seconds: Annotated[_Number, Column("Wall-clock time of this search.", unit="s")] = None
+    bound_time_limit: Annotated[
+        _Number,
+        Column(
+            "Time that each of the two searches for bounds was allowed, from when coverage was "
+            "there.",
+            unit="s",
+        ),
+    ] = None
+    bound_work_limit: Annotated[
+        _Count, Column("Units of work that each of them was allowed; empty without such a limit.")
+    ] = None
+    certificate: Annotated[str, Column("The file that proves the bound.")] = ""
+    optimum: Annotated[
+        _Number, Column("The largest known J of a plan that obeys the rules.", **_ANY)
+    ] = None
+    optimum_free: Annotated[_Number, Column("The largest known J of any plan.", **_ANY)] = None
+    bound_free: Annotated[
+        _Number,
+        Column("A certified number that no plan's J exceeds without collision rules.", **_ANY),
+    ] = None
+    bound_free_reason: Annotated[str, Column("Why the search for bound_free stopped.")]
+    bound_free_limit: Annotated[str, Column("The limit that stopped that search, or none.")] = (
+        NO_LIMIT
+    )
+    bound_free_seconds: Annotated[_Number, Column("Wall-clock time of that search.", unit="s")] = (
+        None
+    )
+    certificate_free: Annotated[str, Column("The file that proves bound_free.")] = ""
+
+    @classmethod
+    def of_bounds(
+        cls, under: Judged[CertifiedResult], free: Judged[CertifiedResult], **more: Any
+    ) -> "BoundColumns":
+        """Returns the columns of the best plan and bound under the rules, and without any.
+
+        Parameters
+        ----------
+        more : further columns by their names
+        """
+        bound, bound_free = under.result, free.result
+        return BoundColumns(
+            bound=finite(bound.bound),
+            bound_method=bound.certificate.method if bound.certificate else BOUND_METHOD,
+            bound_reason=str(bound.reason),
+            bound_limit=Limit.written(bound.limit),
+            bound_seconds=bound.seconds,
+            optimum=finite(under.reward),
+            optimum_free=finite(free.reward),
+            bound_free=finite(bound_free.bound),
+            bound_free_reason=str(bound_free.reason),
+            bound_free_limit=Limit.written(bound_free.limit),
+            bound_free_seconds=bound_free.seconds,
+            **more,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row(BoundColumns, PlannedRow):
+    """A row of the gap table: a plan, and what bounds all plans of its scene and seed."""
+
+    gap_free: Annotated[
+        _Number,
+        Column(
+            "(bound_free - reward) / bound_free, of a plan that obeys the rules.",
+            **_SHARE,
+        ),
+    ]
+    digest: Annotated[str, Column("Digest of the scene.")]
+    starts: Annotated[
+        str | UnsetType,
+        Column(
+            "The starts of the drones, where they are not those of the seed; only in such tables."
+        ),
+    ] = UNSET
+
+    @classmethod
+    def joined(cls, plan: PlannedRow, bound: BoundColumns, digest: str) -> "Row":
+        """Returns the row of a plan and its bounds. Only a plan that obeys the rules has gaps.
+
+        Parameters
+        ----------
+        digest : of the problem
+        """
+        return Row(**{
+            **_fields(plan),
+            **_fields(bound),
+            "method": bound.bound_method,
+            "gap": _gap(plan, bound.bound),
+            "gap_free": _gap(plan, bound.bound_free),
+            "digest": digest,
+        })  # fmt: skip
+
+    @staticmethod
+    def records(rows: "Sequence[Row]") -> list[dict[str, Any]]:
+        """Returns rows as plain data, with the columns that any of them has."""
+        names = [
+            name
+            for name, column in COLUMNS.items()
+            if not column.is_extra or any(getattr(row, name) is not UNSET for row in rows)
+        ]
+        return [{name: row._plain(name) for name in names} for row in rows]
+
+    @staticmethod
+    def grouped(rows: "Iterable[Row]", *names: str) -> "dict[tuple[Any, ...], list[Row]]":
+        """Returns rows by the values of some columns, in the order in which these first occur."""
+        found: dict[tuple[Any, ...], list[Row]] = {}
+        for row in rows:
+            found.setdefault(tuple(getattr(row, name) for name in names), []).append(row)
+        return found
+
+    @staticmethod
+    def values(rows: "Sequence[Row]", name: str) -> list[float]:
+        """Returns the numbers that rows have in a column, where they have one."""
+        return [value for row in rows if (value := getattr(row, name)) is not None]
+
+    @staticmethod
+    def percent(rows: "Sequence[Row]", name: str) -> list[float]:
+        """Returns the shares that rows have in a column, in %."""
+        return [100 * value for value in Row.values(rows, name)]
+
+    def _plain(self, name: str) -> object:
+        value = getattr(self, name)
+        if value is not UNSET:
+            return value
+        return "" if COLUMNS[name].kind is str else None
+
+    @property
+    def key(self) -> tuple[str, int | None]:
+        """Scene and seed."""
+        return self.scene, self.seed
+
+    @property
+    def bound_is_proved(self) -> bool:
+        """The bound is proved to be the optimum."""
+        return self.bound_reason == Reason.OPTIMAL
+
+    @property
+    def is_optimal(self) -> bool:
+        """The plan is proved to be the best."""
+        return self.valid and self.gap is not None and self.gap <= OPTIMALITY
+
+    @property
+    def has_error(self) -> bool:
+        """The planner or the bound ended by an error, which is no result."""
+        return ERROR in (self.reason, self.bound_reason)
+
+    @property
+    def price(self) -> tuple[float, float] | None:
+        """Least and largest price of collision avoidance, as shares of the free bound."""
+        known = (self.bound, self.optimum, self.bound_free, self.optimum_free)
+        bound, optimum, bound_free, optimum_free = known
+        if bound is None or optimum is None or bound_free is None or optimum_free is None:
+            return None
+        if bound_free <= 0:
+            return None
+        return max(optimum_free - bound, 0.0) / bound_free, (bound_free - optimum) / bound_free
+
+
+COLUMNS = Column.all_of(Row)
+
+
+def _fields(row: PlanRow | BoundColumns) -> dict[str, Any]:
+    return {name: getattr(row, name) for name in row.__dataclass_fields__}
+
+
+def _gap(plan: PlanRow, bound: float | None) -> float | None:
+    if plan.reward is None or bound is None or not plan.valid:
+        return None
+    return finite(relative_gap(plan.reward, bound))
+
+
+def _overrun(seconds: float | None, limit: float | None) -> float | None:
+    """Returns the seconds beyond a limit, if they are more than is tolerated."""
+    if seconds is None or limit is None or seconds <= _TOLERATED * limit + _TOLERATED_SECONDS:
+        return None
+    return seconds - limit

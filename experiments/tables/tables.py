@@ -1,0 +1,299 @@
+"""Tables of a sweep, as Markdown, LaTeX and HTML.
+
+They are of planners, differences between them, collision avoidance, and time. Each is a list of
+rows whose values are already text, so that all formats show the same.
+"""
+
+import math
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from statistics import median
+from typing import TYPE_CHECKING
+
+from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.statistics import NONE, Mean
+from cocap_opt.output.printing import Listing
+from cocap_opt.result import Reason
+from cocap_opt.text import printable
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Table = list[dict[str, str]]
+_HEADING = 12  # characters of a line of a heading in LaTeX
+_LARGE = 1000  # rewards from which on no decimals are shown
+AGAINST = "sequential"  # what the paper compares itself with
+PLANNERS, DIFFERENCES, PRICE, TIME = (
+    "Planners", "Paired differences", "Price of collision avoidance", "Time",
+)  # fmt: skip
+# Columns that a narrow terminal does without, the least useful first.
+_SPARE = {
+    PLANNERS: ("stopped by a limit", "gap to free (%)", "median seconds", "seeds",
+               "proved optimal", "mean reward", "largest gap (%)"),
+    DIFFERENCES: ("seeds", "equal", "worse", "better"),
+    PRICE: ("seeds", "largest (%)", "bound proved best"),
+    TIME: ("runs", "longest (s)", "shifted geometric mean (s)", "no valid plan"),
+}  # fmt: skip
+
+
+class Tables(dict[str, Table]):
+    """Tables by their titles."""
+
+    @classmethod
+    def of(cls, rows: Sequence[Row], against: str = AGAINST) -> "Tables":
+        """Returns all tables of a sweep; those that have no rows are left out.
+
+        Parameters
+        ----------
+        against : the planner that others are compared with
+        """
+        planners = {row.planner for row in rows}
+        tables = {
+            PLANNERS: _planner_table(rows),
+            DIFFERENCES: _difference_table(rows, against) if against in planners else [],
+            PRICE: _price_table(rows),
+            TIME: _time_table(rows),
+        }
+        return cls({title: table for title, table in tables.items() if table})
+
+    def print(self) -> None:
+        """Prints the tables for a terminal, without the columns that say least if it is narrow."""
+        for title, table in self.items():
+            Listing(title, table).fitted(_SPARE[title], "-o FILE").print()
+
+    def markdown(self) -> str:
+        """Returns the tables in Markdown under headings; special characters are escaped."""
+        texts = {
+            title: _frame(_escaped(table)).to_markdown(index=False, disable_numparse=True)
+            for title, table in self.items()
+        }
+        return "\n".join(f"## {title}\n\n{text}\n" for title, text in texts.items())
+
+    def latex(self) -> str:
+        """Returns them in LaTeX (package booktabs), as wide as two columns, with captions."""
+        return "% \\usepackage{booktabs}\n" + "\n".join(
+            _latex_table(title, _frame(table)) for title, table in self.items()
+        )
+
+    def html(self, level: int = 2) -> str:
+        """Returns them for an HTML page with their titles as headings of some level."""
+        heading = f"h{level}"
+        return "\n".join(
+            f"<{heading}>{title}</{heading}>\n"
+            f"{_frame(table).to_html(index=False, escape=True, border=0)}\n"
+            for title, table in self.items()
+        )
+
+
+DOCUMENTS: Mapping[str, Callable[[Tables], str]] = {
+    "markdown": Tables.markdown,
+    "latex": Tables.latex,
+    "html": Tables.html,
+}
+
+
+def _latex_table(title: str, frame: "pd.DataFrame") -> str:
+    """Returns a table in small type whose headings are stacked, so that it fits across a page."""
+    text: str = frame.to_latex(
+        index=False,
+        escape=True,
+        caption=title,
+        label="tab:" + title.lower().replace(" ", "-"),
+        position="ht",
+        column_format="ll" + "r" * (len(frame.columns) - 2),
+    )
+    header = text.split("\\toprule\n")[1].splitlines()[0]
+    cells = header.removesuffix(" \\\\").split(" & ")
+    text = text.replace(header, " & ".join(map(_stacked, cells)) + " \\\\", 1)
+    small = "\\begin{table*}[ht]\n\\centering\\footnotesize\\setlength{\\tabcolsep}{3pt}"
+    return text.replace("\\begin{table}[ht]", small).replace("\\end{table}", "\\end{table*}")
+
+
+def _stacked(heading: str) -> str:
+    """Returns a heading with a line for every few words."""
+    lines = textwrap.wrap(heading, _HEADING, break_long_words=False)
+    return heading if len(lines) < 2 else "\\shortstack{" + r"\\".join(lines) + "}"
+
+
+def _frame(table: Table) -> "pd.DataFrame":
+    import pandas as pd  # slow to import
+
+    return pd.DataFrame([{key: printable(text) for key, text in row.items()} for row in table])
+
+
+def _escaped(table: Table) -> Table:
+    return [{key: Listing.cell(text) for key, text in row.items()} for row in table]
+
+
+def _planner_table(rows: Sequence[Row]) -> Table:
+    """Returns reward, gap, and numbers of plans that obey the rules and are best, by planner.
+
+    Rewards are of all plans. Only plans that obey the rules have gaps; where not all of them do,
+    the mean is over fewer seeds than others', and their number is said.
+    """
+    table = []
+    for (scene, planner), some in Row.grouped(rows, "scene", "planner").items():
+        valid = [row for row in some if row.valid]
+        gaps = Row.percent(valid, "gap")
+        table.append(
+            {
+                "scene": scene,
+                "planner": planner,
+                "seeds": str(len(some)),
+                "obeys the rules": _share(len(valid), len(some)),
+                "mean reward": _spread(Row.values(some, "reward")),
+                "gap (%)": _of(Mean.in_words(gaps), len(gaps), len(some)),
+                "largest gap (%)": Mean.rounded(max(gaps, default=None), 3),
+                "gap to free (%)": Mean.in_words(Row.percent(valid, "gap_free")),
+                "proved optimal": _share(sum(row.is_optimal for row in valid), len(some)),
+                "stopped by a limit": str(sum(row.reason == Reason.STOPPED for row in some)),
+                "median seconds": _median(Row.values(some, "seconds")),
+            }
+        )
+    return table
+
+
+def _difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
+    """Returns J minus J of another planner on the same seeds, in % of the latter, by planner.
+
+    Only seeds are compared on which both plans obey the rules.
+    """
+    table = []
+    for (scene,), some in Row.grouped(rows, "scene").items():
+        reference = {row.seed: row.reward for row in some if row.planner == against and row.valid}
+        for (planner,), own in Row.grouped(some, "planner").items():
+            if planner == against:
+                continue
+            pairs = [
+                (row.reward, other)
+                for row in own
+                if row.valid and row.reward is not None
+                if (other := reference.get(row.seed)) is not None
+            ]
+            shares = [100 * (a - b) / b for a, b in pairs if b > 0]
+            table.append(
+                {
+                    "scene": scene,
+                    "planner": planner,
+                    f"against {against} (%)": Mean.in_words(shares),
+                    "better": str(sum(a > b for a, b in pairs)),
+                    "equal": str(sum(a == b for a, b in pairs)),
+                    "worse": str(sum(a < b for a, b in pairs)),
+                    "seeds": str(len(pairs)),
+                }
+            )
+    return table
+
+
+def _price_table(rows: Sequence[Row]) -> Table:
+    """Returns what collision avoidance costs at least and at most, by scene; both are certified.
+
+    At least it costs what the best free plan has more than the bound under the rules, at most
+    what the free bound has more than the best plan that obeys them, in % of the free optimum.
+    """
+    table = []
+    for (scene,), some in Row.grouped(rows, "scene").items():
+        first = {row.seed: row for row in some}.values()
+        ends = [end for row in first if (end := row.price) is not None]
+        table.append(
+            {
+                "scene": scene,
+                "at least (%)": Mean.in_words([100 * low for low, _ in ends]),
+                "at most (%)": Mean.in_words([100 * high for _, high in ends]),
+                "largest (%)": Mean.rounded(max((100 * high for _, high in ends), default=None), 3),
+                "bound proved best": _share(sum(row.bound_is_proved for row in first), len(first)),
+                "seeds": str(len(ends)),
+            }
+        )
+    return table
+
+
+def _time_table(rows: Sequence[Row]) -> Table:
+    """Returns shifted geometric means of seconds by scene and planner, at the end over all scenes.
+
+    A run without a plan counts as one that took the time it was allowed. A planner whose plans
+    break rules is quick at something else: it has no mean, and is nobody's measure. Over all
+    scenes only planners are compared that were run on every scene and seed.
+    """
+    timed = [row for row in rows if _is_timed(row)]
+    scenes = Row.grouped(timed, "scene")
+    table = [row for (scene,), some in scenes.items() for row in _times(scene, some)]
+    if len(scenes) < 2:
+        return table
+    instances = {row.key for row in timed}
+    everywhere = [
+        row
+        for some in Row.grouped(timed, "planner").values()
+        if {row.key for row in some} == instances
+        for row in some
+    ]
+    return table + _times("all", everywhere)
+
+
+def _is_timed(row: Row) -> bool:
+    """Returns True if a planner was run: not for plans from files or unsupported scenes."""
+    ran = row.reward is None and row.reason != Reason.UNSUPPORTED
+    return ran or row.seconds is not None
+
+
+def _times(scene: str, rows: Sequence[Row]) -> Table:
+    """Returns rows of a table of times; ratios are over what all of its planners were run on."""
+    planners = {planner: some for (planner,), some in Row.grouped(rows, "planner").items()}
+    instances = [{row.key for row in some} for some in planners.values()]
+    common = set.intersection(*instances) if instances else set()
+    obedient = {
+        planner: some
+        for planner, some in planners.items()
+        if all(row.valid or row.reward is None for row in some)
+    }
+    means = {planner: _mean_seconds(some) for planner, some in obedient.items()}
+    alike = {
+        planner: _mean_seconds([row for row in some if row.key in common])
+        for planner, some in obedient.items()
+        if common
+    }
+    least = min(alike.values(), default=0.0)
+    return [
+        {
+            "scene": scene,
+            "planner": planner,
+            "runs": str(len(some)),
+            "no valid plan": str(sum(not row.valid for row in some)),
+            "shifted geometric mean (s)": Mean.rounded(means.get(planner), 3),
+            "of the fastest": Mean.rounded(
+                alike[planner] / least if least > 0 and planner in alike else None, 1
+            ),
+            "median (s)": _median(Row.values(some, "seconds")),
+            "longest (s)": Mean.rounded(max(Row.values(some, "seconds"), default=None), 3),
+        }
+        for planner, some in planners.items()
+    ]
+
+
+def _mean_seconds(rows: Sequence[Row]) -> float:
+    settled = (row.valid or row.reason == Reason.INFEASIBLE for row in rows)
+    taken = (r.seconds if done else r.time_limit for r, done in zip(rows, settled, strict=True))
+    return Mean.shifted_geometric([seconds or 0.0 for seconds in taken])
+
+
+def _of(text: str, part: int, whole: int) -> str:
+    """Returns a mean, with the number of seeds that it is over if not over all."""
+    return text if part in (0, whole) else f"{text} (n = {part})"
+
+
+def _spread(sample: Sequence[float]) -> str:
+    """Returns mean and standard deviation."""
+    if not sample:
+        return NONE
+    found = Mean.of(sample)
+    digits = 0 if abs(found.value) >= _LARGE else 2
+    spread = "" if math.isnan(found.spread) else f" ± {Mean.rounded(found.spread, digits)}"
+    return Mean.rounded(found.value, digits) + spread
+
+
+def _median(sample: Sequence[float]) -> str:
+    return Mean.rounded(median(sample), 3) if sample else NONE
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{part} of {whole}"
