@@ -19,7 +19,8 @@ from msgspec import UNSET
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.files.documents import problem_digest
-from cocap_opt.formulations.certificates import OPTIMISTIC, CertificateFile, Multipliers
+from cocap_opt.formulations.certificates import CertificateFile, Multipliers
+from cocap_opt.formulations.certificates.format import OPTIMISTIC
 from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.value_iteration import backward_sweep

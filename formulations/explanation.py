@@ -34,13 +34,12 @@ from cocap_opt.formulations.certificates import (
     CertificateFile,
     Decision,
     Multipliers,
-    PathCells,
     Pricing,
     ProofFile,
-    Resource,
     Staged,
 )
 from cocap_opt.formulations.certificates.pricing import Prices
+from cocap_opt.formulations.certificates.resources import PathCells, Resource
 from cocap_opt.formulations.certificates.sweep import values_to_go
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, Path

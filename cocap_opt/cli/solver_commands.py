@@ -31,7 +31,7 @@ from cocap_opt.experiments.tables.rows import OWN_STARTS, PlanRow
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.documents import FileError, encode, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
-from cocap_opt.formulations.certificates import compiled_search
+from cocap_opt.formulations.certificates.staged import compiled_search
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.output.files import (
     PlanReader,

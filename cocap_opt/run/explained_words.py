@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 
-from cocap_opt.formulations.certificates import Cells, Move, Moves, Resource, Swap, Visit
+from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.explanation import Term
 from cocap_opt.graph.choke_points import choke_point
 from cocap_opt.output.conflicts import told_conflict

@@ -13,7 +13,6 @@ from cocap_opt.formulations.certificates.format import (
     UnfinishedError,
 )
 from cocap_opt.formulations.certificates.pricing import Pricing
-from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.model import Model
 from cocap_opt.problem import COVERAGE_VERSION, Problem
 from cocap_opt.stop import LimitReached, Stop, never
@@ -102,5 +101,8 @@ def _priced(
 ) -> Pricing:
     """Returns the bound that a certificate proves, in stages or at once."""
     if isinstance(certificate, Staged):
+        # Here alone, so that plain certificates are checked without any search being loaded.
+        from cocap_opt.formulations.certificates.staged.stages import price_staged
+
         return price_staged(model, certificate, stop, progress)
     return Pricing.of(model, certificate, stop=stop)

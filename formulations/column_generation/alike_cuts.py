@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates import Curve, Cut
-from cocap_opt.formulations.certificates.envelope import multisets
+from cocap_opt.formulations.certificates.envelope import Curve, Cut, multisets
 from cocap_opt.formulations.certificates.format import MOST_WORK
 from cocap_opt.formulations.relaxations.separation import Seen, Transport
 

@@ -9,7 +9,7 @@ all moves but where the swap rule couples them.
 from collections import defaultdict
 from typing import NamedTuple
 
-from cocap_opt.formulations.certificates import Cells, Move, Resource, Visit
+from cocap_opt.formulations.certificates.resources import Cells, Move, Resource, Visit
 from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.model import Model
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates import PathCells
+from cocap_opt.formulations.certificates.resources import PathCells
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path, RobotClass

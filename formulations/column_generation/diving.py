@@ -7,7 +7,8 @@ or nothing more is to be decided. It is then rounded and improved (`local_search
 
 import math
 
-from cocap_opt.formulations.certificates import Decision, Resource
+from cocap_opt.formulations.certificates import Decision
+from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.branching import ResourceUse
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.master import Master, Solution

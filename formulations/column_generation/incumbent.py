@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from cocap_opt.formulations.certificates import Visit
+from cocap_opt.formulations.certificates.resources import Visit
 from cocap_opt.formulations.column_generation.branching import ResourceUse
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.column_generation.mixture import Mixture

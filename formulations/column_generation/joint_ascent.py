@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates import JointStates
+from cocap_opt.formulations.certificates.staged import JointStates
 
 _GAIN = 1e-9  # relative, from which on a height counts as higher
 

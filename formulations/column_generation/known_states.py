@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cocap_opt.formulations.certificates import JointStates, compiled_search
+from cocap_opt.formulations.certificates.staged import JointStates, compiled_search
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.joint_ascent import ascended, heights, that_count
 from cocap_opt.model import Path

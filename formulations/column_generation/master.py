@@ -15,7 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.formulations.certificates import Cut, Decision, Resource
+from cocap_opt.formulations.certificates import Decision
+from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.flow_mixture import LEAST_USE, flow_mixture
 from cocap_opt.formulations.column_generation.master_program import MasterProgram

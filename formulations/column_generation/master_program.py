@@ -18,7 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates import Cut, Decision, Resource
+from cocap_opt.formulations.certificates import Decision
+from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.coefficients import Coefficients
 from cocap_opt.formulations.column_generation.columns import Arc
 from cocap_opt.formulations.column_generation.conic_program import ConicProgram, ConicSolution

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray
-from cocap_opt.formulations.certificates import Cells, Moves, Swap
+from cocap_opt.formulations.certificates.resources import Cells, Moves, Swap
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import Seen

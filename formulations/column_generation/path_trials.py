@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from cocap_opt.formulations.certificates import (
+from cocap_opt.formulations.certificates.staged import (
     Narrowing,
     NotEndedError,
     best_plan,

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.formulations.certificates import JointStates, Narrowing, StepPayments
+from cocap_opt.formulations.certificates.format import StepPayments
+from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
 from cocap_opt.formulations.column_generation.columns import Arc
 from cocap_opt.formulations.column_generation.known_states import Known
 from cocap_opt.formulations.column_generation.step_master import (

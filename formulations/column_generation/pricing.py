@@ -14,7 +14,8 @@ import numpy as np
 from scipy import sparse
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates import Decision, Resource, charges_of
+from cocap_opt.formulations.certificates import Decision
+from cocap_opt.formulations.certificates.resources import Resource, charges_of
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.graph.move_rewards import Bonuses

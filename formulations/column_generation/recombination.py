@@ -3,7 +3,7 @@
 Local search ends in many plans that differ here and there. Where each of them is better than the
 others, a plan that is made of parts of all is better than any; and its robots need not go on along
 the path of one robot, nor its steps come from one plan. Value iteration over joint states
-(`certificates.joint_paths`) finds the best of all these plans, since the bound on all plans leaves
+(`staged.joint_paths`) finds the best of all these plans, since the bound on all plans leaves
 few of their joint states to look at. So many plans are taken, the best first, as it can cope with.
 
 Compare optimal recombination in genetic algorithms (Aggarwal, Orlin, Tai 1997; Eremeev, Kovalenko
@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import BoolArray
-from cocap_opt.formulations.certificates import (
+from cocap_opt.formulations.certificates.staged import (
     Narrowing,
     NotEndedError,
     best_plan,

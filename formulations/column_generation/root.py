@@ -5,7 +5,7 @@ from itertools import islice
 
 import numpy as np
 
-from cocap_opt.formulations.certificates import Cut
+from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.column_generation.large_root import LargeRoot, is_large
 from cocap_opt.formulations.column_generation.master import Master
 from cocap_opt.formulations.column_generation.mixture import Mixture

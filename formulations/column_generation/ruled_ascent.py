@@ -15,7 +15,8 @@ import numpy as np
 from scipy import sparse
 
 from cocap_opt.data import FloatArray
-from cocap_opt.formulations.certificates import Cut, Resource
+from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.alike_cuts import alike_cut
 from cocap_opt.formulations.column_generation.coefficients import Coefficients
 from cocap_opt.formulations.column_generation.columns import Column

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 import msgspec
 import numpy as np
 
-from cocap_opt.formulations.certificates import CertificateFile, Narrowing, ProofFile, Staged
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile, Staged
+from cocap_opt.formulations.certificates.staged import Narrowing
 from cocap_opt.formulations.column_generation.columns import Arc
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.local_search import Allowance, LocalSearch

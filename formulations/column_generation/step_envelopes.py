@@ -3,7 +3,7 @@
 Each face of a step has a concave envelope of its own in the relaxation; what is left open is
 mostly that the faces of one step want different pairings of the robots. One envelope over all faces
 of a step closes that: robots are paid for states, not for pixels, and a step's constant is the
-height of its highest joint state (`certificates.staged`, `certificates.joint_states`).
+height of its highest joint state (`staged.stages`, `staged.joint_states`).
 
 Each round has three parts: the constants of the present payments are lowered by search; states that
 no better plan visits are closed; and a bundle method (`payment_bundle`) finds better payments.
@@ -12,7 +12,7 @@ the exact one.
 
 Where many states are left, each round has a short list of states for each step: those of the least
 slack. They are paid no less than before, and all other states so much more that none of these is
-in a joint state above the new constant (`certificates.narrowing`); so the search is over the list
+in a joint state above the new constant (`staged.narrowing`); so the search is over the list
 alone. The next round's lists are those of the new payments, shorter where searches took long. The
 mixture of paths behind the payments is where local search then looks for better plans, and plans
 are recombined. Once one is better, it is the target, and all stages are repeated for it.
@@ -30,15 +30,12 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.files.documents import problem_digest
-from cocap_opt.formulations.certificates import (
-    CertificateFile,
+from cocap_opt.formulations.certificates import CertificateFile, Staged
+from cocap_opt.formulations.certificates.format import Stage, StepConstant, StepPayments
+from cocap_opt.formulations.certificates.staged import (
     JointStates,
     Narrowing,
     NotEndedError,
-    Stage,
-    Staged,
-    StepConstant,
-    StepPayments,
     Wanted,
     compiled_search,
 )

@@ -7,7 +7,7 @@ Over payments phi(t, s), constants K_t and potentials u(t, s) it minimises
 such that K_t is at least the height of every known joint state of the step, and the potentials
 rise along the known arcs by payments less charges. At steps with a ceiling, payments are at least
 those of the centre at first, and states that have none of their own are paid more by as much as
-K_t is below the ceiling (`certificates.narrowing`). Fewer joint states and arcs than there are make
+K_t is below the ceiling (`staged.narrowing`). Fewer joint states and arcs than there are make
 it too low, so that they are found by and by; the last term keeps payments near the best so far
 (a proximal bundle method; Kiwiel 1990).
 """

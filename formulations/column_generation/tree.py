@@ -9,15 +9,9 @@ import msgspec
 import numpy as np
 
 from cocap_opt.files.documents import problem_digest
-from cocap_opt.formulations.certificates import (
-    Branch,
-    Cut,
-    Decision,
-    Leaf,
-    Pricing,
-    ProofFile,
-    Resource,
-)
+from cocap_opt.formulations.certificates import Branch, Decision, Leaf, Pricing, ProofFile
+from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.branching import INTEGRAL, ResourceUse
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.column_generation.diving import dive

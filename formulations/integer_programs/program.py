@@ -14,7 +14,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates import Cut, Multipliers
+from cocap_opt.formulations.certificates import Multipliers
+from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.flow import Amounts, Flow, Roots
 from cocap_opt.stop import Limit, Stop

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from cocap_opt.data import FloatArray
-from cocap_opt.formulations.certificates import Cells, Moves, Resource, Swap
+from cocap_opt.formulations.certificates.resources import Cells, Moves, Resource, Swap
 from cocap_opt.formulations.relaxations.cell_cliques import cliques_of_cells
 from cocap_opt.formulations.relaxations.flow import Flow
 from cocap_opt.formulations.relaxations.move_rows import MoveRows, passing_moves, swaps

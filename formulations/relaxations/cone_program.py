@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates import CertificateFile, Cut, certify
+from cocap_opt.formulations.certificates import CertificateFile, certify
+from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.cone_solver import solve_cones

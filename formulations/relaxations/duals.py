@@ -7,14 +7,9 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates import (
-    ClassCurve,
-    Cut,
-    EnvelopeCut,
-    Multipliers,
-    Resource,
-    Row,
-)
+from cocap_opt.formulations.certificates import ClassCurve, EnvelopeCut, Multipliers, Row
+from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
 

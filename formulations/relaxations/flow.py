@@ -22,7 +22,7 @@ import numpy as np
 from scipy import sparse
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates import Cut
+from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep

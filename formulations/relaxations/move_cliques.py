@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates import MOST_MOVES
+from cocap_opt.formulations.certificates.resources import MOST_MOVES
 from cocap_opt.model import Model
 from cocap_opt.problem import Cell
 from cocap_opt.problem.rules import Meeting

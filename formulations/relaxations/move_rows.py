@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from cocap_opt.data import IntArray
-from cocap_opt.formulations.certificates import Moves, Swap
+from cocap_opt.formulations.certificates.resources import Moves, Swap
 from cocap_opt.formulations.relaxations import cell_cliques
 from cocap_opt.formulations.relaxations.flow import Flow
 from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves

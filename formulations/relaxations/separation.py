@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates import Curve, Cut
-from cocap_opt.formulations.certificates.envelope import Corners, Partial
+from cocap_opt.formulations.certificates.envelope import Corners, Curve, Cut, Partial
 from cocap_opt.formulations.certificates.format import MOST_WORK
 from cocap_opt.stop import Stop
 

@@ -4,13 +4,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from cocap_opt.formulations.certificates import (
-    Branch,
-    CertificateFile,
-    Pricing,
-    ProofFile,
-    Staged,
-)
+from cocap_opt.formulations.certificates import Branch, CertificateFile, Pricing, ProofFile, Staged
 from cocap_opt.formulations.second_opinion.prices import Leaf, Prices, TooLargeError
 from cocap_opt.graph.networks import edges_in_reach
 from cocap_opt.problem import Problem

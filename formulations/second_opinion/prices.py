@@ -7,12 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from cocap_opt.formulations.certificates import (
-    ClassCurve,
-    Decision,
-    EnvelopeCut,
-    ReferencePixels,
-)
+from cocap_opt.formulations.certificates import ClassCurve, Decision, EnvelopeCut, ReferencePixels
 from cocap_opt.formulations.certificates.format import Certificate
 from cocap_opt.formulations.second_opinion.paths import Worth, longest_path
 from cocap_opt.formulations.second_opinion.sight import Sight

@@ -3,16 +3,9 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from cocap_opt.formulations.certificates import (
-    Cells,
-    Decision,
-    Move,
-    Moves,
-    ReferencePixels,
-    Resource,
-    Swap,
-)
+from cocap_opt.formulations.certificates import Decision, ReferencePixels
 from cocap_opt.formulations.certificates.format import Certificate
+from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap
 from cocap_opt.formulations.second_opinion.paths import Uses
 
 

@@ -29,28 +29,23 @@ from cocap_opt.files.documents import FileError, decode_document, encode, read_b
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.certificates import (
     Branch,
-    Cells,
     CertificateError,
     CertificateFile,
     ClassCurve,
-    Cut,
     Decision,
     EnvelopeCut,
     Leaf,
-    Move,
-    Moves,
     Multipliers,
-    PathCells,
     Pricing,
     ProofFile,
     ReferencePixels,
     Row,
-    Swap,
-    Visit,
     certify,
     envelope,
     verify,
 )
+from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, PathCells, Swap, Visit
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import MOST_BREAKPOINTS, Seen

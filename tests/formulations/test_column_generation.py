@@ -8,16 +8,14 @@ from hypothesis import strategies as st
 from pool import meetings, problems
 from strategies import Calls, examples, tiny
 
-from cocap_opt.formulations.certificates import (
+from cocap_opt.formulations.certificates import Decision, Pricing, verify
+from cocap_opt.formulations.certificates.resources import (
     Cells,
-    Decision,
     Move,
     PathCells,
-    Pricing,
     Swap,
     Visit,
     charges_of,
-    verify,
 )
 from cocap_opt.formulations.column_generation import root as root_module
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price

@@ -8,7 +8,7 @@ import pytest
 
 def test_what_was_kept_of_an_earlier_source_is_removed(tmp_path: Path) -> None:
     """Of the same function alone: it may name a class that is no longer there."""
-    compiling = pytest.importorskip("cocap_opt.formulations.certificates.compiling")
+    compiling = pytest.importorskip("cocap_opt.formulations.certificates.staged.compiling")
     changed = Path(__file__).stat().st_mtime
     stem = __name__.rpartition(".")[2]
 

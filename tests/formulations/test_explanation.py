@@ -13,16 +13,15 @@ from strategies import WALL, examples, standing, tiny
 
 from cocap_opt.coordination.replans import replans
 from cocap_opt.formulations.certificates import (
-    Cells,
     CertificateFile,
     Multipliers,
     Pricing,
     ProofFile,
     ReferencePixels,
     Row,
-    Swap,
     certify,
 )
+from cocap_opt.formulations.certificates.resources import Cells, Swap
 from cocap_opt.formulations.explanation import explain
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Cell, Plan, Problem, State

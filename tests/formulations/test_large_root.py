@@ -12,7 +12,8 @@ from pool import meetings, problems
 from scipy import sparse
 from strategies import Calls, examples
 
-from cocap_opt.formulations.certificates import Curve, Cut, Pricing, verify
+from cocap_opt.formulations.certificates import Pricing, verify
+from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.format import MOST_WORK
 from cocap_opt.formulations.column_generation import large_root as large_root_module
 from cocap_opt.formulations.column_generation.alike_cuts import alike_cut, grown_multisets

@@ -3,13 +3,9 @@
 import numpy as np
 import pytest
 
-from cocap_opt.formulations.certificates import (
-    Narrowing,
-    NotEndedError,
-    compiled_search,
-    verify,
-)
-from cocap_opt.formulations.certificates.joint_paths import BestPlan
+from cocap_opt.formulations.certificates import verify
+from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError, compiled_search
+from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
 from cocap_opt.formulations.column_generation import path_trials, step_envelopes
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.known_states import Known

@@ -11,8 +11,8 @@ from pool import meetings, problems
 from random_certificates import random_narrowing
 from strategies import Calls, examples, tiny
 
-from cocap_opt.formulations.certificates import Narrowing, NotEndedError
-from cocap_opt.formulations.certificates.joint_paths import BestPlan
+from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError
+from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
 from cocap_opt.formulations.column_generation import recombination
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.recombination import MOST_PLANS, Recombination

@@ -18,37 +18,37 @@ from pool import meetings, problems
 from random_certificates import as_rows, random_multipliers, random_narrowing, some_model
 from strategies import Calls, examples, tiny
 
-import cocap_opt.formulations.certificates.staged as checker
+import cocap_opt.formulations.certificates.staged.stages as checker
 import cocap_opt.formulations.column_generation.list_lengths as list_lengths
 import cocap_opt.formulations.column_generation.step_envelopes as envelopes
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import (
-    Cells,
     CertificateError,
     CertificateFile,
-    JointStates,
     Multipliers,
+    Row,
+    Staged,
+    UnfinishedError,
+    certify,
+    verify,
+)
+from cocap_opt.formulations.certificates.format import Stage, StepConstant, StepPayments
+from cocap_opt.formulations.certificates.resources import Cells
+from cocap_opt.formulations.certificates.staged import (
+    JointStates,
     Narrowing,
     NotEndedError,
-    Row,
-    Stage,
-    Staged,
-    StepConstant,
-    StepPayments,
-    UnfinishedError,
     Wanted,
     best_plan,
-    certify,
     compiled_search,
     following,
     joint_states,
     may_be_used,
-    verify,
 )
-from cocap_opt.formulations.certificates.following import Choices, Following
-from cocap_opt.formulations.certificates.joint_paths import BestPlan
-from cocap_opt.formulations.certificates.joint_states import Ceiling, Highest
-from cocap_opt.formulations.certificates.staged import price_staged
+from cocap_opt.formulations.certificates.staged.following import Choices, Following
+from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
+from cocap_opt.formulations.certificates.staged.joint_states import Ceiling, Highest
+from cocap_opt.formulations.certificates.staged.stages import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.columns import Arc
 from cocap_opt.formulations.column_generation.flow_mixture import flow_mixture

@@ -7,21 +7,16 @@ import numpy as np
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import (
     Branch,
-    Cells,
     ClassCurve,
     Decision,
     EnvelopeCut,
     Leaf,
-    Move,
-    Moves,
     Multipliers,
-    Narrowing,
     ProofFile,
-    Resource,
     Row,
-    Swap,
-    Visit,
 )
+from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
+from cocap_opt.formulations.certificates.staged import Narrowing
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Cell, Problem
 

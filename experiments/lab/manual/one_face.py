@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.formulations.certificates import Curve, Cut
+from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.shadows import Pieces, Shadows
 from cocap_opt.world.workspace import HeightMap

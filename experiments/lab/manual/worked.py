@@ -14,15 +14,13 @@ from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import (
     CertificateFile,
     Multipliers,
-    Narrowing,
     ProofFile,
     Staged,
-    Wanted,
-    best_plan,
     verify,
 )
 from cocap_opt.formulations.certificates.pricing import Prices
-from cocap_opt.formulations.certificates.staged import MOST_NODES
+from cocap_opt.formulations.certificates.staged import Narrowing, Wanted, best_plan
+from cocap_opt.formulations.certificates.staged.stages import MOST_NODES
 from cocap_opt.formulations.certificates.sweep import plain_sweep
 from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search

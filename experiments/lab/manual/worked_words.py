@@ -7,7 +7,8 @@ import numpy as np
 
 from cocap_opt.experiments.lab.manual import one_face, worked
 from cocap_opt.experiments.lab.manual.recorded_tree import Closed
-from cocap_opt.formulations.certificates import Branch, Cells, Resource
+from cocap_opt.formulations.certificates import Branch
+from cocap_opt.formulations.certificates.resources import Cells, Resource
 from cocap_opt.output.printing import Listing, Record
 from cocap_opt.problem import Conflict, SwapConflict, VertexConflict
 

@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates.following import Choices, Following, Found
-from cocap_opt.formulations.certificates.joint_states import JointStates, NotEndedError
-from cocap_opt.formulations.certificates.narrowing import Narrowing
+from cocap_opt.formulations.certificates.staged.following import Choices, Following, Found
+from cocap_opt.formulations.certificates.staged.joint_states import JointStates, NotEndedError
+from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
 from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop, never
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates import compiled_search
-from cocap_opt.formulations.certificates.joint_states import (
+from cocap_opt.formulations.certificates.staged import compiled_search
+from cocap_opt.formulations.certificates.staged.joint_states import (
     AT_ONCE,
     MOST_FOUND,
     PLAIN_NODES,

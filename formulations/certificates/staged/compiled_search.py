@@ -19,9 +19,9 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.stop import Stop
 
 if TYPE_CHECKING:
-    from cocap_opt.formulations.certificates.search_kernel import Data, Memory
+    from cocap_opt.formulations.certificates.staged.search_kernel import Data, Memory
 
-_KERNEL = "cocap_opt.formulations.certificates.search_kernel"
+_KERNEL = "cocap_opt.formulations.certificates.staged.search_kernel"
 _COMPILING = 5.0  # seconds that the first compiled search of a machine may take
 
 
@@ -88,7 +88,7 @@ class Running:
         least, floor : as in `joint_states`
         most_found : if not 0, the search is for `follow`, which collects up to so many in a call
         """
-        from cocap_opt.formulations.certificates.search_kernel import Data
+        from cocap_opt.formulations.certificates.staged.search_kernel import Data
 
         bounds = [*ceilings, *limits]
         own = np.repeat(np.arange(len(sizes)), sizes)
@@ -114,7 +114,7 @@ class Running:
 
     def advance(self, nodes: int) -> bool:
         """Goes on for so many nodes; returns True once all is done."""
-        from cocap_opt.formulations.certificates.search_kernel import IS_DONE, advance
+        from cocap_opt.formulations.certificates.staged.search_kernel import IS_DONE, advance
 
         self.best = float(advance(self.data, self.memory, self.best, self.floor, nodes))
         return bool(self.memory.progress[IS_DONE])
@@ -142,7 +142,7 @@ class Running:
         The number of the first joint state that is not done, and of those that were collected the
         numbers of the ones that they follow [M] and the positions of their states [M, R].
         """
-        from cocap_opt.formulations.certificates import search_kernel as kernel
+        from cocap_opt.formulations.certificates.staged import search_kernel as kernel
 
         nodes = min(nodes, len(self.memory.collected))  # each collects one joint state at most
         arrays = kernel.MoveLists(*choices, floors)
@@ -154,20 +154,20 @@ class Running:
     @property
     def nodes(self) -> int:
         """Number of nodes of the tree so far, or of the last call of `follow`."""
-        from cocap_opt.formulations.certificates.search_kernel import NODES
+        from cocap_opt.formulations.certificates.staged.search_kernel import NODES
 
         return int(self.memory.progress[NODES])
 
     @property
     def _n_found(self) -> int:
-        from cocap_opt.formulations.certificates.search_kernel import FOUND
+        from cocap_opt.formulations.certificates.staged.search_kernel import FOUND
 
         return int(self.memory.progress[FOUND])
 
 
 def _beginning(data: Data, highest: FloatArray, most_found: int) -> Memory:
     """Returns the memory of a search whose root is its next node, or that `follow` begins."""
-    from cocap_opt.formulations.certificates.search_kernel import Memory
+    from cocap_opt.formulations.certificates.staged.search_kernel import Memory
 
     depths, n_classes = data.counts.shape
     robots, n, n_faces = depths - 1, len(data.class_of), len(data.weights)

@@ -46,17 +46,17 @@ from cocap_opt.formulations.certificates.format import (
     StepConstant,
     StepPayments,
 )
-from cocap_opt.formulations.certificates.joint_states import (
-    Ceiling,
-    Highest,
-    JointStates,
-    Wanted,
-)
 from cocap_opt.formulations.certificates.pricing import (
     UNIT_ROUNDOFF,
     Prices,
     Pricing,
     rounding_factor,
+)
+from cocap_opt.formulations.certificates.staged.joint_states import (
+    Ceiling,
+    Highest,
+    JointStates,
+    Wanted,
 )
 from cocap_opt.formulations.certificates.sweep import (
     reward_of_staying,

@@ -16,11 +16,11 @@ from cocap_opt.formulations.certificates.format import (
     Staged,
     UnfinishedError,
 )
-from cocap_opt.formulations.certificates.joint_paths import best_plan, may_be_used
-from cocap_opt.formulations.certificates.joint_states import NotEndedError, Wanted
-from cocap_opt.formulations.certificates.narrowing import Narrowing
 from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.resources import Visit
+from cocap_opt.formulations.certificates.staged.joint_paths import best_plan, may_be_used
+from cocap_opt.formulations.certificates.staged.joint_states import NotEndedError, Wanted
+from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 

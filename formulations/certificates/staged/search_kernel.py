@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates.compiling import compiled
+from cocap_opt.formulations.certificates.staged.compiling import compiled
 
 # What each entry of `Memory.progress` is; the depth is -1 where no search is going on.
 DEPTH, IS_NEW, IS_DONE, FOUND, NODES = range(5)

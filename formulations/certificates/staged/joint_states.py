@@ -35,8 +35,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates import compiled_search
 from cocap_opt.formulations.certificates.pricing import UNIT_ROUNDOFF
+from cocap_opt.formulations.certificates.staged import compiled_search
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 from cocap_opt.sums import exact_sum

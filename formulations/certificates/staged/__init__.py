@@ -1,0 +1,32 @@
+"""Staged certificates: bounds of multipliers, lowered by searches. The upper storey of the checker.
+
+Where a file is staged, its searches have to be trusted as well. A sceptic reads, after the lower
+storey (`cocap_opt.formulations.certificates`), in this order:
+
+1. `narrowing`: closes states that no better plan visits, and bounds what all faces of a step are
+   worth together.
+2. `joint_states`: the search for the highest joint state of a step.
+3. `following`, `joint_paths`: at the end the paths of all robots together that are left are tried.
+4. `stages`: what a file's stages do, one after the other, and which numbers are refused.
+5. `compiled_search` repeats the searches of `joint_states` and `following`, faster, and is held to
+   them by tests; `search_kernel` has its steps, and `compiling` asks numba to compile them.
+"""
+
+from cocap_opt.formulations.certificates.staged.joint_paths import best_plan, may_be_used
+from cocap_opt.formulations.certificates.staged.joint_states import (
+    JointStates,
+    NotEndedError,
+    Wanted,
+)
+from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
+from cocap_opt.formulations.certificates.staged.stages import price_staged
+
+__all__ = [
+    "JointStates",
+    "Narrowing",
+    "NotEndedError",
+    "Wanted",
+    "best_plan",
+    "may_be_used",
+    "price_staged",
+]
