@@ -1,7 +1,7 @@
 """A bound that is there after any limit, also where coverage is not whole.
 
 At the steps whose coverage is not known, every drone counts as if nothing hid anybody: an upper
-bound on what it sees (`Views.ceiling`). Multipliers that are priced on that prove, on the true
+bound on what it sees (`vision.ceilings`). Multipliers that are priced on that prove, on the true
 coverage, at most the bound that is claimed.
 
 All faces of a step share one multiplier, of two kinds (`certificates.pricing` has the
@@ -28,6 +28,7 @@ from cocap_opt.model import Model, compiled
 from cocap_opt.problem import COVERAGE_VERSION, Problem
 from cocap_opt.result import Reason
 from cocap_opt.stop import Limit
+from cocap_opt.vision.ceilings import ceiling
 
 __all__ = ["early_bound"]
 
@@ -220,8 +221,8 @@ def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
     for whole, own in zip(sums, known, strict=True):
         whole.reshape(-1)[nodes] = own
     shape = graph.n_orientations, graph.n_places
-    for t, places, *ceiling in _ceilings(model, number, visible):
-        for whole, own in zip(sums, ceiling, strict=True):
+    for t, places, *most in _ceilings(model, number, visible):
+        for whole, own in zip(sums, most, strict=True):
             whole[t].reshape(shape)[:, places] = own
     return sums
 
@@ -232,8 +233,8 @@ def _most(model: Model, number: int, visible: BoolArray) -> _Sums:
     nodes, known = _known(model, number, visible)
     for whole, own in zip(sums, known, strict=True):
         np.maximum.at(whole[:, 0], nodes // model.classes[number].graph.n_states, own)
-    for t, _, *ceiling in _ceilings(model, number, visible):
-        for whole, own in zip(sums, ceiling, strict=True):
+    for t, _, *most in _ceilings(model, number, visible):
+        for whole, own in zip(sums, most, strict=True):
             whole[t] = max(whole[t, 0], own.max())
     return sums
 
@@ -263,6 +264,6 @@ def _ceilings(
         at, places = problem.view_sums_at(t), np.flatnonzero(reached)
         parts = -(-len(places) * graph.n_orientations // _AT_ONCE)
         for some in np.array_split(places, parts) if parts else []:
-            ceiling = views.ceiling(t, some, weights[at])
-            visible[at] |= ceiling.visible
-            yield t, some, ceiling.roots, ceiling.pixels
+            most = ceiling(views, t, some, weights[at])
+            visible[at] |= most.visible
+            yield t, some, most.roots, most.pixels

@@ -7,7 +7,16 @@ from pathlib import Path
 
 import pytest
 from pages import pages
-from sources import CORE, ROOT, imports, package_of, reached, room_of, sources
+from sources import (
+    CORE,
+    ROOT,
+    imports,
+    loaded_with,
+    package_of,
+    reached,
+    room_of,
+    sources,
+)
 
 # What each package may import of the project besides itself.
 ALLOWED = {
@@ -43,6 +52,7 @@ ORDER = {
 TOLD_ELSEWHERE = {
     "cocap_opt.scenarios.formats",  # FORMATS names its modules without the room
 }
+CERTIFICATES = f"{CORE}.formulations.certificates"
 SOLVERS = {"cvxpy", "clarabel", "highspy", "ortools", "pyscipopt"}
 
 
@@ -180,7 +190,7 @@ def test_the_referee_is_independent() -> None:
 
 def test_judges_compute_rewards_for_moves_themselves() -> None:
     """Referee and certificates do not take them from what planners and pricing use."""
-    certificates = within(frozenset(sources()), f"{CORE}.formulations.certificates")
+    certificates = within(frozenset(sources()), CERTIFICATES)
     judges = ["cocap_opt.referee", *certificates]
     assert [m for m in judges if "cocap_opt.graph.move_rewards" in imports(m)] == []
 
@@ -203,19 +213,43 @@ def test_scenes_use_no_planner() -> None:
 def test_the_core_and_the_certificates_call_no_solver() -> None:
     """Planners, referee and the checker of certificates run without an optimisation package."""
     for module in sources():
-        trusted = within(frozenset([module]), f"{CORE}.formulations.certificates")
+        trusted = within(frozenset([module]), CERTIFICATES)
         if package_of(module) in ("core", "scenarios") or trusted:
             assert not {name.split(".")[0] for name in imports(module)} & SOLVERS, module
 
 
 def test_certificates_use_nothing_that_searches() -> None:
     """What must be trusted is one room: it uses the core and no other room of its package."""
-    for module in within(frozenset(sources()), f"{CORE}.formulations.certificates"):
+    for module in within(frozenset(sources()), CERTIFICATES):
         used = [n for n in imports(module) if package_of(n) == "formulations"]
         assert all(room_of(n) == "certificates" for n in used if n.startswith(CORE)), module
         for searching in ("graph.value_iteration", "coordination", "planners", "referee"):
             assert not within(reached(module), f"{CORE}.{searching}"), module
         assert f"{CORE}.formulations.result" not in reached(module), module
+
+
+def test_plain_certificates_are_checked_without_any_search() -> None:
+    """The checker's lower storey stands alone: one function, for staged files, opens the upper one.
+
+    No other module of it names the upper one, nor numba, and importing it loads neither.
+    """
+    upper = within(frozenset(sources()), f"{CERTIFICATES}.staged")
+    lower = within(frozenset(sources()), CERTIFICATES) - upper
+    assert {"stages", "search_kernel"} <= {name.rpartition(".")[2] for name in upper}
+    assert {module for module in lower if imports(module) & upper} == {f"{CERTIFICATES}.checking"}
+    for module in lower:
+        assert not loaded_with(module) & upper, module
+        used = {name for other in {module, *loaded_with(module)} & set(sources()) - upper
+                for name in imports(other)}  # fmt: skip
+        assert not within(frozenset(used), "numba"), module
+
+
+def test_checking_uses_nothing_of_what_bounds_coverage() -> None:
+    """Upper bounds on what is seen are for planners and for early bounds; nobody else uses them."""
+    used = {CERTIFICATES, *reached(CERTIFICATES)}
+    for part in ("unhidden", "screens", "ceilings"):
+        assert f"{CORE}.vision.{part}" in sources()
+        assert f"{CORE}.vision.{part}" not in used
 
 
 def test_files_that_are_named_exist() -> None:
@@ -248,9 +282,8 @@ def test_nothing_imports_the_tests() -> None:
 
 def test_all_that_must_be_trusted_is_named() -> None:
     """The certificates' front names every room that importing it loads, and why it is harmless."""
-    front = f"{CORE}.formulations.certificates"
-    words = re.sub(r"\s+", " ", sources()[front].read_text().split('"""')[1])
-    loaded = {name for name in reached(front) if name in sources()}
+    words = re.sub(r"\s+", " ", sources()[CERTIFICATES].read_text().split('"""')[1])
+    loaded = {name for name in reached(CERTIFICATES) if name in sources()}
     rooms = {room_of(name) for name in loaded if package_of(name) == "core"} - {""}
     assert {room for room in rooms if f"`{room}" not in words} <= {"problem", "world", "graph"}
     assert "`cocap_opt.problem`, `world` and `graph` without `value_iteration`" in words

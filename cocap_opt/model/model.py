@@ -302,7 +302,7 @@ class Model:
         """Compute the coverage of a class.
 
         Coverage that is there already, in memory or in the cache, is taken at any time. It ends
-        early enough to bound in time what it leaves open (`coverage_so_far`, `Views.ceiling`).
+        early enough to bound in time what it leaves open (`coverage_so_far`, `vision.ceilings`).
 
         Raises
         ------

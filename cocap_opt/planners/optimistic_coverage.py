@@ -18,7 +18,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.stop import Stop
 from cocap_opt.vision.coverage import usable_cores
 from cocap_opt.vision.spans import spans
-from cocap_opt.vision.unhidden import Unhidden
+from cocap_opt.vision.unhidden import Unhidden, UnhiddenViews
 
 _SLACK = 1e-9  # of the largest reward, much more than the rounding of bounds
 _AT_ONCE = 1_000_000  # entries, to bound the memory
@@ -156,7 +156,7 @@ class _Step(NamedTuple):
 
 def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_Step]:
     """Returns the bounds of all steps, for all nodes that a class can reach; LimitReached."""
-    problem, views = model.problem, model.views(robot_class)
+    problem, views = model.problem, UnhiddenViews(model.views(robot_class))
     reachable, size = model.reachable(robot_class), robot_class.graph.n_states
 
     def at(t: int) -> _Step:
@@ -164,7 +164,7 @@ def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_Step]:
         if t < problem.first_step:
             return _Step.of(Unhidden.nothing(), t * size, problem.face_weights)
         weights = problem.view_sum_weights[problem.view_sums_at(t)]
-        return _Step.of(views.unhidden(t, reachable[t]), t * size, weights)
+        return _Step.of(views.at(t, reachable[t]), t * size, weights)
 
     pool = ThreadPoolExecutor(usable_cores())
     try:

@@ -1,14 +1,16 @@
 """Coverage: the pixels that each face of the actors has in each robot's image, and its pictures.
 
-The modules build on one another in this order: spans, projection, bodies, screens, candidates,
-skyline, surfaces, faces, shadows, visibility, sights, unhidden, views, coverage, cache; `render`
-is the slow reference that they are tested against. They are imported one by one, since those that
+The modules build on one another in this order: spans, projection, bodies, candidates, skyline,
+surfaces, faces, shadows, visibility, sights, views, coverage, cache; `render` is the slow reference
+that they are tested against. `screens`, `unhidden` and `ceilings` bound coverage before it is
+computed; nothing else here uses them. The modules are imported one by one, since those that
 cast rays load Embree.
 """
 
 __all__ = [
     "bodies",
     "cache",
+    "ceilings",
     "coverage",
     "faces",
     "projection",

@@ -10,7 +10,6 @@ from cocap_opt.problem import Problem, Shape
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.candidates import Candidates
 from cocap_opt.vision.projection import dot
-from cocap_opt.vision.screens import Screens
 from cocap_opt.vision.surfaces import Surface
 
 ROUNDING = 1e-6  # m, much more than that of coordinates
@@ -57,11 +56,12 @@ class FaceGeometry:
     Attributes
     ----------
     origin : [3] m, near the middle of the map, which all coordinates are relative to
+    columns : upright boxes of the map, of which the first is all of it, as low as it gets
     mesh : the meshes that are not convex, which only rays meet; None if there are none
     """
 
     def __init__(self, problem: Problem, lowest_eye: float | None = None) -> None:
-        self._problem = problem
+        self.problem = problem
         width, depth = problem.height_map.shape
         x, y = problem.height_map.centre(width // 2, depth // 2)
         self.origin = np.array([x, y, float(np.median(problem.height_map.heights))])
@@ -73,8 +73,8 @@ class FaceGeometry:
         ]
         self.mesh = Surface(np.concatenate(rough)) if rough else None
         convex = [solid for solid in solids if solid is not None]
-        self._columns = Bodies.of_columns(problem.height_map, self.origin)
-        self._fixed = Bodies.joined([self._columns, *convex])
+        self.columns = Bodies.of_columns(problem.height_map, self.origin)
+        self._fixed = Bodies.joined([self.columns, *convex])
         self._shapes = [_local(actor.shape) for actor in problem.actors]
         layers = sorted({height for robot in problem.robots for height in robot.motion.layers})
         lowest = problem.height_map.altitudes((layers[0],)).min()
@@ -87,11 +87,10 @@ class FaceGeometry:
         """Returns True where rays sample a part of the coverage: past meshes not convex."""
         return any(Bodies.of_mesh(mesh, np.zeros(3)) is None for mesh in problem.meshes)
 
-    @cached_property
-    def screens(self) -> Screens:
-        """The squares of the map that are well inside of a column, as wide as all actors."""
-        radius = max((shape.radius for shape in self._shapes), default=0.0) + ROUNDING
-        return Screens.of(self._columns, self._problem.height_map.resolution, radius)
+    @property
+    def radius(self) -> float:
+        """Radius (m) of upright cylinders that hold any of the actors, rounding included."""
+        return max((shape.radius for shape in self._shapes), default=0.0) + ROUNDING
 
     def at(self, t: int) -> Faces:
         """Returns the geometry at one step."""
@@ -106,11 +105,11 @@ class FaceGeometry:
     def _planes(self) -> tuple[list[FloatArray], list[FloatArray]]:
         """Planes of all steps: what moves, with steps as its first axis, and what does not."""
         size = max((s.polygons.shape[1] for s in self._shapes), default=3)
-        steps = self._problem.horizon + 1
+        steps = self.problem.horizon + 1
         ways, none = np.zeros((steps, 0, 3)), np.zeros(0)
         moving = [(np.zeros((steps, 0, size, 3)), ways, ways, ways)]
         fixed = [(none, none, none, none)]
-        for actor, shape in zip(self._problem.actors, self._shapes, strict=True):
+        for actor, shape in zip(self.problem.actors, self._shapes, strict=True):
             turned = _Turned(actor.poses[:steps] - [*self.origin, 0])
             moving.append((
                 turned.points(_padded(shape.polygons, size)), turned.ways(shape.normals),
@@ -128,9 +127,7 @@ class FaceGeometry:
     def _between(self, first: int, last: int) -> Faces:
         """Returns the geometry at the steps first..last."""
         steps = last - first + 1
-        poses = [
-            actor.poses[first : last + 1] - [*self.origin, 0] for actor in self._problem.actors
-        ]
+        poses = [actor.poses[first : last + 1] - [*self.origin, 0] for actor in self.problem.actors]
         size = max((s.polygons.shape[1] for s in self._shapes), default=3)
         spread = max((len(s.points) for s in self._shapes), default=1)
         most = max((len(s.corners) for s in self._shapes), default=1)

@@ -155,16 +155,11 @@ class ConeSight:
         ----------
         eyes, yaw : places [n, 3] (m from the geometry's origin) and directions [n] (rad)
         """
-        ways, turned = self._ways(t, eyes)
+        ways, turned = self.ways(t, eyes)
         ahead = np.abs(ways[..., 0] * np.cos(yaw)[:, None] + ways[..., 1] * np.sin(yaw)[:, None])
         detected = self.detected(t, eyes, yaw)[:, self._problem.face_owner]
-        result: FloatArray = detected * _law(ahead, turned, ways)
+        result: FloatArray = detected * cone_law(ahead, turned, ways)
         return result
-
-    def ceiling(self, t: int, eyes: FloatArray) -> FloatArray:
-        """Returns the coverage [n, F] if all faces were detected and looked at straight ahead."""
-        ways, turned = self._ways(t, eyes)
-        return _law(np.hypot(ways[..., 0], ways[..., 1]), turned, ways)
 
     def detected(
         self, t: int, eyes: FloatArray, yaw: FloatArray, edge: float = ON_THE_EDGE
@@ -184,7 +179,7 @@ class ConeSight:
         result: FloatArray = np.abs((off + np.pi) % (2 * np.pi) - np.pi)
         return result
 
-    def _ways(self, t: int, eyes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def ways(self, t: int, eyes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Returns the ways [n, F, 3] m to the faces, and how far [n, F] these are turned to them.
 
         All faces count as if they were on the ground.
@@ -195,7 +190,7 @@ class ConeSight:
         return ways, np.maximum(-dot(ways, faces.normals), 0.0)
 
 
-def _law(ahead: FloatArray, turned: FloatArray, ways: FloatArray) -> FloatArray:
+def cone_law(ahead: FloatArray, turned: FloatArray, ways: FloatArray) -> FloatArray:
     """Returns the coverage [..] of faces at ways [.., 3], so far ahead and turned to the eye."""
     square = dot(ways, ways)
     square = np.where(square > 0, square, np.inf)  # where the eye is, nothing is seen

@@ -12,14 +12,17 @@ image may cut, no more is seen than the rectangle around its image has in the im
 """
 
 from typing import NamedTuple, Self
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.problem import Camera
-from cocap_opt.vision.faces import Planes
+from cocap_opt.vision.faces import FaceGeometry, Planes
 from cocap_opt.vision.projection import dot
+from cocap_opt.vision.screens import Screens
 from cocap_opt.vision.spans import spans
+from cocap_opt.vision.views import PinholeViews, Views
 
 _SLACK = 1e-7  # m, much more than the rounding of coordinates
 _ROUNDING = 1e-9  # relative, much more than that of areas
@@ -61,6 +64,53 @@ class Unhidden(NamedTuple):
             for first in range(0, len(axes), size)
         ]
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+class UnhiddenViews:
+    """What states would see if hardly anything hid anybody: an upper bound on coverage.
+
+    Several threads may use it.
+    """
+
+    def __init__(self, views: Views) -> None:
+        self._views = views
+        self._screens = screens_of(views.geometry) if isinstance(views, PinholeViews) else None
+
+    def at(self, t: int, reachable: BoolArray) -> Unhidden:
+        """Returns what the reachable states [S] would see at step t past all but single columns.
+
+        A camera that sees past obstacles sees what it sees.
+        """
+        views = self._views
+        if self._screens is None or not isinstance(views, PinholeViews):
+            states = np.flatnonzero(reachable)
+            seen = views.seen(t * views.n_states + states)
+            return Unhidden(states[seen.rows], seen.faces, seen.pixels)
+        wanted = reachable.reshape(len(views.axes), -1)
+        places = np.flatnonzero(wanted.any(axis=0))
+        if not views.n_faces or not len(places):
+            return Unhidden.nothing()
+        eyes, planes = views.eyes(places), views.geometry.planes(t)
+        hidden = self._screens.hide(
+            planes.middles[:, :2], planes.radii, planes.middles[:, 2] + planes.halves, eyes
+        )
+        found = Unhidden.of(
+            views.camera, views.axes, planes, views.problem.face_owner, eyes,
+            wanted[:, places], hidden,
+        )  # fmt: skip
+        states = np.arange(len(views.axes))[:, None] * views.graph.n_places + places
+        return found._replace(states=states.take(found.states))
+
+
+_SCREENS: WeakKeyDictionary[FaceGeometry, Screens] = WeakKeyDictionary()
+
+
+def screens_of(geometry: FaceGeometry) -> Screens:
+    """Returns the squares of the map well inside of a column, made once for each geometry."""
+    if geometry not in _SCREENS:
+        resolution = geometry.problem.height_map.resolution
+        _SCREENS[geometry] = Screens.of(geometry.columns, resolution, geometry.radius)
+    return _SCREENS[geometry]
 
 
 class _Scene:

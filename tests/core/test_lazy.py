@@ -28,6 +28,7 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, LimitReached, Stop, TimeLimit, never
 from cocap_opt.vision import unhidden
 from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.unhidden import UnhiddenViews, screens_of
 
 SLACK = 1e-9  # relative, of sums
 LAZY_TWINS = ["greedy", "sequential", "cocap"]  # planners that have a lazy one of the same plan
@@ -71,8 +72,9 @@ def test_nobody_sees_more_than_if_nothing_hid_anybody(problem: Problem) -> None:
     model = Model(problem, use_cache=False)
     for robot_class in model.classes:
         views, reachable = model.views(robot_class), model.reachable(robot_class)
+        unhidden_views = UnhiddenViews(views)
         for t in range(problem.first_step, problem.horizon + 1):
-            found, states = views.unhidden(t, reachable[t]), np.flatnonzero(reachable[t])
+            found, states = unhidden_views.at(t, reachable[t]), np.flatnonzero(reachable[t])
             most = np.zeros((views.n_states, model.n_faces))
             most[found.states, found.faces] = found.pixels
             assert (found.pixels > 0).all() and np.isin(found.states, states).all()
@@ -80,14 +82,14 @@ def test_nobody_sees_more_than_if_nothing_hid_anybody(problem: Problem) -> None:
             assert (views.coverage(t, states) <= most[states]).all()
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(unhidden, "_AT_ONCE", 1)
-                assert all(map(np.array_equal, found, views.unhidden(t, reachable[t])))
+                assert all(map(np.array_equal, found, unhidden_views.at(t, reachable[t])))
 
 
 def test_nothing_hides_anybody_on_a_meadow() -> None:
     """Where nothing does, and no border cuts a face, the upper bound is the coverage."""
     model = Model(meadow(), use_cache=False)
     views = model.views(model.classes[0])
-    found = views.unhidden(6, model.reachable(model.classes[0])[6])
+    found = UnhiddenViews(views).at(6, model.reachable(model.classes[0])[6])
     exact = views.coverage(6, found.states)[np.arange(len(found.states)), found.faces]
     assert np.isclose(found.pixels, exact, rtol=1e-6, atol=0).mean() > 0.5
 
@@ -187,7 +189,7 @@ def test_screens_hide_only_what_nobody_sees(problem: Problem, seed: int) -> None
     views, graph = model.views(robot_class), robot_class.graph
     t = int(rng.integers(0, problem.horizon + 1))
     planes, places = geometry.planes(t), np.flatnonzero(graph.free)
-    hidden = geometry.screens.hide(
+    hidden = screens_of(geometry).hide(
         planes.middles[:, :2], planes.radii, planes.middles[:, 2] + planes.halves,
         graph.positions(problem.height_map, places) - geometry.origin,
     )  # fmt: skip
@@ -201,7 +203,7 @@ def test_screens_find_who_is_behind_a_house() -> None:
     problem = town(seed=0, robots=2, actors=6, cells=60, steps=20, resolution=1.0)
     geometry, graph = FaceGeometry(problem), Model(problem).classes[0].graph
     planes, places = geometry.planes(0), np.flatnonzero(graph.free)
-    hidden = geometry.screens.hide(
+    hidden = screens_of(geometry).hide(
         planes.middles[:, :2], planes.radii, planes.middles[:, 2] + planes.halves,
         graph.positions(problem.height_map, places) - geometry.origin,
     )  # fmt: skip

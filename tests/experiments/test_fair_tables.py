@@ -24,7 +24,7 @@ from cocap_opt.result import Reason, Result
 from cocap_opt.run.judging import SOLVERS
 from cocap_opt.stop import Stop
 from cocap_opt.vision.coverage import GrowingTable
-from cocap_opt.vision.views import _PinholeViews
+from cocap_opt.vision.views import PinholeViews
 
 # One of each kind: with the coverage of all states, with views of its own, exact.
 MIXED = ("cocap", "cocap-vs", "branch-and-price")
@@ -93,7 +93,7 @@ def test_views_of_others_are_nobodys(
     planner: str, cold: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A planner that evaluates views evaluates as many after itself and after all others."""
-    asked, seen, begun = 0, _PinholeViews.seen, list[int]()
+    asked, seen, begun = 0, PinholeViews.seen, list[int]()
 
     def counted(self: Any, nodes: Any, steps: Any = None) -> Any:
         nonlocal asked
@@ -108,7 +108,7 @@ def test_views_of_others_are_nobodys(
         return result
 
     lazy = SOLVERS[planner]
-    monkeypatch.setattr(_PinholeViews, "seen", counted)
+    monkeypatch.setattr(PinholeViews, "seen", counted)
     monkeypatch.setitem(SOLVERS, planner, watched)
     for seconds in (60.0, 0.0):  # without time, all stay where they are, and see what they see
         begun.clear()

@@ -53,14 +53,16 @@ def imports(module: str) -> frozenset[str]:
 
 
 @cache
-def _imports(module: str, of_types: bool) -> frozenset[str]:
-    """What a module imports, with or without what only type checkers import."""
+def _imports(module: str, of_types: bool, in_functions: bool = True) -> frozenset[str]:
+    """What a module imports, with or without what only type checkers or functions import."""
     path = sources()[module]
     tree = ast.parse(path.read_text(encoding="utf-8"))
     left_out: set[ast.AST] = set()
     for node in ast.walk(tree):
         is_typing = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
         if is_typing and not of_types:
+            left_out |= {inner for line in node.body for inner in ast.walk(line)}
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not in_functions:
             left_out |= {inner for line in node.body for inner in ast.walk(line)}
     found: set[str] = set()
     for node in set(ast.walk(tree)) - left_out:
@@ -82,10 +84,20 @@ def reached(module: str) -> frozenset[str]:
 
     A package is imported with each of its modules, so its `__init__` counts too.
     """
+    return _closure(module, in_functions=True)
+
+
+@cache
+def loaded_with(module: str) -> frozenset[str]:
+    """All modules of the project that importing a module loads; no function of theirs is called."""
+    return _closure(module, in_functions=False)
+
+
+def _closure(module: str, in_functions: bool) -> frozenset[str]:
     seen: set[str] = set()
     todo = [module]
     while todo:
-        for name in _imports(todo.pop(), of_types=False):
+        for name in _imports(todo.pop(), of_types=False, in_functions=in_functions):
             parts = name.split(".")
             for end in range(2, len(parts) + 1):
                 part = ".".join(parts[:end])

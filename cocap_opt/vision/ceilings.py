@@ -1,0 +1,157 @@
+"""Upper bounds on what all states at some places see, as if nothing hid anybody.
+
+They bound what coverage that a limit cut short leaves open; coverage itself uses nothing of them.
+"""
+
+import math
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.vision.projection import dot
+from cocap_opt.vision.sights import ON_THE_EDGE, cone_law
+from cocap_opt.vision.views import ConeViews, PinholeViews, Views
+
+_AT_ONCE = 200_000  # orientations times places times actors, for the processor's cache
+_SLACK = 1e-7  # m, much more than the rounding of coordinates
+
+
+class Ceiling(NamedTuple):
+    """An upper bound on what the states at some places see at one step, if nothing hides anybody.
+
+    The sums are over all faces, each with a weight w of its own.
+    """
+
+    roots: FloatArray  # [O, n] of w sqrt(px/m2), by orientation and place
+    pixels: FloatArray  # [O, n] of w px/m2
+    visible: BoolArray  # [F] true where one of the states may see the face
+
+    @classmethod
+    def joined(cls, parts: "list[Ceiling]") -> "Ceiling":
+        """Returns the ceiling of all places from those of some each."""
+        if len(parts) == 1:
+            return parts[0]
+        return cls(
+            np.concatenate([part.roots for part in parts], axis=1),
+            np.concatenate([part.pixels for part in parts], axis=1),
+            np.any([part.visible for part in parts], axis=0),
+        )
+
+    @classmethod
+    def nothing(cls, n_orientations: int, n_places: int, n_faces: int) -> "Ceiling":
+        """Returns the ceiling of places from which nothing is seen."""
+        none = np.zeros((n_orientations, n_places))
+        return cls(none, none, np.zeros(n_faces, dtype=bool))
+
+
+def ceiling(views: Views, t: int, places: IntArray, weights: FloatArray) -> Ceiling:
+    """Returns an upper bound on what all states at places [n] see at step t.
+
+    It costs much less than coverage, since nothing is clipped.
+
+    Parameters
+    ----------
+    weights : [F] of the faces
+    """
+    if not views.n_faces or not len(places):
+        return Ceiling.nothing(views.graph.n_orientations, len(places), views.n_faces)
+    if isinstance(views, PinholeViews):
+        return _of_pinhole(views, t, places, weights)
+    assert isinstance(views, ConeViews)
+    return _of_cone(views, t, places, weights)
+
+
+def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArray) -> Ceiling:
+    """Returns an upper bound on what all states at places [n] see at step t.
+
+    The image of a face of area A, whose plane the eye is h before, has
+
+        (1 / A) integral over the face of focal^2 h / depth^3 <= focal^2 h / (least depth)^3
+
+    pixels per square metre. What of an actor is in the image is no nearer than the middle of
+    its sphere less its reach, in depth and, by the angle of the image's corners, in distance.
+    """
+    camera, planes, owners = views.camera, views.geometry.planes(t), views.problem.face_owner
+    slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
+    cosine_at_corner = 1 / math.hypot(1.0, *slopes)
+    right, up, forward = np.moveaxis(views.axes, 1, 0)  # [O, 3] each
+    by_actor = partial(_by_actor, owners=owners, n_actors=len(planes.reaches))
+    # What an upright cylinder reaches towards the camera, beyond its middle [O, 1, A] m.
+    level, steep = np.hypot(forward[:, 0], forward[:, 1]), np.abs(forward[:, 2])
+    reach = np.outer(level, planes.radii) + np.outer(steep, planes.halves) + _SLACK
+    margins = [(planes.reaches + _SLACK) * math.hypot(1.0, slope) for slope in slopes]
+    most = by_actor(camera.width * camera.height / planes.areas * weights)
+    of_actors = by_actor(weights)
+    parts = []
+    for some in _chunks(places, len(views.axes) * len(planes.reaches)):
+        eyes = views.eyes(some)
+        ahead = eyes @ planes.normals.T - dot(planes.normals, planes.centres)  # m, [n, F]
+        turned = ahead > -_SLACK
+        ahead = np.maximum(ahead + _SLACK, 0)
+        u, v, depth = (
+            (axis @ planes.middles.T)[:, None] - (axis @ eyes.T)[..., None]  # [O, n, A] m
+            for axis in (right, up, forward)
+        )
+        in_view = slopes[0] * depth - np.abs(u) >= -margins[0]
+        in_view &= slopes[1] * depth - np.abs(v) >= -margins[1]
+        orientation, place, actor = np.nonzero(in_view)
+        ways = planes.middles - eyes[:, None]
+        nearest = (np.sqrt(dot(ways, ways)) - planes.reaches) * cosine_at_corner
+        nearest = np.maximum(depth[in_view] - reach[orientation, actor], nearest[place, actor])
+        inverse = camera.focal**2 / np.maximum(nearest, _SLACK) ** 3
+        pixels = np.minimum(inverse * by_actor(ahead * weights)[place, actor], most[actor])
+        # By the inequality of Cauchy and Schwarz, of the faces of an actor.
+        roots = np.sqrt(pixels * of_actors[actor])
+        at, size = orientation * len(some) + place, (len(views.axes), len(some))
+        visible = in_view.any(axis=0)[:, owners] & turned
+        parts.append(Ceiling(
+            np.bincount(at, roots, math.prod(size)).reshape(size).astype(np.float64),
+            np.bincount(at, pixels, math.prod(size)).reshape(size).astype(np.float64),
+            visible.any(axis=0),
+        ))  # fmt: skip
+    return Ceiling.joined(parts)
+
+
+def _of_cone(views: ConeViews, t: int, places: IntArray, weights: FloatArray) -> Ceiling:
+    """Returns an upper bound on what all states at places [n] see at step t.
+
+    All of the level way to a face counts as ahead.
+    """
+    headings, owners = views.graph.motion.headings, views.problem.face_owner
+    first = np.searchsorted(owners, np.arange(len(views.problem.actors)))
+    parts = []
+    for some in _chunks(places, headings * len(first)):
+        eyes = views.eyes(some)
+        yaw = 2 * np.pi * np.arange(headings)[:, None] / headings
+        detected = np.stack(  # [O, n, A]
+            [views.sight.detected(t, eyes, one, 2 * ON_THE_EDGE) for one in yaw]
+        )
+        ways, turned = views.sight.ways(t, eyes)
+        seen = cone_law(np.hypot(ways[..., 0], ways[..., 1]), turned, ways)
+        roots, pixels = (
+            (detected * np.add.reduceat(values, first, axis=1)).sum(axis=-1)
+            for values in (np.sqrt(seen) * weights, seen * weights)
+        )
+        noticed = np.asarray(detected.any(axis=0))
+        visible = np.any(noticed[:, owners] & (seen > 0), axis=0)
+        parts.append(Ceiling(roots, pixels, visible))
+    return Ceiling.joined(parts)
+
+
+def _by_actor(values: FloatArray, owners: IntArray, n_actors: int) -> FloatArray:
+    """Returns the sums [.., A] of values [.., F] over each actor's faces."""
+    first = np.searchsorted(owners, np.arange(n_actors))
+    sums: FloatArray = np.add.reduceat(values, first, axis=-1)
+    return sums
+
+
+def _chunks(places: IntArray, size: int) -> list[IntArray]:
+    """Returns places [n] in parts that are small enough.
+
+    Parameters
+    ----------
+    size : orientations times actors
+    """
+    return np.array_split(places, -(-len(places) * size // _AT_ONCE))
