@@ -25,7 +25,7 @@ from collections.abc import Iterator
 
 from cocap_opt.planners.constraint_tree import ConstraintTree
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
-from cocap_opt.planners.low_level import LowLevel, value_iteration
+from cocap_opt.planners.low_level import LowLevel, PlannedTeam, value_iteration
 from cocap_opt.planners.open_nodes import BestNodes, FocalNodes, Node, OpenNodes
 from cocap_opt.planners.responses import (
     Planning,
@@ -35,8 +35,8 @@ from cocap_opt.planners.responses import (
     greedily_in_rounds,
     in_rounds,
 )
+from cocap_opt.planners.results import result_of, result_without_conflicts
 from cocap_opt.planners.spare_plan import SparePlan
-from cocap_opt.planners.team import Team
 from cocap_opt.planners.view_search import Undiscounted, ViewSearch
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
@@ -115,7 +115,7 @@ def cocap_focal(problem: Problem, stop: Stop = never) -> Result:
     return _searched(problem, stop, value_iteration, FocalNodes(), greedily_in_rounds, in_rounds)
 
 
-def _as_it_is(team: Team, responses: Responses) -> Iterator[Team]:
+def _as_it_is(team: PlannedTeam, responses: Responses) -> Iterator[PlannedTeam]:
     return iter(())
 
 
@@ -134,17 +134,20 @@ def _searched(
     plan_root : plans the team of the root, conflicts ignored
     ending : betters the plan that is found, under the rules
     """
-    nobody, responses = Team.of(problem, low_level, stop), Responses(low_level, stop)
+    responses = Responses(low_level, stop)
+    nobody = responses.nobody(problem)
     spare = SparePlan(nobody, responses, stop)
     tree = ConstraintTree(nobody, responses, stop, open_nodes, plan_root, spare.keep)
     try:
         found = algorithm_1(tree)
     except LimitReached as reached:
         limit, statistics = reached.limit, tree.statistics(open_nodes.popped)
-        return spare.or_better(tree.team.without_conflicts(limit, statistics), limit)
+        stopped_at = result_without_conflicts(tree.team, limit, statistics)
+        return spare.or_better(stopped_at, limit)
     if found is None:
         statistics = tree.statistics(open_nodes.popped)
         return Result.without_plan(Reason.INFEASIBLE, EXHAUSTED, statistics)
     team, stopped = followed(found.team, ending(found.team, responses))
     # A path chosen by few views may have misled the search, though no robot follows it now.
-    return team.result(stopped or responses.limit, tree.statistics(open_nodes.popped - 1))
+    statistics = tree.statistics(open_nodes.popped - 1)
+    return result_of(team, stopped or responses.limit, statistics)

@@ -13,7 +13,7 @@ import numpy as np
 
 from cocap_opt.planners.cocap import EXHAUSTED, algorithm_1
 from cocap_opt.planners.constraint_tree import ConstraintTree
-from cocap_opt.planners.low_level import value_iteration
+from cocap_opt.planners.low_level import PlannedTeam, value_iteration
 from cocap_opt.planners.neighbourhoods import neighbourhood_search
 from cocap_opt.planners.open_nodes import FocalNodes
 from cocap_opt.planners.responses import (
@@ -24,7 +24,7 @@ from cocap_opt.planners.responses import (
     then_in_rounds,
 )
 from cocap_opt.planners.restricted_value_iteration import RestrictedValueIteration
-from cocap_opt.planners.team import Team
+from cocap_opt.planners.results import hovering, result_of
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Stop, never
@@ -50,17 +50,18 @@ def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) 
         No robot alone can better its plan, unless a limit has stopped it: then it is the best plan
         so far. `statistics` holds the number of `responses` over all states.
     """
-    nobody, asked = Team.of(problem, value_iteration, stop), Responses(value_iteration, stop)
+    asked = Responses(value_iteration, stop)
+    nobody = asked.nobody(problem)
     changes = _better_and_better(nobody, asked, stop, responses * nobody.size)
     team, limit = followed(nobody, changes)
     if limit is None and not team.is_whole:
         return Result.without_plan(Reason.INFEASIBLE, EXHAUSTED)
-    return team.hovering().result(limit, {"responses": asked.asked})
+    return result_of(hovering(team), limit, {"responses": asked.asked})
 
 
 def _better_and_better(
-    nobody: Team, responses: Responses, stop: Stop, asked: int
-) -> Iterator[Team]:
+    nobody: PlannedTeam, responses: Responses, stop: Stop, asked: int
+) -> Iterator[PlannedTeam]:
     """Yields the team as it is planned, and then each better one."""
     team = nobody
     for team in then_in_rounds(nobody, responses):

@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 
 from cocap_opt.coordination.constraints import forbid
 from cocap_opt.graph.charges import NO_CHARGES
+from cocap_opt.planners.low_level import PlannedTeam
 from cocap_opt.planners.open_nodes import Node, OpenNodes
 from cocap_opt.planners.responses import Planning, Responses, greedily
-from cocap_opt.planners.team import Team
 from cocap_opt.problem import Conflict
 from cocap_opt.stop import Clock, Stop
 
@@ -33,7 +33,7 @@ class ConstraintTree:
 
     def __init__(
         self,
-        nobody: Team,
+        nobody: PlannedTeam,
         responses: Responses,
         stop: Stop,
         open_nodes: OpenNodes,
@@ -77,7 +77,7 @@ class ConstraintTree:
         return Node(team, constraints, team.value, node.depth + 1)
 
     @property
-    def team(self) -> Team:
+    def team(self) -> PlannedTeam:
         """Team of the node popped last, or of the root as far as it is planned."""
         return self.open.last.team if self.open.last else self._root
 

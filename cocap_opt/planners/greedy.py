@@ -13,7 +13,7 @@ from cocap_opt.planners.responses import (
     greedily,
     greedily_in_rounds,
 )
-from cocap_opt.planners.team import Team
+from cocap_opt.planners.results import hovering, result_of, without_a_path
 from cocap_opt.problem import Problem
 from cocap_opt.result import Result
 from cocap_opt.stop import Stop, never
@@ -54,8 +54,9 @@ def greedy_lazy(problem: Problem, stop: Stop = never) -> Result:
 
 def _planned(problem: Problem, stop: Stop, low_level: LowLevel, planning: Planning) -> Result:
     """Returns the result of a team that is planned without rules."""
-    nobody = Team.of(problem, low_level, stop)
-    team, limit = followed(nobody, planning(nobody, Responses(low_level, stop)))
+    responses = Responses(low_level, stop)
+    nobody = responses.nobody(problem)
+    team, limit = followed(nobody, planning(nobody, responses))
     if limit is None and not team.is_whole:
-        return Team.no_path(team.found.index(None))
-    return team.hovering().result(limit)
+        return without_a_path(team.found.index(None))
+    return result_of(hovering(team), limit)

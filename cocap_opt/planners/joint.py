@@ -10,8 +10,8 @@ from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
 from cocap_opt.planners.joint_memory import bytes_needed
 from cocap_opt.planners.joint_pair import Pair
-from cocap_opt.planners.low_level import SingleRobotPath
-from cocap_opt.planners.team import Team
+from cocap_opt.planners.low_level import PlannedTeam, SingleRobotPath
+from cocap_opt.planners.results import result_of, result_without_conflicts
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.stop import Limit, LimitReached, Stop, never
@@ -39,7 +39,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
     except LimitReached as reached:
         if reached.limit is Limit.MEMORY:
             return Result.stopped_without_plan(reached.limit)
-        return Team.nobody(model).without_conflicts(reached.limit, {})
+        return result_without_conflicts(PlannedTeam.nobody(model), reached.limit, {})
     if paths is None:
         return Result.without_plan(
             Reason.INFEASIBLE, "no plan obeys the rules: no pair of paths is left"
@@ -48,7 +48,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
         found = (
             SingleRobotPath(path, model.robot_pixels(i, path), 0) for i, path in enumerate(paths)
         )
-        return Team(model, tuple(found)).result(model.cut_short_by, {})
+        return result_of(PlannedTeam(model, tuple(found)), model.cut_short_by, {})
     value = objective(model, paths)
     return Result(model.plan(paths), value, Reason.OPTIMAL, bound=value)
 

@@ -17,7 +17,7 @@ from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.objective import marginal_reward
-from cocap_opt.planners.team import Team
+from cocap_opt.planners.low_level import PlannedTeam
 from cocap_opt.stop import Stop
 
 
@@ -57,7 +57,7 @@ class Worth(NamedTuple):
         return cls(reward, value)
 
 
-def kept_layers(team: Team, robot: int, width: int, alone: Worth, stop: Stop) -> list[Layer]:
+def kept_layers(team: PlannedTeam, robot: int, width: int, alone: Worth, stop: Stop) -> list[Layer]:
     """Returns the states that are kept at the steps 0..T; all but the last ones have a way on.
 
     Parameters
@@ -72,17 +72,18 @@ def kept_layers(team: Team, robot: int, width: int, alone: Worth, stop: Stop) ->
         If a limit is reached before the states are there.
     """
     robot_class = team.model.class_of[robot]
-    beside = Worth.of(team.model, robot_class, team.others(robot), stop)
+    beside = Worth.of(team.model, robot_class, team.pixels(without=robot), stop)
     return _without_dead_ends(list(_Beam(team, robot, width, (beside, alone)).layers()))
 
 
 class _Beam:
     """Finds the states that are kept, step by step."""
 
-    def __init__(self, team: Team, robot: int, width: int, worth: tuple[Worth, Worth]) -> None:
-        single = team.found[robot]
+    def __init__(
+        self, team: PlannedTeam, robot: int, width: int, worth: tuple[Worth, Worth]
+    ) -> None:
         self._graph, self._width, self._worth = team.model.class_of[robot].graph, width, worth
-        self._own = single.path or () if single is not None else ()
+        self._own = team.path(robot)
         self._bonuses = Bonuses.of(team.model.problem.objective)
         lengths = (np.array(self._graph.moves) ** 2).sum(axis=1)
         self._moves, self._turns = np.argsort(lengths, kind="stable"), _turns(self._graph)

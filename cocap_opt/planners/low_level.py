@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
 from cocap_opt.coordination.best_response import best_response
+from cocap_opt.coordination.team import Team
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.model import Model, Path
@@ -31,6 +32,13 @@ class SingleRobotPath(NamedTuple):
     pixels: FloatArray  # [Z] px/m2 along the path
     evaluated: int  # states whose coverage was needed for the first time
     limit: Limit | None = None  # that was near when it was found: there may be a better one
+
+    def added_to(self, pixels: FloatArray) -> FloatArray:
+        """Returns view sums [Z] and those along this path together."""
+        return pixels + self.pixels
+
+
+PlannedTeam = Team[SingleRobotPath]
 
 
 @runtime_checkable

@@ -19,10 +19,8 @@ import numpy as np
 
 from cocap_opt.data import IntArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
-from cocap_opt.model import Path
-from cocap_opt.planners.low_level import SingleRobotPath
+from cocap_opt.planners.low_level import PlannedTeam, SingleRobotPath
 from cocap_opt.planners.responses import Responses, in_rounds
-from cocap_opt.planners.team import Team
 
 # Measured on passage, seeds 40 to 51, five random seeds each: J is 0.04 % higher with
 # _EXCHANGING = 0.3 than with none. The others make less difference than random seeds do.
@@ -34,8 +32,8 @@ _PROMISING = 0.005  # relative loss up to which a neighbourhood is worth settlin
 
 
 def neighbourhood_search(
-    team: Team, responses: Responses, asked: int, rng: np.random.Generator
-) -> Iterator[Team]:
+    team: PlannedTeam, responses: Responses, asked: int, rng: np.random.Generator
+) -> Iterator[PlannedTeam]:
     """Yields each better team that is found.
 
     Parameters
@@ -66,7 +64,7 @@ def neighbourhood_search(
             yield team
 
 
-def _neighbours(team: Team, robot: int) -> IntArray:
+def _neighbours(team: PlannedTeam, robot: int) -> IntArray:
     """Returns a robot and those that see most of what it sees [n]; all where they are few."""
     if team.size <= LARGEST:
         return np.arange(team.size)
@@ -76,7 +74,9 @@ def _neighbours(team: Team, robot: int) -> IntArray:
     return np.argsort(-shared, kind="stable")[:LARGEST]
 
 
-def _exchanged(team: Team, neighbours: IntArray, rng: np.random.Generator) -> Team | None:
+def _exchanged(
+    team: PlannedTeam, neighbours: IntArray, rng: np.random.Generator
+) -> PlannedTeam | None:
     """Returns the team in which two of the neighbours go on along each other's paths.
 
     None where they cannot: they must move and see alike, and be near each other at some step.
@@ -84,10 +84,10 @@ def _exchanged(team: Team, neighbours: IntArray, rng: np.random.Generator) -> Te
     one, other = rng.permutation(neighbours)[:2].tolist()
     conflict = team.model.problem.paths_conflict
     for t in rng.permutation(_crossings(team, one, other)).tolist():
-        ends = _path(team, one)[t:], _path(team, other)[t:]
+        ends = team.path(one)[t:], team.path(other)[t:]
         changed = team
         for robot, end in ((one, ends[1]), (other, ends[0])):
-            path = _path(team, robot)[:t] + end
+            path = team.path(robot)[:t] + end
             pixels = team.model.robot_pixels(robot, path)
             changed = changed.with_path(robot, SingleRobotPath(path, pixels, 0))
         now = [changed.cells(i)[t - 1 : t + 1] for i in range(team.size)]
@@ -97,12 +97,12 @@ def _exchanged(team: Team, neighbours: IntArray, rng: np.random.Generator) -> Te
     return None
 
 
-def _crossings(team: Team, one: int, other: int) -> IntArray:
+def _crossings(team: PlannedTeam, one: int, other: int) -> IntArray:
     """Returns the steps from which on two robots can have each other's states."""
     robot_class = team.model.class_of[one]
     if robot_class is not team.model.class_of[other]:
         return np.zeros(0, dtype=np.int64)
-    graph, (p, q) = robot_class.graph, (np.array(_path(team, i)) for i in (one, other))
+    graph, (p, q) = robot_class.graph, (np.array(team.path(i)) for i in (one, other))
     steps = np.flatnonzero(p[1:] != q[1:])
     for tails, heads in ((p, q), (q, p)):
         shifts = (heads[steps + 1] - tails[steps]) % graph.n_places
@@ -112,15 +112,9 @@ def _crossings(team: Team, one: int, other: int) -> IntArray:
     return steps + 1
 
 
-def _path(team: Team, robot: int) -> Path:
-    """Returns a robot's path, which must have been found."""
-    single = team.found[robot]
-    return () if single is None else single.path or ()
-
-
 def _with_its_way(
-    team: Team, robot: int, responses: Responses, rng: np.random.Generator
-) -> Team | None:
+    team: PlannedTeam, robot: int, responses: Responses, rng: np.random.Generator
+) -> PlannedTeam | None:
     """Returns the team in which a robot has its best path, and those in its way others.
 
     None where it has that path already, or leaves the others no way.
@@ -137,8 +131,8 @@ def _with_its_way(
 
 
 def _some_anew(
-    team: Team, neighbours: IntArray, responses: Responses, rng: np.random.Generator
-) -> Team | None:
+    team: PlannedTeam, neighbours: IntArray, responses: Responses, rng: np.random.Generator
+) -> PlannedTeam | None:
     """Returns the team with some of the neighbours planned anew; None where no way is left."""
     first, *others = rng.permutation(neighbours)[: rng.integers(2, len(neighbours) + 1)].tolist()
     left = team.without((first, *others))
@@ -149,7 +143,7 @@ def _some_anew(
     return None if single.path is None else _anew(left.with_path(first, single), others, responses)
 
 
-def _anew(team: Team, robots: list[int], responses: Responses) -> Team | None:
+def _anew(team: PlannedTeam, robots: list[int], responses: Responses) -> PlannedTeam | None:
     """Returns the team with these robots planned in order; None where no way is left."""
     for robot in robots:
         single = responses.best(team, robot)
@@ -159,9 +153,9 @@ def _anew(team: Team, robots: list[int], responses: Responses) -> Team | None:
     return team
 
 
-def _leaving(team: Team, robot: int, rng: np.random.Generator) -> Charges:
+def _leaving(team: PlannedTeam, robot: int, rng: np.random.Generator) -> Charges:
     """Returns charges that close the places of a robot's path from a random step on."""
-    robot_class, path = team.model.class_of[robot], np.array(_path(team, robot), dtype=np.int64)
+    robot_class, path = team.model.class_of[robot], np.array(team.path(robot), dtype=np.int64)
     end = len(path) - (robot_class.goal is not None)  # the goal stays open
     if end < 2:
         return NO_CHARGES

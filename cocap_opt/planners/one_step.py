@@ -17,8 +17,8 @@ from cocap_opt.graph.value_iteration import best_path, leads_to_goal
 from cocap_opt.model import Model, RobotClass, compiled
 from cocap_opt.objective import marginal_gain
 from cocap_opt.planners.lazy_coverage import LazyCoverage
-from cocap_opt.planners.low_level import SingleRobotPath
-from cocap_opt.planners.team import Team
+from cocap_opt.planners.low_level import PlannedTeam, SingleRobotPath
+from cocap_opt.planners.results import result_of, without_a_path
 from cocap_opt.problem import Cell, Problem, State
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import LimitReached, Stop, never
@@ -68,7 +68,7 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
     robots = _at_starts(model)
     for robot, one in enumerate(robots):
         if not one.leads[0, one.path[0]]:
-            return Team.no_path(robot)
+            return without_a_path(robot)
     try:
         for t, robot in product(range(problem.horizon), range(len(robots))):
             stop.check()
@@ -85,7 +85,7 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
     if limit is not None and not at_goals:
         return Result.stopped_without_plan(limit)
     found = tuple(SingleRobotPath(tuple(f.path), f.pixels, f.evaluated) for f in robots)
-    return Team(model, found).result(limit)
+    return result_of(PlannedTeam(model, found), limit)
 
 
 def _at_starts(model: Model) -> list[_Progress]:

@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 from cocap_opt.graph.charges import Charges
-from cocap_opt.planners.team import Team
+from cocap_opt.planners.low_level import PlannedTeam
 from cocap_opt.problem import Conflict
 
 
@@ -13,7 +13,7 @@ from cocap_opt.problem import Conflict
 class Node:
     """Node of the constraint tree."""
 
-    team: Team  # one path and its pixels per robot
+    team: PlannedTeam  # one path and its pixels per robot
     constraints: tuple[Charges, ...]  # per robot
     value: float  # J
     depth: int = 0  # number of constraints on the way from the root

@@ -8,12 +8,19 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import cycle
 
 from cocap_opt.graph.charges import NO_CHARGES, Charges
-from cocap_opt.planners.low_level import LowLevel, SingleRobotPath
-from cocap_opt.planners.team import Team
+from cocap_opt.model import compiled
+from cocap_opt.planners.low_level import (
+    LazyLowLevel,
+    LowLevel,
+    PlannedTeam,
+    SingleRobotPath,
+    SingleRobotTask,
+)
+from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, LimitReached, Stop
 
 # Yields a team as it is planned, step by step, with the responses that it asks for.
-Planning = Callable[[Team, "Responses"], Iterator[Team]]
+Planning = Callable[[PlannedTeam, "Responses"], Iterator[PlannedTeam]]
 
 
 class Responses:
@@ -32,7 +39,16 @@ class Responses:
         self.asked = self.evaluated = 0
         self.limit: Limit | None = None
 
-    def best(self, team: Team, robot: int, rules: bool = True) -> SingleRobotPath:
+    def nobody(self, problem: Problem) -> PlannedTeam:
+        """Returns a team of which nobody is planned, with the coverage that the low level needs.
+
+        If a limit ends coverage early, the robots are planned with what there is
+        (`Model.covered_by`).
+        """
+        model, is_lazy = compiled(problem), isinstance(self._low_level, LazyLowLevel)
+        return PlannedTeam.nobody(model if is_lazy else model.covered_by(self._stop))
+
+    def best(self, team: PlannedTeam, robot: int, rules: bool = True) -> SingleRobotPath:
         """Returns a robot's best path against all others that are planned.
 
         Parameters
@@ -51,7 +67,7 @@ class Responses:
             self._known[task] = self.charged(team, robot, charges)
         return self._known[task]
 
-    def charged(self, team: Team, robot: int, charges: Charges) -> SingleRobotPath:
+    def charged(self, team: PlannedTeam, robot: int, charges: Charges) -> SingleRobotPath:
         """Returns a robot's best path under charges, be it clear of the others or not.
 
         Raises
@@ -59,7 +75,8 @@ class Responses:
         LimitReached
             If the low level is stopped.
         """
-        single = self._low_level(team.task(robot, charges, self._stop))
+        seen = team.pixels(without=robot)
+        single = self._low_level(SingleRobotTask(team.model, robot, seen, charges, self._stop))
         self.asked += 1
         self.evaluated += single.evaluated
         self.limit = self.limit or single.limit
@@ -67,8 +84,8 @@ class Responses:
 
 
 def one_by_one(
-    team: Team, responses: Responses, order: Sequence[int] | None = None, rules: bool = True
-) -> Iterator[Team]:
+    team: PlannedTeam, responses: Responses, order: Sequence[int] | None = None, rules: bool = True
+) -> Iterator[PlannedTeam]:
     """Yields the team after each robot is planned, until all are or one has no path left.
 
     Under the rules each keeps clear of those before it, and of the starts of those after it.
@@ -88,8 +105,8 @@ def one_by_one(
 
 
 def in_rounds(
-    team: Team, responses: Responses, order: Sequence[int] | None = None, rules: bool = True
-) -> Iterator[Team]:
+    team: PlannedTeam, responses: Responses, order: Sequence[int] | None = None, rules: bool = True
+) -> Iterator[PlannedTeam]:
     """Yields the team after each best response that gains, until no robot has one.
 
     Parameters
@@ -109,7 +126,9 @@ def in_rounds(
             yield team
 
 
-def then_in_rounds(nobody: Team, responses: Responses, rules: bool = True) -> Iterator[Team]:
+def then_in_rounds(
+    nobody: PlannedTeam, responses: Responses, rules: bool = True
+) -> Iterator[PlannedTeam]:
     """Yields the team after each robot is planned, and then after each best response that gains."""
     team = nobody
     for team in one_by_one(nobody, responses, rules=rules):
@@ -118,17 +137,17 @@ def then_in_rounds(nobody: Team, responses: Responses, rules: bool = True) -> It
         yield from in_rounds(team, responses, rules=rules)
 
 
-def greedily(nobody: Team, responses: Responses) -> Iterator[Team]:
+def greedily(nobody: PlannedTeam, responses: Responses) -> Iterator[PlannedTeam]:
     """Yields the team after each robot is planned, collisions ignored."""
     return one_by_one(nobody, responses, rules=False)
 
 
-def greedily_in_rounds(nobody: Team, responses: Responses) -> Iterator[Team]:
+def greedily_in_rounds(nobody: PlannedTeam, responses: Responses) -> Iterator[PlannedTeam]:
     """Yields the team as `then_in_rounds` does, collisions ignored."""
     return then_in_rounds(nobody, responses, rules=False)
 
 
-def followed(team: Team, changes: Iterator[Team]) -> tuple[Team, Limit | None]:
+def followed(team: PlannedTeam, changes: Iterator[PlannedTeam]) -> tuple[PlannedTeam, Limit | None]:
     """Returns the last of a team's changes, and the limit that has stopped them, if one has."""
     try:
         for changed in changes:

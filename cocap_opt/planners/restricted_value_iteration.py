@@ -16,8 +16,7 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, Path
 from cocap_opt.planners.kept_states import Layer, Worth, kept_layers
-from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
-from cocap_opt.planners.team import Team
+from cocap_opt.planners.low_level import PlannedTeam, SingleRobotPath, SingleRobotTask
 from cocap_opt.stop import Stop
 
 # States of a robot that are kept at a step. Measured on passage and bottleneck-tight, seeds 0 to 9:
@@ -40,7 +39,7 @@ class RestrictedValueIteration:
         If a limit is reached before the states are there.
     """
 
-    def __init__(self, team: Team, stop: Stop, width: int = WIDTH) -> None:
+    def __init__(self, team: PlannedTeam, stop: Stop, width: int = WIDTH) -> None:
         model, seen = team.model, team.model.problem.no_pixels()
         alone = [Worth.of(model, robot_class, seen, stop) for robot_class in model.classes]
         self._graphs = []

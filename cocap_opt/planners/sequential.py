@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
-from cocap_opt.planners.low_level import LowLevel, value_iteration
+from cocap_opt.planners.low_level import LowLevel, PlannedTeam, value_iteration
 from cocap_opt.planners.responses import Responses, followed, one_by_one, then_in_rounds
-from cocap_opt.planners.team import Team
+from cocap_opt.planners.results import hovering, result_of
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit, Stop, never
@@ -30,8 +30,9 @@ def sequential(
     so that a robot for which no time is left can stay there. A robot for which no path is left
     ends the attempt: that is a failure of the order, and proves nothing.
     """
-    team = Team.of(problem, low_level, stop)
-    return _result(*followed(team, one_by_one(team, Responses(low_level, stop))))
+    responses = Responses(low_level, stop)
+    nobody = responses.nobody(problem)
+    return _result(*followed(nobody, one_by_one(nobody, responses)))
 
 
 def sequential_lazy(problem: Problem, stop: Stop = never) -> Result:
@@ -48,8 +49,9 @@ def sequential_rounds(
     In a round each robot in turn is planned again, clear of all others and for what it adds to
     what they see. It ends with a plan that no robot alone can better.
     """
-    team = Team.of(problem, low_level, stop)
-    return _result(*followed(team, then_in_rounds(team, Responses(low_level, stop))))
+    responses = Responses(low_level, stop)
+    nobody = responses.nobody(problem)
+    return _result(*followed(nobody, then_in_rounds(nobody, responses)))
 
 
 @timed
@@ -60,11 +62,12 @@ def best_of_orders(problem: Problem, stop: Stop = never, orders: int = ORDERS) -
     ----------
     orders : how many; the first is that of the robots' numbers, the others are random
     """
-    team = Team.of(problem, value_iteration, stop)
-    return _result(*followed(team, _in_orders(team, Responses(value_iteration, stop), orders)))
+    responses = Responses(value_iteration, stop)
+    nobody = responses.nobody(problem)
+    return _result(*followed(nobody, _in_orders(nobody, responses, orders)))
 
 
-def _in_orders(nobody: Team, responses: Responses, orders: int) -> Iterator[Team]:
+def _in_orders(nobody: PlannedTeam, responses: Responses, orders: int) -> Iterator[PlannedTeam]:
     """Yields each better team; before there is a whole one, also the teams that lead to it."""
     rng, best = np.random.default_rng(0), None
     for n in range(orders):
@@ -75,14 +78,14 @@ def _in_orders(nobody: Team, responses: Responses, orders: int) -> Iterator[Team
                 best = team if team.is_whole else None
 
 
-def _result(team: Team, limit: Limit | None) -> Result:
+def _result(team: PlannedTeam, limit: Limit | None) -> Result:
     """Returns the result of a team that is planned as far as a limit or the others let it be."""
     if not team.is_whole and limit is None:
         robot = team.found.index(None)
         words = f"drone {robot} has no path left beside the drones before it"
         return Result.without_plan(Reason.FAILED, words, {"failed_robot": robot})
-    whole = team.hovering()
+    whole = hovering(team)
     if limit is not None and not whole.is_whole:
         robot = next(i for i, single in enumerate(whole.found) if single and not single.path)
         return Result.stopped_without_plan(limit, {"failed_robot": robot})
-    return whole.result(limit)
+    return result_of(whole, limit)

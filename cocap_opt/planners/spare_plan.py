@@ -3,8 +3,9 @@
 from dataclasses import replace
 
 from cocap_opt.planners.constraint_tree import ConstraintTree
+from cocap_opt.planners.low_level import PlannedTeam
 from cocap_opt.planners.responses import Responses, followed, one_by_one
-from cocap_opt.planners.team import Team
+from cocap_opt.planners.results import hovering, result_of
 from cocap_opt.result import Result
 from cocap_opt.stop import Limit, Stop
 
@@ -20,20 +21,20 @@ class SparePlan:
     That takes about as long as the root has taken.
     """
 
-    def __init__(self, nobody: Team, responses: Responses, stop: Stop) -> None:
+    def __init__(self, nobody: PlannedTeam, responses: Responses, stop: Stop) -> None:
         self._nobody, self._responses, self._stop = nobody, responses, stop
-        self._team: Team | None = None
+        self._team: PlannedTeam | None = None
 
     def keep(self, tree: ConstraintTree) -> None:
         """Make the plan if it is time for it and it is not there."""
         is_late = self._stop.seconds_left < 2 * tree.root_seconds
         if self._team is None and (tree.open.pushed >= SPARE_FROM or is_late):
             changes = one_by_one(self._nobody, self._responses)
-            self._team = followed(self._nobody, changes)[0].hovering()
+            self._team = hovering(followed(self._nobody, changes)[0])
 
     def or_better(self, result: Result, limit: Limit) -> Result:
         """Returns a result, or that of the spare plan where it has a greater J."""
         if self._team and self._team.is_whole and self._team.value > result.value:
-            spare = self._team.result(limit, result.statistics)
+            spare = result_of(self._team, limit, result.statistics)
             return replace(spare, message=FELL_BACK)
         return result

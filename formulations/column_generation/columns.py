@@ -67,6 +67,12 @@ class Column(NamedTuple):
         view_sums = np.flatnonzero(pixels)
         return cls(robot, PathCells.of(model, robot, path), view_sums, pixels[view_sums])
 
+    def added_to(self, pixels: FloatArray) -> FloatArray:
+        """Returns view sums [Z] and those along this path together, as a new array."""
+        pixels = pixels.copy()
+        pixels[self.view_sums] += self.pixels
+        return pixels
+
     @property
     def path(self) -> Path:
         """State numbers of the path."""

@@ -2,34 +2,29 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
+from cocap_opt.coordination.team import Team
 from cocap_opt.formulations.certificates.resources import Visit
 from cocap_opt.formulations.column_generation.branching import ResourceUse
 from cocap_opt.formulations.column_generation.columns import Column
 from cocap_opt.formulations.column_generation.mixture import Mixture
 from cocap_opt.formulations.relaxations.flow import Flow
 from cocap_opt.model import Model, Path, RobotClass
-from cocap_opt.objective import objective
 from cocap_opt.problem import Plan
 
-_LEAST_GAIN = 1e-12  # relative, so that rounding is no gain
 _NO_MOVE = -1e3  # less than any flow along a move
 
 
-class Incumbent(NamedTuple):
+@dataclass(frozen=True)
+class Incumbent(Team[Column]):
     """A plan that obeys all rules, as one column per robot."""
-
-    value: float  # J
-    columns: tuple[Column, ...]  # robot by robot
 
     @classmethod
     def of(cls, model: Model, columns: Sequence[Column]) -> "Incumbent | None":
         """Returns the plan made of one column per robot; None if it breaks a rule."""
-        paths = [column.path for column in columns]
-        if next(model.plan(paths).conflicts(model.problem), None) is not None:
-            return None
-        return cls(objective(model, paths), tuple(columns))
+        team = cls(model, tuple(columns))
+        return team if team.obeys_the_rules else None
 
     @classmethod
     def along(cls, model: Model, paths: Sequence[Path]) -> "Incumbent | None":
@@ -48,28 +43,24 @@ class Incumbent(NamedTuple):
         return None if paths is None else cls.along(model, paths)
 
     @property
-    def paths(self) -> tuple[Path, ...]:
-        """Paths of all robots."""
-        return tuple(column.path for column in self.columns)
+    def columns(self) -> tuple[Column, ...]:
+        """Columns of all robots, robot by robot."""
+        return tuple(column for column in self.found if column is not None)
 
     def in_model(self, model: Model) -> "Incumbent":
         """Returns the same plan with the numbers of another model's classes."""
-        return Incumbent(self.value, tuple(column.in_model(model) for column in self.columns))
+        return Incumbent(model, tuple(column.in_model(model) for column in self.columns))
 
-    def without(self, *robots: int) -> list[Column]:
-        """Returns the columns of all other robots."""
+    def of_others(self, *robots: int) -> list[Column]:
+        """Returns the columns of all robots but some."""
         return [column for column in self.columns if column.robot not in robots]
 
-    def changed(self, model: Model, *columns: Column) -> "Incumbent | None":
+    def changed(self, *columns: Column) -> "Incumbent | None":
         """Returns the plan with other columns for their robots; None if it breaks a rule."""
         all_columns = [*self.columns]
         for column in columns:
             all_columns[column.robot] = column
-        return Incumbent.of(model, all_columns)
-
-    def clearly_better_than(self, other: "Incumbent") -> bool:
-        """Returns True if the gain is more than rounding."""
-        return self.value > other.value * (1 + _LEAST_GAIN)
+        return Incumbent.of(self.model, all_columns)
 
 
 def _integral_paths(model: Model, mixture: Mixture) -> list[Path] | None:

@@ -102,7 +102,7 @@ class LocalSearch:
             pool.add(column, FOUND_AMOUNT)
         for start in self._starts(mixture, pool, known):
             found = self._improved(start, pool, arcs)
-            if found is not None and (best is None or found.clearly_better_than(best)):
+            if found is not None and (best is None or found.gains_over(best)):
                 best, in_vain = found, 0
             in_vain += 1
             if in_vain > MOST_IN_VAIN:
@@ -167,7 +167,7 @@ class LocalSearch:
         if robots < 2:
             return None
         anew = self.rng.permutation(robots)[: min(PERTURBED, robots - 1)].tolist()
-        columns = plan.without(*anew)
+        columns = plan.of_others(*anew)
         for robot in anew:
             answer = self.best_response(robot, columns)
             if answer is None:
@@ -234,10 +234,10 @@ class LocalSearch:
         with suppress(LimitReached):
             while quiet < len(best.columns):
                 self._check()
-                answer = self.best_response(robot, best.without(robot))
+                answer = self.best_response(robot, best.of_others(robot))
                 if answer is not None and answer.key != best.columns[robot].key:
-                    better = best.changed(self.model, answer)
-                    if better is not None and better.clearly_better_than(best):
+                    better = best.changed(answer)
+                    if better is not None and better.gains_over(best):
                         best, quiet = better, 0
                 quiet += 1
                 robot = (robot + 1) % len(best.columns)
@@ -247,12 +247,12 @@ class LocalSearch:
         """Returns the plan after best pairs, each followed by best responses, until none gains."""
         before = None
         with suppress(LimitReached):
-            while before is None or best.clearly_better_than(before):
+            while before is None or best.gains_over(before):
                 before = best
                 for pair in _pairs(self.model, best):
                     self._check()
                     better = self._with_best_pair(best, pair, arcs)
-                    if better is not None and better.clearly_better_than(best):
+                    if better is not None and better.gains_over(best):
                         best = self.with_best_responses(better.columns) or better
         return best
 
@@ -261,8 +261,8 @@ class LocalSearch:
     ) -> Incumbent | None:
         """Returns the plan with the best paths of two robots over some arcs and their own."""
         own = [arc for robot in pair for arc in plan.columns[robot].arcs]
-        found = self.best_pair(pair, {*arcs, *own}, plan.without(*pair))
-        return None if found is None else plan.changed(self.model, *found)
+        found = self.best_pair(pair, {*arcs, *own}, plan.of_others(*pair))
+        return None if found is None else plan.changed(*found)
 
     def _rounded(self, mixture: Mixture, known: Incumbent | None) -> list[Column] | None:
         """Returns one column per robot without conflicts; None where none is left for a robot.

@@ -124,7 +124,7 @@ class Recombination:
         found = best_plan(narrowing.above(best.value, visited), _most_nodes(stop), stop)
         self._done.add(parents)
         better = Incumbent.along(narrowing.model, found.paths) if found.paths else None
-        return None if better is None or not better.clearly_better_than(best) else better
+        return None if better is None or not better.gains_over(best) else better
 
 
 def _visited_states(model: Model, plans: Iterable[PlanKey]) -> list[BoolArray]:

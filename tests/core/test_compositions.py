@@ -13,7 +13,12 @@ from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.cocap_lns import cocap_lns
-from cocap_opt.planners.low_level import SingleRobotPath, value_iteration
+from cocap_opt.planners.low_level import (
+    PlannedTeam,
+    SingleRobotPath,
+    SingleRobotTask,
+    value_iteration,
+)
 from cocap_opt.planners.neighbourhoods import (
     LARGEST,
     _exchanged,
@@ -24,7 +29,6 @@ from cocap_opt.planners.open_nodes import BestNodes, FocalNodes, Node
 from cocap_opt.planners.responses import Responses, followed, one_by_one
 from cocap_opt.planners.restricted_value_iteration import RestrictedValueIteration
 from cocap_opt.planners.sequential import best_of_orders, sequential, sequential_rounds
-from cocap_opt.planners.team import Team
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
@@ -125,7 +129,7 @@ def test_the_search_asks_no_more_than_it_may() -> None:
     """A neighbourhood that has begun is finished; no other begins."""
     problem = load_scene("bottleneck-tight", 0, {})
     responses = Responses(value_iteration, never)
-    nobody = Team.nobody(compiled(problem))
+    nobody = PlannedTeam.nobody(compiled(problem))
     team, _ = followed(nobody, one_by_one(nobody, responses))
     for _ in neighbourhood_search(team, responses, 30, np.random.default_rng(1)):
         assert responses.asked <= 30 + 8 * team.size
@@ -137,7 +141,7 @@ def test_a_neighbourhood_is_of_those_that_see_most_of_the_same() -> None:
     robots = tuple(tiny().robots[0].replace(start=State(x, 0)) for x in range(LARGEST + 4))
     wide = HeightMap(heights=np.zeros((LARGEST + 4, 3)), resolution=4.0)
     problem = tiny().replace(height_map=wide, robots=robots)
-    team, rng = Team.nobody(compiled(problem)), np.random.default_rng(0)
+    team, rng = PlannedTeam.nobody(compiled(problem)), np.random.default_rng(0)
     for robot in range(team.size):
         seen = rng.choice([0.0, 0.0, 1.0, 9.0], size=problem.no_pixels().shape)
         seen *= robot < team.size - 1  # the last one sees nothing
@@ -154,7 +158,7 @@ def test_a_neighbourhood_is_of_those_that_see_most_of_the_same() -> None:
         first, *others = _neighbours(team, robot).tolist()
         assert first == robot
         assert others == sorted(shared, key=lambda other: -shared[other])[: LARGEST - 1]
-    few = Team(team.model, team.found[:LARGEST])
+    few = PlannedTeam(team.model, team.found[:LARGEST])
     assert _neighbours(few, 3).tolist() == list(range(LARGEST))
 
 
@@ -166,7 +170,7 @@ def test_what_was_answered_is_not_asked_again() -> None:
         calls.append(task.robot)
         return value_iteration(task)
 
-    nobody = Team.nobody(compiled(tiny()))
+    nobody = PlannedTeam.nobody(compiled(tiny()))
     responses = Responses(counted, never)
     assert responses.best(nobody, 0) == responses.best(nobody, 0)
     assert calls == [0]
@@ -180,7 +184,7 @@ def test_what_was_answered_is_not_asked_again() -> None:
 
 def _node(value: float, conflicts: int) -> Node:
     """A node of this value; its conflicts are only counted."""
-    team = Team.nobody(compiled(tiny()))
+    team = PlannedTeam.nobody(compiled(tiny()))
     team.__dict__["conflicts"] = (None,) * conflicts
     return Node(team, (NO_CHARGES,) * team.size, value)
 
@@ -226,7 +230,8 @@ def test_responses_over_few_states(problem: Problem, width: int) -> None:
     restricted = RestrictedValueIteration(team, never, width)
     for robot in range(team.size):
         for charges in (NO_CHARGES, team.avoiding(robot)):
-            task = team.task(robot, charges, never)
+            seen = team.pixels(without=robot)
+            task = SingleRobotTask(team.model, robot, seen, charges, never)
             few, best = (
                 team.with_path(robot, low_level(task))
                 for low_level in (restricted, value_iteration)
@@ -253,9 +258,9 @@ def test_who_exchange_their_ways_see_the_same_together(problem: Problem) -> None
             assert check(problem, team.model.plan(changed.paths)).valid
 
 
-def _planned(problem: Problem) -> Team:
+def _planned(problem: Problem) -> PlannedTeam:
     """A team that is planned sequentially."""
-    nobody = Team.nobody(compiled(problem))
+    nobody = PlannedTeam.nobody(compiled(problem))
     team, _ = followed(nobody, one_by_one(nobody, Responses(value_iteration, never)))
     assume(team.is_whole)
     return team

@@ -39,12 +39,13 @@ from cocap_opt.planners.greedy import greedy, greedy_rounds
 from cocap_opt.planners.joint import joint
 from cocap_opt.planners.low_level import (
     LowLevel,
+    PlannedTeam,
     SingleRobotPath,
     SingleRobotTask,
     value_iteration,
 )
+from cocap_opt.planners.results import hovering
 from cocap_opt.planners.sequential import sequential
-from cocap_opt.planners.team import Team
 from cocap_opt.planners.view_search import Compounded, Undiscounted, ViewSearch
 from cocap_opt.problem import (
     NO_RULES,
@@ -901,7 +902,7 @@ def test_rounds_keep_gains_only() -> None:
         calls[0] += 1
         if calls[0] <= len(problem.robots):
             return value_iteration(task)
-        return Team.nobody(task.model).hovering().found[task.robot]
+        return hovering(PlannedTeam.nobody(task.model)).found[task.robot]
 
     once, often = greedy(problem), greedy_rounds(problem, never, worse_and_worse)
     assert calls[0] > len(problem.robots)

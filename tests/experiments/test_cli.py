@@ -32,7 +32,7 @@ from cocap_opt.formulations.column_generation import root
 from cocap_opt.model import compiled
 from cocap_opt.output.printing import print_result
 from cocap_opt.planners import LAZY, PLANNERS
-from cocap_opt.planners.team import Team
+from cocap_opt.planners.results import without_a_path
 from cocap_opt.problem import NO_RULES, Problem
 from cocap_opt.run.judging import SOLVERS, Judged
 from cocap_opt.scenarios import SCENES
@@ -1188,7 +1188,7 @@ def test_narrow_ways_are_said_where_they_help(
         Run(capsys, *words)
         assert caplog.text.count(said) == 1, words
     caplog.clear()
-    monkeypatch.setitem(SOLVERS, "sequential", lambda problem, stop: Team.no_path(0))
+    monkeypatch.setitem(SOLVERS, "sequential", lambda problem, stop: without_a_path(0))
     Run(capsys, "gap", "tiny-queue", "--planner", "sequential", "--work-limit", 0)
     assert caplog.text.count(said) == 1
 

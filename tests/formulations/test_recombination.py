@@ -188,7 +188,9 @@ def test_the_best_plans_are_kept() -> None:
             column._replace(along=column.along._replace(states=(*column.path[:-1], k)))
             for column in plan.columns
         ]
-        found.add(Incumbent(value, tuple(columns)))
+        changed = Incumbent(plan.model, tuple(columns))
+        changed.__dict__["value"] = value
+        found.add(changed)
     kept = sorted(found.values.values())
     assert len(kept) <= 2 * MOST_PLANS
     assert kept[-MOST_PLANS:] == sorted(values)[-MOST_PLANS:]

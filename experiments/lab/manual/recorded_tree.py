@@ -8,7 +8,6 @@ from cocap_opt.planners.constraint_tree import ConstraintTree
 from cocap_opt.planners.low_level import value_iteration
 from cocap_opt.planners.open_nodes import BestNodes, Node
 from cocap_opt.planners.responses import Responses
-from cocap_opt.planners.team import Team
 from cocap_opt.problem import Cell, Conflict, Plan, Problem
 from cocap_opt.stop import never
 
@@ -91,7 +90,7 @@ class _Recorder(BestNodes):
 
 def recorded_tree(problem: Problem) -> list[RecordedNode]:
     """Returns all nodes that `cocap` makes for a problem, in the order in which it makes them."""
-    nobody, responses = Team.of(problem, value_iteration, never), Responses(value_iteration, never)
-    recorder = _Recorder()
+    responses, recorder = Responses(value_iteration, never), _Recorder()
+    nobody = responses.nobody(problem)
     algorithm_1(ConstraintTree(nobody, responses, never, recorder))
     return recorder.recorded

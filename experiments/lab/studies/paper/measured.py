@@ -24,7 +24,7 @@ from cocap_opt.planners import LAZY, PLANNERS
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.low_level import SingleRobotPath, value_iteration
 from cocap_opt.planners.responses import Responses, followed, in_rounds
-from cocap_opt.planners.team import Team
+from cocap_opt.planners.results import result_of
 from cocap_opt.planners.view_search import Compounded, ViewSearch
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
@@ -47,12 +47,13 @@ _KEPT = (
 
 def polished(problem: Problem, plan: Plan, stop: Stop = never) -> Result:
     """Returns a plan after rounds of best responses that obey the rules."""
-    team = Team.of(problem, value_iteration, stop)
+    responses = Responses(value_iteration, stop)
+    team = responses.nobody(problem)
     for robot, path in enumerate(team.model.paths(plan)):
         pixels = team.model.robot_pixels(robot, path)
         team = team.with_path(robot, SingleRobotPath(path, pixels, 0))
-    team, limit = followed(team, in_rounds(team, Responses(value_iteration, stop)))
-    return team.result(limit)
+    team, limit = followed(team, in_rounds(team, responses))
+    return result_of(team, limit)
 
 
 def _dive(problem: Problem, stop: Stop) -> Result:
