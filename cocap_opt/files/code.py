@@ -15,20 +15,14 @@ from pathlib import Path
 
 _PACKAGE = "cocap_opt"
 _FOLDER = Path(__file__).parents[1]
-# Folders that are no part of the core: linked into it, or above it.
-_BESIDE = (
-    "formulations", "scenarios", "experiments",
-    "console", "output", "run", "pictures", "missions", "player", "api", "cli",
-)  # fmt: skip
 _DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
 def code_digest(*modules: str) -> str:
     """Returns the digest of modules by their full names; a package stands for all that it holds.
 
-    The package `cocap_opt` stands for the core alone, without formulations, scenarios and
-    experiments. Modules are known by the names under which they are imported, wherever their
-    files are, so a checkout and an installed package have the same digest.
+    Modules are known by the names under which they are imported, wherever their files are, so a
+    checkout and an installed package have the same digest.
 
     Raises
     ------
@@ -41,6 +35,54 @@ def code_digest(*modules: str) -> str:
     return digest.hexdigest()
 
 
+def with_imports(*modules: str) -> frozenset[str]:
+    """Returns the full names of modules and of all of this project that they import, at any depth.
+
+    The front of each package on the way belongs to them, but for that of `cocap_opt`, which
+    imports a name when somebody asks for it. What is imported for type checkers alone does not.
+
+    Raises
+    ------
+    ValueError
+        If there is no such module.
+    """
+    found: set[str] = set()
+    todo = [inner for name in modules for inner in _modules(name)]
+    while todo:
+        module = todo.pop()
+        if module not in found:
+            found.add(module)
+            todo += _imports(module)
+    return frozenset(found)
+
+
+def _imports(module: str) -> Iterator[str]:
+    """Yields the modules of this project that one imports, and the fronts of their rooms."""
+    for name in _imported_names(_text(module)):
+        parts = name.split(".")
+        for end in range(2, len(parts) + 1):
+            room = ".".join(parts[:end])
+            if _path(room).is_dir():
+                yield f"{room}.__init__"
+            elif _path(room).is_file():  # what is left is a name in a module
+                yield room
+
+
+@cache
+def _imported_names(text: str) -> frozenset[str]:
+    """Returns the full names of all that a module of this project imports from it to run."""
+    names: set[str] = set()
+    for_types: set[ast.AST] = set()
+    for node in ast.walk(_tree(text)):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            for_types |= {inner for line in node.body for inner in ast.walk(line)}
+        elif isinstance(node, ast.Import) and node not in for_types:
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node not in for_types:
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return frozenset(name for name in names if name.startswith(f"{_PACKAGE}."))
+
+
 def _modules(name: str) -> Iterator[str]:
     """Yields the full names of a module, or of all modules of a package."""
     path = _path(name)
@@ -50,7 +92,7 @@ def _modules(name: str) -> Iterator[str]:
     if not path.is_dir():
         raise ValueError(f"{name}: there is no such module")
     for inner in sorted(path.iterdir()):
-        if inner.is_dir() and not (name == _PACKAGE and inner.name in _BESIDE):
+        if inner.is_dir():
             yield from _modules(f"{name}.{inner.name}")
         elif inner.suffix == ".py":
             yield f"{name}.{inner.stem}"
@@ -69,8 +111,14 @@ def _text(module: str) -> str:
 @cache  # coverage and results each have a digest, of modules that are largely the same
 def normal_form(text: str) -> str:
     """Returns code without docstrings, comments and its own layout."""
+    return ast.unparse(_tree(text))
+
+
+@cache
+def _tree(text: str) -> ast.Module:
+    """Returns the syntax tree of code without docstrings."""
     tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, _DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             node.body = node.body[1:] or [ast.Pass()]
-    return ast.unparse(tree)
+    return tree

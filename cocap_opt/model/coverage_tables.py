@@ -188,7 +188,7 @@ class CoverageTables:
         poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
         shapes = [actor.shape for actor in problem.actors]
         return TableCache.key(
-            problem.workspace, problem.airspace, spec.motion, spec.camera,
+            __name__, problem.workspace, problem.airspace, spec.motion, spec.camera,
             graph_of(problem, spec).window,
             self._starts(spec), problem.horizon, problem.face_samples, problem.first_step, poses,
             shapes,

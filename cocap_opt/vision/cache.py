@@ -19,16 +19,11 @@ import msgspec
 import numpy as np
 
 from cocap_opt.files.atomic_write import write_atomically
-from cocap_opt.files.code import code_digest
+from cocap_opt.files.code import code_digest, with_imports
 from cocap_opt.vision.coverage import CoverageTable
 
 log = logging.getLogger(__name__)
 
-# All code that a coverage table depends on.
-CODE = tuple(
-    f"cocap_opt.{room}"
-    for room in ("text", "data", "memory", "world", "problem", "graph", "vision")
-)
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
 
@@ -58,9 +53,14 @@ class TableCache(NamedTuple):
         return cls(_users_folder())
 
     @staticmethod
-    def key(*parts: object) -> str:
-        """Returns the digest of plain data, arrays and this package's data classes."""
-        digest = hashlib.sha256(_code())
+    def key(maker: str, *parts: object) -> str:
+        """Returns the digest of plain data, arrays and this package's data classes.
+
+        Parameters
+        ----------
+        maker : full name of the module that makes the table; all that it imports counts
+        """
+        digest = hashlib.sha256(_code(maker))
         digest.update(msgspec.msgpack.encode(parts, enc_hook=_plain))
         return digest.hexdigest()
 
@@ -96,9 +96,9 @@ def _users_folder() -> Path | None:
 
 
 @cache
-def _code() -> bytes:
+def _code(maker: str) -> bytes:
     """Digest of the code that computes coverage, and of the version of the ray caster."""
-    return (version("embreex") + code_digest(*CODE)).encode()
+    return (version("embreex") + code_digest(*with_imports(maker))).encode()
 
 
 def _plain(value: object) -> object:

@@ -18,7 +18,7 @@ import msgspec
 from cocap_opt.experiments.tables import rows
 from cocap_opt.experiments.tables.layout import CELLS
 from cocap_opt.experiments.tables.rows import ERROR, BoundColumns, PlannedRow
-from cocap_opt.files.code import code_digest
+from cocap_opt.files.code import code_digest, with_imports
 from cocap_opt.files.documents import Document, FileError, PlanFile, encode
 from cocap_opt.output.files import save_bytes
 from cocap_opt.run.judging import Allowance
@@ -27,28 +27,14 @@ BOUND = "bound"  # in place of a planner's name
 OWN = "own"  # the certificate of a planner that proves a bound itself
 RULES, FREE = "rules", "free"  # certificates and traces of the bound with and without rules
 _KEY_DIGITS = 20
-# Code on which the result of a cell depends; `results.rows` besides, see `_code_of_rows`.
-_MODULES = (
-    "cocap_opt.coordination",
-    "cocap_opt.data",
-    "cocap_opt.files",
-    "cocap_opt.formulations",
-    "cocap_opt.graph",
-    "cocap_opt.memory",
-    "cocap_opt.model",
-    "cocap_opt.objective",
-    "cocap_opt.planners",
-    "cocap_opt.problem",
-    "cocap_opt.referee",
-    "cocap_opt.result",
-    "cocap_opt.stop",
-    "cocap_opt.sums",
-    "cocap_opt.text",
-    "cocap_opt.timing",
-    "cocap_opt.vision",
-    "cocap_opt.world",
+# Code on which the result of a cell depends, with all that it imports, ...
+_METHODS = (
+    "cocap_opt.planners", "cocap_opt.formulations", "cocap_opt.referee", "cocap_opt.run.judging",
+)  # fmt: skip
+# ... and alone, since problems, which have digests, come from what these import; `tables.rows`
+# besides, see `_code_of_rows`.
+_ALONE = (
     "cocap_opt.output.files",
-    "cocap_opt.run.judging",
     "cocap_opt.output.rendered",
     "cocap_opt.output.trace",
     "cocap_opt.experiments.sweeps.cells",
@@ -100,7 +86,7 @@ class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         meanings of columns.
         """
         versions = [f"{name} {number}" for name, number in Cell.versions().items()]
-        parts = [*versions, code_digest(*_MODULES), _code_of_rows()]
+        parts = [*versions, code_digest(*with_imports(*_METHODS), *_ALONE), _code_of_rows()]
         return hashlib.sha256(" ".join(parts).encode()).hexdigest()
 
     @staticmethod

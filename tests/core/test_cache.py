@@ -4,20 +4,24 @@ import hashlib
 import io
 import logging
 import os
+import shutil
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
 import pytest
-from sources import reached
-from strategies import tiny
+from strategies import plate, tiny
 
+from cocap_opt.files import code
 from cocap_opt.model import Model
 from cocap_opt.problem import (
     NO_RULES,
+    Airspace,
     Camera,
     Cuboid,
     Motion,
@@ -27,9 +31,11 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.vision import cache
-from cocap_opt.vision.cache import CODE, Computed, TableCache
+from cocap_opt.vision.cache import Computed, TableCache
 from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.world.workspace import HeightMap
+
+CODE = "cocap_opt.model.coverage_tables"  # the module that makes tables
 
 
 @pytest.fixture
@@ -157,21 +163,49 @@ def test_key_depends_on_every_part() -> None:
         (None,),
         (HeightMap(heights=np.zeros((1, 1))), Motion()),
     ]
-    assert len({TableCache.key(*part) for part in parts}) == len(parts)
-    assert TableCache.key(array) == TableCache.key(np.arange(12.0)[::2] / 2)  # strides do not count
+    assert len({TableCache.key(CODE, *part) for part in parts}) == len(parts)
+    assert TableCache.key(CODE, array) == TableCache.key(
+        CODE, np.arange(12.0)[::2] / 2
+    )  # strides do not count
     with pytest.raises(TypeError):
-        TableCache.key(object())
+        TableCache.key(CODE, object())
 
 
-def test_key_depends_on_all_code_that_makes_a_table() -> None:
-    """The key covers all modules from which views, and the numbering of states, are made.
+def test_key_depends_on_all_code_that_makes_a_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whichever module runs while a table is made: once it is changed, the table is made again."""
+    ran: set[str] = set()
 
-    An edit there must not find tables made before it.
-    """
-    used = reached("cocap_opt.vision.coverage") | reached("cocap_opt.vision.views")
-    # When one stops and how scenes are drawn changes no view.
-    others = {"cocap_opt", "cocap_opt.stop", "cocap_opt.drawing"}
-    assert [name for name in sorted(used - others) if not name.startswith(CODE)] == []
+    def note(frame: FrameType, event: str, argument: object) -> None:
+        ran.add(frame.f_code.co_filename)
+
+    problem = tiny().replace(
+        meshes=(plate((5.0, 4.0), (7.0, 6.0), 4.0),),
+        airspace=Airspace(people_aside=0.5, people_above=1.0),
+    )
+    sys.setprofile(note)
+    threading.setprofile(note)
+    try:
+        model = Model(problem, use_cache=False)
+        for robot_class in model.classes:
+            model.coverage(robot_class)
+    finally:
+        sys.setprofile(None)
+        threading.setprofile(None)
+    folder = Path(code._FOLDER)
+    shutil.copytree(folder, tmp_path / "cocap_opt", ignore=shutil.ignore_patterns("lab"))
+    monkeypatch.setattr(code, "_FOLDER", tmp_path / "cocap_opt")
+    before = code.code_digest(*code.with_imports(CODE))
+    used = {Path(name).relative_to(folder) for name in ran if Path(name).is_relative_to(folder)}
+    assert {Path("vision/shadows.py"), Path("graph/timegraph.py"), Path("data.py")} <= used
+    for path in used:
+        copy = tmp_path / "cocap_opt" / path
+        text = copy.read_text("utf-8")
+        copy.write_text(f"{text}\nchanged = True\n", "utf-8")
+        assert code.code_digest(*code.with_imports(CODE)) != before, path
+        copy.write_text(text, "utf-8")
+    assert code.code_digest(*code.with_imports(CODE)) == before
 
 
 def damage(content: bytes, kind: str) -> bytes:

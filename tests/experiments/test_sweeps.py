@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 import pytest
 from distributed import Client, LocalCluster
-from sources import FRONT, RUN, package_of, reached, sources
+from sources import FRONT, package_of, reached, sources
 
 from cocap_opt.api.measuring import gap as gap_frame
 from cocap_opt.cli import commands
@@ -47,6 +47,7 @@ from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.experiments.tables import rows as rows_module
 from cocap_opt.experiments.tables.layout import FOLDERS, Paths
 from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.files.code import with_imports
 from cocap_opt.files.documents import PlanFile, SceneFile, decode_document, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.model import compiled
@@ -466,13 +467,14 @@ def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -
         "cocap_opt.output.printing",
     }  # they compute nothing
     computing = {name for name in upper if sources()[name].name != "__init__.py"} - silent
-    named = {name for name in cells_module._MODULES if package_of(name) in ("run", "experiments")}
+    digested = {*with_imports(*cells_module._METHODS), *cells_module._ALONE}
+    named = {name for name in digested if package_of(name) in ("run", "experiments")}
     assert computing | {work} == named | {"cocap_opt.experiments.tables.rows"}
     digests = {Cell.digest_of_code()}
     with monkeypatch.context() as patch:
         patch.setattr(cells_module, "version", lambda name: "0.0")
         digests.add(Cell.digest_of_code.__wrapped__())
-    monkeypatch.setattr(cells_module, "_MODULES", ("cocap_opt.output.trace",))
+    monkeypatch.setattr(cells_module, "_ALONE", ("cocap_opt.output.trace",))
     digests.add(Cell.digest_of_code.__wrapped__())
     assert len(digests) == 3
 
@@ -485,18 +487,12 @@ def test_no_digest_of_the_code_where_nothing_is_kept(monkeypatch: pytest.MonkeyP
         gap_frame("tiny-queue", ["sequential"], workers=1)
 
 
-def test_all_of_the_core_but_pictures_and_the_face_is_digested() -> None:
-    """A module that is added to the core counts; how plans are drawn changes no result."""
-    core = Path(__file__).parents[2] / "cocap_opt"
-    modules = {
-        f"cocap_opt.{path.stem}"
-        for path in core.iterdir()
-        if path.suffix == ".py" or (path / "__init__.py").is_file()
-    }
-    beside = {"__init__", "drawing", "experiments", "flight", "plausibility", "scenarios"}
-    beside |= {*RUN, *FRONT}
-    named = {name for name in cells_module._MODULES if name.count(".") == 1}
-    assert named == modules - {f"cocap_opt.{name}" for name in beside}
+def test_all_of_the_core_but_the_face_is_digested() -> None:
+    """A module that planners or bounds use counts; the front, scenes and flights change no J."""
+    digested = with_imports(*cells_module._METHODS)
+    rooms = {name.split(".")[1] for name in digested}
+    assert {"planners", "formulations", "vision", "graph", "objective", "stop"} <= rooms
+    assert not {"scenarios", "experiments", "flight", "missions", "player", *FRONT} & rooms
 
 
 @pytest.mark.parametrize(
