@@ -16,7 +16,8 @@
     14          if the robot has a path, insert A into OPEN
 
 Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), after the high level of Conflict-Based
-Search (Sharon et al. 2015); the numbers are this listing's. It takes the greatest J, where the
+Search (Sharon et al. 2015). The listing is ours, in words, and that of docs/concepts/cocap.md; its
+numbers stand beside the lines of `algorithm_1`. It takes the greatest J, where the
 paper's background section speaks of least cost. How nodes are made is in `constraint_tree`, the
 plan for the case that time runs out in `spare_plan`.
 """

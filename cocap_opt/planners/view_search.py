@@ -14,9 +14,10 @@
 Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), to the letter: the discount of line 7,
 Rbar_{k+1} = (R_{k+1} + Rbar_k) gamma^(k-1) with k from 1, compounds, since Rbar_k is discounted
 already; a state includes its step; dominance compares the compounded values; a dead end goes back
-to the best of what is left in OPEN. The line numbers are this listing's. The search asks for the
-coverage of a state only when it reaches it, which is its whole point: rendering views costs far
-more than searching. The paper names no gamma; `cocap-opt study gamma` measures some.
+to the best of what is left in OPEN. The listing is ours, in words, and that of
+docs/concepts/cocap.md; its numbers stand beside the lines of `_algorithm_2`. The search asks for
+the coverage of a state only when it reaches it, which is its whole point: rendering views costs
+far more than searching. The paper names no gamma; `cocap-opt study gamma` measures some.
 """
 
 import heapq

@@ -1,0 +1,38 @@
+"""Listings of algorithms: each line has its number beside the code, and a page tells the same."""
+
+import importlib
+import inspect
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+PAGE = Path(__file__).parents[2] / "docs" / "concepts" / "cocap.md"
+ALG_1, ALG_2, LAZY = (
+    importlib.import_module(f"cocap_opt.planners.{name}")
+    for name in ("cocap", "view_search", "lazy_value_iteration")
+)
+_LINE = re.compile(r"^ *(\d+)  (.*\S)$", re.MULTILINE)
+_NUMBERS = re.compile(r"  # (\d+)(?:-(\d+))?$", re.MULTILINE)
+
+
+def listing(module: ModuleType) -> list[tuple[str, str]]:
+    """Numbers and words of the listing in a module's docstring."""
+    return _LINE.findall(module.__doc__ or "")
+
+
+@pytest.mark.parametrize("module", [ALG_1, ALG_2, LAZY])
+def test_each_line_stands_in_the_code_and_no_other(module: ModuleType) -> None:
+    """Line 9 is one line: what the listing numbers is numbered in the code, in that order."""
+    numbers = [int(number) for number, _ in listing(module)]
+    assert numbers == list(range(1, len(numbers) + 1)) != []
+    ends = [(int(a), int(b or a)) for a, b in _NUMBERS.findall(inspect.getsource(module))]
+    beside = [number for first, last in ends for number in range(first, last + 1)]
+    assert beside == numbers
+
+
+def test_the_page_tells_the_listings_of_the_code() -> None:
+    """Alg. 1 and Alg. 2 have the same words and numbers wherever they are read."""
+    blocks = re.findall(r"```text\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert [_LINE.findall(block) for block in blocks] == [listing(ALG_1), listing(ALG_2)]
