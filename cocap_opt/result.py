@@ -5,11 +5,11 @@ import math
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from typing import TYPE_CHECKING, Self, overload
 
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import Ending, Plan, Problem
 from cocap_opt.stop import Limit
+from cocap_opt.stop import Reason as Reason
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,17 +19,6 @@ if TYPE_CHECKING:
 
 class UnsupportedError(ValueError):
     """A method does not take problems of this kind; the message says which it takes."""
-
-
-class Reason(StrEnum):
-    """The reason for which a method stopped; the limit, if one stopped it, is another word."""
-
-    OPTIMAL = "optimal"  # the value is proved to be the best
-    FINISHED = "finished"  # the method ran to its end; it proves nothing
-    INFEASIBLE = "infeasible"  # proved: no plan obeys the rules
-    FAILED = "failed"  # the method ran to its end without a plan; one may exist
-    UNSUPPORTED = "unsupported"  # the method does not take such problems
-    STOPPED = "stopped"  # a limit stopped it; the other word says which
 
 
 @dataclass(frozen=True, repr=False)
@@ -48,6 +37,7 @@ class Result:
     message : why there is no plan, in words
     statistics : counts and times of the method's own, by name
     in_coverage : the limit was reached before the coverage of all steps was there
+    told : what the limit has left of the plan, as its file says; empty without a file
     problem : that it is a result of; None: it does not know
     method : name of what made it; empty where that is not known
     """
@@ -62,6 +52,7 @@ class Result:
     message: str = ""
     statistics: Mapping[str, float] = field(default_factory=dict)
     in_coverage: bool = False
+    told: str = ""
     problem: Problem | None = field(default=None, compare=False)
     method: str = field(default="", compare=False)
 
@@ -86,9 +77,14 @@ class Result:
         return relative_gap(self.value, self.bound)
 
     @property
+    def ending(self) -> Ending:
+        """How the method ended."""
+        return Ending(self.reason, self.limit, self.in_coverage, self.told)
+
+    @property
     def cut_short(self) -> str:
         """Words for what a limit has left of the plan; empty without a plan or a limit."""
-        return "" if self.plan is None else self.plan.cut_short(self.limit, self.in_coverage)
+        return "" if self.plan is None else self.ending.left_of(self.plan)
 
     def summary(self) -> str:
         """Describe the result in a few lines; that a limit cut a plan short comes first."""

@@ -1,4 +1,4 @@
-"""Stopping criteria that compose, the exception that ends work, and the clock.
+"""Stopping criteria that compose, the words for why methods end, and the clock.
 
 Long work calls `stop.check()` as often as it likes, which raises `LimitReached`; whoever has
 something to give catches it. A time limit starts to count when it is made.
@@ -31,6 +31,17 @@ class Limit(StrEnum):
 
 
 NO_LIMIT = "none"  # in files and tables, where no limit stopped a method
+
+
+class Reason(StrEnum):
+    """The reason for which a method stopped; the limit, if one stopped it, is another word."""
+
+    OPTIMAL = "optimal"  # the value is proved to be the best
+    FINISHED = "finished"  # the method ran to its end; it proves nothing
+    INFEASIBLE = "infeasible"  # proved: no plan obeys the rules
+    FAILED = "failed"  # the method ran to its end without a plan; one may exist
+    UNSUPPORTED = "unsupported"  # the method does not take such problems
+    STOPPED = "stopped"  # a limit stopped it; the other word says which
 
 
 class LimitReached(Exception):  # noqa: N818  it is no error

@@ -65,13 +65,6 @@ def plan_of(given: Plan | Result | None) -> Plan | None:
         raise ValueError(f"plan: {in_words(error, 'plan', Plan)}") from None
 
 
-def cut_short_of(given: Plan | Result | None) -> str:
-    """Returns what a limit has left of a plan, as its result or its file says; else nothing."""
-    if isinstance(given, Plan):
-        return given.told_cut_short
-    return "" if given is None else given.cut_short
-
-
 def plan_for(
     problem: Problem, given: Plan | Result | None, purpose: str, name: str = "plan"
 ) -> Plan:

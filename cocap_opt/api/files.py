@@ -8,7 +8,6 @@ import numpy as np
 
 from cocap_opt.api.arguments import (
     Bound,
-    cut_short_of,
     plan_for,
     require,
     require_flown,
@@ -147,7 +146,7 @@ def read(path: str | Path, kind: type | None = None) -> Problem | Plan | Bound:
     if isinstance(found, SceneFile):
         return found.problem
     if isinstance(found, PlanFile):
-        return found.plan.of_problem(found.digest, found.scene, found.told_cut_short)
+        return found.plan.of_problem(found.digest, found.scene, found.ending)
     assert isinstance(found, CertificateFile | ProofFile)
     return found
 
@@ -166,12 +165,12 @@ def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     require_flown("plan", verdict)
     file = PlanFile(
         scene=problem.name, digest=problem_digest(problem), planner="",
-        cut_short=cut_short_of(content), coverage_version=COVERAGE_VERSION,
+        cut_short=content.cut_short, coverage_version=COVERAGE_VERSION,
         reward=verdict.reward, plan=own,
     )  # fmt: skip
     if not isinstance(content, Result):
         return file
     return msgspec.structs.replace(
-        file, planner=content.method, limit=content.limit, reason=content.reason.value,
+        file, planner=content.method, limit=content.limit, reason=content.reason,
         seconds=finite(content.seconds),
     )  # fmt: skip

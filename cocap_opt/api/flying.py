@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cocap_opt.api.arguments import cut_short_of, plan_for, require
+from cocap_opt.api.arguments import plan_for, require
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
 
@@ -70,7 +70,7 @@ def trajectory(
 
     own = plan_for(problem, plan, "flown")
     if own.stays and not hovering:
-        why = cut_short_of(plan) or "all drones stay at their starts"
+        why = ("" if plan is None else plan.cut_short) or "all drones stay at their starts"
         raise ValueError(f"plan: no drone moves ({why}); hovering=True flies it so")
     flight = _flight_scene(problem, step, margin).flight(own, smooth)
     table = DataFrame(flight.columns(every))

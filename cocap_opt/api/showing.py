@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 from cocap_opt.api.arguments import (
     Bound,
-    cut_short_of,
     plan_of,
     require_flown,
     require_made_for,
@@ -65,7 +64,7 @@ def show(
     if certificate is not None and known:
         gaps = gaps_of(problem, [own for _, own in known], required_bound(certificate))
     titled = [(_title(n, given), own) for n, (given, own) in enumerate(known, 1)]
-    cut_short = [cut_short_of(given) for given, _ in known]
+    cut_short = ["" if given is None else given.cut_short for given, _ in known]
     return Player(problem, titled, gaps, cut_short=cut_short)
 
 

@@ -92,10 +92,11 @@ def _conflicts(
     _check(output)
     if not plan:
         raise UsageError("PLAN: name a plan, such as plan.json")
-    problem, plans = PlanReader(scene, load_planned(scene, seed)).plans(plan)
+    given = PlanReader(scene, load_planned(scene, seed)).plans(plan)
+    plans = [one.plan for one in given]
     return _save(
         output,
-        conflicts_figure(problem, dict(zip(PlanReader.titles(plan), plans, strict=True))),
+        conflicts_figure(given[0].problem, dict(zip(PlanReader.titles(plan), plans, strict=True))),
         json,
     )
 

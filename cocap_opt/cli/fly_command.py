@@ -105,9 +105,8 @@ def _fly(
         raise UsageError(f"--local: must be left out for {suffix}, which has places on the Earth")
     write = _writer(suffix, autopilot, items)
     check_output(output, scene, plan)
-    reader = PlanReader(scene, load_planned(scene, seed))
-    problem, planned = reader.plan(plan)
-    cut_short = reader.cut_short(plan)
+    given = PlanReader(scene, load_planned(scene, seed)).plan(plan)
+    problem, planned, cut_short = given.problem, given.plan, given.cut_short
     try:
         flight = flown.flight(problem, planned, local)
         flight = flight._replace(start=begins, cut_short=cut_short)

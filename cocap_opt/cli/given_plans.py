@@ -4,8 +4,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, Self
 
-from msgspec.structs import replace
-
 from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.scenes import Problems
 from cocap_opt.files.documents import FileError, PlanFile, problem_digest
@@ -74,19 +72,10 @@ class GivenPlans(NamedTuple):
 def _of_one(paths: Sequence[Path], problems: Problems) -> tuple[list[_Given], Problems]:
     """Reads plans for one problem, which may be foreign ones for a variant of it."""
     ((key, own),) = problems.items()
-    reader = PlanReader(key[0], own)
-    problem, plans = reader.plans(paths)
+    plans = PlanReader(key[0], own).plans(paths)
+    problem = plans[0].problem if plans else own
     digest = problem_digest(problem)
-    given = [
-        _Given(_with_plan(reader.claim(path), plan), digest)
-        for path, plan in zip(paths, plans, strict=True)
-    ]
-    return given, {key: problem}
-
-
-def _with_plan(content: object, plan: Plan) -> Plan | PlanFile:
-    """Returns a plan with what its file says of its search, if it is one of ours."""
-    return replace(content, plan=plan) if isinstance(content, PlanFile) else plan
+    return [_Given(one.file or one.plan, digest) for one in plans], {key: problem}
 
 
 def _of_several(paths: Sequence[Path], problems: Problems) -> tuple[list[_Given], Problems]:
@@ -110,8 +99,8 @@ def _matched(path: Path, readers: Mapping[str, PlanReader]) -> _Given:
             f"{path}: digest: the plan was made for {shortened(printable(content.scene))} of "
             "another seed, content, rules or objective than those of this command"
         )
-    _, plan = readers[content.digest].plan(path)
-    return _Given(_with_plan(content, plan), content.digest)
+    readers[content.digest].flown(path, content)
+    return _Given(content, content.digest)
 
 
 def _names(titles: Sequence[str], given: Sequence[_Given]) -> list[str]:

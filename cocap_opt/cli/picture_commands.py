@@ -24,6 +24,7 @@ from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.output.files import (
+    GivenPlan,
     PlanReader,
     check_output,
     make_folder,
@@ -78,14 +79,16 @@ def _show(
         raise UsageError("--steps: needs a plan, and a picture: the player shows all steps")
     check_output(output, scene, *plan, certificate)
     read = load_planned if plan else load
-    reader = PlanReader(scene, read(scene, seed))
-    problem, plans = reader.plans(plan)
+    problem = read(scene, seed)
+    given = PlanReader(scene, problem).plans(plan)
+    problem = given[0].problem if given else problem
+    plans = [one.plan for one in given]
     if not plan:
         say_strains(scene, seed, problem)
     say_narrow_way(scene, seed, problem)
     if suffix == ".html":
         gaps = _gaps(problem, plans, certificate) if certificate else []
-        content = _player(problem, plans, reader, plan, gaps)
+        content = _player(problem, given, plan, gaps)
     else:
         chosen = () if steps is None else _steps(problem, steps)
         content = _picture(problem, plans, suffix, chosen)
@@ -123,7 +126,7 @@ def _render(
     for option, value, most in (("--width", width, MOST_PIXELS), ("--pixel-step", pixel_step, 100)):
         if not 1 <= value <= most:
             raise UsageError(f"{option}: must be 1..{most}, not {value}")
-    problem, shown = PlanReader(scene, load_planned(scene, seed)).plan(plan)
+    problem, shown, _ = PlanReader(scene, load_planned(scene, seed)).plan(plan)
     make_folder(output)
     with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         try:
@@ -159,17 +162,17 @@ def _steps(problem: Problem, text: str) -> tuple[int, ...]:
 
 def _player(
     problem: Problem,
-    plans: Sequence[Plan],
-    reader: PlanReader,
+    given: Sequence[GivenPlan],
     paths: Sequence[Path],
     gaps: Sequence[Explanation],
 ) -> bytes:
     """Returns the page that plays plans from files."""
     from cocap_opt.player.player import Player
 
-    titled = list(zip(PlanReader.titles(paths), plans, strict=True))
-    planners, cut_short = map(reader.planner, paths), map(reader.cut_short, paths)
-    return Player(problem, titled, gaps, list(planners), list(cut_short)).page().encode()
+    titles = PlanReader.titles(paths)
+    titled = [(title, one.plan) for title, one in zip(titles, given, strict=True)]
+    planners, cut_short = [one.planner for one in given], [one.cut_short for one in given]
+    return Player(problem, titled, gaps, planners, cut_short).page().encode()
 
 
 def _picture(problem: Problem, plans: Sequence[Plan], suffix: str, steps: Sequence[int]) -> bytes:

@@ -60,9 +60,9 @@ def _robustness(
 
     Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
     """
-    reader = PlanReader(scene, load_planned(scene, seed))
-    problem, planned = reader.plan(plan)
-    if cut_short := reader.cut_short(plan):
+    given = PlanReader(scene, load_planned(scene, seed)).plan(plan)
+    problem = given.problem
+    if cut_short := given.cut_short:
         _log.warning("%s: %s", plan, cut_short)
     changes = Changes(
         _USUAL.late if late is None else late,
@@ -70,7 +70,7 @@ def _robustness(
         _USUAL.lag if lag is None else lag,
     )
     try:
-        flight = flown.flight(problem, planned, is_local=True)  # where it is does not matter
+        flight = flown.flight(problem, given.plan, is_local=True)  # where it is does not matter
     except ProblemError as error:
         raise FileError(f"{plan}: {error}") from error
     try:

@@ -244,7 +244,7 @@ class _Task(NamedTuple):
         about |= {"motion": _motion(problem)}
         if path is not None:
             # A start is judged anew, so that it may come from other rules or another objective.
-            fitting, start = PlanReader(scene, problem).plan(path, any_scene=True)
+            fitting, start, _ = PlanReader(scene, problem).plan(path, any_scene=True)
             about |= {"seed": None, "starts": OWN_STARTS} if fitting is not problem else {}
             problem = fitting
         problem = problem.without_rules() if free else problem

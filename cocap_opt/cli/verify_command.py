@@ -214,7 +214,7 @@ class _Claims(NamedTuple):
     @property
     def cut_short(self) -> str:
         """Words for what a limit has left of the plan, which may be valid and only hover."""
-        return self.plan_file.told_cut_short if self.plan_file else ""
+        return self.plan_file.ending.left_of(self.plan_file.plan) if self.plan_file else ""
 
     def by_person(self, verified: Verified) -> Record:
         """Returns the rewards of people, which take the place of those of faces in a terminal."""

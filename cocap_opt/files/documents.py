@@ -15,12 +15,10 @@ from cocap_opt.data import ProblemError
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
-from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
-from cocap_opt.stop import Limit
+from cocap_opt.problem import COVERAGE_VERSION, Ending, Plan, Problem
+from cocap_opt.stop import Limit, Reason
 from cocap_opt.text import unread
 
-# Those of `cocap_opt.result`, which is no part of what must be trusted to check a certificate.
-_Reason = Literal["optimal", "finished", "infeasible", "failed", "unsupported", "stopped"]
 _Amount = Annotated[float, msgspec.Meta(ge=0)]
 _Count = Annotated[int, msgspec.Meta(ge=0)]
 
@@ -124,7 +122,7 @@ class PlanFile(Document, frozen=True, kw_only=True):
     digest: str
     planner: str
     limit: Limit | None = None
-    reason: _Reason | None = None
+    reason: Reason | None = None
     seconds: _Amount | None = None
     time_limit: _Amount | None = None
     work_limit: _Count | None = None
@@ -134,15 +132,10 @@ class PlanFile(Document, frozen=True, kw_only=True):
     plan: Plan
 
     @property
-    def was_in_coverage(self) -> bool:
-        """True if the file says that the limit came before the coverage of all steps was there."""
-        told = self.plan.cut_short(self.limit, in_coverage=True)
-        return bool(told) and self.cut_short == told
-
-    @property
-    def told_cut_short(self) -> str:
-        """Words for what a limit has left of the plan; older files do not say when it came."""
-        return self.cut_short or self.plan.cut_short(self.limit)
+    def ending(self) -> Ending:
+        """How the search for the plan ended; older files tell less of it."""
+        stopped = Reason.FINISHED if self.limit is None else Reason.STOPPED
+        return Ending(self.reason or stopped, self.limit, told=self.cut_short)
 
 
 T = TypeVar("T")

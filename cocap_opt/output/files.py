@@ -119,6 +119,33 @@ def read_text(path: Path) -> str:
         raise FileError(f"{path}: must be text in UTF-8") from error
 
 
+class GivenPlan(NamedTuple):
+    """A plan from a file that can be flown.
+
+    Attributes
+    ----------
+    problem : the variant of the scene that it is for
+    file : all that its file says; None of a foreign one
+    """
+
+    problem: Problem
+    plan: Plan
+    file: PlanFile | None
+
+    @property
+    def planner(self) -> str | None:
+        """The planner that made it, and what stopped that; foreign files do not say."""
+        if self.file is None:
+            return None
+        stopped = f", stopped by the {self.file.limit} limit" if self.file.limit else ""
+        return self.file.planner + stopped
+
+    @property
+    def cut_short(self) -> str:
+        """Words for what a limit has left of it; foreign files do not say."""
+        return "" if self.file is None else self.file.ending.left_of(self.plan)
+
+
 class PlanReader(NamedTuple):
     """Reads plans and what proves them from files, for one scene.
 
@@ -147,49 +174,45 @@ class PlanReader(NamedTuple):
         assert isinstance(found, PlanFile | CertificateFile | ProofFile)
         return found
 
-    def plan(self, path: Path, any_scene: bool = False) -> tuple[Problem, Plan]:
+    def plan(self, path: Path, any_scene: bool = False) -> GivenPlan:
         """Reads a plan that can be flown, and finds the variant of the scene that it is for.
 
         A plan file must be of the scene, unless it may be of `any_scene`.
         """
-        content = self.claim(path)
+        return self.flown(path, self.claim(path), any_scene)
+
+    def flown(
+        self,
+        path: Path,
+        content: PlanFile | CertificateFile | ProofFile | Plan,
+        any_scene: bool = False,
+    ) -> GivenPlan:
+        """Returns what was read from a file as a plan that can be flown; as `plan` does."""
         if isinstance(content, CertificateFile | ProofFile):
             raise FileError(f"{path}: must be a plan, not a certificate")
+        file = content if isinstance(content, PlanFile) else None
         plan = content.plan if isinstance(content, PlanFile) else content
         problem = scene_of_plan(self.scene, self.problem, plan)
-        if isinstance(content, PlanFile) and not any_scene:
-            _require_made_for(problem, content, path)
+        if file is not None and not any_scene:
+            _require_made_for(problem, file, path)
         verdict = check(problem, plan)
         if verdict.violations:
-            if isinstance(content, PlanFile):  # of another scene, as likely as not
-                _require_made_for(problem, content, path)
+            if file is not None:  # of another scene, as likely as not
+                _require_made_for(problem, file, path)
             raise FileError(f"{path}: {verdict.violations[0]}")
-        return problem, plan
+        return GivenPlan(problem, plan, file)
 
-    def planner(self, path: Path) -> str | None:
-        """Reads which planner made a plan, and what stopped it; foreign files do not say."""
-        content = self.claim(path)
-        if not isinstance(content, PlanFile):
-            return None
-        stopped = f", stopped by the {content.limit} limit" if content.limit else ""
-        return content.planner + stopped
-
-    def cut_short(self, path: Path) -> str:
-        """Reads what a limit has left of a plan, in words; foreign files do not say."""
-        content = self.claim(path)
-        return content.told_cut_short if isinstance(content, PlanFile) else ""
-
-    def plans(self, paths: Sequence[Path]) -> tuple[Problem, list[Plan]]:
-        """Reads plans that can be flown, and finds the variant of the scene that all are for."""
+    def plans(self, paths: Sequence[Path]) -> list[GivenPlan]:
+        """Reads plans that can be flown, all of which must be for the same variant of the scene."""
         found = [self.plan(path) for path in paths]
-        variants = [problem_digest(fitting) for fitting, _ in found]
+        variants = [problem_digest(given.problem) for given in found]
         for path, variant in zip(paths, variants, strict=True):
             if variant != variants[0]:
                 raise FileError(
                     f"{path}: is for other starts than {paths[0]}; `export` writes the scene with "
                     "either (--option start-set=yaml or seed) to plan on"
                 )
-        return found[0][0] if found else self.problem, [plan for _, plan in found]
+        return found
 
 
 def _require_made_for(problem: Problem, file: PlanFile, path: Path) -> None:

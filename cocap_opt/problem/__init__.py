@@ -10,7 +10,14 @@ from cocap_opt.problem.earth import Earth
 from cocap_opt.problem.limits import Limits
 from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import COVERAGE_VERSION, Objective
-from cocap_opt.problem.plan import Conflict, PassConflict, Plan, SwapConflict, VertexConflict
+from cocap_opt.problem.plan import (
+    Conflict,
+    Ending,
+    PassConflict,
+    Plan,
+    SwapConflict,
+    VertexConflict,
+)
 from cocap_opt.problem.problem import Problem
 from cocap_opt.problem.robot import Robot
 from cocap_opt.problem.rules import NO_RULES, PAPER_RULES, CollisionRules
@@ -30,6 +37,7 @@ __all__ = [
     "Conflict",
     "Cuboid",
     "Earth",
+    "Ending",
     "Limits",
     "Motion",
     "Objective",

@@ -10,7 +10,7 @@ import numpy as np
 from cocap_opt.data import BoolArray
 from cocap_opt.problem.motion import Cell, State
 from cocap_opt.problem.problem import Problem
-from cocap_opt.stop import Limit
+from cocap_opt.stop import Limit, Reason
 
 NO_PLAN = "no plan"  # so begin the words for a plan in which, for want of time, nobody moves
 
@@ -68,6 +68,38 @@ class SwapConflict(NamedTuple):
 Conflict = VertexConflict | SwapConflict | PassConflict
 
 
+class Ending(NamedTuple):
+    """How the search for a plan ended, as its result or its file tells it.
+
+    Attributes
+    ----------
+    reason : why it ended
+    limit : the limit that stopped it; None if none did
+    in_coverage : the limit was reached before the coverage of all steps was there
+    told : what the limit has left of the plan, in a file's words; empty where no file tells it
+    """
+
+    reason: Reason
+    limit: Limit | None = None
+    in_coverage: bool = False
+    told: str = ""
+
+    def left_of(self, plan: "Plan") -> str:
+        """Returns what the limit has left of the plan, in words; empty without a limit.
+
+        A plan in which all drones stay at their starts, for want of time, is none.
+        """
+        if self.told or self.limit is None:
+            return self.told
+        what = "Ctrl-C" if self.limit is Limit.INTERRUPT else f"the {self.limit} limit"
+        words = f"{what} came during {'coverage' if self.in_coverage else 'the search'}"
+        robots, staying = len(plan.paths), plan.staying
+        if plan.stays:
+            return f"{NO_PLAN}: {words}; all drones stay at their starts"
+        still = f"; {staying} of {robots} drones stay at their starts" if staying else ""
+        return f"cut short: {words}{still}"
+
+
 class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, dict=True):
     """The paths of all robots.
 
@@ -89,21 +121,27 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         return str(vars(self).get("_scene", ""))
 
     @property
-    def told_cut_short(self) -> str:
-        """Words of the plan's file for what a limit has left of it; empty if it has none."""
-        return str(vars(self).get("_cut_short", ""))
+    def ending(self) -> Ending | None:
+        """How the search for it ended, as the plan's file says; None if nobody says it."""
+        ending: Ending | None = vars(self).get("_ending")
+        return ending
 
-    def of_problem(self, digest: str, scene: str, cut_short: str = "") -> "Plan":
+    @property
+    def cut_short(self) -> str:
+        """Words of the plan's file for what a limit has left of it; empty if it has none."""
+        return "" if self.ending is None else self.ending.left_of(self)
+
+    def of_problem(self, digest: str, scene: str, ending: Ending | None = None) -> "Plan":
         """Returns the same plan, which says what its file does; it stays equal.
 
         Parameters
         ----------
         digest, scene : of the problem that it was made for
-        cut_short : what a limit has left of it, in words
+        ending : of the search for it
         """
         plan = Plan(paths=self.paths)
         # No fields, for they are no part of what is flown.
-        vars(plan).update(_made_for=digest, _scene=scene, _cut_short=cut_short)
+        vars(plan).update(_made_for=digest, _scene=scene, _ending=ending)
         return plan
 
     def __repr__(self) -> str:
@@ -119,25 +157,6 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     def staying(self) -> int:
         """Number of drones that neither move nor turn."""
         return sum(len(set(path)) <= 1 for path in self.paths)
-
-    def cut_short(self, limit: Limit | None, in_coverage: bool = False) -> str:
-        """Returns what a limit has left of this plan, in words; empty without a limit.
-
-        A plan in which all drones stay at their starts, for want of time, is none.
-
-        Parameters
-        ----------
-        in_coverage : the limit was reached before the coverage of all steps was there
-        """
-        if limit is None:
-            return ""
-        what = "Ctrl-C" if limit is Limit.INTERRUPT else f"the {limit} limit"
-        words = f"{what} came during {'coverage' if in_coverage else 'the search'}"
-        robots, staying = len(self.paths), self.staying
-        if self.stays:
-            return f"{NO_PLAN}: {words}; all drones stay at their starts"
-        still = f"; {staying} of {robots} drones stay at their starts" if staying else ""
-        return f"cut short: {words}{still}"
 
     @classmethod
     def hovering(cls, problem: Problem) -> "Plan | None":

@@ -126,13 +126,13 @@ class Judged(NamedTuple, Generic[_R_co]):
             verdict = check(problem, given)
             return Judged(Result(given, verdict.reward, Reason.FINISHED, seconds=math.nan), verdict)
         judged = cls.of_plan(problem, given.plan)
-        stopped = Reason.FINISHED if given.limit is None else Reason.STOPPED
+        ending = given.ending
         return judged._replace(
             result=replace(
                 judged.result,
-                reason=stopped if given.reason is None else Reason(given.reason),
-                limit=given.limit,
-                in_coverage=given.was_in_coverage,
+                reason=ending.reason,
+                limit=ending.limit,
+                told=ending.told,
                 seconds=math.nan if given.seconds is None else given.seconds,
             )
         )
@@ -280,7 +280,7 @@ class Judged(NamedTuple, Generic[_R_co]):
             planner=planner,
             limit=self.result.limit,
             cut_short=self.result.cut_short,
-            reason=self.reason.value,
+            reason=self.reason,
             seconds=finite(self.result.seconds),
             time_limit=None if allowance is None else finite(allowance.seconds),
             work_limit=None if allowance is None else allowance.work,

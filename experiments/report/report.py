@@ -224,7 +224,7 @@ def _telling_pair(rows: Sequence[Row]) -> list[Row]:
 def _plan(folder: Path, row: Row, problem: Problem) -> Plan:
     """Returns the plan of a row; its reward must be the row's."""
     path = folder / Paths(row).plan
-    _, plan = PlanReader(str(folder / Paths(row).scene), problem).plan(path)
+    plan = PlanReader(str(folder / Paths(row).scene), problem).plan(path).plan
     reward = check(problem, plan).reward
     claimed = math.nan if row.reward is None else row.reward
     if not math.isclose(reward, claimed, rel_tol=1e-9, abs_tol=1e-9):

@@ -4,7 +4,7 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -418,10 +418,20 @@ def test_plan_files_of_before_say_nothing_of_the_search(tmp_path: Path) -> None:
     assert old.limit is None
 
 
-def test_plan_files_have_the_reasons_of_results() -> None:
+def test_plan_files_have_the_reasons_of_results(tmp_path: Path) -> None:
     """All of them, and no others; seconds below nothing are refused."""
-    reasons = get_args(get_args(PlanFile.__annotations__["reason"])[0])
-    assert set(reasons) == {str(reason) for reason in Reason}
+    path, plan = tmp_path / "plan.json", Plan(paths=())
+    for reason in Reason:
+        PlanFile(scene="s", digest="d", planner="p", reward=1.0, plan=plan, reason=reason).save(
+            path
+        )
+        assert json.loads(path.read_text())["reason"] == str(reason)
+        assert PlanFile.read(path).ending.reason is reason
+    content = json.loads(path.read_text())
+    for field, wrong in (("reason", "done"), ("seconds", -1.0)):
+        path.write_text(json.dumps(content | {field: wrong}))
+        with pytest.raises(FileError, match=f"{field}: must be"):
+            PlanFile.read(path)
 
 
 def test_a_killed_write_leaves_the_old_file(

@@ -15,12 +15,12 @@ from cocap_opt.cli.main import main
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.model import CoverageEstimate, Model
 from cocap_opt.player.player import Player
-from cocap_opt.problem import Plan
+from cocap_opt.problem import Ending, Plan
 from cocap_opt.run import forecast
 from cocap_opt.run.forecast import Forecast, Tried, doubts, duration
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.recipe.lighter import lighter
-from cocap_opt.stop import Limit
+from cocap_opt.stop import Limit, Reason
 
 RECIPE = """\
 steps = 12
@@ -276,12 +276,12 @@ def test_what_a_limit_has_left_of_a_plan_is_said_in_words() -> None:
     plan = still()
     moves = (*plan.paths[0][:-1], plan.paths[0][-1]._replace(heading=7))
     some = Plan(paths=(moves, *plan.paths[1:]))
-    assert plan.cut_short(None) == ""
-    assert plan.cut_short(Limit.TIME, in_coverage=True) == (
+    assert Ending(Reason.FINISHED).left_of(plan) == ""
+    assert Ending(Reason.STOPPED, Limit.TIME, in_coverage=True).left_of(plan) == (
         "no plan: the time limit came during coverage; all drones stay at their starts"
     )
     n = len(plan.paths)
-    assert some.cut_short(Limit.INTERRUPT) == (
+    assert Ending(Reason.STOPPED, Limit.INTERRUPT).left_of(some) == (
         f"cut short: Ctrl-C came during the search; {n - 1} of {n} drones stay at their starts"
     )
 
@@ -372,8 +372,10 @@ def test_files_of_older_versions_say_it_too(tmp_path: Path) -> None:
     parts: dict[str, Any] = {"scene": "s", "digest": "d", "planner": "p", "reward": 1.0}
     old = PlanFile(version=3, limit=Limit.TIME, plan=still(), **parts)
     old.save(tmp_path / "old.json")
-    assert PlanFile.read(tmp_path / "old.json").told_cut_short.startswith("no plan: the time")
-    assert PlanFile(plan=still(), **parts).told_cut_short == ""
+    ending = PlanFile.read(tmp_path / "old.json").ending
+    assert ending.reason is Reason.STOPPED
+    assert ending.left_of(still()).startswith("no plan: the time")
+    assert PlanFile(plan=still(), **parts).ending == Ending(Reason.FINISHED)
 
 
 def test_the_player_is_told_what_limits_have_left() -> None:
@@ -393,7 +395,7 @@ def test_a_plan_that_is_read_says_what_its_file_does(tmp_path: Path) -> None:
         co.trajectory(problem, plan, step=1.0)
     co.save(tmp_path / "again.json", plan, problem)
     again = co.read(tmp_path / "again.json", co.Plan)
-    assert again.told_cut_short == plan.told_cut_short != ""
+    assert again.cut_short == plan.cut_short != ""
     assert again == plan
 
 

@@ -107,7 +107,7 @@ class Published(NamedTuple):
             )
             return
         try:
-            _, plan = PlanReader(str(scene.path), problem).plan(folder / _PEER_PLAN)
+            plan = PlanReader(str(scene.path), problem).plan(folder / _PEER_PLAN).plan
         except FileError as error:  # such as moves that other conventions forbid
             tell(f"{scene.word}: their plan is left out: {error}")
             return
@@ -136,7 +136,7 @@ class Published(NamedTuple):
             evaluated = hughes.rewards_between_cells(file, problem)
             if evaluated is not None:
                 return self._replace(evaluated=evaluated)
-            return self._replace(plan=PlanReader(str(scene.path), problem).plan(file)[1])
+            return self._replace(plan=PlanReader(str(scene.path), problem).plan(file).plan)
         except (FileError, ProblemError) as error:
             tell(f"{scene.word}: a plan of theirs is left out: {error}")
             return self
