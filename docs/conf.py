@@ -10,6 +10,7 @@ from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
 import cocap_opt
+from cocap_opt.cli.commands import app
 from cocap_opt.experiments.lab.manual.diagrams import write_diagrams
 from cocap_opt.experiments.lab.manual.docstrings import with_meanings
 from cocap_opt.experiments.lab.manual.entries import all_entries
@@ -29,7 +30,7 @@ extensions = [
 exclude_patterns = ["notebooks/.ipynb_checkpoints", "notebooks/__init__.py"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "substitution"]
 myst_heading_anchors = 3
-myst_substitutions = all_entries()  # {{ name }}; a name that is missing fails the build
+myst_substitutions = all_entries(app)  # {{ name }}; a name that is missing fails the build
 smartquotes = False  # they would join the hyphens of options
 nb_execution_mode = "off"  # `cocap-opt study notebooks` runs them
 autodoc_member_order = "bysource"

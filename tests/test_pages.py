@@ -10,7 +10,7 @@ from pages import DOCS, ROOT, blocks, pages, words
 
 from cocap_opt.cli.commands import app
 from cocap_opt.experiments.lab.manual import entries
-from cocap_opt.experiments.lab.manual.entries import ENTRIES
+from cocap_opt.experiments.lab.manual.entries import ENTRIES, OF_PROGRAM
 from cocap_opt.experiments.lab.studies.quotes import requote
 from cocap_opt.files.documents import FileError
 
@@ -88,14 +88,14 @@ def test_what_is_inserted_has_a_name() -> None:
     texts = [page.read_text(encoding="utf-8") for page in pages()]
     inserted = {name for text in texts for name in re.findall(r"\{\{ *(\w*) *\}\}", text)}
     assert len(inserted) > 20
-    assert inserted <= set(ENTRIES)
+    assert inserted <= {*ENTRIES, *OF_PROGRAM}
 
 
 def test_what_is_inserted_says_something(monkeypatch: pytest.MonkeyPatch) -> None:
     """A name that stands for nothing fails the build of the pages, which asks for all names."""
     monkeypatch.setattr(entries, "ENTRIES", {"some": lambda: "words", "none": lambda: " \n"})
     with pytest.raises(ValueError, match="none: stands for nothing"):
-        entries.all_entries()
+        entries.all_entries(app)
 
 
 def test_a_document_is_quoted_into_between_its_marks(tmp_path: Path) -> None:

@@ -1,8 +1,6 @@
 """The commands about scenes: listing them, an example of a recipe, and scenes as files."""
 
-import math
 import sys
-from collections.abc import Iterator
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -12,12 +10,11 @@ from cocap_opt.console.progress import Watch
 from cocap_opt.files.documents import SceneFile, encode, problem_digest
 from cocap_opt.output.files import check_output, save_bytes
 from cocap_opt.output.graphml import graphml
+from cocap_opt.output.known_scenes import known_scenes
 from cocap_opt.output.printing import Listing, Record, print_result
-from cocap_opt.problem import Limits, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.run.options import Option, UsageError
-from cocap_opt.scenarios import FORMATS, SCENES
-from cocap_opt.scenarios.airframes import AIRFRAMES
-from cocap_opt.scenarios.cameras import CAMERAS, with_cameras
+from cocap_opt.scenarios.cameras import with_cameras
 
 _GRAPH = ".graphml"
 
@@ -37,47 +34,6 @@ def _scenes(*, json: Json = False) -> int:
         Listing("cameras that `export` can put on a scene's drones (px)", known["cameras"]).print()
         Listing("airframes of recipes (m/s, m/s2, degrees/s)", known["airframes"]).print()
     return 0
-
-
-def known_scenes() -> dict[str, list[Record]]:
-    """Returns rows of all scenes, formats, cameras and airframes, and of options of formats."""
-    return {
-        "scenes": [
-            {
-                "scene": name,
-                "rules": str(build(0).rules),
-                "about": (build.__doc__ or "").strip().splitlines()[0],
-            }
-            for name, build in SCENES.items()
-        ],
-        "formats": [{"format": name, "about": f.description} for name, f in FORMATS.items()],
-        "cameras": [
-            {
-                "camera": name, "width": camera.width, "height": camera.height,
-                "focal": camera.focal, "angle of view (deg)": 2 * math.degrees(camera.half_angle),
-            }
-            for name, camera in CAMERAS.items()
-        ],
-        "airframes": [
-            {
-                "airframe": name,
-                "limits": ", ".join(f"{kind} {value:,.4g}" for kind, value in _known(limits)),
-            }
-            for name, limits in AIRFRAMES.items()
-        ],
-        "options": [
-            {"option": name, "values": ", ".join(words), "of files": key}
-            for key, kind in FORMATS.items() if kind.options is not None
-            for name, words in kind.options.allowed.items()
-        ],
-    }  # fmt: skip
-
-
-def _known(limits: Limits) -> Iterator[tuple[str, float]]:
-    """Yields the limits that are known, in degrees where a recipe has them so."""
-    for kind in limits.__struct_fields__:
-        if (value := getattr(limits, kind)) is not None:
-            yield kind, math.degrees(value) if kind.endswith("_rate") else value
 
 
 def _recipe(*, json: Json = False) -> int:

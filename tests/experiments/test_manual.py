@@ -33,7 +33,7 @@ from cocap_opt.scenarios.built_in.tiny import TINY_OPTIMA
 
 def test_options_have_their_defaults_on_the_pages() -> None:
     """A default of 0 is one, too; what groups options in the code is none of them."""
-    text = commands_in_markdown()
+    text = commands_in_markdown(app)
     assert "| `--seed` | seed of the scene, >= 0 | `0` |" in text
     assert (
         "| `--time-limit` | seconds for each computation, its coverage included, inf: no "
@@ -44,7 +44,7 @@ def test_options_have_their_defaults_on_the_pages() -> None:
 
 def test_all_commands_are_on_the_pages() -> None:
     """Each has a part, and each of its options a line."""
-    text = commands_in_markdown() + "\n" + studies_in_markdown()
+    text = commands_in_markdown(app) + "\n" + studies_in_markdown(app)
     titles = re.findall(r"(?m)^## (.+)$", text)
     families = ("figure", "study")
     plain = [name for name in app if not name.startswith("-") and name not in families]

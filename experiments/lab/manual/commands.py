@@ -6,23 +6,21 @@ from collections.abc import Sequence
 from cyclopts import App
 from cyclopts.argument import Argument
 
-from cocap_opt.cli.commands import app
-
 _FAMILIES = ("figure", "study")  # commands that hold others
 
 
-def commands_in_markdown() -> str:
+def commands_in_markdown(app: App) -> str:
     """Returns a part for each command but studies: how it is called, what it does, its options."""
     plain = [_command(f"cocap-opt {name}", app[name]) for name in _names(app, _FAMILIES)]
-    return "\n\n".join([*plain, _family("figure")])
+    return "\n\n".join([*plain, _family(app, "figure")])
 
 
-def studies_in_markdown() -> str:
+def studies_in_markdown(app: App) -> str:
     """Returns a part for each command of `cocap-opt study`."""
-    return _family("study")
+    return _family(app, "study")
 
 
-def _family(name: str) -> str:
+def _family(app: App, name: str) -> str:
     inner = app[name]
     return "\n\n".join(_command(f"cocap-opt {name} {one}", inner[one]) for one in _names(inner))
 

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from functools import cache, partial
 
-from cocap_opt.cli.scene_commands import known_scenes
 from cocap_opt.experiments.tables.rows import COLUMNS
+from cocap_opt.output.known_scenes import known_scenes
 from cocap_opt.output.printing import Listing, Record
 from cocap_opt.scenarios.recipe.recipe import EXAMPLE
 

@@ -1,0 +1,51 @@
+"""Lists of what scenes are made of: built-in ones, file formats, cameras and airframes."""
+
+import math
+from collections.abc import Iterator
+
+from cocap_opt.output.printing import Record
+from cocap_opt.problem import Limits
+from cocap_opt.scenarios import FORMATS, SCENES
+from cocap_opt.scenarios.airframes import AIRFRAMES
+from cocap_opt.scenarios.cameras import CAMERAS
+
+
+def known_scenes() -> dict[str, list[Record]]:
+    """Returns rows of all scenes, formats, cameras and airframes, and of options of formats."""
+    return {
+        "scenes": [
+            {
+                "scene": name,
+                "rules": str(build(0).rules),
+                "about": (build.__doc__ or "").strip().splitlines()[0],
+            }
+            for name, build in SCENES.items()
+        ],
+        "formats": [{"format": name, "about": f.description} for name, f in FORMATS.items()],
+        "cameras": [
+            {
+                "camera": name, "width": camera.width, "height": camera.height,
+                "focal": camera.focal, "angle of view (deg)": 2 * math.degrees(camera.half_angle),
+            }
+            for name, camera in CAMERAS.items()
+        ],
+        "airframes": [
+            {
+                "airframe": name,
+                "limits": ", ".join(f"{kind} {value:,.4g}" for kind, value in _known(limits)),
+            }
+            for name, limits in AIRFRAMES.items()
+        ],
+        "options": [
+            {"option": name, "values": ", ".join(words), "of files": key}
+            for key, kind in FORMATS.items() if kind.options is not None
+            for name, words in kind.options.allowed.items()
+        ],
+    }  # fmt: skip
+
+
+def _known(limits: Limits) -> Iterator[tuple[str, float]]:
+    """Yields the limits that are known, in degrees where a recipe has them so."""
+    for kind in limits.__struct_fields__:
+        if (value := getattr(limits, kind)) is not None:
+            yield kind, math.degrees(value) if kind.endswith("_rate") else value
