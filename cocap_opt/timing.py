@@ -25,9 +25,9 @@ def timed(method: Callable[P, R]) -> Callable[P, R]:
     def run(*args: P.args, **kwargs: P.kwargs) -> R:
         problem = cast(Problem, args[0] if args else kwargs["problem"])
         model, clock = compiled(problem), Clock()
-        before = model.coverage_seconds
+        before = model.tables.seconds
         result = method(*args, **kwargs)
-        coverage = model.coverage_seconds - before
+        coverage = model.tables.seconds - before
         return replace(
             result,
             seconds=max(clock.seconds - coverage, 0.0),

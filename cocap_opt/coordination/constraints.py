@@ -23,7 +23,7 @@ def avoid_paths(
         return NO_CHARGES
     places, moves = [_NOTHING[:, :2]], [_NOTHING]
     for cells in others:
-        near, passing = model.path_too_close(robot_class, cells)
+        near, passing = model.places.path_too_close(robot_class, cells)
         places.append(near)
         moves.append(passing)
     return Charges.closing(np.concatenate(places), np.concatenate(moves))
@@ -50,7 +50,7 @@ def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Cha
         own = conflict.cells[which : which + 1]
     else:
         own = conflict.moves[which]
-    places = [model.place_of(robot_class, cell) for cell in own]
+    places = [model.places.place_of(robot_class, cell) for cell in own]
     closed = [place for place in places if place is not None]
     if len(closed) < len(places):
         raise ValueError("the conflict is not one of this drone")
@@ -72,7 +72,7 @@ def _near_middle(model: Model, robot_class: RobotClass, conflict: VertexConflict
         return _NOTHING[:, 0]
     x, y, _ = conflict.cells[0]
     places = graph.places_around(x, y, model.problem.cells_apart)
-    return places[rules.near_point(model.where(robot_class, places) - (one + other) / 2)]
+    return places[rules.near_point(model.places.where(robot_class, places) - (one + other) / 2)]
 
 
 def _passing_middle(
@@ -84,7 +84,7 @@ def _passing_middle(
     meeting = rules.meeting(tails, heads)
     if not rules.near_point(meeting.ways(tails, heads)).all():
         return _NOTHING[:, :2]
-    return model.moves_through(robot_class, meeting, conflict.moves[0])[0]
+    return model.places.moves_through(robot_class, meeting, conflict.moves[0])[0]
 
 
 _NOTHING = np.zeros((0, 3), dtype=np.int64)

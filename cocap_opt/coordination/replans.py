@@ -40,7 +40,7 @@ def replans(model: Model, plan: Plan, stop: Stop = never) -> list[Replan]:
     for robot, own in enumerate(paths):
         others = [k for k in range(len(paths)) if k != robot]
         seen = sum((pixels[k] for k in others), model.problem.no_pixels())
-        passing = (model.cells_along(k, paths[k]) for k in others)
+        passing = (model.places.cells_along(k, paths[k]) for k in others)
         charges = avoid_paths(model, model.class_of[robot], passing)
         new = best_response(model, robot, seen, charges, stop)
         if new is None:

@@ -74,7 +74,7 @@ class Team(Generic[P]):
 
     def cells(self, robot: int) -> tuple[Cell, ...]:
         """Returns the cells of a robot's path, which must have been found."""
-        return self.model.cells_along(robot, self.path(robot))
+        return self.model.places.cells_along(robot, self.path(robot))
 
     def pixels(self, without: int | None = None) -> FloatArray:
         """Returns the view sums [Z] of all robots that are planned, or of all but one."""

@@ -1,11 +1,13 @@
 """Problems compiled for planners and formulations: robot classes, their graphs and coverage.
 
-`model` has the classes and what is asked of them; `coverage_tables` makes and keeps the coverage,
+`model` has the classes and what is asked of them; `places` says where robots can be and what
+conflicts there; `coverage_tables` makes and keeps the coverage,
 which problems that differ in their rules share; `coverage_estimate` says before what it costs.
 """
 
 from cocap_opt.model.coverage_estimate import CoverageEstimate
 from cocap_opt.model.coverage_tables import Path
-from cocap_opt.model.model import Model, RobotClass, compiled, compiled_anew
+from cocap_opt.model.model import Model, compiled, compiled_anew
+from cocap_opt.model.places import RobotClass
 
 __all__ = ["CoverageEstimate", "Model", "Path", "RobotClass", "compiled", "compiled_anew"]

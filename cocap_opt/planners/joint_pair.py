@@ -97,7 +97,7 @@ class Pair(PairIteration):
         """Returns the reward of being in each pair of states at step t, with goals at the end."""
         own = self._view_rewards(t).reshape(*self.a.sizes(t), *self.b.sizes(t))
         classes = self.a.robot_class, self.b.robot_class
-        conflicts = self.model.conflict_matrix(classes, (self.a.places[t], self.b.places[t]))
+        conflicts = self.model.places.conflict_matrix(classes, (self.a.places[t], self.b.places[t]))
         own.transpose(0, 2, 1, 3)[:, :, conflicts] = CLOSED
         if t == self.horizon:
             own[:, self._off_goal(self.a)] = CLOSED
@@ -227,8 +227,8 @@ class Pair(PairIteration):
         radii = self.a.robot_class.graph.motion.radius + self.b.robot_class.graph.motion.radius
         reach = radii * problem.height_map.resolution + problem.rules.separation
         one, other = (
-            self.model.where(self.a.robot_class, self.a.places[t]),
-            self.model.where(self.b.robot_class, self.b.places[t]),
+            self.model.places.where(self.a.robot_class, self.a.places[t]),
+            self.model.places.where(self.b.robot_class, self.b.places[t]),
         )
         ways = np.abs(one[:, None, :2] - other[None, :, :2])
         # A little farther, for rounding.
@@ -251,7 +251,7 @@ class Pair(PairIteration):
         """
         rules, (at_a, at_b) = self.model.problem.rules, at
         tails_a, tails_b = (
-            self.model.where(side.robot_class, side.places[t][some])
+            self.model.places.where(side.robot_class, side.places[t][some])
             for side, some in ((self.a, at_a), (self.b, at_b))
         )
         ways_b = self._ways(t, self.b, at_b)
@@ -282,7 +282,7 @@ class Pair(PairIteration):
         turning = _Ways(
             True,
             side.position(t + 1, heads),
-            self.model.where(side.robot_class, heads),
+            self.model.places.where(side.robot_class, heads),
             self.bonuses.of_moves(np.array(side.robot_class.graph.moves)),
         )
         if not self.bonuses.stationarity:
@@ -307,11 +307,11 @@ class Pair(PairIteration):
         sides = self.a, self.b
         sizes = [side.robot_class.graph.n_places for side in sides]
         here = [
-            self.model.where(side.robot_class, np.array([tail % n]))
+            self.model.places.where(side.robot_class, np.array([tail % n]))
             for side, tail, n in zip(sides, tails, sizes, strict=True)
         ]
         one, other = (
-            self.model.where(side.robot_class, some % n)
+            self.model.places.where(side.robot_class, some % n)
             for side, some, n in zip(sides, heads, sizes, strict=True)
         )
         return self.model.problem.rules.moves_conflict((here[0], one[:, None]), (here[1], other))

@@ -41,7 +41,7 @@ class OptimisticCoverage:
     """
 
     def __init__(self, model: Model, robot_class: RobotClass, stop: Stop) -> None:
-        model.require_memory(robot_class)
+        model.tables.require_memory(robot_class.spec)
         problem = model.problem
         self._views, self._n_states = model.views(robot_class), robot_class.graph.n_states
         self._steps, self._n_faces = (problem.first_step, problem.horizon), model.n_faces

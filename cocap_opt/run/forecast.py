@@ -54,7 +54,7 @@ class Forecast(NamedTuple):
         ProblemError
             If coverage is certainly larger than the memory.
         """
-        return cls(model.coverage_estimate(), model.planning_seconds)
+        return cls(model.tables.estimate(), model.planning_seconds)
 
     def fits(self, seconds: float, margin: float = _ENOUGH) -> bool:
         """Returns True if a limit leaves time for each drone's plan after all coverage."""
@@ -203,7 +203,7 @@ def warn_of_checking(
     if not files:  # others are refused at once
         return
     try:
-        coverage = model.coverage_estimate()
+        coverage = model.tables.estimate()
     except ProblemError:  # it does not fit into the memory, which the check says itself
         return
     states = sum(c.graph.n_states for c in model.classes) * (model.problem.horizon + 1)
@@ -275,7 +275,7 @@ def warn_before_limits(
     if _is_little(model, _LONG):
         return
     try:
-        coverage = model.coverage_estimate()
+        coverage = model.tables.estimate()
     except ProblemError:  # it does not fit into the memory: the cells say so themselves
         return
     forecast = Forecast(coverage._replace(seconds=cores * coverage.seconds))

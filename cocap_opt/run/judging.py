@@ -158,7 +158,7 @@ class Judged(NamedTuple, Generic[_R_co]):
                 coverage_seconds=0.0, views=None if views is None else int(views)
             )
         model = compiled(problem)
-        return judged._replace(coverage_seconds=model.coverage_seconds, views=model.covered_views)
+        return judged._replace(coverage_seconds=model.tables.seconds, views=model.covered_views)
 
     @classmethod
     def certified(
@@ -182,7 +182,7 @@ class Judged(NamedTuple, Generic[_R_co]):
         else:
             result = BOUNDS[name](problem, stop, start, report)
         judged = Judged.of(name, problem, with_coverage_told(problem, result))
-        return judged._replace(coverage_seconds=compiled(problem).coverage_seconds)
+        return judged._replace(coverage_seconds=compiled(problem).tables.seconds)
 
     @property
     def reward(self) -> float:

@@ -88,7 +88,7 @@ class Task(NamedTuple):
                 _warm_up(BOUND_METHOD if self.cell.planner == BOUND else self.cell.planner)
             compiled_anew(self.problem)
             found = compute(self, stop, watch or Watch())
-            coverage_seconds = compiled(self.problem).coverage_cost
+            coverage_seconds = compiled(self.problem).tables.cost
         except OwnPlannerError as error:  # says all that there is to say
             cause = error.__cause__  # what a planner raised
             trace = "" if cause is None else "".join(format_exception(cause))

@@ -34,7 +34,7 @@ class PathCells(NamedTuple):
         """Returns the path of a robot, which is given in state numbers, with its cells."""
         robot_class = model.class_of[robot]
         number = model.classes.index(robot_class)
-        cells, n_places = model.cells[number], robot_class.graph.n_places
+        cells, n_places = model.places.cells[number], robot_class.graph.n_places
         return cls(number, path, tuple([cells[state % n_places] for state in path]))
 
 
@@ -166,7 +166,7 @@ class Moves(_Resource, frozen=True, tag="moves"):
     def footprint(self, model: Model, number: int) -> _Footprint:
         """Returns the moves; those that are out of reach are left out."""
         robot_class = model.classes[number]
-        ends = [[model.place_of(robot_class, cell) for cell in move] for move in self.moves]
+        ends = [[model.places.place_of(robot_class, cell) for cell in move] for move in self.moves]
         kept = [(tail, head) for tail, head in ends if tail is not None and head is not None]
         return _Footprint(moves=tuple(kept))
 
@@ -289,7 +289,7 @@ def charges_of(model: Model, number: int, costs: Iterable[tuple[Resource, float]
 
 def _places(model: Model, number: int, cells: Iterable[Cell]) -> tuple[int, ...]:
     """Returns the places of cells in the graph of class `number`, without those outside of it."""
-    found = [model.place_of(model.classes[number], cell) for cell in cells]
+    found = [model.places.place_of(model.classes[number], cell) for cell in cells]
     return tuple(place for place in found if place is not None)
 
 

@@ -369,7 +369,7 @@ class _ArcPair(PairIteration):
         reward: FloatArray = (np.sqrt(pixels) - np.sqrt(base)) @ weights[used]
         places = [s.states[t] % s.robot_class.graph.n_places for s in (a, b)]
         classes = a.robot_class, b.robot_class
-        reward[model.conflict_matrix(classes, (places[0], places[1]))] = CLOSED
+        reward[model.places.conflict_matrix(classes, (places[0], places[1]))] = CLOSED
         return reward
 
     def step_back(self, t: int, ahead: FloatArray) -> FloatArray:
@@ -408,7 +408,7 @@ class _ArcPair(PairIteration):
     def _where(self, side: _Side, states: IntArray) -> FloatArray:
         """Returns where the robot of a side is in states [n], as [n, 3] in m."""
         places = states % side.robot_class.graph.n_places
-        return self._model.where(side.robot_class, places)
+        return self._model.places.where(side.robot_class, places)
 
     def successors(self, which: int, t: int, state: int) -> Successors:
         """Returns the states that arcs of robot 0 or 1 lead to."""

@@ -41,8 +41,8 @@ class CliquesOfMoves:
         """
         meeting, found = self._meeting(one, other), dict[_Move, float]()
         for number, robot_class in enumerate(self._model.classes):
-            cells = self._model.cells[number]
-            moves, far = self._model.moves_through(robot_class, meeting, one)
+            cells = self._model.places.cells[number]
+            moves, far = self._model.places.moves_through(robot_class, meeting, one)
             between = ((cells[tail], cells[head]) for tail, head in moves.tolist())
             found |= dict(zip(between, far.tolist(), strict=True))
         nearest = sorted(found, key=lambda move: (found[move], move))[:MOST_MOVES]

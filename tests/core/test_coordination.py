@@ -33,11 +33,11 @@ def test_places_conflict_where_their_cells_are_too_close(problem: Problem, seed:
     classes = model.class_of[0], model.class_of[1]
     places = [rng.choice(np.flatnonzero(c.graph.free), 12) for c in classes]
     cells = [
-        [model.cells[model.classes.index(c)][place] for place in own.tolist()]
+        [model.places.cells[model.classes.index(c)][place] for place in own.tolist()]
         for c, own in zip(classes, places, strict=True)
     ]
     expected = [[problem.too_close(p, q) for q in cells[1]] for p in cells[0]]
-    assert model.conflict_matrix(classes, (places[0], places[1])).tolist() == expected
+    assert model.places.conflict_matrix(classes, (places[0], places[1])).tolist() == expected
 
 
 @examples(15)
@@ -119,7 +119,7 @@ def test_either_robot_of_a_conflict_gives_way(
     assume(conflict is not None)
     assert conflict is not None
     closed = [forbid(model, conflict, which, NO_CHARGES) for which in (0, 1)]
-    at = [model.where(model.class_of[i], np.arange(graphs[i].n_places)) for i in (0, 1)]
+    at = [model.places.where(model.class_of[i], np.arange(graphs[i].n_places)) for i in (0, 1)]
     if isinstance(conflict, VertexConflict):
         for charges, (tail, _) in zip(closed, ends, strict=True):
             assert (1, tail) in charges.places

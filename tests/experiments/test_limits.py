@@ -14,6 +14,7 @@ import cocap_opt as co
 from cocap_opt.cli.main import main
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.model import CoverageEstimate, Model
+from cocap_opt.model.coverage_tables import CoverageTables
 from cocap_opt.player.player import Player
 from cocap_opt.problem import Ending, Plan
 from cocap_opt.run import forecast
@@ -75,7 +76,7 @@ def town(tmp_path: Path) -> Path:
 def test_an_estimate_counts_all_views_and_meets_their_entries(scene: str) -> None:
     """It knows how many views there are, and by a sample how many faces they see."""
     model = Model(load_scene(scene), use_cache=False)
-    found = model.coverage_estimate()
+    found = model.tables.estimate()
     assert found.views == model.reachable_views
     tables = [model.coverage(c) for c in model.classes]
     horizon = model.problem.horizon
@@ -87,7 +88,7 @@ def test_an_estimate_counts_all_views_and_meets_their_entries(scene: str) -> Non
 def test_an_estimate_changes_no_number() -> None:
     """Coverage is the same bit for bit with and without one before."""
     one, other = (Model(load_scene("corridor"), use_cache=False) for _ in range(2))
-    one.coverage_estimate()
+    one.tables.estimate()
     for a, b in zip(one.coverage(one.classes[0]), other.coverage(other.classes[0]), strict=True):
         assert np.array_equal(a, b)
 
@@ -98,11 +99,11 @@ def test_of_coverage_that_is_there_nothing_is_estimated(
     """Neither of what is in memory, nor of what is in the cache; a part of it counts."""
     monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
     model = Model(load_scene("corridor"))
-    assert model.coverage_estimate().views > 0
+    assert model.tables.estimate().views > 0
     model.prepare_all()
-    assert model.coverage_estimate() == CoverageEstimate()
-    assert Model(load_scene("corridor")).coverage_estimate() == CoverageEstimate()
-    assert Model(load_scene("corridor"), use_cache=False).coverage_estimate().views > 0
+    assert model.tables.estimate() == CoverageEstimate()
+    assert Model(load_scene("corridor")).tables.estimate() == CoverageEstimate()
+    assert Model(load_scene("corridor"), use_cache=False).tables.estimate().views > 0
 
 
 @pytest.mark.slow(seconds=20)
@@ -111,9 +112,9 @@ def test_an_estimate_is_right_within_a_factor(scene: str, town: Path) -> None:
     """Seconds are those of all coverage, within a factor that a busy machine leaves."""
     path = str(town) if scene == "town" else scene
     model = Model(load_scene(path), use_cache=False)
-    before = model.coverage_estimate().seconds
+    before = model.tables.estimate().seconds
     model.prepare_all()
-    taken = model.coverage_seconds
+    taken = model.tables.seconds
     assert taken / 4 < before < 4 * taken
 
 
@@ -214,11 +215,11 @@ def test_little_coverage_is_computed_and_not_estimated(monkeypatch: pytest.Monke
     """An estimate would take longer; with next to no time left it is worth that all the same."""
     asked: list[str] = []
 
-    def estimate(model: Model) -> CoverageEstimate:
-        asked.append(model.problem.name)
+    def estimate(tables: CoverageTables) -> CoverageEstimate:
+        asked.append(tables.problem.name)
         return CoverageEstimate()
 
-    monkeypatch.setattr(Model, "coverage_estimate", estimate)
+    monkeypatch.setattr(CoverageTables, "estimate", estimate)
     co.plan(load_scene("corridor"), "greedy", time_limit=60)
     co.plan(load_scene("corridor"), "greedy")
     assert not asked
@@ -231,7 +232,7 @@ def test_gap_says_how_long_coverage_takes_which_no_limit_ends(
 ) -> None:
     """Once for each scene, before it begins; with workers by what they allow a cell."""
     monkeypatch.setattr(forecast, "_SLOWEST", math.inf)  # as if it had many views
-    monkeypatch.setattr(Model, "coverage_estimate", lambda model: CoverageEstimate(9, 500.0))
+    monkeypatch.setattr(CoverageTables, "estimate", lambda tables: CoverageEstimate(9, 500.0))
     assert len(co.gap("corridor", ["formation"], "0-1", time_limit=0)) == 2
     told = "corridor, seed 0: coverage takes about 8 min and 0.1 GB, before any time limit begins"
     assert [record.message for record in caplog.records if "coverage" in record.message] == [told]
@@ -450,7 +451,7 @@ def test_verify_has_a_limit_and_warns_if_it_will_not_do(
     """It is ten minutes; `inf` is none. What would do is said before it begins."""
     assert run(capsys, "verify", "tiny-queue", proof)[0] == 0
     monkeypatch.setattr(
-        Model, "coverage_estimate", lambda model: CoverageEstimate(10, seconds=700.0)
+        CoverageTables, "estimate", lambda tables: CoverageEstimate(10, seconds=700.0)
     )
     assert run(capsys, "verify", "tiny-queue", proof, "--time-limit", "inf")[0] == 0
     assert "takes about" not in caplog.text
@@ -468,7 +469,7 @@ def test_verify_warns_of_memory_and_not_of_time(
 ) -> None:
     """No limit is too short for what the memory does not hold."""
     monkeypatch.setattr(
-        Model, "coverage_estimate", lambda model: CoverageEstimate(10, seconds=3.0, memory=1e15)
+        CoverageTables, "estimate", lambda tables: CoverageEstimate(10, seconds=3.0, memory=1e15)
     )
     run(capsys, "verify", "tiny-queue", proof)
     assert re.search("coverage takes about 3 s and 1000000.0 GB, of which .* are free", caplog.text)

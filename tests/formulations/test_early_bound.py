@@ -137,7 +137,7 @@ def test_coverage_is_computed_once_with_rules_and_without() -> None:
     assert 0 < free.covered_steps == model.covered_steps <= problem.horizon
     free.prepare_all()
     assert model.covered_steps == problem.horizon + 1
-    assert model.coverage_seconds == free.coverage_seconds
+    assert model.tables.seconds == free.tables.seconds
 
 
 def test_a_plan_is_judged_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -211,7 +211,7 @@ def _stage(words: str, narrowing: Narrowing) -> Stage:
     model, cells = narrowing.model, set[tuple[int, int]]()
     for number, left in enumerate(narrowing.left):
         places = np.flatnonzero(left[middle()]) % model.classes[number].graph.n_places
-        cells |= {model.cells[number][place][:2] for place in places.tolist()}
+        cells |= {model.places.cells[number][place][:2] for place in places.tolist()}
     return Stage(
         words, narrowing.bound, narrowing.states_left, frozenset(cells),
         narrowing.joint_states_left, best_plan(narrowing, MOST_NODES).reached,
@@ -238,7 +238,7 @@ def seen_from(actor: int) -> FloatArray:
     rewards = (np.sqrt(pixels[:, faces]) * weights[faces]).sum(axis=1)
     best = rewards.reshape(graph.n_orientations, graph.n_places).max(axis=0)
     found = np.zeros(own.problem.height_map.shape)
-    for place, (x, y, _) in enumerate(own.model.cells[0]):
+    for place, (x, y, _) in enumerate(own.model.places.cells[0]):
         if 0 <= x < found.shape[0] and 0 <= y < found.shape[1]:
             found[x, y] = max(found[x, y], best[place])
     return found

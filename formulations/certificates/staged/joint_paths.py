@@ -166,7 +166,7 @@ class _Team:
         ends = [
             (places[tails[:, robot] % n], places[heads[:, robot] % n])
             for robot, (places, n) in enumerate(
-                (model.positions[number], model.classes[number].graph.n_places)
+                (model.places.positions[number], model.classes[number].graph.n_places)
                 for number in self._numbers.tolist()
             )
         ]

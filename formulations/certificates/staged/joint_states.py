@@ -147,7 +147,7 @@ class JointStates:
         weights = model.problem.view_sum_weights[t * model.n_faces : (t + 1) * model.n_faces]
         seen = (pixels > 0).any(axis=0) & (weights > 0)
         at = np.concatenate([
-            model.positions[c][some % model.classes[c].graph.n_places]
+            model.places.positions[c][some % model.classes[c].graph.n_places]
             for c, some in zip(numbers, left, strict=True)
         ])  # fmt: skip
         different, which = np.unique(at, axis=0, return_inverse=True)

@@ -1,0 +1,217 @@
+"""Robot classes, the places where their robots can be, and which of them conflict.
+
+Robots with the same motion, camera and goal form a robot class: they differ only in where they
+start, share one graph and one coverage table, and one sweep prices them all.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.graph.timegraph import TimeGraph
+from cocap_opt.model.coverage_tables import Path, Sight, graph_of
+from cocap_opt.problem import Cell, Problem, Robot
+from cocap_opt.problem.rules import Meeting
+
+_KEPT = 20_000  # cells and moves for which the places and moves that conflict are kept
+_KEPT_PATHS = 500  # for which cells, the places and moves that conflict are kept
+
+
+@dataclass(frozen=True)
+class RobotClass:
+    """Robots that differ only in where they start."""
+
+    spec: Robot  # any of them
+    robots: tuple[int, ...]
+    starts: tuple[int, ...]  # state number of each robot's start
+    graph: TimeGraph
+
+    @property
+    def goal(self) -> tuple[int, int] | None:
+        """Cell in which all of them must end."""
+        return self.spec.goal
+
+    @property
+    def sight(self) -> Sight:
+        """Motion and camera, on which the coverage of the class depends besides its starts."""
+        return self.spec.motion, self.spec.camera
+
+    @classmethod
+    def of_all(cls, problem: Problem, is_disaggregated: bool) -> "tuple[RobotClass, ...]":
+        """Returns the classes of all robots of a problem.
+
+        Parameters
+        ----------
+        is_disaggregated : every robot is a class of its own, though others may be like it
+        """
+        members: dict[tuple[object, ...], list[int]] = {}
+        for i, robot in enumerate(problem.robots):
+            alike = (i,) if is_disaggregated else (robot.motion, robot.camera, robot.goal)
+            members.setdefault(alike, []).append(i)
+        return tuple(cls._of(problem, tuple(robots)) for robots in members.values())
+
+    @classmethod
+    def _of(cls, problem: Problem, robots: tuple[int, ...]) -> "RobotClass":
+        spec = problem.robots[robots[0]]
+        graph = graph_of(problem, spec)
+        return cls(spec, robots, tuple(graph.index(problem.robots[i].start) for i in robots), graph)
+
+
+class Places:
+    """Where the robots of each class can be, and what conflicts under the rules of a problem.
+
+    Tables are made when they are first asked for, and then kept.
+    """
+
+    def __init__(
+        self, problem: Problem, classes: Sequence[RobotClass], class_of: Sequence[RobotClass]
+    ) -> None:
+        self._problem, self._classes, self._class_of = problem, tuple(classes), class_of
+        self.cells_along = lru_cache(_KEPT_PATHS)(self._cells_along)
+        self._near_path = lru_cache(_KEPT_PATHS)(self._path_too_close)
+        self._near_cell = lru_cache(_KEPT)(self._places_too_close)
+        self._near_move = lru_cache(_KEPT)(self._moves_too_close)
+
+    @cached_property
+    def cells(self) -> tuple[tuple[Cell, ...], ...]:
+        """Cell of every place of every class; those of the border have layer -1."""
+        return tuple(_cells(self._problem, robot_class) for robot_class in self._classes)
+
+    def place_of(self, robot_class: RobotClass, cell: Cell) -> int | None:
+        """Returns the number of a cell among a class's places; None where it never flies."""
+        layers, height = robot_class.spec.motion.layers, self._problem.layers[cell.layer]
+        if height not in layers or not robot_class.graph.window.covers(cell.x, cell.y):
+            return None
+        place = robot_class.graph.place(layers.index(height), cell.x, cell.y)
+        return place if robot_class.graph.free[place] else None
+
+    def _cells_along(self, robot: int, path: Path) -> tuple[Cell, ...]:
+        """Returns the cells of a robot's path of state numbers, step by step."""
+        robot_class = self._class_of[robot]
+        places = np.array(path, dtype=np.int64) % robot_class.graph.n_places
+        layer, x, y = robot_class.graph.coordinates(places)
+        layer = _layers(self._problem, robot_class)[layer]
+        return tuple(map(Cell, x.tolist(), y.tolist(), layer.tolist()))
+
+    def path_too_close(
+        self, robot_class: RobotClass, cells: tuple[Cell, ...]
+    ) -> tuple[IntArray, IntArray]:
+        """Returns what conflicts with a robot that is in these cells at the steps 0..T.
+
+        Returns
+        -------
+        Places of the class as (t, place) [n, 2], and its moves as (t, tail, head) [m, 3].
+        """
+        return self._near_path(self._classes.index(robot_class), cells)
+
+    def _path_too_close(self, number: int, cells: tuple[Cell, ...]) -> tuple[IntArray, IntArray]:
+        places = [self._near_cell(number, cell)[:, None] for cell in cells]
+        moves = [self._near_move(number, move) for move in pairwise(cells)]
+        return _at_steps(places, 1), _at_steps(moves, 2)
+
+    def moves_through(
+        self, robot_class: RobotClass, meeting: Meeting, move: tuple[Cell, Cell]
+    ) -> tuple[IntArray, FloatArray]:
+        """Returns the moves of a class that pass nearer to a point than half the separation.
+
+        Parameters
+        ----------
+        move : one of the two that meet there
+
+        Returns
+        -------
+        tails and heads [n, 2], and the distances [n] (m)
+        """
+        (x, y, _), (u, v, _) = move
+        moves = robot_class.graph.moves_past((x, y), (u, v), self._problem.cells_apart)
+        tails, heads = (self.where(robot_class, places) for places in moves)
+        ways = meeting.ways(tails, heads)
+        near = self._problem.rules.near_point(ways)
+        return np.column_stack(moves)[near], np.linalg.norm(ways[near], axis=1)
+
+    @cached_property
+    def positions(self) -> tuple[FloatArray, ...]:
+        """Where robots are in every place [P, 3] of every class, in m from the map's corner.
+
+        The border's places are nan.
+        """
+        return tuple(_positions(self._problem, robot_class) for robot_class in self._classes)
+
+    def where(self, robot_class: RobotClass, places: IntArray) -> FloatArray:
+        """Returns where robots of a class are in places [..], as [.., 3] in m, like `positions`."""
+        return self.positions[self._classes.index(robot_class)][places]
+
+    def _places_too_close(self, number: int, cell: Cell) -> IntArray:
+        """Returns the places [n] of a class that conflict with a robot in a cell at one step."""
+        rules, graph = self._problem.rules, self._classes[number].graph
+        places = graph.places_around(cell.x, cell.y, self._problem.cells_apart)
+        ways = self.positions[number][places] - self._problem.positions([cell])
+        return places[rules.too_near(ways)]
+
+    def _moves_too_close(self, number: int, move: tuple[Cell, Cell]) -> IntArray:
+        """Returns the moves [n, 2] of a class, tails and heads, that conflict with a robot's move.
+
+        They do so between two steps, at neither of which there is a conflict.
+        """
+        rules, graph = self._problem.rules, self._classes[number].graph
+        (x, y, _), (u, v, _) = move
+        tails, heads = (
+            graph.moves_past((x, y), (u, v), self._problem.cells_apart)
+            if rules.separation
+            else graph.moves_between((u, v), (x, y))  # only these may swap places with it
+        )
+        here, there = self._problem.positions(move)
+        theirs = self.positions[number][tails], self.positions[number][heads]
+        return np.column_stack([tails, heads])[rules.conflict_between((here, there), theirs)]
+
+    def conflict_matrix(
+        self, classes: tuple[RobotClass, RobotClass], places: tuple[IntArray, IntArray]
+    ) -> BoolArray:
+        """Returns which places [n, m] of two robots' classes conflict at the same step.
+
+        Parameters
+        ----------
+        places : [n] and [m] place numbers
+        """
+        first, second = map(self.where, classes, places)
+        return self._problem.rules.too_near(second[None] - first[:, None])
+
+
+def _at_steps(what: list[IntArray], width: int) -> IntArray:
+    """Returns rows [n_t, width] of the steps t = 0.. as one array [n, 1 + width], t before each."""
+    steps = np.repeat(np.arange(len(what)), list(map(len, what)))
+    return np.column_stack([steps, np.concatenate([np.empty((0, width), np.int64), *what])])
+
+
+def _layers(problem: Problem, robot_class: RobotClass) -> IntArray:
+    """Returns the number among all layers of the problem of each layer of a class."""
+    return np.array([problem.layers.index(height) for height in robot_class.spec.motion.layers])
+
+
+def _cells(problem: Problem, robot_class: RobotClass) -> tuple[Cell, ...]:
+    graph = robot_class.graph
+    layer, x, y = graph.coordinates(np.arange(graph.n_places))
+    numbers = _layers(problem, robot_class)
+    layers, inside = np.full(graph.n_places, -1), _inside(graph)
+    layers[inside] = numbers[layer[inside]]
+    return tuple(map(Cell, x.tolist(), y.tolist(), layers.tolist()))
+
+
+def _positions(problem: Problem, robot_class: RobotClass) -> FloatArray:
+    graph, height_map = robot_class.graph, problem.height_map
+    layer, x, y = graph.coordinates(np.arange(graph.n_places))
+    altitudes, inside = height_map.altitudes(robot_class.spec.motion.layers), _inside(graph)
+    found = np.full((graph.n_places, 3), np.nan)
+    layer, x, y = layer[inside], x[inside], y[inside]
+    size = height_map.resolution
+    found[inside] = np.column_stack([x * size, y * size, altitudes[layer, x, y]])
+    return found
+
+
+def _inside(graph: TimeGraph) -> IntArray:
+    """Return the places [n] of a graph that are not of its border."""
+    return graph.without_border(np.arange(graph.n_places)).ravel()
