@@ -260,7 +260,7 @@ def _reward_of_move(objective: Objective, a: State, b: State) -> float:
 def _face_terms(prices: Prices, paths: Sequence[Path]) -> Iterator[Term]:
     """Yields what the certificate pays for each face at each step beyond the reward for it."""
     model, problem = prices.model, prices.model.problem
-    weights, paid = problem.view_sum_weights, prices.payment.constants.copy()
+    weights, paid = problem.view_sum_weights, prices.pixels.constants.copy()
     seen = problem.no_pixels()
     for robot, path in enumerate(paths):
         robot_class = model.class_of[robot]
@@ -269,7 +269,7 @@ def _face_terms(prices: Prices, paths: Sequence[Path]) -> Iterator[Term]:
         _, entries = table.entries(nodes)
         view_sums, pixels = table.view_sums[entries], table.pixels[entries]
         np.add.at(
-            paid, view_sums, weights[view_sums] * prices.payment.pay(number, view_sums, pixels)
+            paid, view_sums, weights[view_sums] * prices.pixels.paid(number, view_sums, pixels)
         )
         np.add.at(seen, view_sums, pixels)
     slack = paid - weights * np.sqrt(seen)

@@ -157,11 +157,11 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     Attributes
     ----------
     type : `multipliers`
-    alpha : [T+1][F] >= 0, payment for the root of a robot's pixels; a row per step from 0 to T, in
+    alpha : [T+1][F] >= 0, price of the root of a robot's pixels; a row per step from 0 to T, in
         it a number per face: actors in order, the faces of each in order (of a box front, left,
         back, right, top). One row [1][F]
         where pixels add up over time
-    beta : of the same shape, >= 0, payment for pixels, m/px^0.5; > 0 where alpha is less than what
+    beta : of the same shape, >= 0, price of the pixels, m/px^0.5; > 0 where alpha is less than what
         cuts leave of the root (1 without cuts), at faces that count and can be seen
     rows : rules of the scene that have a price
     cuts : envelope cuts; none where pixels add up over time
@@ -208,27 +208,27 @@ class ReferencePixels(_Part, frozen=True, tag="reference"):
     pixels: Table
 
 
-class StepPayments(_Part, frozen=True, omit_defaults=True):
-    """Payments to robots of a class for being in some states at a step, whatever they see.
+class StepPrices(_Part, frozen=True, omit_defaults=True):
+    """Prices of some states at a step: what robots of a class get for being there, come what may.
 
     Attributes
     ----------
     t : step
     robot_class : number of the class, from 0
-    states : states that are paid anew
-    payments : one for each state, in units of J, instead of what it was paid before; may be < 0
-    others : what all other states of the class are paid more than before
+    states : states that have a new price
+    payments : the new price of each, in units of J; may be < 0
+    others : by how much the prices of all other states of the class are higher than before
     """
 
     t: int
     class_number: int = msgspec.field(name="robot_class")
     states: tuple[State, ...]
-    payments: tuple[float, ...]
+    prices: tuple[float, ...] = msgspec.field(name="payments")
     others: float = 0.0
 
 
 class StepConstant(_Part, frozen=True):
-    """A claim: no joint state that is left at a step is worth more than its payments and this.
+    """A claim: no joint state that is left at a step has more reduced profit than this.
 
     It takes the place of the sum of the constants of the step's faces, and is checked by search.
 
@@ -247,11 +247,11 @@ class Stage(_Part, frozen=True, omit_defaults=True):
 
     Attributes
     ----------
-    payments : payments for states, instead of earlier ones, from now on
-    constants : constants of steps; a step with new payments needs one
+    payments : prices of states, instead of earlier ones, from now on
+    constants : constants of steps; a step with new prices needs one
     """
 
-    payments: tuple[StepPayments, ...] = ()
+    prices: tuple[StepPrices, ...] = msgspec.field(default=(), name="payments")
     constants: tuple[StepConstant, ...] = ()
 
 
@@ -267,7 +267,7 @@ class Staged(_Part, frozen=True, tag="staged", omit_defaults=True):
     target : J; plans that are not above it need not be bounded
     stages : in the order in which they are gone through
     paths_above : J >= target: at the end the paths that all robots may take together in plans above
-        it are tried, and the bound is it or the largest J among them; none: no paths are tried
+        it are explored, and the bound is it or the largest J among them; none: no paths are
     """
 
     multipliers: Multipliers

@@ -93,18 +93,18 @@ class Pricing(NamedTuple):
             At a limit.
         """
         prices = Prices.of(model, certificate, decisions, stop)
-        payment, charge = prices.payment, prices.charge
-        total = payment.constant + charge.constant
-        magnitude = payment.magnitude + charge.magnitude
+        pixels, resources = prices.pixels, prices.resources
+        total = pixels.constant + resources.constant
+        magnitude = pixels.magnitude + resources.magnitude
         if not math.isfinite(magnitude):
             raise CertificateError("certificate: multipliers too large, the bound is infinite")
         # The same with all numbers counted as positive: the sum of absolute values along a path.
-        sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in charge.costs]
+        sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in resources.costs]
         for number, robot_class in enumerate(model.classes):
             reward = prices.rewards(number)
             values, made_of = (
                 plain_sweep(model.problem, robot_class, reward, charges_of(model, number, costs))
-                for costs in (charge.costs, sizes)
+                for costs in (resources.costs, sizes)
             )
             best = [float(values[start]) for start in robot_class.starts]
             if -math.inf in best:  # a robot without any path: there is no plan
@@ -113,7 +113,7 @@ class Pricing(NamedTuple):
             magnitude += exact_sum(made_of[start] for start in robot_class.starts)
         if not (math.isfinite(total) and math.isfinite(magnitude)):
             raise CertificateError("certificate: too large, the bound is infinite")
-        rounding = rounding_factor(model, len(charge.costs), payment.cuts) * magnitude
+        rounding = rounding_factor(model, len(resources.costs), pixels.cuts) * magnitude
         return cls(math.nextafter(total + rounding, math.inf), rounding)
 
     @classmethod
@@ -157,8 +157,8 @@ class Prices(NamedTuple):
     """The prices that a certificate puts on pixels and resources: all that its bound is made of."""
 
     model: Model
-    payment: "_Payment"
-    charge: "_Charge"
+    pixels: "_PixelPrices"
+    resources: "_ResourcePrices"
 
     @classmethod
     def of(
@@ -170,17 +170,18 @@ class Prices(NamedTuple):
     ) -> "Prices":
         """Returns the prices of a certificate; raises what `Pricing.of` does."""
         if isinstance(certificate, Multipliers):
-            payment = _payment_of_multipliers(model, certificate, stop)
-            return cls(model, payment, _charge_of(model, certificate, decisions))
-        return cls(model, _payment_of_reference(model, certificate), _Charge(0.0, 0.0, []))
+            pixels = _prices_by_multipliers(model, certificate, stop)
+            return cls(model, pixels, _resource_prices(model, certificate, decisions))
+        pixels = _prices_by_reference(model, certificate)
+        return cls(model, pixels, _ResourcePrices(0.0, 0.0, []))
 
     def rewards(self, number: int) -> FloatArray:
-        """Returns the payment to a robot of class `number` for being in a state [T+1, S]."""
-        return _node_rewards(self.model, number, self.payment)
+        """Returns what a robot of class `number` gets for being in a state [T+1, S]."""
+        return _node_rewards(self.model, number, self.pixels)
 
     def charges(self, number: int) -> Charges:
         """Returns what the robots of class `number` are charged."""
-        return charges_of(self.model, number, self.charge.costs)
+        return charges_of(self.model, number, self.resources.costs)
 
 
 def rounding_factor(model: Model, n_costs: int, n_cuts: int) -> float:
@@ -198,21 +199,21 @@ def rounding_factor(model: Model, n_costs: int, n_cuts: int) -> float:
     return 2 * terms * UNIT_ROUNDOFF / (1 - terms * UNIT_ROUNDOFF)
 
 
-# -- payments for pixels -----------------------------------------------------------------------
+# -- prices of pixels --------------------------------------------------------------------------
 
 
-class _Payment(NamedTuple):
-    """The payment that a certificate offers for pixels, and the constants that go with it."""
+class _PixelPrices(NamedTuple):
+    """The prices at which a robot sells its pixels, and the constants that go with them."""
 
     constant: float
     constants: FloatArray  # [Z] the same by view sum
     magnitude: float  # sum of the absolute values that the constant is made of
-    # Number of a class, view sums [n], pixels [n] -> payment for them, before weights [n].
-    pay: Callable[[int, IntArray, FloatArray], FloatArray]
+    # Number of a class, view sums [n], pixels [n] -> what they bring, before weights [n].
+    paid: Callable[[int, IntArray, FloatArray], FloatArray]
     cuts: int = 0  # how many there are
 
 
-def _payment_of_multipliers(model: Model, certificate: Multipliers, stop: Stop) -> _Payment:
+def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -> _PixelPrices:
     alpha = _array(model, certificate.alpha, "certificate.alpha")
     beta = _array(model, certificate.beta, "certificate.beta")
     weights = model.problem.view_sum_weights
@@ -240,18 +241,18 @@ def _payment_of_multipliers(model: Model, certificate: Multipliers, stop: Stop) 
     for cut, share in cuts:
         by_view_sum.setdefault(cut.view_sum, []).append((cut, share))
 
-    def pay(number: int, view_sums: IntArray, pixels: FloatArray) -> FloatArray:
+    def paid(number: int, view_sums: IntArray, pixels: FloatArray) -> FloatArray:
         roots = np.sqrt(pixels)
-        paid: FloatArray = alpha[view_sums] * roots + beta[view_sums] * pixels
+        brought: FloatArray = alpha[view_sums] * roots + beta[view_sums] * pixels
         order = np.argsort(view_sums, kind="stable")
         bounds = np.searchsorted(view_sums[order], np.arange(len(alpha) + 1))
-        for view_sum, own in by_view_sum.items():
+        for view_sum, of_view_sum in by_view_sum.items():
             entries = order[bounds[view_sum] : bounds[view_sum + 1]]
-            for cut, share in own:
-                paid[entries] += share * cut.phi(number, roots[entries])
-        return paid
+            for cut, share in of_view_sum:
+                brought[entries] += share * cut.phi(number, roots[entries])
+        return brought
 
-    return _Payment(sum(terms), constants, sum(terms) + sum(made_of), pay, len(cuts))
+    return _PixelPrices(sum(terms), constants, sum(terms) + sum(made_of), paid, len(cuts))
 
 
 def _left_by(cuts: list[tuple[Cut, float]], n_view_sums: int) -> FloatArray:
@@ -260,8 +261,8 @@ def _left_by(cuts: list[tuple[Cut, float]], n_view_sums: int) -> FloatArray:
     for cut, share in cuts:
         shares.setdefault(cut.view_sum, []).append(-share)
     rest = np.ones(n_view_sums)
-    for view_sum, own in shares.items():
-        rest[view_sum] = math.nextafter(exact_sum([1.0, *own]), math.inf)
+    for view_sum, negative in shares.items():
+        rest[view_sum] = math.nextafter(exact_sum([1.0, *negative]), math.inf)
     return rest
 
 
@@ -273,7 +274,7 @@ def _visible_view_sums(model: Model) -> FloatArray:
     return np.where(model.problem.view_sum_weights > 0, visible, 0.0)
 
 
-def _payment_of_reference(model: Model, certificate: ReferencePixels) -> _Payment:
+def _prices_by_reference(model: Model, certificate: ReferencePixels) -> _PixelPrices:
     pixels = _array(model, certificate.pixels, "certificate.pixels")
     roots = model.problem.view_sum_weights * np.sqrt(pixels)
     constant = exact_sum(roots.tolist())
@@ -281,19 +282,19 @@ def _payment_of_reference(model: Model, certificate: ReferencePixels) -> _Paymen
     gains = len(model.problem.robots)
     gains *= model.problem.horizon + 1 if model.problem.objective.over_time else 1
 
-    def pay(number: int, view_sums: IntArray, seen: FloatArray) -> FloatArray:
+    def paid(number: int, view_sums: IntArray, seen: FloatArray) -> FloatArray:
         return marginal_gain(pixels[view_sums], seen)
 
-    return _Payment(constant, roots, (gains + 1) * constant, pay)
+    return _PixelPrices(constant, roots, (gains + 1) * constant, paid)
 
 
-def _node_rewards(model: Model, number: int, payment: _Payment) -> FloatArray:
-    """Returns the payment to a robot of class `number` for being in a state [T+1, S]."""
+def _node_rewards(model: Model, number: int, prices: _PixelPrices) -> FloatArray:
+    """Returns what a robot of class `number` gets for being in a state [T+1, S]."""
     robot_class = model.classes[number]
     table = model.coverage(robot_class)
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused below
         paid = (
-            payment.pay(number, table.view_sums, table.pixels)
+            prices.paid(number, table.view_sums, table.pixels)
             * model.problem.view_sum_weights[table.view_sums]
         )
     rewards = np.zeros((model.problem.horizon + 1, robot_class.graph.n_states))
@@ -317,10 +318,10 @@ def _array(model: Model, values: Table, field: str) -> FloatArray:
     return array
 
 
-# -- charges for resources ---------------------------------------------------------------------
+# -- prices of resources -----------------------------------------------------------------------
 
 
-class _Charge(NamedTuple):
+class _ResourcePrices(NamedTuple):
     """The costs that a certificate puts on resources, and the constants that go with them."""
 
     constant: float
@@ -328,7 +329,9 @@ class _Charge(NamedTuple):
     costs: list[tuple[Resource, float]]
 
 
-def _charge_of(model: Model, certificate: Multipliers, decisions: Sequence[Decision]) -> _Charge:
+def _resource_prices(
+    model: Model, certificate: Multipliers, decisions: Sequence[Decision]
+) -> _ResourcePrices:
     """Returns the costs: conflict rows at their multipliers, closed decisions at infinity."""
     _check_rows(model, certificate.rows)
     if len(certificate.decisions) != len(decisions):
@@ -346,7 +349,7 @@ def _charge_of(model: Model, certificate: Multipliers, decisions: Sequence[Decis
             terms.append(decision.sign * multiplier * decision.robots)
             costs.append((decision.resource, decision.sign * multiplier))
     largest = exact_sum(abs(cost) for _, cost in costs if math.isfinite(cost))
-    return _Charge(exact_sum(terms), exact_sum(map(abs, terms)) + largest, costs)
+    return _ResourcePrices(exact_sum(terms), exact_sum(map(abs, terms)) + largest, costs)
 
 
 def _check_rows(model: Model, rows: tuple[Row, ...]) -> None:

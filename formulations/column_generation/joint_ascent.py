@@ -48,7 +48,7 @@ def that_count(joint: JointStates, teams: IntArray) -> BoolArray:
 
 def heights(joint: JointStates, teams: IntArray) -> FloatArray:
     """Returns the height of each of some joint states [K, R]."""
-    height: FloatArray = joint.worths(teams) - joint.payment[teams].sum(axis=1)
+    height: FloatArray = joint.worths(teams) - joint.price[teams].sum(axis=1)
     return height
 
 
@@ -65,7 +65,7 @@ def _compiled(joint: JointStates, starts: Sequence[Sequence[int]]) -> IntArray:
     teams = _teams(joint, [*starts, nowhere])
     ends = np.searchsorted(joint.class_of, np.arange(len(joint.sizes) + 1))
     ranges = np.repeat(np.column_stack([ends[:-1], ends[1:]]), joint.sizes, axis=0)
-    views = Views(*joint.sparse, joint.weights, joint.payment, joint.charge, ranges, joint.conflict)
+    views = Views(*joint.sparse, joint.weights, joint.price, joint.charge, ranges, joint.conflict)
     ascend(views, joint.floor - joint.margin, teams)
     return teams[(teams >= 0).all(axis=1)]
 
@@ -92,7 +92,7 @@ def _ascended(joint: JointStates, start: Sequence[int]) -> tuple[int, ...]:
     Where the start has conflicts, so may the result.
     """
     chosen, height = list(start), -np.inf
-    while (now := joint.height(chosen)) > height + _GAIN * abs(now):
+    while (now := joint.reduced_profit(chosen)) > height + _GAIN * abs(now):
         height = now
         for k in range(len(chosen)):
             others = [*chosen[:k], *chosen[k + 1 :]]
@@ -106,7 +106,7 @@ def _best(joint: JointStates, number: int, others: Sequence[int]) -> int | None:
     """Returns the best state of a class beside the states of others; None if all conflict."""
     first, end = np.searchsorted(joint.class_of, [number, number + 1])
     seen = joint.pixels[list(others)].sum(axis=0)
-    gains = np.sqrt(seen + joint.pixels[first:end]) @ joint.weights - joint.payment[first:end]
+    gains = np.sqrt(seen + joint.pixels[first:end]) @ joint.weights - joint.price[first:end]
     gains[joint.conflict[list(others), first:end].any(axis=0)] = -np.inf
     if not len(gains) or gains.max() == -np.inf:
         return None

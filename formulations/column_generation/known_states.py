@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cocap_opt.formulations.certificates.staged import JointStates, compiled_search
+from cocap_opt.formulations.certificates.staged.search import plain_nodes
 from cocap_opt.formulations.column_generation.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.joint_ascent import ascended, heights, that_count
 from cocap_opt.model import Path
@@ -68,7 +69,7 @@ class Known:
 
     def note(self, nodes: int, joint: JointStates, stop: Stop) -> None:
         """Takes down how many nodes a search took; raises no limit."""
-        if nodes > joint.plain_nodes:
+        if nodes > plain_nodes(joint):
             self.is_thorough |= compiled_search.may_take_over(stop)
 
     def at(self, joint: JointStates) -> list[list[int]]:
@@ -101,4 +102,4 @@ class Known:
 
     def highest(self, joint: JointStates) -> float:
         """Returns the largest height that local search finds."""
-        return max((joint.height(found) for found in self.ascended(joint)), default=-np.inf)
+        return max((joint.reduced_profit(found) for found in self.ascended(joint)), default=-np.inf)

@@ -56,59 +56,61 @@ class PathTrials:
     """
 
     search: Search
-    narrowing: Narrowing
     best: Tried | None = None
     nodes: int = 0
     is_on: bool = True
     _failed_room: float = field(default=math.inf)
     _failed_nodes: int = 0
 
-    def after_stages(self, stages: int, nodes: int) -> bool:
+    def after_stages(self, narrowing: Narrowing, stages: int, nodes: int) -> bool:
         """Tries all better plans, if that may be worth it; returns True if that has ended.
 
         Parameters
         ----------
+        narrowing : after the stages
         stages : how many there are
         nodes : that their searches took
         """
         allowed = max(int(SHARE_OF_NODES * nodes) - self.nodes, _fewest_nodes(self.search.stop))
-        room = self.narrowing.room_above(self.search.value)
+        room = narrowing.room_above(self.search.value)
         is_easier = room <= LESS_ROOM * self._failed_room
         if not is_easier and allowed < MORE_NODES * self._failed_nodes:
             return False
-        if self._has_ended(0.0, allowed, stages):
+        if self._has_ended(narrowing, 0.0, allowed, stages):
             return True
         self._failed_room, self._failed_nodes = room, allowed
         return False
 
-    def for_higher_targets(self, stages: int, nodes: int, report: Callable[[], None]) -> None:
+    def for_higher_targets(
+        self, narrowing: Narrowing, stages: int, nodes: int, report: Callable[[], None]
+    ) -> None:
         """Tries the plans above ever lower targets, as long as that ends; raises LimitReached.
 
         Parameters
         ----------
-        stages, nodes : as in `after_stages`
+        narrowing, stages, nodes : as in `after_stages`
         report : tells what has been proved
         """
         allowed = max(nodes, FIRST_TIMES * _fewest_nodes(self.search.stop))
         for share in SHARES:
             before = self.nodes
-            if not self._has_ended(share, min(allowed, MOST_NODES), stages):
+            if not self._has_ended(narrowing, share, min(allowed, MOST_NODES), stages):
                 return
             report()
             allowed = max(allowed, NEXT_TIMES * (self.nodes - before))
 
-    def _has_ended(self, share: float, most_nodes: int, stages: int) -> bool:
+    def _has_ended(self, narrowing: Narrowing, share: float, most_nodes: int, stages: int) -> bool:
         """Tries the plans above a target; returns False if these are too many.
 
         Parameters
         ----------
         share : of what is open, by which the target is above the best plan
         """
-        if not self.is_on or not may_be_used(self.narrowing.model):
+        if not self.is_on or not may_be_used(narrowing.model):
             return False
         value = self.search.value
-        target = value + share * max(self.narrowing.bound - value, 0.0)
-        higher = self.narrowing.above(target)
+        target = value + share * max(narrowing.bound - value, 0.0)
+        higher = narrowing.above(target)
         try:
             found = best_plan(higher, most_nodes, self.search.stop)
         except NotEndedError:
@@ -116,7 +118,7 @@ class PathTrials:
             return False
         self.nodes += found.nodes
         if found.paths:
-            self.search.offer(Incumbent.along(self.narrowing.model, found.paths))
+            self.search.offer(Incumbent.along(narrowing.model, found.paths))
         tried = Tried(higher.pricing_of(found.value).bound, target, stages)
         if self.best is None or tried.bound < self.best.bound:
             self.best = tried

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.formulations.certificates.format import StepPayments
+from cocap_opt.formulations.certificates.format import StepPrices
 from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
 from cocap_opt.formulations.column_generation.columns import Arc
 from cocap_opt.formulations.column_generation.known_states import Known
@@ -78,7 +78,7 @@ class PaymentBundle:
         self._model, self._stop = narrowing.model, stop
         ends = np.cumsum([0, *(len(joint.states) for joint in joints.values())]).tolist()
         self._spans = {t: slice(a, b) for t, a, b in zip(joints, ends[:-1], ends[1:], strict=True)}
-        self.centre = np.concatenate([joint.payment for joint in joints.values()])
+        self.centre = np.concatenate([joint.price for joint in joints.values()])
         self._paid: dict[Place, int] = {
             (int(c), t, int(s)): self._spans[t].start + k
             for t, joint in joints.items()
@@ -184,10 +184,10 @@ class PaymentBundle:
         known = self._known
         new, constants = 0, dict(solved.constants)
         for t, joint in self.joints.items():
-            paid = replace(joint, payment=solved.payments[self._spans[t]])
+            paid = replace(joint, price=solved.payments[self._spans[t]])
             clearly = solved.constants[t] + CLEARLY * abs(self._narrowing.bound)
             for found in known.ascended(paid):
-                if (height := paid.height(found)) > clearly:
+                if (height := paid.reduced_profit(found)) > clearly:
                     new += self.remember(t, found)
                     constants[t] = max(constants[t], height)
         total, paths = self.best_paths(solved.payments, constants)
@@ -289,7 +289,7 @@ class PaymentBundle:
             chosen += [KnownHeight(t, *every[k]) for k in sorted(highest)]
         return chosen
 
-    def written(self, t: int, payments: FloatArray, constant: float) -> list[StepPayments]:
+    def written(self, t: int, payments: FloatArray, constant: float) -> list[StepPrices]:
         """Returns the payments of a step as they stand in a certificate, class by class."""
         joint = self.joints[t]
         others = self.others({t: constant}).get(t, 0.0)
@@ -297,5 +297,5 @@ class PaymentBundle:
         for number, robot_class in enumerate(self._model.classes):
             own, graph = joint.class_of == number, robot_class.graph
             states = tuple(graph.state(int(state)) for state in joint.states[own])
-            parts.append(StepPayments(t, number, states, tuple(payments[own].tolist()), others))
+            parts.append(StepPrices(t, number, states, tuple(payments[own].tolist()), others))
         return parts

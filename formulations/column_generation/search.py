@@ -162,9 +162,7 @@ class Search:
         too_many = states * (model.problem.horizon + 1) > MOST_STATES
         if self.incumbent is None or model.problem.objective.over_time or too_many:
             return None
-        narrowing = Narrowing(model, duals.certificate(model), self.value, self.stop)
-        narrowing.close_states()
-        return narrowing
+        return Narrowing.of(model, duals.certificate(model), self.value, self.stop).closed()
 
     @property
     def can_recombine(self) -> bool:

@@ -31,13 +31,13 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Staged
-from cocap_opt.formulations.certificates.format import Stage, StepConstant, StepPayments
+from cocap_opt.formulations.certificates.format import Stage, StepConstant, StepPrices
 from cocap_opt.formulations.certificates.staged import (
     JointStates,
     Narrowing,
     NotEndedError,
-    Wanted,
     compiled_search,
+    most_profitable,
 )
 from cocap_opt.formulations.column_generation.columns import Arc, Column
 from cocap_opt.formulations.column_generation.flow_mixture import flow_mixture
@@ -105,7 +105,7 @@ def step_envelopes(
     before = narrowing.pricing.bound
     envelopes = _Envelopes(
         search, narrowing, duals, known, steps,
-        PathTrials(search, narrowing, is_on=tries_paths), ListLengths(len(steps)),
+        PathTrials(search, is_on=tries_paths), ListLengths(len(steps)),
     )  # fmt: skip
     try:
         if envelopes.try_paths():
@@ -158,8 +158,7 @@ class _Envelopes:
         """Adds stages as long as they close something; raises LimitReached."""
         for _ in range(MOST_ROUNDS):
             self._raise_target()
-            narrowing = self.narrowing
-            before = narrowing.pricing.bound
+            before = self.narrowing.pricing.bound
             open_ = before - cutoff()
             if open_ <= 0:
                 return
@@ -167,7 +166,7 @@ class _Envelopes:
                 break
             if self._is_small():
                 self._lower()
-                if narrowing.pricing.bound <= cutoff() or self.try_paths():
+                if self.narrowing.pricing.bound <= cutoff() or self.try_paths():
                     return
             listed = not self._is_small()
             is_wide = listed and self.lengths.widening >= WIDE
@@ -176,7 +175,7 @@ class _Envelopes:
                 return
             if self._has_better_plan():
                 continue
-            closed = (before - narrowing.pricing.bound) / open_
+            closed = (before - self.narrowing.pricing.bound) / open_
             may_grow = listed and self.lengths.can_grow
             if listed and closed < LEAST_LISTED:
                 self.lists_stall |= not may_grow
@@ -187,7 +186,7 @@ class _Envelopes:
                 break
         self._raise_target()
         if self.bound > cutoff():
-            self.trials.for_higher_targets(len(self.stages), self.nodes, self.offer)
+            self.trials.for_higher_targets(self.narrowing, len(self.stages), self.nodes, self.offer)
 
     def _has_better_plan(self) -> bool:
         """Returns True if a plan is clearly above the target of the stages."""
@@ -210,12 +209,12 @@ class _Envelopes:
         for stage in self.stages:
             self.search.stop.check()
             self.search.report_again()
-            _repeat(stage, narrowing)
-        self.narrowing = self.trials.narrowing = narrowing
+            narrowing = _after(stage, narrowing)
+        self.narrowing = narrowing
 
     def try_paths(self) -> bool:
         """Tries all paths of better plans that are left; returns True if that has ended."""
-        has_ended = self.trials.after_stages(len(self.stages), self.nodes)
+        has_ended = self.trials.after_stages(self.narrowing, len(self.stages), self.nodes)
         if has_ended:
             self.offer()
         return has_ended
@@ -265,22 +264,24 @@ class _Envelopes:
                 self.search.report_again()
                 least = self.known.highest(self.narrowing.joint_states(t))
                 higher = self.narrowing.joint_states(t, least)
+                most_nodes = _few_nodes(len(higher.states))
                 try:
-                    wanted = Wanted(least, _few_nodes(len(higher.states)))
-                    found = higher.highest(wanted, self.search.stop)
+                    found = most_profitable(higher, least, most_nodes, self.search.stop)
                 except NotEndedError:
-                    self.known.note(wanted.most_nodes, higher, self.search.stop)
-                    self.nodes += wanted.most_nodes
+                    self.known.note(most_nodes, higher, self.search.stop)
+                    self.nodes += most_nodes
                     continue
                 self.known.note(found.nodes, higher, self.search.stop)
                 self.nodes += found.nodes
                 self.known.add(higher, found.positions)
-                claim = StepConstant(t, found.height)
-                if self.narrowing.lower_as_claimed(claim):
+                claim = StepConstant(t, found.profit)
+                lowered = _lowered(self.narrowing, claim)
+                if lowered.constants[t] < self.narrowing.constants[t]:
                     constants.append(claim)
+                self.narrowing = lowered
         finally:
             # What was lowered before a limit counts, so that the certificate has to tell of it.
-            self.narrowing.close_states()
+            self.narrowing = self.narrowing.closed()
             self.stages.append(Stage(constants=tuple(constants)))
             self.report()
 
@@ -318,12 +319,12 @@ class _Envelopes:
         heights = {}
         for t, joint in sorted(bundle.joints.items(), key=lambda item: len(item[1].states)):
             self.report()
-            paid = joint.repaid(payments[bundle.span(t)], self.narrowing.ceiling(t))
+            paid = joint.repriced(payments[bundle.span(t)], self.narrowing.ceiling(t))
             least = self.known.highest(paid)
             if bundle.has_lists:
                 least = max(least, bundle.constants[t])
             try:
-                found = paid.highest(Wanted(least, _many_nodes()), self.search.stop)
+                found = most_profitable(paid, least, _many_nodes(), self.search.stop)
             except NotEndedError:
                 self.known.note(_many_nodes(), paid, self.search.stop)
                 self.nodes += _many_nodes()
@@ -334,7 +335,7 @@ class _Envelopes:
             self.lengths.note(t, len(joint.states), found.nodes)
             if found.positions:
                 bundle.remember(t, found.positions)
-            heights[t] = found.height
+            heights[t] = found.profit
         return heights
 
     def _joints(
@@ -394,25 +395,30 @@ class _Envelopes:
         if not heights or total >= self.narrowing.bound:
             bundle.correct(total)
             return False
-        written: list[StepPayments] = []
+        written: list[StepPrices] = []
         for t, height in heights.items():
             written += bundle.written(t, payments[bundle.span(t)], height)
         stage = Stage(tuple(written), tuple(StepConstant(t, heights[t]) for t in heights))
-        _repeat(stage, self.narrowing)
+        self.narrowing = _after(stage, self.narrowing)
         self.stages.append(stage)
         self.report()
         return True
 
 
-def _repeat(stage: Stage, narrowing: Narrowing) -> None:
-    """Does in a narrowing what a stage says; that no joint state is higher is known."""
-    for part in stage.payments:
-        narrowing.pay(part)
-    if stage.payments:
-        narrowing.price()
+def _after(stage: Stage, narrowing: Narrowing) -> Narrowing:
+    """Returns the narrowing after a stage; that no joint state has more profit is known."""
+    narrowing = narrowing.repriced(stage.prices)
     for claim in stage.constants:
-        narrowing.lower_as_claimed(claim)
-    narrowing.close_states()
+        narrowing = _lowered(narrowing, claim)
+    return narrowing.closed()
+
+
+def _lowered(narrowing: Narrowing, claim: StepConstant) -> Narrowing:
+    """Returns the narrowing with a step's constant as a search among more states has found it.
+
+    It leaves as much room for rounding as a checker does, who searches among fewer.
+    """
+    return narrowing.lowered(narrowing.joint_states(claim.t, claim.constant), claim.constant)
 
 
 def _few_nodes(states: int) -> int:

@@ -1,5 +1,7 @@
 """Trials of the paths of all robots together: when they are made, and what they prove."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -38,9 +40,15 @@ def solved_root() -> Root:
 @pytest.fixture
 def trials() -> PathTrials:
     """The trials of a root that has no stages yet."""
+    return PathTrials(solved_root().search)
+
+
+@pytest.fixture
+def narrowing() -> Narrowing:
+    """What the root leaves, before any state is closed."""
     root = solved_root()
     duals = root.relaxation.best.duals.certificate(root.search.model)
-    return PathTrials(root.search, Narrowing(root.search.model, duals, root.search.value))
+    return Narrowing.of(root.search.model, duals, root.search.value)
 
 
 class Ending:
@@ -59,46 +67,46 @@ class Ending:
 
 
 def test_failed_trials_are_made_again_once_more_is_allowed_or_less_is_open(
-    trials: PathTrials, monkeypatch: pytest.MonkeyPatch
+    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Not otherwise, as they would fail again."""
     ending = Ending(np.inf)
     monkeypatch.setattr(path_trials, "best_plan", ending)
     fewest = path_trials._fewest_nodes(trials.search.stop)
-    assert not trials.after_stages(0, 0)
+    assert not trials.after_stages(narrowing, 0, 0)
     assert ending.allowed == [fewest]
-    assert not trials.after_stages(1, 4 * fewest)
+    assert not trials.after_stages(narrowing, 1, 4 * fewest)
     assert len(ending.allowed) == 1
-    assert not trials.after_stages(2, 100 * fewest)
+    assert not trials.after_stages(narrowing, 2, 100 * fewest)
     assert len(ending.allowed) == 2 and ending.allowed[1] > 2 * fewest
-    narrower = trials.narrowing.constants
-    narrower -= 0.5 * trials.narrowing.room / len(narrower)
-    assert not trials.after_stages(3, 100 * fewest)
+    constants = narrowing.constants - 0.5 * narrowing.room / len(narrowing.constants)
+    narrowing = replace(narrowing, constants=constants)
+    assert not trials.after_stages(narrowing, 3, 100 * fewest)
     assert len(ending.allowed) == 3
     assert trials.best is None and trials.nodes == sum(ending.allowed)
 
 
 def test_trials_are_short_where_there_is_no_time_to_compile(
-    trials: PathTrials, monkeypatch: pytest.MonkeyPatch
+    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Plain searches of as many nodes as compiled ones would take all of a short limit."""
     ending = Ending(np.inf)
     monkeypatch.setattr(path_trials, "best_plan", ending)
     monkeypatch.setattr(compiled_search, "is_loaded", lambda: False)
     trials.search.stop = TimeLimit(1.0)
-    assert not trials.after_stages(0, 0)
+    assert not trials.after_stages(narrowing, 0, 0)
     assert ending.allowed == [FEWEST_PLAIN_NODES]
 
 
 def test_higher_targets_come_down_until_a_trial_fails(
-    trials: PathTrials, monkeypatch: pytest.MonkeyPatch
+    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The bound is the last target for which one has ended."""
-    value, bound = trials.search.value, trials.narrowing.bound
+    value, bound = trials.search.value, narrowing.bound
     ending = Ending(value + 0.4 * (bound - value))
     monkeypatch.setattr(path_trials, "best_plan", ending)
     told: list[float] = []
-    trials.for_higher_targets(7, 10, lambda: told.append(trials.best.bound))
+    trials.for_higher_targets(narrowing, 7, 10, lambda: told.append(trials.best.bound))
     shares = [(target - value) / (bound - value) for target in ending.targets]
     assert shares == pytest.approx(SHARES[:3])
     assert trials.best is not None and trials.best.stages == 7
@@ -109,7 +117,7 @@ def test_higher_targets_come_down_until_a_trial_fails(
 
 
 def test_a_limit_ends_trials_and_keeps_what_they_proved(
-    trials: PathTrials, monkeypatch: pytest.MonkeyPatch
+    trials: PathTrials, narrowing: Narrowing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The bound of the targets before stays."""
     ending = Ending(-np.inf)
@@ -121,7 +129,7 @@ def test_a_limit_ends_trials_and_keeps_what_they_proved(
 
     monkeypatch.setattr(path_trials, "best_plan", limited)
     with pytest.raises(LimitReached):
-        trials.for_higher_targets(0, 0, lambda: None)
+        trials.for_higher_targets(narrowing, 0, 0, lambda: None)
     assert trials.best is not None and trials.best.above == ending.targets[1]
 
 
@@ -155,7 +163,7 @@ def test_stages_are_repeated_for_a_better_plan() -> None:
     steps = range(1, search.model.problem.horizon + 1)
     stages = step_envelopes._Envelopes(
         search, narrowing, duals, Known.of(better, steps, search.rng), steps,
-        PathTrials(search, narrowing, is_on=False), ListLengths(len(steps)),
+        PathTrials(search, is_on=False), ListLengths(len(steps)),
     )  # fmt: skip
     stages._lower()
     stages._pay(root.cutoff)
@@ -165,7 +173,7 @@ def test_stages_are_repeated_for_a_better_plan() -> None:
     search.offer(better)
     stages._raise_target()
     after = stages.narrowing
-    assert stages.trials.narrowing is after and after.target == better.value > before.target
+    assert after.target == better.value > before.target
     assert after.states_left.sum() < before.states_left.sum()
     assert after.bound <= before.bound + before.rounding
     assert {path for _, path in stages.known.paths} >= set(better.paths)

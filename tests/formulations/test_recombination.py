@@ -1,5 +1,6 @@
 """Recombination: the best plan along the states of several plans."""
 
+from dataclasses import replace
 from itertools import count, islice, product
 
 import numpy as np
@@ -150,7 +151,8 @@ def test_too_many_plans_are_tried_again_once_less_is_open(
     for _ in range(2):
         assert not [*found.better_plans(plans[0], narrowing)]
     assert next(asked) == 1
-    narrowing.constants -= 0.5 * room / len(narrowing.constants)
+    constants = narrowing.constants - 0.5 * room / len(narrowing.constants)
+    narrowing = replace(narrowing, constants=constants)
     assert not [*found.better_plans(plans[0], narrowing)]
     assert next(asked) == 3
 

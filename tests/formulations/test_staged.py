@@ -32,22 +32,23 @@ from cocap_opt.formulations.certificates import (
     certify,
     verify,
 )
-from cocap_opt.formulations.certificates.format import Stage, StepConstant, StepPayments
+from cocap_opt.formulations.certificates.format import Stage, StepConstant, StepPrices
 from cocap_opt.formulations.certificates.resources import Cells
 from cocap_opt.formulations.certificates.staged import (
     JointStates,
     Narrowing,
     NotEndedError,
-    Wanted,
     best_plan,
     compiled_search,
-    following,
+    joint_paths,
     joint_states,
     may_be_used,
+    most_profitable,
 )
-from cocap_opt.formulations.certificates.staged.following import Choices, Following
-from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
-from cocap_opt.formulations.certificates.staged.joint_states import Ceiling, Highest
+from cocap_opt.formulations.certificates.staged import search as plain_search
+from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan, Choices, Following
+from cocap_opt.formulations.certificates.staged.joint_states import Ceiling
+from cocap_opt.formulations.certificates.staged.search import Found, all_that_count
 from cocap_opt.formulations.certificates.staged.stages import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.columns import Arc
@@ -74,8 +75,8 @@ from cocap_opt.stop import Limit, LimitReached, Stop, never
 seeds = st.integers(0, 10**9)
 
 
-def random_payments(model: Model, rng: np.random.Generator) -> tuple[StepPayments, ...]:
-    """Payments for some states of some steps, none of them good."""
+def random_prices(model: Model, rng: np.random.Generator) -> tuple[StepPrices, ...]:
+    """Prices of some states of some steps, none of them good."""
     problem, found = model.problem, []
     for t in range(problem.first_step, problem.horizon + 1):
         for number, robot_class in enumerate(model.classes):
@@ -85,7 +86,7 @@ def random_payments(model: Model, rng: np.random.Generator) -> tuple[StepPayment
             states = tuple(graph.state(int(state)) for state in some)
             amounts = rng.choice([-5.0, 0.0, 3.0, 40.0, 200.0], size=len(states))
             others = float(rng.choice([0.0, -3.0, 2.0, 30.0]))
-            found.append(StepPayments(t, number, states, tuple(amounts.tolist()), others))
+            found.append(StepPrices(t, number, states, tuple(amounts.tolist()), others))
     return tuple(found)
 
 
@@ -101,7 +102,7 @@ def random_staged(model: Model, target: float, rng: np.random.Generator) -> Stag
             for t, claim in zip(steps, claims, strict=True)
             if k or rng.integers(2)
         )
-        stages.append(Stage(random_payments(model, rng) if k else (), constants))
+        stages.append(Stage(random_prices(model, rng) if k else (), constants))
     higher = target + float(rng.choice([0.0, 0.0, 0.05, 0.5])) * abs(target)
     above = higher if may_be_used(model) and rng.integers(2) else None
     return Staged(random_multipliers(model, rng), target, tuple(stages), above)
@@ -112,7 +113,7 @@ def random_staged(model: Model, target: float, rng: np.random.Generator) -> Stag
 def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
     problem: Problem, seed: int
 ) -> None:
-    """Whatever the payments and the target: optimum <= max(target, bound of what is left)."""
+    """Whatever the prices and the target: optimum <= max(target, bound of what is left)."""
     rng, best = np.random.default_rng(seed), optimum(problem)
     model = some_model(problem, rng)
     value = best.value if math.isfinite(best.value) else 0.0
@@ -128,21 +129,22 @@ def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
 def test_the_searches_of_a_file_share_one_amount_of_work(monkeypatch: pytest.MonkeyPatch) -> None:
     """A file that needs more is not verified, which does not make it false."""
     model, steps = compiled(tiny()), list[int]()
-    lower = Narrowing.lower
 
-    def counting(self: Narrowing, joint: JointStates, wanted: Wanted, stop: Stop) -> Highest:
-        assert wanted.most_nodes == checker.MOST_NODES - sum(steps)
-        found = lower(self, joint, wanted, stop)
-        steps.append(found.nodes)
-        return found
-
-    def trying(narrowing: Narrowing, most_nodes: int, stop: Stop) -> BestPlan:
+    def counting(
+        joint: JointStates, least: float, most_nodes: int, stop: Stop, plain: bool
+    ) -> Found:
         assert most_nodes == checker.MOST_NODES - sum(steps)
-        found = best_plan(narrowing, most_nodes, stop)
+        found = most_profitable(joint, least, most_nodes, stop, plain)
         steps.append(found.nodes)
         return found
 
-    monkeypatch.setattr(Narrowing, "lower", counting)
+    def trying(narrowing: Narrowing, most_nodes: int, stop: Stop, plain: bool) -> BestPlan:
+        assert most_nodes == checker.MOST_NODES - sum(steps)
+        found = best_plan(narrowing, most_nodes, stop, plain)
+        steps.append(found.nodes)
+        return found
+
+    monkeypatch.setattr(checker, "most_profitable", counting)
     monkeypatch.setattr(checker, "best_plan", trying)
     stage = Stage((), tuple(StepConstant(t, -100.0) for t in (1, 2)))
     multipliers = random_multipliers(model, np.random.default_rng(0))
@@ -185,8 +187,7 @@ def test_plans_above_the_target_visit_only_states_that_are_left(
     worths = [objective_from_scratch(problem, plan) for plan in plans]
     model = some_model(problem, rng)
     target = share * max(worths)
-    narrowing = Narrowing(model, random_multipliers(model, rng), target)
-    narrowing.close_states()
+    narrowing = Narrowing.of(model, random_multipliers(model, rng), target).closed()
     for plan, worth in zip(plans, worths, strict=True):
         if worth <= target * (1 + 1e-9):
             continue
@@ -235,12 +236,12 @@ def test_the_search_finds_the_highest_of_all_joint_states(seed: int) -> None:
     """The plain search agrees with enumeration, and collects all joint states that count."""
     joint = random_joint_states(np.random.default_rng(seed))
     every = joint_by_enumeration(joint)
-    found = joint.all_that_count(10**6).found
+    found, _ = all_that_count(joint, 10**6)
     assert sorted(tuple(sorted(chosen)) for chosen in found) == every
-    highest = joint.highest(Wanted(-np.inf, 10**6))
-    assert highest.height == pytest.approx(max(map(joint.height, every), default=-np.inf))
-    assert tuple(sorted(highest.positions)) in every or not every
-    assert joint.highest(Wanted(highest.height + 1, 10**6)).height == highest.height + 1
+    best = most_profitable(joint, -np.inf, 10**6)
+    assert best.profit == pytest.approx(max(map(joint.reduced_profit, every), default=-np.inf))
+    assert tuple(sorted(best.positions)) in every or not every
+    assert most_profitable(joint, best.profit + 1, 10**6).profit == best.profit + 1
 
 
 def part_of(joint: JointStates, listed: IntArray) -> JointStates:
@@ -250,13 +251,13 @@ def part_of(joint: JointStates, listed: IntArray) -> JointStates:
     return replace(
         joint, class_of=joint.class_of[listed], states=joint.states[listed],
         pixels=joint.pixels[np.ix_(listed, seen)], weights=joint.weights[seen],
-        payment=joint.payment[listed], charge=joint.charge[listed], conflict_of=lambda: conflict,
+        price=joint.price[listed], charge=joint.charge[listed], conflict_of=lambda: conflict,
     )  # fmt: skip
 
 
 @examples(30)
 @given(seeds)
-def test_a_height_is_the_same_whatever_else_is_listed(seed: int) -> None:
+def test_a_profit_is_the_same_whatever_else_is_listed(seed: int) -> None:
     """To the last bit, in any order, with other states and other faces beside."""
     rng = np.random.default_rng(seed)
     joint = random_joint_states(rng)
@@ -265,7 +266,7 @@ def test_a_height_is_the_same_whatever_else_is_listed(seed: int) -> None:
     listed = np.union1d(chosen, np.flatnonzero(others))
     part, again = part_of(joint, listed), rng.permutation(np.searchsorted(listed, chosen))
     assert part.worth(again.tolist()) == joint.worth(chosen.tolist())
-    assert part.height(again.tolist()) == joint.height(chosen.tolist())
+    assert part.reduced_profit(again.tolist()) == joint.reduced_profit(chosen.tolist())
 
 
 @examples(30)
@@ -275,25 +276,25 @@ def test_a_part_of_the_states_has_no_joint_state_above_the_highest_of_all(seed: 
     rng, n = np.random.default_rng(seed), 7
     seen = rng.uniform(1, 50, n)
     around = np.array([np.roll(seen, k) for k in range(n)])  # which pairs see as much
-    payment = 10 * (1 + rng.integers(-3, 4, n) * 2.0**-52)
+    price = 10 * (1 + rng.integers(-3, 4, n) * 2.0**-52)
     joint = JointStates(
         1, (int(rng.integers(2, 5)),), np.zeros(n, dtype=np.int64), np.arange(n), around,
-        np.ones(n), payment, np.zeros(n), -np.inf, lambda: np.eye(n, dtype=np.bool_),
+        np.ones(n), price, np.zeros(n), -np.inf, lambda: np.eye(n, dtype=np.bool_),
     )  # fmt: skip
-    highest = joint.highest(Wanted(-np.inf, 10**6)).height
+    most = most_profitable(joint, -np.inf, 10**6).profit
     for _ in range(10):
         listed = np.flatnonzero(rng.random(n) < 0.8)
-        assert part_of(joint, listed).highest(Wanted(highest, 10**6)).height == highest
+        assert most_profitable(part_of(joint, listed), most, 10**6).profit == most
 
 
 def with_ceilings(joint: JointStates, rng: np.random.Generator) -> JointStates:
-    """The same joint states, with the ceilings that other payments make."""
+    """The same joint states, with the ceilings that other prices make."""
     every, ceilings = joint_by_enumeration(joint), []
     for _ in range(int(rng.integers(1, 3))):
         more = rng.choice([-1.0, 0.0, 2.0, 5.0], len(joint.states)) + rng.normal(0, 1e-3)
-        earlier = replace(joint, payment=joint.payment - more)
-        highest = max(map(earlier.height, every), default=0.0)
-        ceilings.append(Ceiling(highest + 1e-9 + float(rng.choice([0.0, 3.0])), more))
+        earlier = replace(joint, price=joint.price - more)
+        most = max(map(earlier.reduced_profit, every), default=0.0)
+        ceilings.append(Ceiling(most + 1e-9 + float(rng.choice([0.0, 3.0])), more))
     return replace(joint, ceilings=tuple(ceilings))
 
 
@@ -302,9 +303,9 @@ def with_limits(joint: JointStates, rng: np.random.Generator) -> JointStates:
     every, limits = joint_by_enumeration(joint), []
     for _ in range(int(rng.integers(1, 3))):
         slack = rng.choice([0.0, 1.0, 4.0, 20.0], len(joint.states)) + rng.normal(0, 1e-3)
-        earlier = replace(joint, payment=joint.charge - slack)
-        highest = max(map(earlier.height, every), default=0.0)
-        limits.append(Ceiling(highest + 1e-9 + float(rng.choice([0.0, 3.0])), slack))
+        earlier = replace(joint, price=joint.charge - slack)
+        most = max(map(earlier.reduced_profit, every), default=0.0)
+        limits.append(Ceiling(most + 1e-9 + float(rng.choice([0.0, 3.0])), slack))
     return replace(joint, limits=tuple(limits))
 
 
@@ -315,8 +316,9 @@ def test_limits_leave_out_what_slacks_forbid(seed: int) -> None:
     rng = np.random.default_rng(seed)
     joint = replace(random_joint_states(rng), floor=0.0)
     slack, room = rng.uniform(0, 3, len(joint.states)), float(rng.uniform(0, 8))
-    found = replace(joint, limits=(Ceiling(room, slack),)).all_that_count(10**6).found
-    within = [some for some in joint.all_that_count(10**6).found if slack[list(some)].sum() <= room]
+    found, _ = all_that_count(replace(joint, limits=(Ceiling(room, slack),)), 10**6)
+    every, _ = all_that_count(joint, 10**6)
+    within = [chosen for chosen in every if slack[list(chosen)].sum() <= room]
     assert sorted(found) == sorted(within)
 
 
@@ -326,14 +328,14 @@ def test_limits_leave_out_what_slacks_forbid(seed: int) -> None:
 def test_ceilings_and_limits_leave_out_no_joint_state_that_counts(
     with_bounds: Callable[[JointStates, np.random.Generator], JointStates], seed: int
 ) -> None:
-    """What earlier payments and slacks prove shortens the search and changes nothing it finds."""
+    """What earlier prices and slacks prove shortens the search and changes nothing it finds."""
     rng = np.random.default_rng(seed)
     joint = random_joint_states(rng)
     below = with_bounds(joint, rng)
     for least in (-np.inf, 0.0, 10.0):
-        highest = joint.highest(Wanted(least, 10**6))
-        assert below.highest(Wanted(least, 10**6)).height == pytest.approx(highest.height)
-    assert below.all_that_count(10**6).found == joint.all_that_count(10**6).found
+        best = most_profitable(joint, least, 10**6)
+        assert most_profitable(below, least, 10**6).profit == pytest.approx(best.profit)
+    assert all_that_count(below, 10**6)[0] == all_that_count(joint, 10**6)[0]
 
 
 @pytest.mark.slow
@@ -345,15 +347,13 @@ def test_the_compiled_search_finds_the_same() -> None:
         joint = random_joint_states(rng)
         joint = with_ceilings(joint, rng) if rng.integers(2) else joint
         joint = with_limits(joint, rng) if rng.integers(2) else joint
-        wanted = Wanted(float(rng.choice([-np.inf, 0.0, 10.0])), 10**6)
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(compiled_search, "is_loaded", lambda: False)
-            plain = joint.highest(wanted)
-        compiled_ = joint._run_compiled(wanted, never)
-        assert compiled_.best == pytest.approx(plain.height)
+        least = float(rng.choice([-np.inf, 0.0, 10.0]))
+        plain = most_profitable(joint, least, 10**6, plain=True)
+        compiled_ = plain_search._run_compiled(joint, least, 10**6, never)
+        assert compiled_.best == pytest.approx(plain.profit)
         assert compiled_.nodes == plain.nodes
         if plain.positions:
-            assert joint.height(compiled_.positions) == pytest.approx(plain.height)
+            assert joint.reduced_profit(compiled_.positions) == pytest.approx(plain.profit)
 
 
 @pytest.mark.parametrize("is_compiled", [False, True])
@@ -376,7 +376,7 @@ def test_local_search_finds_joint_states_that_count_and_are_high(
         for team, k, state in product(found, range(sum(joint.sizes)), range(len(joint.states))):
             other = tuple(sorted((*team[:k], state, *team[k + 1 :])))
             if other in every:
-                assert joint.height(other) <= joint.height(team) + 1e-6
+                assert joint.reduced_profit(other) <= joint.reduced_profit(team) + 1e-6
 
 
 @pytest.mark.slow
@@ -397,11 +397,12 @@ def test_stages_do_not_depend_on_what_is_compiled_already() -> None:
 def test_joint_states_may_be_more_than_a_float_can_count() -> None:
     """Of 200 robots with 5,000 states each at a step."""
     model = compiled(load_scene("tiny-share", 0))
-    narrowing = Narrowing(model, random_multipliers(model, np.random.default_rng(0)), 0.0)
-    narrowing.left = [np.ones((2, 5000), dtype=np.bool_)]
-    narrowing.model = SimpleNamespace(
-        problem=SimpleNamespace(first_step=1), class_sizes=(200,)
-    )  # fmt: skip
+    narrowing = Narrowing.of(model, random_multipliers(model, np.random.default_rng(0)), 0.0)
+    narrowing = replace(
+        narrowing,
+        model=SimpleNamespace(problem=SimpleNamespace(first_step=1), class_sizes=(200,)),
+        _sweeps=narrowing._sweeps._replace(left=[np.ones((2, 5000), dtype=np.bool_)]),
+    )
     assert narrowing.joint_states_left == math.comb(5199, 200)
     assert narrowing.joint_states_left < math.inf
 
@@ -444,7 +445,7 @@ def test_a_search_that_is_too_long_says_so() -> None:
     """A search gives no number where it has not gone through all joint states."""
     joint = random_joint_states(np.random.default_rng(1))
     with pytest.raises(NotEndedError):
-        joint.highest(Wanted(-np.inf, 1))
+        most_profitable(joint, -np.inf, 1)
 
 
 @examples(30)
@@ -498,24 +499,33 @@ def test_plans_above_a_higher_target_are_tried(problem: Problem, seed: int, shar
         narrowing.above(narrowing.target - 1)
 
 
-def test_narrowings_of_two_targets_change_apart() -> None:
-    """What is paid, searched and closed for a higher target is nothing to the lower one."""
+def test_a_narrowing_never_changes() -> None:
+    """What is priced, searched and closed after it is nothing to it, nor to one it came from."""
     rng, model = np.random.default_rng(0), compiled(tiny())
-    narrowing = Narrowing(model, random_multipliers(model, rng), -1.0)
-    narrowing.close_states()
-    higher = narrowing.above(-0.5)
+    narrowing = Narrowing.of(model, random_multipliers(model, rng), -1.0).closed()
     before = deepcopy(narrowing)
-    for payments in random_payments(model, rng):
-        higher.pay(payments)
-    higher.price()
+    higher = narrowing.above(-0.5).repriced(random_prices(model, rng))
     for t in (1, 2):
-        higher.lower(higher.joint_states(t), Wanted(-100.0, 10**6))
-    higher.close_states()
+        joint = higher.joint_states(t)
+        higher = higher.lowered(joint, most_profitable(joint, -100.0, 10**6).profit)
+    higher = higher.closed()
     assert higher.constants.tolist() != before.constants.tolist()
     for name in ("constants", "rewards", "left", "slack"):
         np.testing.assert_array_equal(getattr(narrowing, name), getattr(before, name))
     assert narrowing.bound == before.bound
     assert not narrowing.joint_states(1).ceilings and higher.joint_states(1).ceilings
+
+
+def test_what_is_known_of_other_prices_lowers_no_constant() -> None:
+    """Joint states must be those of the present prices, and a step without a constant is no end."""
+    rng, model = np.random.default_rng(0), compiled(tiny())
+    narrowing = Narrowing.of(model, random_multipliers(model, rng), -1.0).closed()
+    before, after = narrowing.joint_states(1), narrowing.repriced(random_prices(model, rng))
+    with pytest.raises(ValueError, match="step 1 have other prices"):
+        after.lowered(before, -100.0)
+    for unfinished in (after.closed, lambda: after.above(0.0), lambda: after.pricing):
+        with pytest.raises(CertificateError, match="too large"):
+            unfinished()
 
 
 @pytest.mark.slow
@@ -533,13 +543,13 @@ def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(compiled_search, "is_loaded", lambda: False)
             patch.setattr(compiled_search, "is_there", lambda there=is_there: there)
-            patch.setattr(following, "PLAIN_NODES", plain_nodes)
-            patch.setattr(following, "_NODES_AT_ONCE", 4)
+            patch.setattr(joint_paths, "PLAIN_NODES", plain_nodes)
+            patch.setattr(joint_paths, "_NODES_AT_ONCE", 4)
             found.append(best_plan(narrowing, 10**6))
     assert found[0] == found[1] == found[2]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(following, "PLAIN_NODES", -1)
-        patch.setattr(following, "_NODES_AT_ONCE", 4)
+        patch.setattr(joint_paths, "PLAIN_NODES", -1)
+        patch.setattr(joint_paths, "_NODES_AT_ONCE", 4)
         assert best_plan(narrowing, found[0].nodes) == found[0]
         if found[0].nodes:
             with pytest.raises(NotEndedError):
@@ -551,24 +561,22 @@ def open_narrowing(horizon: int) -> Narrowing:
     model = compiled(load_scene("field", 0).replace(horizon=horizon))
     shape = (model.problem.view_sum_steps, model.n_faces)
     multipliers = Multipliers(as_rows(np.ones(shape)), as_rows(np.ones(shape)))
-    narrowing = Narrowing(model, multipliers, -1.0)
-    narrowing.close_states()
-    return narrowing
+    return Narrowing.of(model, multipliers, -1.0).closed()
 
 
 @pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
 def test_one_long_search_for_what_follows_looks_at_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     """However many nodes the first joint state takes, limits are looked at between some of them."""
-    follow, nodes = compiled_search.Running.follow, list[int]()
+    follow, nodes = compiled_search.CompiledSearch.follow, list[int]()
 
-    def noted(self: compiled_search.Running, *arguments: object) -> object:
+    def noted(self: compiled_search.CompiledSearch, *arguments: object) -> object:
         found = follow(self, *arguments)
         nodes.append(self.nodes)
         return found
 
-    monkeypatch.setattr(compiled_search.Running, "follow", noted)
-    monkeypatch.setattr(following, "PLAIN_NODES", -1)
-    monkeypatch.setattr(following, "_NODES_AT_ONCE", 500)
+    monkeypatch.setattr(compiled_search.CompiledSearch, "follow", noted)
+    monkeypatch.setattr(joint_paths, "PLAIN_NODES", -1)
+    monkeypatch.setattr(joint_paths, "_NODES_AT_ONCE", 500)
     with pytest.raises(LimitReached):
         best_plan(open_narrowing(1), 10**9, Calls(5))
     assert nodes and set(nodes) == {500}
@@ -581,11 +589,11 @@ def test_a_search_that_finds_too_much_ends_there(
     """It does not go through all of the two hundred million joint states first."""
     if is_compiled and not compiled_search.is_there():
         pytest.skip("needs the extra [fast]")
-    for module in (following, joint_states):
+    for module in (joint_paths, plain_search):
         monkeypatch.setattr(module, "MOST_FOUND", 1000)
     monkeypatch.setattr(compiled_search, "is_loaded", lambda: is_compiled)
     monkeypatch.setattr(compiled_search, "is_there", lambda: is_compiled)
-    monkeypatch.setattr(following, "_NODES_AT_ONCE", 600)
+    monkeypatch.setattr(joint_paths, "_NODES_AT_ONCE", 600)
     stop = Calls()
     with pytest.raises(NotEndedError):
         best_plan(open_narrowing(1), 10**9, stop)
@@ -617,7 +625,7 @@ def test_what_rounding_may_have_made_too_low_is_followed(
     nothing = [np.zeros(len(some)) for some in choices.states]
     apart = choices.robots.tolist()
     joint = JointStates.of(model, 1, choices.states, nothing, nothing, -np.inf, apart=apart)
-    highest = max(map(joint.worth, joint.all_that_count(10**6).found))
+    highest = max(map(joint.worth, all_that_count(joint, 10**6)[0]))
     assert highest > 0
     for lacking, is_found in ((0.5, True), (2.0, False)):
         floors = np.array([highest + lacking * joint.margin])
@@ -651,8 +659,8 @@ def test_step_envelopes_can_be_asked_for_few_joint_states_only() -> None:
         root.relaxation.master.add(column)
     root.relaxation.solve(root.cutoff, until_cuts=True)
     duals = root.relaxation.best.duals
-    narrowing = Narrowing(search.model, duals.certificate(search.model), search.value)
-    narrowing.close_states()
+    certificate = duals.certificate(search.model)
+    narrowing = Narrowing.of(search.model, certificate, search.value).closed()
     (robots,) = search.model.class_sizes
     joint = sum(math.comb(int(n) + robots - 1, robots) for n in narrowing.states_left[1:])
     assert narrowing.joint_states_left == joint > 0
@@ -668,7 +676,7 @@ def replace_stages(staged: Staged, model: Model, rng: np.random.Generator) -> St
     """The same certificate with two stages, of payments and constants."""
     steps = range(model.problem.first_step, model.problem.horizon + 1)
     constants = tuple(StepConstant(t, -1e3) for t in steps)
-    stages = (Stage(constants=constants), Stage(random_payments(model, rng), constants))
+    stages = (Stage(constants=constants), Stage(random_prices(model, rng), constants))
     return msgspec.structs.replace(staged, stages=stages, paths_above=staged.target)
 
 
@@ -789,7 +797,7 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
         stages_of(search, search.alone.duals)
     if search.spare is not None:
         assert any(part.others for stage in search.spare.certificate.stages
-                   for part in stage.payments)  # fmt: skip
+                   for part in stage.prices)  # fmt: skip
         pricing = verify(problem, search.spare, model=search.model)
         assert optimum(problem).value <= pricing.bound == search.spare.proved
 
@@ -861,14 +869,14 @@ def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyP
     root = Root.of(search, OPTIMALITY)
     root.solve_aggregated()
     root.relaxation.look_for_plans()
-    highest, calls = JointStates.highest, count()
+    calls = count()
 
-    def limited(self: JointStates, wanted: Wanted, stop: Stop = never) -> Highest:
+    def limited(joint: JointStates, least: float, most_nodes: int, stop: Stop) -> Found:
         if next(calls) == 3:
             raise LimitReached(Limit.WORK)
-        return highest(self, wanted, stop)
+        return most_profitable(joint, least, most_nodes, stop)
 
-    monkeypatch.setattr(JointStates, "highest", limited)
+    monkeypatch.setattr(envelopes, "most_profitable", limited)
     with pytest.raises(LimitReached):
         stages_of(search, root.relaxation.best.duals)
     monkeypatch.undo()

@@ -167,6 +167,4 @@ def random_proof(model: Model, rng: np.random.Generator) -> ProofFile:
 
 def random_narrowing(model: Model, target: float, rng: np.random.Generator) -> Narrowing:
     """What random multipliers leave above a target."""
-    narrowing = Narrowing(model, random_multipliers(model, rng), target)
-    narrowing.close_states()
-    return narrowing
+    return Narrowing.of(model, random_multipliers(model, rng), target).closed()

@@ -19,7 +19,7 @@ from cocap_opt.formulations.certificates import (
     verify,
 )
 from cocap_opt.formulations.certificates.pricing import Prices
-from cocap_opt.formulations.certificates.staged import Narrowing, Wanted, best_plan
+from cocap_opt.formulations.certificates.staged import Narrowing, best_plan, most_profitable
 from cocap_opt.formulations.certificates.staged.stages import MOST_NODES
 from cocap_opt.formulations.certificates.sweep import plain_sweep
 from cocap_opt.formulations.column_generation.root import Root
@@ -102,7 +102,7 @@ class _BoundParts(NamedTuple):
             values = plain_sweep(problem, one, prices.rewards(number), prices.charges(number))
             for robot, start in zip(one.robots, one.starts, strict=True):
                 best[robot] = float(values[start])
-        return cls(prices.payment.constants, prices.charge.constant, tuple(best))
+        return cls(prices.pixels.constants, prices.resources.constant, tuple(best))
 
     @property
     def total(self) -> float:
@@ -186,18 +186,17 @@ def in_stages() -> Staged:
 def stages() -> list[Stage]:
     """Returns what the stages of the bottleneck leave, one after the other."""
     own = in_stages()
-    narrowing = Narrowing(bottleneck().model, own.multipliers, own.target)
+    narrowing = Narrowing.of(bottleneck().model, own.multipliers, own.target)
     found = [_stage("in reach", narrowing)]
-    narrowing.close_states()
+    narrowing = narrowing.closed()
     found.append(_stage("after the multipliers", narrowing))
     for n, stage in enumerate(own.stages, 1):
-        for payments in stage.payments:
-            narrowing.pay(payments)
-        narrowing.price()
+        narrowing = narrowing.repriced(stage.prices)
         for step in stage.constants:
             joint = narrowing.joint_states(step.t, step.constant)
-            narrowing.lower(joint, Wanted(step.constant, MOST_NODES))
-        narrowing.close_states()
+            profit = most_profitable(joint, step.constant, MOST_NODES).profit
+            narrowing = narrowing.lowered(joint, profit)
+        narrowing = narrowing.closed()
         found.append(_stage(f"after stage {n}", narrowing))
     return found
 

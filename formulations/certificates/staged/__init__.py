@@ -5,28 +5,26 @@ storey (`cocap_opt.formulations.certificates`), in this order:
 
 1. `narrowing`: closes states that no better plan visits, and bounds what all faces of a step are
    worth together.
-2. `joint_states`: the search for the highest joint state of a step.
-3. `following`, `joint_paths`: at the end the paths of all robots together that are left are tried.
+2. `joint_states`, `search`: the search for the most profitable joint state of a step.
+3. `joint_paths`: at the end the paths of all robots together that are left are explored.
 4. `stages`: what a file's stages do, one after the other, and which numbers are refused.
-5. `compiled_search` repeats the searches of `joint_states` and `following`, faster, and is held to
-   them by tests; `search_kernel` has its steps, and `compiling` asks numba to compile them.
+5. `compiled_search` repeats the searches of `search` and `joint_paths`, faster, and is held to
+   them by tests; `search_kernel` has its steps, and `compiling` asks numba to compile them. Plain
+   verification uses none of the three.
 """
 
 from cocap_opt.formulations.certificates.staged.joint_paths import best_plan, may_be_used
-from cocap_opt.formulations.certificates.staged.joint_states import (
-    JointStates,
-    NotEndedError,
-    Wanted,
-)
+from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
+from cocap_opt.formulations.certificates.staged.search import NotEndedError, most_profitable
 from cocap_opt.formulations.certificates.staged.stages import price_staged
 
 __all__ = [
     "JointStates",
     "Narrowing",
     "NotEndedError",
-    "Wanted",
     "best_plan",
     "may_be_used",
+    "most_profitable",
     "price_staged",
 ]

@@ -1,13 +1,12 @@
-"""The search for the highest joint state, compiled by numba where that is installed.
+"""The searches of joint states, compiled by numba where that is installed.
 
-It does what the plain search of `joint_states` does, about twenty times as fast, and can be
+They do what the plain search (`search`) does, about twenty times as fast, and can be
 interrupted; the tests hold it to the plain one. Without numba (extra `fast`) the plain one runs.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -15,7 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.stop import Stop
 
 if TYPE_CHECKING:
@@ -47,14 +47,14 @@ def is_fast(stop: Stop) -> bool:
 
 
 @dataclass(eq=False)
-class Running:
+class CompiledSearch:
     """A search that has been begun.
 
     Attributes
     ----------
     data : the arrays that it reads
     memory : the arrays that it writes
-    best : largest height found, at first the least one wanted
+    best : largest profit found, at first the least one wanted
     floor : least worth, less charges, of a joint state that counts
     """
 
@@ -64,51 +64,40 @@ class Running:
     floor: float
 
     @classmethod
-    def of(
-        cls,
-        views: tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray],
-        class_of: IntArray,
-        sizes: tuple[int, ...],
-        conflict: BoolArray,
-        ceilings: Sequence[tuple[float, FloatArray]],
-        limits: Sequence[tuple[float, FloatArray]],
-        least: float,
-        floor: float,
-        most_found: int = 0,
-    ) -> Running:
+    def of(cls, joint: JointStates, least: float, most_found: int = 0) -> CompiledSearch:
         """Returns a search at its beginning.
 
         Parameters
         ----------
-        views : coverage of the states in compressed sparse rows (first entries [n+1], faces,
-            pixels), weights of the faces [F], payments and charges of the states [n]
-        class_of, sizes : class of each state [n], not decreasing; robots of each class
-        ceilings, limits : their heights, and what each state is paid or charged more than then [n]
-        conflict : [n, n] whether two robots may not be in these states at once
-        least, floor : as in `joint_states`
+        least : profits up to here do not matter
         most_found : if not 0, the search is for `follow`, which collects up to so many in a call
         """
         from cocap_opt.formulations.certificates.staged.search_kernel import Data
 
-        bounds = [*ceilings, *limits]
-        own = np.repeat(np.arange(len(sizes)), sizes)
+        bounds, classes = joint.bounds, np.repeat(np.arange(len(joint.sizes)), joint.sizes)
         data = Data(
-            *views,
-            class_of,
-            own,
-            counts=np.array(
-                [np.bincount(own[d:], minlength=len(sizes)) for d in range(len(own) + 1)]
+            *joint.sparse,
+            joint.weights,
+            joint.price,
+            joint.charge,
+            joint.class_of,
+            classes,
+            counts=np.array([
+                np.bincount(classes[d:], minlength=len(joint.sizes))
+                for d in range(len(classes) + 1)
+            ]),
+            conflict=joint.conflict,
+            raised=np.array([bound.raised for bound in bounds]).reshape(
+                len(bounds), len(joint.class_of)
             ),
-            conflict=conflict,
-            more_paid=np.array([more for _, more in bounds]).reshape(len(bounds), len(class_of)),
-            is_limit=np.arange(len(bounds)) >= len(ceilings),
-        )
-        highest = np.array([height for height, _ in bounds])
-        return cls(data, _beginning(data, highest, most_found), least, floor)
+            is_limit=np.arange(len(bounds)) >= len(joint.ceilings),
+        )  # fmt: skip
+        profits = np.array([bound.profit for bound in bounds])
+        return cls(data, _beginning(data, profits, most_found), least, joint.floor - joint.margin)
 
     @property
     def positions(self) -> tuple[int, ...]:
-        """Positions of the states of the highest joint state; none if none is higher."""
+        """Positions of the states of the joint state that has it; none if none has more."""
         found = self.memory.chosen[1]
         return tuple(found.tolist()) if found[0] >= 0 else ()
 
@@ -165,7 +154,7 @@ class Running:
         return int(self.memory.progress[FOUND])
 
 
-def _beginning(data: Data, highest: FloatArray, most_found: int) -> Memory:
+def _beginning(data: Data, profits: FloatArray, most_found: int) -> Memory:
     """Returns the memory of a search whose root is its next node, or that `follow` begins."""
     from cocap_opt.formulations.certificates.staged.search_kernel import Memory
 
@@ -178,8 +167,8 @@ def _beginning(data: Data, highest: FloatArray, most_found: int) -> Memory:
         child=np.zeros(depths, dtype=np.int64),
         values=np.zeros((3, depths, n)),
         seen=np.zeros((2, depths, n_faces)),
-        heights=np.zeros((2, depths)),
-        below=np.tile(highest, (depths, 1)),
+        profits=np.zeros((2, depths)),
+        below=np.tile(profits, (depths, 1)),
         largest=np.zeros((2, n_classes)),
         chosen=np.full((2, robots), -1),
         collected=np.zeros((most_found, robots), dtype=np.int64),

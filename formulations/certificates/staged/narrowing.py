@@ -1,9 +1,9 @@
-"""Narrowing down where better plans can be: payments for states, and states that are closed.
+"""Narrowing down where better plans can be: prices of states, and states that are closed.
 
 Multipliers bound J by constants K_t for the faces of each step, a constant for rows, and one best
 path per robot (`pricing`). Write B for that bound, sigma_i(t, s) for what robot i's best path
-through state s at step t lacks to its best path, and h_t for the height of the joint state of a
-plan at t: its worth less what is paid for it (`joint_states`). Then
+through state s at step t lacks to its best path, and h_t for the reduced profit of the joint state
+of a plan at t: its worth less the prices of its states (`joint_states`). Then
 
     J = B - sum of the paths' slacks - sum_t (K_t - h_t) - mu (1 - used),     all terms >= 0,
 
@@ -13,51 +13,45 @@ so that a plan with J > target obeys, at every step,
 
 States whose own slack breaks it are closed: no plan above the target visits them (Lagrangian
 fixing). From then on it is enough to bound plans that visit only states that are left, and
-only joint states that obey (*). For these, robots may be paid anything for being in a state at a
-step, if K_t is a number that none of their heights exceeds then: the concave envelope over joint
-states, of which each set of payments is a supporting plane. Stages of the two take turns: new
-payments and their constants, states closed. At the end
+only joint states that obey (*). For these, a state at a step may have any price, which a robot
+gets for being there, if K_t is a number that none of their reduced profits exceeds then: the
+concave envelope over joint states, of which each set of prices is a supporting plane. Stages of the
+two take turns: new prices and their constants, states closed. At the end
 
     J <= max(target, B)    for all plans.
 
-Payments need not be told state by state. Where no joint state was higher than K' when payment' was
-paid, none is now higher than
+Prices need not be told state by state. Where no joint state had more profit than K' at price', none
+now has more than
 
-    K' - sum_i [payment(s_i) - payment'(s_i)],                                                (**)
+    K' - sum_i [price(s_i) - price'(s_i)],                                                    (**)
 
-so that a state that is paid K' - K more than before, all others no less, is in no joint state
-higher than K. A stage pays all states of a step that much more, but for those on a short list;
-K_t is then found by search among the states on the list. What others are paid more costs nothing
-where their paths' slack is as large. Joint states that break (*) of an earlier stage may be higher
-than (**), but no plan above the target visits these.
+so that a state whose price is K' - K more than before, all others no less, is in no joint state of
+more profit than K. A stage raises the prices of all states of a step that much, but for those on a
+short list; K_t is then found by search among the states on the list. Higher prices of others cost
+nothing where their paths' slack is as large. Joint states that break (*) of an earlier stage may
+have more profit than (**), but no plan above the target visits these.
+
+A `Narrowing` never changes: what narrows further returns the next one. New prices and the slacks
+that belong to them come together, and only joint states of the present prices lower a constant; so
+there is no order of calls that would prove too much.
 """
 
 import math
 from collections.abc import Sequence
-from copy import copy
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates.format import (
-    CertificateError,
-    Multipliers,
-    StepConstant,
-    StepPayments,
-)
+from cocap_opt.formulations.certificates.format import CertificateError, Multipliers, StepPrices
 from cocap_opt.formulations.certificates.pricing import (
     UNIT_ROUNDOFF,
     Prices,
     Pricing,
     rounding_factor,
 )
-from cocap_opt.formulations.certificates.staged.joint_states import (
-    Ceiling,
-    Highest,
-    JointStates,
-    Wanted,
-)
+from cocap_opt.formulations.certificates.staged.joint_states import Ceiling, JointStates
 from cocap_opt.formulations.certificates.sweep import (
     reward_of_staying,
     values_so_far,
@@ -70,60 +64,133 @@ from cocap_opt.sums import exact_sum
 
 
 class _Earlier(NamedTuple):
-    """Payments that were replaced, and the constant of their step."""
+    """Prices that were replaced at a step, and the constant that they had."""
 
     constant: float  # rounding included
-    rewards: list[FloatArray]  # of each class, the payments [S]
+    rewards: list[FloatArray]  # of each class, the prices [S]
 
 
 class _Closing(NamedTuple):
-    """The constants [T+1] when states were closed, and each class's slack [T+1, S]."""
+    """What decides which joint states count: all as it was when states were closed last."""
 
-    constants: FloatArray
-    slack: list[FloatArray]
+    constants: FloatArray  # [T+1]
+    floors: FloatArray  # [T+1] least worth less charges of a joint state that counts
+    slack: list[FloatArray]  # of each class [T+1, S]
+    charges: list[FloatArray]  # of each class [T+1, S], price and slack together
 
 
+class _Sweeps(NamedTuple):
+    """The paths over the states that are left, at the present prices, of each class."""
+
+    left: list[BoolArray]  # [T+1, S]
+    slack: list[FloatArray]  # [T+1, S]
+    to_go: list[FloatArray]  # [T+1, S] value of the best path from each state on
+    worth: float  # of the best paths of all robots
+    magnitude: float  # the most that the absolute values along them add up to
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        charges: Sequence[Charges],
+        rewards: Sequence[FloatArray],
+        left: Sequence[BoolArray],
+    ) -> Self:
+        """Prices the paths over the states that are left, and finds the slack of every state."""
+        problem = model.problem
+        found = cls([], [], [], 0.0, 0.0)
+        worth = 0.0
+        magnitude = len(problem.robots) * problem.horizon * reward_of_staying(problem.objective)
+        for robot_class, charge, prices, is_left in zip(
+            model.classes, charges, rewards, left, strict=True
+        ):
+            reward = np.where(is_left, prices, -np.inf)
+            starts = list(robot_class.starts)
+            to_go = np.array([*values_to_go(problem, robot_class, reward, charge)])[::-1]
+            best = to_go[0, starts]
+            worth += float(best.sum())
+            most = np.abs(np.where(is_left, reward, 0.0)).max(axis=1)
+            magnitude += float(most.sum()) * len(starts)
+            first = np.full(reward.shape[1], -np.inf)
+            has_path = best > -np.inf
+            np.maximum.at(first, np.array(starts)[has_path], -best[has_path])
+            so_far = np.array([*values_so_far(problem, robot_class, reward, charge, first)])
+            slack = np.maximum(-(so_far + to_go), 0.0)
+            found.to_go.append(to_go)
+            found.slack.append(slack)
+            found.left.append(is_left & (slack < np.inf))
+        return found._replace(worth=worth, magnitude=magnitude)
+
+
+@dataclass(frozen=True, eq=False)
 class Narrowing:
-    """The bound on the plans above a target, as payments change and states are closed.
+    """The bound on the plans above a target, at some prices and with some states closed.
 
     Attributes
     ----------
     model : whose classes the multipliers count
     target : J: plans that are not above it need not be bounded
-    constants : [T+1] K_t; infinite where payments are new
-    rewards : of each class, the payments [T+1, S]
-    left : of each class, the states [T+1, S] that plans above the target may visit
-    slack : of each class, what the best path through each state [T+1, S] lacks to the best path
+    constants : [T+1] K_t; infinite where prices are new
+    rewards : of each class, the prices of states [T+1, S], which its robots get for being there
     """
 
-    def __init__(
-        self, model: Model, multipliers: Multipliers, target: float, stop: Stop = never
-    ) -> None:
+    model: Model
+    target: float
+    constants: FloatArray
+    rewards: list[FloatArray]
+    _prices: Prices
+    _row_steps: tuple[tuple[int, float], ...]  # step and multiplier of each row
+    _charges: list[Charges]
+    _sweeps: _Sweeps
+    _closing: _Closing
+    _earlier: tuple[tuple[_Earlier, ...], ...]  # by step
+
+    @classmethod
+    def of(
+        cls, model: Model, multipliers: Multipliers, target: float, stop: Stop = never
+    ) -> "Narrowing":
+        """Returns the narrowing by multipliers, before any state is closed.
+
+        Raises
+        ------
+        CertificateError
+            If the multipliers prove nothing, or pixels add up over time.
+        LimitReached
+            At a limit.
+        """
         if model.problem.objective.over_time:
             raise CertificateError("certificate: where pixels add up over time, there are no steps")
         if not math.isfinite(target):
             raise CertificateError("certificate.target: must be finite")
-        self.model, self.target, self._rows = model, target, multipliers.rows
-        self._prices = prices = Prices.of(model, multipliers, stop=stop)
-        constants = prices.payment.constants.reshape(model.problem.horizon + 1, model.n_faces)
-        self.constants: FloatArray = constants.sum(axis=1)
+        prices = Prices.of(model, multipliers, stop=stop)
+        constants = prices.pixels.constants.reshape(model.problem.horizon + 1, model.n_faces)
         classes = range(len(model.classes))
-        self.rewards = [prices.rewards(number) for number in classes]
-        self.slack: list[FloatArray] = []
-        self.left: list[BoolArray] = [np.ones(some.shape, dtype=np.bool_) for some in self.rewards]
-        self._charges = [prices.charges(number) for number in classes]
-        self.price()
-        self._require_finite()
-        # Whether a joint state counts is decided with the payments with which states were closed.
-        self._charged = self._charged_now()
-        self._floors = np.full(len(self.constants), -np.inf)
-        self._closing = _Closing(self.constants.copy(), self.slack)
-        self._earlier: list[list[_Earlier]] = [[] for _ in self.constants]
+        rewards = [prices.rewards(number) for number in classes]
+        charges = [prices.charges(number) for number in classes]
+        everywhere = [np.ones(reward.shape, dtype=np.bool_) for reward in rewards]
+        sweeps = _Sweeps.of(model, charges, rewards, everywhere)
+        first = cls(
+            model, target, constants.sum(axis=1), rewards, prices,
+            tuple((row.resource.t, row.multiplier) for row in multipliers.rows), charges, sweeps,
+            _Closing(constants.sum(axis=1), constants, [], []), ((),) * len(constants),
+        )  # fmt: skip
+        first._require_finite()
+        return replace(first, _closing=first._closed_now(np.full(len(constants), -np.inf)))
+
+    @property
+    def left(self) -> list[BoolArray]:
+        """The states [T+1, S] of each class that plans above the target may visit."""
+        return self._sweeps.left
+
+    @property
+    def slack(self) -> list[FloatArray]:
+        """What the best path through each state [T+1, S] of a class lacks to the best path."""
+        return self._sweeps.slack
 
     @property
     def bound(self) -> float:
         """B, which no plan above the target exceeds, but for rounding."""
-        return float(self.constants.sum()) + self._prices.charge.constant + self._paths
+        return float(self.constants.sum()) + self._prices.resources.constant + self._sweeps.worth
 
     @property
     def rounding(self) -> float:
@@ -131,10 +198,10 @@ class Narrowing:
         return self._rounding(float(np.abs(self.constants).sum()))
 
     def _rounding(self, constants: float) -> float:
-        """Returns the most that rounding changes of a sum of constants, prices and payments."""
-        payment, charge = self._prices.payment, self._prices.charge
-        made_of = payment.magnitude + charge.magnitude + self._paths_made_of + constants
-        return rounding_factor(self.model, len(charge.costs), payment.cuts) * made_of
+        """Returns the most that rounding changes of a sum of constants, multipliers and prices."""
+        pixels, resources = self._prices.pixels, self._prices.resources
+        magnitude = pixels.magnitude + resources.magnitude + self._sweeps.magnitude + constants
+        return rounding_factor(self.model, len(resources.costs), pixels.cuts) * magnitude
 
     @property
     def pricing(self) -> Pricing:
@@ -143,7 +210,7 @@ class Narrowing:
         return Pricing(self._proved_by(self.bound), self.rounding)
 
     def pricing_of(self, best: float) -> Pricing:
-        """Returns the bound on all plans, once those above the target have been tried.
+        """Returns the bound on all plans, once those above the target have been explored.
 
         Parameters
         ----------
@@ -168,14 +235,14 @@ class Narrowing:
     @property
     def states_left(self) -> IntArray:
         """Number of states that are left at each step [T+1]."""
-        left: IntArray = np.sum([some.sum(axis=1) for some in self.left], axis=0)
+        left: IntArray = np.sum([is_left.sum(axis=1) for is_left in self.left], axis=0)
         return left
 
     @property
     def joint_states_left(self) -> int:
         """Number of joint states of all steps, conflicts included; none are too many for an int."""
         first, sizes = self.model.problem.first_step, self.model.class_sizes
-        per_step = np.array([some.sum(axis=1) for some in self.left]).T[first:].tolist()
+        per_step = np.array([is_left.sum(axis=1) for is_left in self.left]).T[first:].tolist()
         return sum(
             math.prod(math.comb(n + k - 1, k) for n, k in zip(left, sizes, strict=True))
             for left in per_step
@@ -189,7 +256,7 @@ class Narrowing:
         """
         later = float(self.constants[t + 1 :].sum())
         # Rows charge at most their multipliers at the step itself, which this sum holds.
-        return later + exact_sum(row.multiplier for row in self._rows if row.resource.t >= t)
+        return later + exact_sum(multiplier for step, multiplier in self._row_steps if step >= t)
 
     def future(self, number: int, t: int, states: IntArray) -> FloatArray:
         """Returns what robots of a class can get for later steps [n], in units of J.
@@ -198,50 +265,34 @@ class Narrowing:
         ----------
         states : [n] where they are at step t
         """
-        future: FloatArray = self._to_go[number][t, states] - self.rewards[number][t, states]
+        to_go = self._sweeps.to_go[number]
+        future: FloatArray = to_go[t, states] - self.rewards[number][t, states]
         return future
-
-    def apart(self, numbers: Sequence[int], t: int, states: Sequence[IntArray]) -> JointStates:
-        """Returns the joint states of robots apart; what they are charged is `future`, negated.
-
-        So worth less charges is what the step and the later payments can bring, and the present
-        payments are one limit of it.
-
-        Parameters
-        ----------
-        numbers : of each robot, its class
-        states : of each robot, some of the states that are left at the step
-        """
-        charge = [
-            -self.future(number, t, some) for number, some in zip(numbers, states, strict=True)
-        ]
-        paid_more = [
-            own - self.rewards[number][t, some]
-            for number, some, own in zip(numbers, states, charge, strict=True)
-        ]
-        limit = self._ceiling_of(self.ceiling(t), np.concatenate(paid_more))
-        return JointStates.of(
-            self.model, t, states, charge, charge, -np.inf, limits=(limit,), apart=numbers
-        )
 
     def charges(self, number: int) -> Charges:
         """Returns what the robots of a class are charged by rows."""
         return self._charges[number]
 
-    def close_states(self) -> None:
-        """Closes the states that no plan above the target visits; raises CertificateError."""
+    # -- the next narrowing -------------------------------------------------------------------
+
+    def closed(self) -> "Narrowing":
+        """Returns the narrowing in which states are closed that no plan above the target visits.
+
+        Raises
+        ------
+        CertificateError
+            If a step has new prices and no constant yet.
+        """
         self._require_finite()
-        for left, slack in zip(self.left, self.slack, strict=True):
-            left &= slack <= self.room
-        self.price()
-        self._charged = self._charged_now()
-        self._floors = self.constants - self.room
-        self._closing = _Closing(self.constants.copy(), self.slack)
+        room = self.room
+        left = [
+            is_left & (slack <= room) for is_left, slack in zip(self.left, self.slack, strict=True)
+        ]
+        after = replace(self, _sweeps=_Sweeps.of(self.model, self._charges, self.rewards, left))
+        return replace(after, _closing=after._closed_now(after.constants - after.room))
 
     def above(self, target: float, among: Sequence[BoolArray] | None = None) -> "Narrowing":
-        """Returns the same for a target that is not lower, for which more states are closed.
-
-        What changes later in one of the two does not change in the other.
+        """Returns the narrowing for a target that is not lower, for which more states are closed.
 
         Parameters
         ----------
@@ -254,170 +305,158 @@ class Narrowing:
         """
         if not self.target <= target < math.inf:
             raise CertificateError("certificate.paths_above: must be finite, and not below target")
-        other = copy(self)
-        other.target, other.constants = target, self.constants.copy()
-        other.rewards = [some.copy() for some in self.rewards]
-        other.left = [some.copy() for some in self.left]
-        other._earlier = [some.copy() for some in self._earlier]
-        for left, some in zip(other.left, among or other.left, strict=True):
-            left &= some
-        other.close_states()
-        return other
+        left = [
+            is_left & wanted for is_left, wanted in zip(self.left, among or self.left, strict=True)
+        ]
+        return replace(self, target=target, _sweeps=self._sweeps._replace(left=left)).closed()
+
+    def repriced(self, prices: Sequence[StepPrices]) -> "Narrowing":
+        """Returns the narrowing at new prices; K_t of their steps is not known there."""
+        if not prices:
+            return self
+        rewards, constants = [reward.copy() for reward in self.rewards], self.constants.copy()
+        earlier = [*self._earlier]
+        for step in prices:
+            t, graph = step.t, self.model.classes[step.class_number].graph
+            if (constant := float(constants[t])) < math.inf:
+                before = [reward[t].copy() for reward in rewards]
+                replaced = _Earlier(constant + self._rounding(abs(constant)), before)
+                earlier[t] = (*earlier[t], replaced)
+            reward = rewards[step.class_number][t]
+            reward += step.others
+            reward[[graph.index(state) for state in step.states]] = step.prices
+            constants[t] = math.inf
+        sweeps = _Sweeps.of(self.model, self._charges, rewards, self.left)
+        return replace(
+            self, rewards=rewards, constants=constants, _sweeps=sweeps, _earlier=tuple(earlier)
+        )
+
+    def lowered(self, joint: JointStates, profit: float) -> "Narrowing":
+        """Returns the narrowing with K_t lowered to a profit, and room for rounding.
+
+        Parameters
+        ----------
+        joint : the joint states that are left at a step, at least all of more profit
+        profit : that a search among these has found none to exceed
+
+        Raises
+        ------
+        ValueError
+            If the joint states are of other prices.
+        """
+        if not np.array_equal(joint.price, self._at(self.rewards, joint)):
+            raise ValueError(f"the joint states of step {joint.t} have other prices")
+        constants = self.constants.copy()
+        constants[joint.t] = min(float(constants[joint.t]), profit + joint.margin)
+        return replace(self, constants=constants)
+
+    def _at(self, values: Sequence[FloatArray], joint: JointStates) -> FloatArray:
+        """Returns the values [T+1, S] of classes at the states [n] of a step."""
+        return np.concatenate([
+            value[joint.t, joint.states[joint.class_of == number]]
+            for number, value in enumerate(values)
+        ])  # fmt: skip
+
+    def _closed_now(self, floors: FloatArray) -> _Closing:
+        """Returns what decides from now on which joint states count."""
+        charges = [
+            reward + np.where(is_left, slack, 0.0)
+            for reward, slack, is_left in zip(self.rewards, self.slack, self.left, strict=True)
+        ]
+        return _Closing(self.constants, floors, self.slack, charges)
 
     def _require_finite(self) -> None:
         """Refuses numbers so large that nothing follows from them: inf - inf bounds nothing."""
         if not math.isfinite(self.rounding) or math.isnan(self.bound) or self.bound == math.inf:
             raise CertificateError("certificate: too large, the bound is infinite")
 
-    def pay(self, payments: StepPayments) -> None:
-        """Replaces the payments of a class at a step; K_t is not known from then on."""
-        t, graph = payments.t, self.model.classes[payments.class_number].graph
-        if (constant := float(self.constants[t])) < math.inf:
-            rewards = [own[t].copy() for own in self.rewards]
-            earlier = _Earlier(constant + self._rounding(abs(constant)), rewards)
-            self._earlier[t].append(earlier)
-        states = [graph.index(state) for state in payments.states]
-        reward = self.rewards[payments.class_number][t]
-        reward += payments.others
-        reward[states] = payments.payments
-        self.constants[t] = math.inf
+    # -- the joint states of a step -----------------------------------------------------------
 
     def joint_states(self, t: int, above: float = -math.inf) -> JointStates:
-        """Returns the joint states that are left at a step, with what they are paid.
+        """Returns the joint states that are left at a step, with the prices of their states.
 
         Parameters
         ----------
-        above : states may be missing that are in no joint state higher than this
+        above : states may be missing that are in no joint state of more profit than this
         """
         return self.joint_states_of(t, self.states_of_joint(t, above))
 
     def joint_states_of(self, t: int, states: Sequence[IntArray]) -> JointStates:
         """Returns the joint states of some of the states that are left to each class at a step."""
-        ceilings = tuple(self._ceiling(t, earlier, states) for earlier in self._earlier[t])
-        payment, charge = (
-            [array[t, some] for array, some in zip(arrays, states, strict=True)]
-            for arrays in (self.rewards, self._charged)
+        ceilings = tuple(
+            self._ceiling_of(earlier.constant, np.concatenate(self._raised(t, earlier, states)))
+            for earlier in self._earlier[t]
         )
-        floor = float(self._floors[t])
-        limits = (self._limit(t, states),)
-        return JointStates.of(self.model, t, states, payment, charge, floor, ceilings, limits)
+        price, charge, slack = (
+            [array[t, some] for array, some in zip(arrays, states, strict=True)]
+            for arrays in (self.rewards, self._closing.charges, self._closing.slack)
+        )
+        # What the slacks in (*) say of joint states, as K_t - h_t is not negative.
+        constant = float(self._closing.constants[t])
+        limit = self._ceiling_of(constant + self._rounding(abs(constant)), np.concatenate(slack))
+        floor = float(self._closing.floors[t])
+        return JointStates.of(self.model, t, states, price, charge, floor, ceilings, (limit,))
+
+    def apart(self, numbers: Sequence[int], t: int, states: Sequence[IntArray]) -> JointStates:
+        """Returns the joint states of robots apart; what they are charged is `future`, negated.
+
+        So worth less charges is what the step and the later prices can bring, and the present
+        prices are one limit of it.
+
+        Parameters
+        ----------
+        numbers : of each robot, its class
+        states : of each robot, some of the states that are left at the step
+        """
+        charge = [
+            -self.future(number, t, some) for number, some in zip(numbers, states, strict=True)
+        ]
+        raised = [
+            future - self.rewards[number][t, some]
+            for number, some, future in zip(numbers, states, charge, strict=True)
+        ]
+        limit = self._ceiling_of(self.ceiling(t), np.concatenate(raised))
+        return JointStates.of(
+            self.model, t, states, charge, charge, -np.inf, limits=(limit,), apart=numbers
+        )
 
     def ceiling(self, t: int) -> float:
-        """Returns the ceiling that the present constant of a step is to later payments."""
+        """Returns the ceiling that the present constant of a step is to later prices."""
         return float(self.constants[t]) + self._rounding(abs(float(self.constants[t])))
 
     def states_of_joint(self, t: int, above: float = -math.inf) -> list[IntArray]:
-        """Returns the states of each class that by all ceilings may be in a higher joint state."""
-        states = [np.flatnonzero(left[t]) for left in self.left]
+        """Returns the states of each class that ceilings leave in a joint state of more profit."""
+        states = [np.flatnonzero(is_left[t]) for is_left in self.left]
         sizes = self.model.class_sizes
         for earlier in self._earlier[t] if above > -math.inf else ():
-            more = self._paid_more(t, earlier, states)
-            least = [float(some.min(initial=0.0)) for some in more]
+            raised = self._raised(t, earlier, states)
+            least = [float(more.min(initial=0.0)) for more in raised]
             together = exact_sum(n * one for n, one in zip(sizes, least, strict=True))
-            made_of = abs(earlier.constant) - together
+            magnitude = abs(earlier.constant) - together
             states = [
                 some[
-                    earlier.constant - (together - one) - own
-                    + self._rounding_of_sums(made_of + np.abs(own)) > above
+                    earlier.constant - (together - one) - more
+                    + self._rounding_of_sums(magnitude + np.abs(more)) > above
                 ]
-                for some, own, one in zip(states, more, least, strict=True)
+                for some, more, one in zip(states, raised, least, strict=True)
             ]  # fmt: skip
         return states
 
-    def _ceiling(self, t: int, earlier: _Earlier, states: Sequence[IntArray]) -> Ceiling:
-        """Returns what earlier payments say of joint states, rounding of the search included."""
-        return self._ceiling_of(
-            earlier.constant, np.concatenate(self._paid_more(t, earlier, states))
-        )
-
-    def _ceiling_of(self, constant: float, more: FloatArray) -> Ceiling:
-        """Returns a ceiling, rounding of the search included."""
-        made_of = abs(constant) + len(self.model.problem.robots) * np.abs(more)
-        rounding = float(self._rounding_of_sums(made_of).max(initial=0.0))
-        return Ceiling(constant + rounding, more)
-
-    def _limit(self, t: int, states: Sequence[IntArray]) -> Ceiling:
-        """Returns what the slacks in (*) say of joint states, as K_t - h_t is not negative."""
-        slack = [own[t, some] for own, some in zip(self._closing.slack, states, strict=True)]
-        constant = float(self._closing.constants[t])
-        constant += self._rounding(abs(constant))
-        return self._ceiling_of(constant, np.concatenate(slack))
-
-    def _paid_more(self, t: int, earlier: _Earlier, states: Sequence[IntArray]) -> list[FloatArray]:
-        """Returns what states of each class are paid more than earlier."""
+    def _raised(self, t: int, earlier: _Earlier, states: Sequence[IntArray]) -> list[FloatArray]:
+        """Returns by how much the prices of states of each class are higher than earlier."""
         return [
             now[t, some] - was[some]
             for now, was, some in zip(self.rewards, earlier.rewards, states, strict=True)
         ]
 
-    def _rounding_of_sums(self, made_of: FloatArray) -> FloatArray:
+    def _ceiling_of(self, constant: float, raised: FloatArray) -> Ceiling:
+        """Returns a ceiling, rounding of the search included."""
+        magnitude = abs(constant) + len(self.model.problem.robots) * np.abs(raised)
+        rounding = float(self._rounding_of_sums(magnitude).max(initial=0.0))
+        return Ceiling(constant + rounding, raised)
+
+    def _rounding_of_sums(self, magnitude: FloatArray) -> FloatArray:
         """Returns the most that rounding changes of sums over all robots."""
         robots = len(self.model.problem.robots)
-        rounding: FloatArray = 16 * robots * (robots + 4) * UNIT_ROUNDOFF * made_of
+        rounding: FloatArray = 16 * robots * (robots + 4) * UNIT_ROUNDOFF * magnitude
         return rounding
-
-    def lower(self, joint: JointStates, wanted: Wanted, stop: Stop = never) -> Highest:
-        """Lowers K_t to the height of the highest joint state, or to the least height wanted.
-
-        Parameters
-        ----------
-        joint : the joint states that are left at a step, all that may be higher than wanted
-
-        Raises
-        ------
-        NotEndedError
-            If the search takes more nodes.
-        LimitReached
-            At a limit.
-        """
-        highest = joint.highest(wanted, stop)
-        self._lower_to(highest.height, joint)
-        return highest
-
-    def lower_as_claimed(self, claim: StepConstant) -> bool:
-        """Lowers K_t to a claim, as `lower` does where nothing is higher; False if it is lower.
-
-        A producer, who has searched among more states, so leaves as much room for rounding as a
-        checker does.
-        """
-        before = float(self.constants[claim.t])
-        self._lower_to(claim.constant, self.joint_states(claim.t, claim.constant))
-        return bool(self.constants[claim.t] < before)
-
-    def _lower_to(self, height: float, joint: JointStates) -> None:
-        """Lowers K_t to a height that was the highest in a search, and room for rounding."""
-        self.constants[joint.t] = min(float(self.constants[joint.t]), height + joint.margin)
-
-    def price(self) -> None:
-        """Prices the paths that are left, and finds the slack of every state.
-
-        It is asked for after payments have been replaced.
-        """
-        problem = self.model.problem
-        self.slack = []
-        self._to_go: list[FloatArray] = []
-        self._paths = 0.0
-        moves = len(problem.robots) * problem.horizon
-        self._paths_made_of = moves * reward_of_staying(problem.objective)
-        for number, robot_class in enumerate(self.model.classes):
-            reward = np.where(self.left[number], self.rewards[number], -np.inf)
-            charges, starts = self._charges[number], list(robot_class.starts)
-            to_go = np.array([*values_to_go(problem, robot_class, reward, charges)])[::-1]
-            self._to_go.append(to_go)
-            best = to_go[0, starts]
-            self._paths += float(best.sum())
-            most = np.abs(np.where(self.left[number], reward, 0.0)).max(axis=1)
-            self._paths_made_of += float(most.sum()) * len(starts)
-            first = np.full(reward.shape[1], -np.inf)
-            found = best > -np.inf
-            np.maximum.at(first, np.array(starts)[found], -best[found])
-            so_far = np.array([*values_so_far(problem, robot_class, reward, charges, first)])
-            self.slack.append(np.maximum(-(so_far + to_go), 0.0))
-            self.left[number] &= self.slack[number] < np.inf
-
-    def _charged_now(self) -> list[FloatArray]:
-        """Returns payment and slack together of each class's states [T+1, S] that are left."""
-        return [
-            reward + np.where(left, slack, 0.0)
-            for reward, slack, left in zip(self.rewards, self.slack, self.left, strict=True)
-        ]

@@ -16,8 +16,8 @@ from cocap_opt.formulations.certificates.staged.compiling import compiled
 # What each entry of `Memory.progress` is; the depth is -1 where no search is going on.
 DEPTH, IS_NEW, IS_DONE, FOUND, NODES = range(5)
 
-# The rows of `Memory.values`, and the first two of `Memory.heights` and `Memory.largest`.
-PAID, CHARGED, MOST = range(3)
+# The rows of `Memory.values`, and the first two of `Memory.profits` and `Memory.largest`.
+PRICED, CHARGED, MOST = range(3)
 
 # The rows of `Memory.seen`.
 PIXELS, ROOTS = range(2)
@@ -30,13 +30,13 @@ class Data(NamedTuple):
     faces: IntArray  # of each entry
     pixels: FloatArray  # of each entry
     weights: FloatArray  # [F]
-    payment: FloatArray  # [n]
+    price: FloatArray  # [n]
     charge: FloatArray  # [n]
     class_of: IntArray  # [n], not decreasing
-    own: IntArray  # [R] class of the robot that is chosen at each depth
+    classes: IntArray  # [R] of the robot that is chosen at each depth
     counts: IntArray  # [R+1, C] robots of each class that are left at each depth
     conflict: BoolArray  # [n, n]
-    more_paid: FloatArray  # [B, n] what ceilings and limits pay or charge more
+    raised: FloatArray  # [B, n] by how much prices or charges are higher than at each bound
     is_limit: BoolArray  # [B]
 
 
@@ -47,12 +47,12 @@ class Memory(NamedTuple):
     states: IntArray  # [R+1, n] positions of states that may be taken
     numbers: IntArray  # [R+1, 2] how many, and how many of them of the next robot's class
     child: IntArray  # [R+1] the next one
-    values: FloatArray  # [3, R+1, n] gains less payments, less charges, and the most reached
+    values: FloatArray  # [3, R+1, n] gains less prices, less charges, and the most reached
     seen: FloatArray  # [2, R+1, F] pixels so far, and their roots
-    heights: FloatArray  # [2, R+1] worth so far less payments, and less charges
-    below: FloatArray  # [R+1, B] ceilings and limits, less what is paid more so far
+    profits: FloatArray  # [2, R+1] worth so far less prices, and less charges
+    below: FloatArray  # [R+1, B] ceilings and limits, less what is raised so far
     largest: FloatArray  # [2, C] of a node's values, by class
-    chosen: IntArray  # [2, R] positions of the robots' states, and of the highest's
+    chosen: IntArray  # [2, R] positions of the robots' states, and of the best found
     collected: IntArray  # [most, R] positions of those that are collected
 
 
@@ -71,15 +71,15 @@ _compiled = partial(compiled, forceinline=True)
 
 @_compiled
 def _end(memory: Memory, depth: int, best: float) -> float:
-    """Takes down a joint state that is complete; returns the largest height so far."""
+    """Takes down a joint state that is complete; returns the largest profit so far."""
     if len(memory.collected):
         for k in range(depth):
             memory.collected[memory.progress[FOUND], k] = memory.chosen[0, k]
         memory.progress[FOUND] += 1
-    elif memory.heights[PAID, depth] > best:
+    elif memory.profits[PRICED, depth] > best:
         for k in range(depth):
             memory.chosen[1, k] = memory.chosen[0, k]
-        return float(memory.heights[PAID, depth])
+        return float(memory.profits[PRICED, depth])
     return best
 
 
@@ -94,20 +94,20 @@ def _at_most(so_far: float, data: Data, depth: int, largest: FloatArray, row: in
 
 @_compiled
 def _keep_within_bounds(data: Data, memory: Memory, depth: int, least: float, floor: float) -> None:
-    """Drops states which no ceiling or limit leaves a height above the least wanted."""
+    """Drops states which no ceiling or limit leaves a profit above the least wanted."""
     states, largest = memory.states, memory.largest
-    for k in range(len(data.more_paid)):
+    for k in range(len(data.raised)):
         for c in range(largest.shape[1]):
             largest[0, c] = -np.inf
         for i in range(memory.numbers[depth, 0]):
             s = states[depth, i]
             c = data.class_of[s]
-            largest[0, c] = max(largest[0, c], -data.more_paid[k, s])
+            largest[0, c] = max(largest[0, c], -data.raised[k, s])
         most = _at_most(memory.below[depth, k], data, depth, largest, 0)
         kept = 0
         for i in range(memory.numbers[depth, 0]):
             s = states[depth, i]
-            high = most - largest[0, data.class_of[s]] - data.more_paid[k, s]
+            high = most - largest[0, data.class_of[s]] - data.raised[k, s]
             if high >= floor if data.is_limit[k] else high > least:
                 states[depth, kept] = s
                 kept += 1
@@ -119,7 +119,7 @@ def _gain(data: Data, memory: Memory, depth: int) -> None:
     """Computes what each state would gain here, and the largest of each class."""
     values, seen, largest = memory.values, memory.seen, memory.largest
     for c in range(largest.shape[1]):
-        largest[PAID, c], largest[CHARGED, c] = -np.inf, -np.inf
+        largest[PRICED, c], largest[CHARGED, c] = -np.inf, -np.inf
     for i in range(memory.numbers[depth, 0]):
         s = memory.states[depth, i]
         gain = 0.0
@@ -127,10 +127,10 @@ def _gain(data: Data, memory: Memory, depth: int) -> None:
             f = data.faces[e]
             root = np.sqrt(seen[PIXELS, depth, f] + data.pixels[e])
             gain += data.weights[f] * (root - seen[ROOTS, depth, f])
-        values[PAID, depth, i] = gain - data.payment[s]
+        values[PRICED, depth, i] = gain - data.price[s]
         values[CHARGED, depth, i] = gain - data.charge[s]
         c = data.class_of[s]
-        for row in (PAID, CHARGED):
+        for row in (PRICED, CHARGED):
             largest[row, c] = max(largest[row, c], values[row, depth, i])
 
 
@@ -138,21 +138,21 @@ def _gain(data: Data, memory: Memory, depth: int) -> None:
 def _keep_high(data: Data, memory: Memory, depth: int, least: float, floor: float) -> None:
     """Drops states that reach too little with the largest gains of the robots that are left."""
     states, values, largest = memory.states, memory.values, memory.largest
-    most = _at_most(memory.heights[PAID, depth], data, depth, largest, PAID)
-    most_charged = _at_most(memory.heights[CHARGED, depth], data, depth, largest, CHARGED)
+    most = _at_most(memory.profits[PRICED, depth], data, depth, largest, PRICED)
+    most_charged = _at_most(memory.profits[CHARGED, depth], data, depth, largest, CHARGED)
     kept, same = 0, 0
     for i in range(memory.numbers[depth, 0]):
         s = states[depth, i]
         c = data.class_of[s]
-        high = most - largest[PAID, c] + values[PAID, depth, i]
+        high = most - largest[PRICED, c] + values[PRICED, depth, i]
         low = most_charged - largest[CHARGED, c] + values[CHARGED, depth, i]
         if high > least and low >= floor:
             states[depth, kept] = s
-            for row in (PAID, CHARGED):
+            for row in (PRICED, CHARGED):
                 values[row, depth, kept] = values[row, depth, i]
             values[MOST, depth, kept] = high
             kept += 1
-            if c == data.own[depth]:
+            if c == data.classes[depth]:
                 same += 1
     memory.numbers[depth, 0], memory.numbers[depth, 1] = kept, same
 
@@ -166,7 +166,7 @@ def _begin_with_highest(memory: Memory, depth: int) -> None:
     states, values = memory.states, memory.values
     for i in range(1, memory.numbers[depth, 1]):
         j = i
-        while j > 0 and values[PAID, depth, j - 1] < values[PAID, depth, j]:
+        while j > 0 and values[PRICED, depth, j - 1] < values[PRICED, depth, j]:
             states[depth, j - 1], states[depth, j] = states[depth, j], states[depth, j - 1]
             for row in range(3):
                 above = values[row, depth, j - 1]
@@ -182,15 +182,15 @@ def _is_exhausted(data: Data, memory: Memory, depth: int, least: float) -> bool:
     i, values = memory.child[depth], memory.values
     if i >= memory.numbers[depth, 1]:
         return True
-    others = data.counts[depth + 1, data.own[depth]]  # of this class, chosen after this robot
-    fallen = values[PAID, depth, 0] - values[PAID, depth, i]
+    others = data.counts[depth + 1, data.classes[depth]]  # of this class, chosen after this robot
+    fallen = values[PRICED, depth, 0] - values[PRICED, depth, i]
     return bool(values[MOST, depth, i] - others * fallen <= least)
 
 
 @_compiled
 def _descend(data: Data, memory: Memory, depth: int, least: float) -> None:
-    """Takes the next child's state and goes down: what is seen and paid there."""
-    i, seen, heights = memory.child[depth], memory.seen, memory.heights
+    """Takes the next child's state and goes down: what is seen and priced there."""
+    i, seen, profits = memory.child[depth], memory.seen, memory.profits
     s = memory.states[depth, i]
     memory.child[depth] = i + 1
     memory.chosen[0, depth] = s
@@ -201,10 +201,10 @@ def _descend(data: Data, memory: Memory, depth: int, least: float) -> None:
         f = data.faces[e]
         seen[PIXELS, depth + 1, f] += data.pixels[e]
         seen[ROOTS, depth + 1, f] = np.sqrt(seen[PIXELS, depth + 1, f])
-    for row in (PAID, CHARGED):
-        heights[row, depth + 1] = heights[row, depth] + memory.values[row, depth, i]
-    for k in range(len(data.more_paid)):
-        memory.below[depth + 1, k] = memory.below[depth, k] - data.more_paid[k, s]
+    for row in (PRICED, CHARGED):
+        profits[row, depth + 1] = profits[row, depth] + memory.values[row, depth, i]
+    for k in range(len(data.raised)):
+        memory.below[depth + 1, k] = memory.below[depth, k] - data.raised[k, s]
     _hand_down(data, memory, depth, i, least)
 
 
@@ -212,13 +212,15 @@ def _descend(data: Data, memory: Memory, depth: int, least: float) -> None:
 def _hand_down(data: Data, memory: Memory, depth: int, taken: int, least: float) -> None:
     """Hands down the states that do not conflict with the one taken and do not come before it."""
     states, values = memory.states, memory.values
-    others = data.counts[depth + 1, data.own[depth]]
+    others = data.counts[depth + 1, data.classes[depth]]
     # Gains only shrink: of one class, what has gained too little here need not be looked at.
-    is_one_class = others > 0 and others == len(data.own) - depth - 1
-    least_gain = least - memory.heights[PAID, depth + 1] - (others - 1) * values[PAID, depth, taken]
+    is_one_class = others > 0 and others == len(data.classes) - depth - 1
+    least_gain = (
+        least - memory.profits[PRICED, depth + 1] - (others - 1) * values[PRICED, depth, taken]
+    )
     s, kept = states[depth, taken], 0
     for j in range(taken if others else memory.numbers[depth, 1], memory.numbers[depth, 0]):
-        if is_one_class and values[PAID, depth, j] <= least_gain:
+        if is_one_class and values[PRICED, depth, j] <= least_gain:
             break
         if not data.conflict[s, states[depth, j]]:
             states[depth + 1, kept] = states[depth, j]
@@ -228,14 +230,14 @@ def _hand_down(data: Data, memory: Memory, depth: int, taken: int, least: float)
 
 @_compiled
 def advance(data: Data, memory: Memory, best: float, floor: float, nodes: int) -> float:
-    """Goes on with a search for so many nodes; returns the largest height so far."""
+    """Goes on with a search for so many nodes; returns the largest profit so far."""
     depth = memory.progress[DEPTH]
     while depth >= 0 and nodes > 0:
         if memory.progress[IS_NEW]:
             memory.progress[IS_NEW] = 0
             nodes -= 1
             memory.progress[NODES] += 1
-            if depth == len(data.own):
+            if depth == len(data.classes):
                 best = _end(memory, depth, best)
                 depth -= 1
                 continue

@@ -1,7 +1,7 @@
 """Staged certificates: the bound of multipliers, lowered in stages.
 
-A stage replaces payments and constants, and then closes states (`narrowing` has the inequalities).
-At the end the paths of all robots together that are left may be tried (`joint_paths`), those of
+A stage replaces prices and constants, and then closes states (`narrowing` has the inequalities).
+At the end the paths of all robots together that are left may be explored (`joint_paths`), those of
 plans above the target or a higher one.
 """
 
@@ -19,14 +19,14 @@ from cocap_opt.formulations.certificates.format import (
 from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.resources import Visit
 from cocap_opt.formulations.certificates.staged.joint_paths import best_plan, may_be_used
-from cocap_opt.formulations.certificates.staged.joint_states import NotEndedError, Wanted
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
+from cocap_opt.formulations.certificates.staged.search import NotEndedError, most_profitable
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
 MOST_STATES = 3000  # of a step: beyond it, the table of conflicts and the search are too large
 MOST_NODES = 1_000_000_000  # of all searches of a file: a quarter of an hour
-LARGEST_PAYMENT = 1e50  # its square is finite
+LARGEST_PRICE = 1e50  # its square is finite
 
 
 def price_staged(
@@ -34,12 +34,14 @@ def price_staged(
     certificate: Staged,
     stop: Stop = never,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    plain: bool = False,
 ) -> Pricing:
     """Returns the bound that a staged certificate proves.
 
     Parameters
     ----------
     progress : told how many searches of steps are done, and of how many
+    plain : use no compiled code, which takes about twenty times as long
 
     Raises
     ------
@@ -50,15 +52,14 @@ def price_staged(
     LimitReached
         At a limit.
     """
-    narrowing = Narrowing(model, certificate.multipliers, certificate.target, stop)
-    narrowing.close_states()
+    narrowing = Narrowing.of(model, certificate.multipliers, certificate.target, stop).closed()
     nodes = MOST_NODES
     searches = count(1)
     total = sum(len(stage.constants) for stage in certificate.stages)
     for n, stage in enumerate(certificate.stages):
         stop.check()
-        nodes = _apply(
-            narrowing, stage, f"certificate.stages[{n}]", nodes, stop,
+        narrowing, nodes = _after(
+            narrowing, stage, f"certificate.stages[{n}]", nodes, stop, plain,
             lambda: progress(next(searches), total),
         )  # fmt: skip
     if certificate.paths_above is None:
@@ -69,7 +70,7 @@ def price_staged(
         )
     higher = narrowing.above(certificate.paths_above)
     try:
-        best = best_plan(higher, nodes, stop)
+        best = best_plan(higher, nodes, stop, plain)
     except NotEndedError as error:
         raise UnfinishedError(
             "certificate.paths_above: not verified: too many joint states are left to go through "
@@ -78,35 +79,34 @@ def price_staged(
     return higher.pricing_of(best.value)
 
 
-def _apply(
-    narrowing: Narrowing, stage: Stage, field: str, nodes: int, stop: Stop, tell: Callable[[], None]
-) -> int:
-    """Replaces the payments and constants of a stage, and closes states.
+def _after(
+    narrowing: Narrowing, stage: Stage, field: str, nodes: int, stop: Stop, plain: bool,
+    tell: Callable[[], None],
+) -> tuple[Narrowing, int]:  # fmt: skip
+    """Returns the narrowing after a stage, and how many of the nodes its searches have left.
 
-    Returns how many nodes searches may still go through, of those there were.
+    The stage replaces prices and constants, and closes states.
     """
     _check(narrowing.model, stage, field)
-    for payments in stage.payments:
-        narrowing.pay(payments)
-    if stage.payments:
-        narrowing.price()
+    narrowing = narrowing.repriced(stage.prices)
     for k, step in enumerate(stage.constants):
         stop.check()
         name = f"{field}.constants[{k}]"
         states = _few_states(narrowing, step.t, name, step.constant)
         joint = narrowing.joint_states_of(step.t, states)
         try:
-            nodes -= narrowing.lower(joint, Wanted(step.constant, nodes), stop).nodes
+            found = most_profitable(joint, step.constant, nodes, stop, plain)
         except NotEndedError as error:
             raise UnfinishedError(
                 f"{name}: not verified: the searches of the file do not end within {MOST_NODES:,} "
                 "nodes in all; the claim may hold all the same"
             ) from error
+        nodes -= found.nodes
+        narrowing = narrowing.lowered(joint, found.profit)
         tell()
     if not math.isfinite(narrowing.rounding):
         raise CertificateError(f"{field}: a step has payments but no constant, or too large ones")
-    narrowing.close_states()
-    return nodes
+    return narrowing.closed(), nodes
 
 
 def _few_states(narrowing: Narrowing, t: int, field: str, above: float) -> list[IntArray]:
@@ -115,7 +115,7 @@ def _few_states(narrowing: Narrowing, t: int, field: str, above: float) -> list[
     Parameters
     ----------
     field : name of the step's constant in its file, for the message
-    above : states are missing that are in no joint state higher than this
+    above : states are missing that are in no joint state of more profit than this
     """
     states = narrowing.states_of_joint(t, above)
     if (left := sum(map(len, states))) > MOST_STATES:
@@ -129,28 +129,27 @@ def _few_states(narrowing: Narrowing, t: int, field: str, above: float) -> list[
 def _check(model: Model, stage: Stage, field: str) -> None:
     """Refuses steps, classes and states that do not exist, and numbers that are none."""
     problem = model.problem
-    for k, payments in enumerate(stage.payments):
+    for k, step in enumerate(stage.prices):
         name = f"{field}.payments[{k}]"
-        _check_step(model, payments.t, name)
-        if not 0 <= payments.class_number < len(model.classes):
+        _check_step(model, step.t, name)
+        if not 0 <= step.class_number < len(model.classes):
             raise CertificateError(
-                f"{name}.robot_class: must be 0..{len(model.classes) - 1}, "
-                f"not {payments.class_number}"
+                f"{name}.robot_class: must be 0..{len(model.classes) - 1}, not {step.class_number}"
             )
-        if len(payments.payments) != len(payments.states):
+        if len(step.prices) != len(step.states):
             raise CertificateError(f"{name}.payments: must hold a number for each state")
-        if not all(abs(payment) <= LARGEST_PAYMENT for payment in payments.payments):
+        if not all(abs(price) <= LARGEST_PRICE for price in step.prices):
             raise CertificateError(
-                f"{name}.payments: must be -{LARGEST_PAYMENT:g}..{LARGEST_PAYMENT:g}"
+                f"{name}.payments: must be -{LARGEST_PRICE:g}..{LARGEST_PRICE:g}"
             )
-        if not abs(payments.others) <= LARGEST_PAYMENT:
+        if not abs(step.others) <= LARGEST_PRICE:
             raise CertificateError(f"{name}.others: must be finite")
-        for state in payments.states:
-            if wrong := Visit(payments.t, state, payments.class_number).why_absent(model):
+        for state in step.states:
+            if wrong := Visit(step.t, state, step.class_number).why_absent(model):
                 raise CertificateError(f"{name}.{wrong}")
-    for k, step in enumerate(stage.constants):
-        _check_step(model, step.t, f"{field}.constants[{k}]")
-        if not abs(step.constant) <= LARGEST_PAYMENT * len(problem.robots):
+    for k, claim in enumerate(stage.constants):
+        _check_step(model, claim.t, f"{field}.constants[{k}]")
+        if not abs(claim.constant) <= LARGEST_PRICE * len(problem.robots):
             raise CertificateError(f"{field}.constants[{k}].constant: must be finite")
 
 

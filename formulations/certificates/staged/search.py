@@ -1,0 +1,259 @@
+"""The search for the joint state of most reduced profit, and for all joint states that count.
+
+It goes through the tree of partial joint states in depth. A partial one of pixels z can be
+completed to at most F(z) - prices so far + sum over the robots left of the largest gain, since
+gains only shrink as more is seen (F is submodular): what cannot exceed the least profit wanted
+is left out, for the whole subtree. A ceiling of earlier prices leaves out more: where no joint
+state had more profit than V' at price',
+
+    F(s) - sum_i price(s_i) <= V' - sum_i [price(s_i) - price'(s_i)].
+
+Ceilings bound the worth less charges, too: states of much slack are soon too many, whatever they
+are worth.
+
+Two searches do the same: the plain one, which is here and is written to be read, and the compiled
+one (`compiled_search`), which takes over where searches are long, unless it is not wanted.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.formulations.certificates.staged import compiled_search
+from cocap_opt.formulations.certificates.staged.joint_states import JointStates
+from cocap_opt.stop import Stop, never
+
+PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
+_LARGE, _FEW_NODES = 5, 100  # likewise, of teams of so many robots, whose searches are long
+# Joint states that one search collects: as many would follow each of them, so it does not end soon.
+MOST_FOUND = 200_000
+AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
+
+
+class NotEndedError(Exception):
+    """The search has not ended within its number of nodes."""
+
+
+class Found(NamedTuple):
+    """The joint state of most reduced profit, of those that count."""
+
+    profit: float  # or the least one wanted, if none has more
+    positions: tuple[int, ...] = ()  # of its states; none if none has more
+    nodes: int = 0  # of the tree
+
+
+def most_profitable(
+    joint: JointStates, least: float, most_nodes: int, stop: Stop = never, plain: bool = False
+) -> Found:
+    """Returns the joint state of most profit, if that is clearly more than the least wanted.
+
+    More by no more than half the margin is not. Profits err in the search by up to an eighth of
+    it, so that a search among fewer states may end with another joint state, of up to a quarter
+    more. The margin is room for that half and for errors of the search.
+
+    Parameters
+    ----------
+    least : profits up to here do not matter
+    most_nodes : of the tree
+    plain : the compiled search is not wanted
+
+    Raises
+    ------
+    NotEndedError
+        If the tree is larger.
+    LimitReached
+        At a limit.
+    """
+    search = _searched(joint, least, most_nodes, stop, plain)
+    if search.positions:
+        profit = joint.reduced_profit(search.positions)
+        if profit > least + joint.margin / 2:
+            return Found(profit, search.positions, search.nodes)
+    return Found(least, nodes=search.nodes)
+
+
+def all_that_count(
+    joint: JointStates, most_nodes: int, stop: Stop = never
+) -> tuple[list[tuple[int, ...]], int]:
+    """Returns the positions of all joint states that count, and the nodes of the plain search.
+
+    Raises
+    ------
+    NotEndedError
+        If the tree is larger, or more than `MOST_FOUND` count.
+    LimitReached
+        At a limit.
+    """
+    search = _PlainSearch(joint, -np.inf, most_nodes, collects=True)
+    search.run(stop)
+    return search.found, search.nodes
+
+
+def plain_nodes(joint: JointStates) -> int:
+    """Returns the nodes from which on a search is long, so that it is compiled where it can be."""
+    return _FEW_NODES if sum(joint.sizes) >= _LARGE else PLAIN_NODES
+
+
+def _searched(
+    joint: JointStates, least: float, most_nodes: int, stop: Stop, plain: bool
+) -> "_PlainSearch | compiled_search.CompiledSearch":
+    """Returns a search that has ended; a long one is begun again, compiled, where it can be.
+
+    Once the compiled search has been loaded, which takes longer than most searches, all are
+    compiled.
+    """
+    if not plain and compiled_search.is_loaded():
+        return _run_compiled(joint, least, most_nodes, stop)
+    few = plain_nodes(joint)
+    is_long = not plain and most_nodes > few and compiled_search.may_take_over(stop)
+    search = _PlainSearch(joint, least, few if is_long else most_nodes)
+    try:
+        search.run(stop)
+    except NotEndedError:
+        if not is_long:
+            raise
+        return _run_compiled(joint, least, most_nodes, stop)
+    return search
+
+
+def _run_compiled(
+    joint: JointStates, least: float, most_nodes: int, stop: Stop
+) -> compiled_search.CompiledSearch:
+    """Returns a compiled search that has ended."""
+    search = compiled_search.CompiledSearch.of(joint, least)
+    for done in range(0, most_nodes, AT_ONCE):
+        stop.check()
+        if search.advance(min(AT_ONCE, most_nodes - done)):
+            return search
+    raise NotEndedError
+
+
+class _Node(NamedTuple):
+    """A partial joint state."""
+
+    chosen: tuple[int, ...]  # positions of its states
+    pixels: FloatArray  # [F] seen so far
+    profit: float  # worth so far less the prices so far
+    low: float  # worth so far less the charges so far
+    below: tuple[float, ...]  # ceilings and limits, less what prices and charges so far are raised
+    counts: tuple[int, ...]  # robots left of each class
+    states: IntArray  # positions of the states that may still be taken, class by class
+
+
+class _Children(NamedTuple):
+    """States that may be taken next, first those of the next robot's class, the best first."""
+
+    states: IntArray  # [n] their positions
+    gains: FloatArray  # [n] of worth, less prices
+    low: FloatArray  # [n] gains of worth, less charges
+    most: FloatArray  # [n] profit that is reached with them at most
+    of_own: int  # how many are of the next robot's class
+
+
+class _PlainSearch:
+    """The plain search, written to be read; `compiled_search` does the same, faster.
+
+    Parameters
+    ----------
+    collects : look for all joint states that count instead of the most profitable one
+
+    Attributes
+    ----------
+    best : largest profit found, at first the least one wanted
+    positions : of the states of the joint state that has it; none if none has more
+    found : positions of the joint states that were collected
+    nodes : number of nodes of the tree so far
+    """
+
+    def __init__(
+        self, joint: JointStates, least: float, most_nodes: int, collects: bool = False
+    ) -> None:
+        self._joint, self._most_nodes, self._collects = joint, most_nodes, collects
+        self.best = least
+        self.positions: tuple[int, ...] = ()
+        self.found: list[tuple[int, ...]] = []
+        self._floor = joint.floor - joint.margin
+        self.nodes = 0
+
+    def run(self, stop: Stop = never) -> None:
+        """Goes through the tree; raises NotEndedError and LimitReached."""
+        joint = self._joint
+        nothing, everything = np.zeros(len(joint.weights)), np.arange(len(joint.states))
+        below = tuple(ceiling.profit for ceiling in joint.bounds)
+        self._explore(_Node((), nothing, 0.0, 0.0, below, joint.sizes, everything), stop)
+
+    def _explore(self, node: _Node, stop: Stop) -> None:
+        """Goes through all completions of a partial joint state that count and may be better."""
+        self.nodes += 1
+        if self.nodes > self._most_nodes:
+            raise NotEndedError
+        if not self.nodes % 500:
+            stop.check()
+        own = next((c for c, n in enumerate(node.counts) if n), None)
+        if own is None:
+            self._end(node)
+            return
+        counts = tuple(n - (c == own) for c, n in enumerate(node.counts))
+        children = self._children(node, own)
+        gains, most = children.gains, children.most
+        for k in range(children.of_own):
+            # Of this class, none of those before it is taken any more.
+            if most[k] - counts[own] * (gains[0] - gains[k]) <= self.best:
+                break
+            left = children.states[k if counts[own] else children.of_own :]
+            self._explore(self._child(node, children, k, counts, left), stop)
+
+    def _end(self, node: _Node) -> None:
+        """Takes down a joint state that is complete."""
+        if self._collects:
+            self.found.append(node.chosen)
+            if len(self.found) > MOST_FOUND:
+                raise NotEndedError
+        elif node.profit > self.best:
+            self.best, self.positions = node.profit, node.chosen
+
+    def _children(self, node: _Node, own: int) -> _Children:
+        """Returns the states that may be taken and reach enough."""
+        joint, states, counts = self._joint, node.states, node.counts
+        worth = np.sqrt(node.pixels) @ joint.weights
+        gains = np.sqrt(node.pixels + joint.pixels[states]) @ joint.weights - worth
+        low = gains - joint.charge[states]
+        gains -= joint.price[states]
+        classes = joint.class_of[states]
+        most = _most(node.profit, gains, classes, counts)
+        is_able = (most > self.best) & (_most(node.low, low, classes, counts) >= self._floor)
+        for k, bound in enumerate(joint.bounds):
+            at_most = _most(node.below[k], -bound.raised[states], classes, counts)
+            is_able &= at_most > self.best if k < len(joint.ceilings) else at_most >= self._floor
+        able = np.flatnonzero(is_able)
+        of_own = int(np.searchsorted(classes[able], own, side="right"))
+        able[:of_own] = able[:of_own][np.argsort(-gains[able[:of_own]], kind="stable")]
+        return _Children(states[able], gains[able], low[able], most[able], of_own)
+
+    def _child(
+        self, node: _Node, children: _Children, k: int, counts: tuple[int, ...], left: IntArray
+    ) -> _Node:
+        """Returns the node where the k-th child's state is taken too."""
+        joint, state = self._joint, int(children.states[k])
+        bounds = zip(node.below, joint.bounds, strict=True)
+        return _Node(
+            (*node.chosen, state),
+            node.pixels + joint.pixels[state],
+            node.profit + float(children.gains[k]),
+            node.low + float(children.low[k]),
+            tuple(below - float(bound.raised[state]) for below, bound in bounds),
+            counts,
+            left[~joint.conflict[state, left]],
+        )
+
+
+def _most(
+    so_far: float, gains: FloatArray, classes: IntArray, counts: tuple[int, ...]
+) -> FloatArray:
+    """Returns what completions that take each of the states can reach at most [n]."""
+    best = np.full(len(counts), -np.inf)
+    np.maximum.at(best, classes, gains)
+    total = so_far + sum(n * best[c] for c, n in enumerate(counts) if n)
+    most: FloatArray = total - best[classes] + gains
+    return most
