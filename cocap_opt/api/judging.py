@@ -52,7 +52,10 @@ def check(problem: Problem, plan: Plan | Result | None) -> Verdict:
 
 
 def verify(
-    problem: Problem, *claims: Plan | Result | Bound | None, networkx: bool = False
+    problem: Problem,
+    *claims: Plan | Result | Bound | None,
+    networkx: bool = False,
+    plain: bool = False,
 ) -> Verified:
     """Check plans, certificates and proofs, trusting nobody and calling no solver.
 
@@ -62,11 +65,14 @@ def verify(
     claims : a plan, certificates, proofs, or results, of which plan, value, bound and certificate
         are checked
     networkx : price bounds a second time, by networkx alone, which takes seconds
+    plain : use no code that is compiled by numba; staged certificates take about twenty times as
+        long then, others as long as ever
 
     Returns
     -------
     Verified
-        With J in `reward`, the lowest proved `bound`, the `gap` between them, and `is_optimal`.
+        With J in `reward`, the lowest proved `bound`, the `gap` between them, `is_optimal`, and
+        `plain`, true if no compiled code was used.
 
     Raises
     ------
@@ -95,12 +101,16 @@ def verify(
     if not bounds:
         _require_checkable(given, plans)
     model = Model(problem, use_cache=False) if bounds else None
-    proved = [ProvedBound.of(model, file, networkx) for file in bounds if model is not None]
+    proved = [
+        ProvedBound.of(model, file, networkx, plain=plain) for file in bounds if model is not None
+    ]
     for claim in given:
         if isinstance(claim, Result):
             _require_consistent(claim)
     values = [one.value for one in given if isinstance(one, Result) and one.plan is not None]
-    verified = Verified.of(problem, plans[0] if plans else None, values=values, bounds=proved)
+    verified = Verified.of(
+        problem, plans[0] if plans else None, values=values, bounds=proved, plain=plain
+    )
     if verified.violations:
         raise ValueError(verified.violations[0])
     return verified

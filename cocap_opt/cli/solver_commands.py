@@ -4,6 +4,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -31,7 +32,6 @@ from cocap_opt.experiments.tables.rows import OWN_STARTS, PlanRow
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.documents import FileError, encode, problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
-from cocap_opt.formulations.certificates.staged import compiled_search
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.output.files import (
     PlanReader,
@@ -285,7 +285,7 @@ class _Task(NamedTuple):
         record: Record = asdict(PlanRow.certified(self.problem, seed, method, judged)) | self.about
         is_open = OPTIMALITY < judged.result.gap < math.inf
         may_have = method in _WITH_STEP_ENVELOPES and not self.problem.objective.over_time
-        if is_open and may_have and not compiled_search.is_there():
+        if is_open and may_have and find_spec("numba") is None:
             _say(record, _NOT_COMPILED)
         return record
 

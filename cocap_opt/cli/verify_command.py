@@ -66,6 +66,13 @@ def _verify(
         bool,
         FLAG(help="compute bounds again, leaf by leaf, by networkx alone; both must agree"),
     ] = False,
+    plain: Annotated[
+        bool,
+        FLAG(
+            help="use no compiled code (numba); staged certificates take twenty times as long, "
+            "others as long as ever"
+        ),
+    ] = False,
     time_limit: Annotated[
         float,
         Parameter(
@@ -95,9 +102,11 @@ def _verify(
         raise UsageError("--explain: name a plan, and a certificate or a proof")
     if networkx and not claims.bounds:
         raise UsageError("--networkx: name a certificate or a proof")
-    bounds, failed = claims.proved(networkx, time_limit)
+    if plain and not claims.bounds:
+        raise UsageError("--plain: name a certificate or a proof")
+    bounds, failed = claims.proved(networkx, time_limit, plain)
     verified = Verified.of(
-        claims.problem, claims.plan, claims.plan_file, bounds=bounds, failed=failed
+        claims.problem, claims.plan, claims.plan_file, bounds=bounds, failed=failed, plain=plain
     )
     if verified.verdict is not None and verified.verdict.conflicts:
         say_narrow_way(scene, seed, claims.problem)
@@ -180,12 +189,15 @@ class _Claims(NamedTuple):
         problem = problem.without_rules() if free else problem
         return cls(problem, plan if isinstance(plan, Plan) else None, claimed, bounds, about)
 
-    def proved(self, by_networkx: bool, seconds: float) -> tuple[list[ProvedBound], list[str]]:
+    def proved(
+        self, by_networkx: bool, seconds: float, plain: bool
+    ) -> tuple[list[ProvedBound], list[str]]:
         """Returns the bounds that are proved, and what is wrong with the others, in words.
 
         Parameters
         ----------
         seconds : limit of all that comes before networkx; infinite if there is none
+        plain : without compiled code
 
         Raises
         ------
@@ -204,7 +216,7 @@ class _Claims(NamedTuple):
                 part = "leaf" if isinstance(file, ProofFile) else "search of a step"
                 counters = watch.counter(part), watch.counter("best path by networkx")
                 try:
-                    bounds.append(ProvedBound.of(model, file, by_networkx, *counters, stop))
+                    bounds.append(ProvedBound.of(model, file, by_networkx, *counters, stop, plain))
                 except CertificateError as error:
                     failed.append(f"{name}: {error}")
                 except TooLargeError as error:
@@ -257,6 +269,8 @@ class _Claims(NamedTuple):
                     "bound_by_sweep": finite(verified.proved.pricing.bound),
                     "bound_by_networkx": finite(verified.proved.second_opinion.bound),
                 }
+            if verified.plain:
+                found["plain"] = True
             if verified.no_plan:
                 found["message"] = _NO_PLAN
             elif verified.optimistic:

@@ -32,6 +32,7 @@ _MARKS = "|`*[]\\"  # what Markdown gives a meaning besides HTML
 # Names of statistics, as people read them; JSON has the keys.
 _LABELS = {
     "cut_short": "attention",
+    "plain": "checked without compiled code",
     "generated": "tree: nodes made",
     "expanded": "tree: nodes expanded",
     "depth": "tree: depth of the plan",

@@ -1,7 +1,7 @@
 """Verification of plans, certificates and proofs: their claims, against what is computed anew."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
@@ -13,6 +13,7 @@ from cocap_opt.formulations.certificates import (
     ProofFile,
     verify,
 )
+from cocap_opt.formulations.certificates.checking import Progress
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.formulations.second_opinion import SecondOpinion, require_small
 from cocap_opt.model import Model
@@ -22,8 +23,6 @@ from cocap_opt.result import relative_gap
 from cocap_opt.run.judging import ROUNDING
 from cocap_opt.stop import Stop, never
 from cocap_opt.text import other_scene
-
-Progress = Callable[[int, int], None]
 
 
 def _tell_nobody(done: int, total: int) -> None:
@@ -47,6 +46,7 @@ class ProvedBound(NamedTuple):
         progress: Progress = _tell_nobody,
         second: Progress = _tell_nobody,
         stop: Stop = never,
+        plain: bool = False,
     ) -> Self:
         """Prices a certificate, or all leaves of a proof, and compares that with its claim.
 
@@ -56,6 +56,7 @@ class ProvedBound(NamedTuple):
         progress : told how many leaves are done, and of how many
         second : told how many best paths networkx has found, and of how many
         stop : limit of what comes before networkx
+        plain : use no code that is compiled by numba; only staged certificates take longer then
 
         Raises
         ------
@@ -66,10 +67,11 @@ class ProvedBound(NamedTuple):
         TooLargeError
             If it is to be priced by networkx, and is too large for that.
         """
+        if by_networkx:
+            require_small(model.problem, file)
+        pricing = verify(model.problem, file, progress, model, stop, plain)
         if not by_networkx:
-            return cls(model, file, verify(model.problem, file, progress, model, stop))
-        require_small(model.problem, file)
-        pricing = verify(model.problem, file, progress, model, stop)
+            return cls(model, file, pricing)
         opinion = SecondOpinion.of(model.problem, file, second)
         if not opinion.agrees(pricing):
             raise CertificateError(
@@ -90,6 +92,7 @@ class Verified:
     verdict : of the referee on the plan; None without one
     proved : the lowest bound that is proved
     violations : what does not hold, in words
+    plain : bounds were checked without any code that is compiled by numba
     """
 
     problem: Problem
@@ -97,6 +100,7 @@ class Verified:
     verdict: Verdict | None = None
     proved: ProvedBound | None = None
     violations: tuple[str, ...] = ()
+    plain: bool = False
 
     @classmethod
     def of(
@@ -107,6 +111,7 @@ class Verified:
         values: Sequence[float] = (),
         bounds: Sequence[ProvedBound] = (),
         failed: Sequence[str] = (),
+        plain: bool = False,
     ) -> Self:
         """Has the referee judge a plan, and compares it with claims and with bounds.
 
@@ -116,10 +121,11 @@ class Verified:
         values : J as others claim it of the plan
         bounds : of which the lowest counts
         failed : what is wrong with further bounds, in words
+        plain : bounds were checked without any compiled code
         """
         verdict = None if plan is None else check(problem, plan)
         proved = min(bounds, key=lambda bound: bound.pricing.bound, default=None)
-        found = cls(problem, plan, verdict, proved)
+        found = cls(problem, plan, verdict, proved, plain=plain)
         violations = [*found._of_plan(claimed, values), *failed]
         return replace(found, violations=tuple(violations or found._of_both()))
 

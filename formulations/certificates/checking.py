@@ -18,6 +18,9 @@ from cocap_opt.problem import COVERAGE_VERSION, Problem
 from cocap_opt.stop import LimitReached, Stop, never
 from cocap_opt.text import other_scene
 
+Progress = Callable[[int, int], None]
+_PriceStaged = Callable[[Model, Staged, Stop, Progress, bool], Pricing]
+
 
 def certify(
     problem: Problem, model: Model, method: str, certificate: Certificate | Staged
@@ -43,9 +46,10 @@ def certify(
 def verify(
     problem: Problem,
     file: CertificateFile | ProofFile,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Progress = lambda done, total: None,
     model: Model | None = None,
     stop: Stop = never,
+    plain: bool = False,
 ) -> Pricing:
     """Recomputes the bound of a certificate or a proof from the problem alone.
 
@@ -56,6 +60,8 @@ def verify(
     progress : told how many leaves of a proof are done, or searches of a staged certificate, and
         of how many
     model : of the problem, made without the cache; so that several files share its coverage
+    plain : use no code that is compiled by numba, which only staged certificates would; their
+        searches take about twenty times as long then
 
     Raises
     ------
@@ -66,43 +72,47 @@ def verify(
         If the searches of a staged certificate take too long, or a limit is reached: the claim may
         hold all the same.
     """
-    proof = isinstance(file, ProofFile)
-    if file.digest != problem_digest(problem):
-        what, which = "proof" if proof else "certificate", other_scene(file.scene, problem.name)
-        raise CertificateError(f"digest: the {what} was made for {which}")
-    model = Model(problem, use_cache=False) if model is None else model
-    model = model.disaggregated() if file.classes == "single" else model
-    try:
-        model.prepare_all(stop)
-        if isinstance(file, ProofFile):
-            pricing = Pricing.of_proof(model, file, progress, stop)
-        else:
-            pricing = _priced(model, file.certificate, progress, stop)
-    except LimitReached as reached:
-        raise UnfinishedError(
-            f"not verified: the limit ({reached.limit}) was reached before the end; the claim may "
-            "hold all the same"
-        ) from reached
-    if not pricing.bound <= file.proved:
-        staged = not isinstance(file, ProofFile) and isinstance(file.certificate, Staged)
-        numbers = "leaves" if proof else "stages" if staged else "multipliers"
+    if file.digest == problem_digest(problem):
+        model = Model(problem, use_cache=False) if model is None else model
+        model = model.disaggregated() if file.classes == "single" else model
+        try:
+            model.prepare_all(stop)
+            if isinstance(file, ProofFile):
+                pricing = Pricing.of_proof(model, file, progress, stop)
+            else:
+                pricing = _priced(model, file.certificate, progress, stop, plain)
+        except LimitReached as reached:
+            raise UnfinishedError(
+                f"not verified: the limit ({reached.limit}) was reached before the end; the claim "
+                "may hold all the same"
+            ) from reached
+        if pricing.bound <= file.proved:
+            return pricing
         why = f"; {words}" if (words := other_coverage(file.coverage_version)) else ""
         raise CertificateError(
-            f"bound: claims {file.proved!r}, but the {numbers} prove only {pricing.bound!r}{why}"
+            f"bound: claims {file.proved!r}, but the {file.numbers} prove only "
+            f"{pricing.bound!r}{why}"
         )
-    return pricing
+    which = other_scene(file.scene, problem.name)
+    raise CertificateError(f"digest: the {file.kind} was made for {which}")
 
 
 def _priced(
     model: Model,
     certificate: Certificate | Staged,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Progress = lambda done, total: None,
     stop: Stop = never,
+    plain: bool = False,
 ) -> Pricing:
     """Returns the bound that a certificate proves, in stages or at once."""
     if isinstance(certificate, Staged):
-        # Here alone, so that plain certificates are checked without any search being loaded.
-        from cocap_opt.formulations.certificates.staged.stages import price_staged
-
-        return price_staged(model, certificate, stop, progress)
+        price_staged = _upper_storey()
+        return price_staged(model, certificate, stop, progress, plain)
     return Pricing.of(model, certificate, stop=stop)
+
+
+def _upper_storey() -> _PriceStaged:
+    """Loads what prices staged certificates, so that plain ones are checked without any search."""
+    from cocap_opt.formulations.certificates.staged import price_staged
+
+    return price_staged

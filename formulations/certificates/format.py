@@ -294,6 +294,16 @@ class _Claim(Document, frozen=True, kw_only=True):
         """The claimed bound as a number."""
         return -math.inf if self.bound is None else self.bound
 
+    @property
+    def kind(self) -> str:
+        """The word for such a file."""
+        return "certificate"
+
+    @property
+    def numbers(self) -> str:
+        """The word for the numbers that prove the bound."""
+        return "multipliers"
+
 
 class CertificateFile(_Claim, frozen=True, kw_only=True):
     """A certificate with the bound it claims and the digest of its scene.
@@ -318,6 +328,11 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     version: Literal[4, 5] = 5
     coverage: Literal["optimistic"] | UnsetType = UNSET
     certificate: Certificate | Staged
+
+    @property
+    def numbers(self) -> str:
+        """The word for the numbers that prove the bound."""
+        return "stages" if isinstance(self.certificate, Staged) else "multipliers"
 
 
 class Branch(_Part, frozen=True, tag="branch"):
@@ -370,6 +385,16 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
     format: Literal["cocap-opt proof"] = "cocap-opt proof"
     version: Literal[3, 4] = 4
     nodes: tuple[Branch | Leaf, ...]
+
+    @property
+    def kind(self) -> str:
+        """The word for such a file."""
+        return "proof"
+
+    @property
+    def numbers(self) -> str:
+        """The word for the numbers that prove the bound."""
+        return "leaves"
 
     def leaves(self) -> Iterator[tuple[int, Leaf, tuple[Decision, ...]]]:
         """Yields number and content of each leaf, and the decisions on the way to it.

@@ -103,3 +103,20 @@ def test_verify_asks_networkx(
     run = Run(capsys, "verify", "tiny-share", path, "--networkx")
     assert run.code == 2
     assert run.err.startswith("cocap-opt: --networkx: the graph of robots[0] has more than 3 edges")
+
+
+def test_verify_without_compiled_code_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The bound is the same; without one there is nothing that would be compiled."""
+    path, plan = tmp_path / "c.json", tmp_path / "plan.json"
+    Run(capsys, "bound", "tiny-share", "-o", path)
+    found = Run(capsys, "verify", "tiny-share", path, "--json").json
+    assert Run(capsys, "verify", "tiny-share", path, "--plain", "--json").json == found | {
+        "plain": True
+    }
+    assert "without compiled code" in Run(capsys, "verify", "tiny-share", path, "--plain").out
+    Run(capsys, "plan", "tiny-share", "-o", plan)
+    run = Run(capsys, "verify", "tiny-share", plan, "--plain")
+    assert run.code == 2
+    assert run.err == "cocap-opt: --plain: name a certificate or a proof\n"

@@ -1,5 +1,7 @@
 import json
 import math
+import subprocess
+import sys
 from collections.abc import Iterator
 from fractions import Fraction
 from itertools import pairwise, product
@@ -19,6 +21,7 @@ from random_certificates import (
     random_cuts,
     random_decisions,
     random_multipliers,
+    random_proof,
     random_rows,
     some_model,
 )
@@ -55,6 +58,9 @@ from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State
 from cocap_opt.referee import _Referee
+from cocap_opt.scenarios import load_scene
+
+CERTIFICATES = "cocap_opt.formulations.certificates"
 
 
 def optimum_under(model: Model, decisions: tuple[Decision, ...]) -> float:
@@ -818,3 +824,39 @@ def test_reference_pixels_of_nobody_are_the_bound_alone() -> None:
     none = as_rows(problem.no_pixels().reshape(problem.horizon + 1, -1))
     alone = BOUNDS["alone"](problem).bound
     assert Pricing.of(compiled(problem), ReferencePixels(none)).bound == alone
+
+
+def loaded_by(code: str, *arguments: str) -> set[str]:
+    """The modules that a new process has loaded once it has run some code."""
+    code += "\nimport sys; print(*sys.modules, sep='\\n')"
+    command = [sys.executable, "-c", code, *arguments]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    return set(run.stdout.split())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import sys, cocap_opt as co\n"
+        "co.verify(co.load('tiny-doorway'), co.read(sys.argv[1]), co.read(sys.argv[2]))",
+        "import sys; from cocap_opt.cli.main import main\n"
+        "try: main(['verify', 'tiny-doorway', *sys.argv[1:]])\n"
+        "except SystemExit as left: assert not left.code",
+    ],
+    ids=["face", "command"],
+)
+def test_checking_plain_certificates_loads_nothing_that_searches(code: str, tmp_path: Path) -> None:
+    """A plain certificate and a proof: no storey of staged ones, no numba, none of its caches."""
+    problem = load_scene("tiny-doorway")
+    model, rng = compiled(problem), np.random.default_rng(0)
+    plain = certify(problem, model, "by hand", random_multipliers(model, rng))
+    proof = random_proof(model, rng)
+    proof = msgspec.structs.replace(proof, bound=Pricing.of_proof(model, proof).bound)
+    files = [tmp_path / "certificate.json", tmp_path / "proof.json"]
+    for path, file in zip(files, (plain, proof), strict=True):
+        file.save(path)
+    loaded = loaded_by(code, *map(str, files))
+    assert f"{CERTIFICATES}.checking" in loaded
+    assert not {name for name in loaded if name.startswith(f"{CERTIFICATES}.staged")}
+    assert not {"numba", "llvmlite"} & {name.split(".")[0] for name in loaded}

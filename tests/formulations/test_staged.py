@@ -18,6 +18,7 @@ from pool import meetings, problems
 from random_certificates import as_rows, random_multipliers, random_narrowing, some_model
 from strategies import Calls, examples, tiny
 
+import cocap_opt as co
 import cocap_opt.formulations.certificates.staged.stages as checker
 import cocap_opt.formulations.column_generation.list_lengths as list_lengths
 import cocap_opt.formulations.column_generation.step_envelopes as envelopes
@@ -377,6 +378,49 @@ def test_local_search_finds_joint_states_that_count_and_are_high(
             other = tuple(sorted((*team[:k], state, *team[k + 1 :])))
             if other in every:
                 assert joint.reduced_profit(other) <= joint.reduced_profit(team) + 1e-6
+
+
+@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+@examples(5)
+@given(st.one_of(meetings(), meetings(team=3)), seeds)
+def test_plain_verification_compiles_nothing_and_finds_the_same(
+    problem: Problem, seed: int
+) -> None:
+    """Not even where the compiled search is loaded, or searches are so long that it would be."""
+    rng = np.random.default_rng(seed)
+    model = some_model(problem, rng)
+    staged = random_staged(model, 0.5 * max(optimum(problem).value, 0.0), rng)
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("compiled")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiled_search.CompiledSearch, "of", refuse)
+        for is_loaded in (False, True):
+            patch.setattr(compiled_search, "is_loaded", lambda loaded=is_loaded: loaded)
+            patch.setattr(plain_search, "PLAIN_NODES", 0)
+            patch.setattr(joint_paths, "PLAIN_NODES", -1)
+            bound = price_staged(model, staged, plain=True).bound
+    assert price_staged(model, staged).bound == pytest.approx(bound, rel=1e-12)
+
+
+@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+def test_plain_verification_says_so_in_its_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The face passes it on to each bound, and tells of it."""
+    problem, file = staged_result()
+    monkeypatch.setattr(compiled_search, "is_loaded", lambda: True)
+    asked = list[bool]()
+
+    def noted(joint: JointStates, least: float, most: int, stop: Stop, plain: bool) -> Found:
+        asked.append(plain)
+        return most_profitable(joint, least, most, stop, plain)
+
+    monkeypatch.setattr(checker, "most_profitable", noted)
+    for plain in (True, False):
+        verified = co.verify(problem, file, plain=plain)
+        assert verified.plain is plain and set(asked) == {plain}
+        assert verified.bound == file.proved
+        asked.clear()
 
 
 @pytest.mark.slow
