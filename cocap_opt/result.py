@@ -8,13 +8,14 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Self, overload
 
 from cocap_opt.problem import Ending, Plan, Problem
+from cocap_opt.problem.pictures import top_view
 from cocap_opt.stop import Limit
 from cocap_opt.stop import Reason as Reason
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from cocap_opt.drawing import WholeAxes
+    from cocap_opt.problem.pictures import WholeAxes
 
 
 class UnsupportedError(ValueError):
@@ -137,7 +138,7 @@ class Result:
         words = f"<pre>{html.escape(self.summary())}</pre>"
         if self.problem is None or self.plan is None:
             return words
-        return words + self.problem.top_view(self.plan).image()
+        return words + top_view(self.problem, self.plan).image()
 
 
 def relative_gap(value: float, bound: float) -> float:

@@ -10,12 +10,12 @@ from matplotlib.colors import to_hex
 from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FieldError, FloatArray, ProblemError
-from cocap_opt.drawing import DRONE_COLOURS
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.flights import Flight, cells_below
 from cocap_opt.flight.footprint import REACH, footprints
 from cocap_opt.output.heights import over_datum
 from cocap_opt.problem import Camera
+from cocap_opt.problem.pictures import DRONE_COLOURS
 from cocap_opt.world import HeightMap
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

@@ -13,7 +13,6 @@ import msgspec
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.drawing import PERSON
 from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.earth_tracks import (
     Clock,
@@ -28,6 +27,7 @@ from cocap_opt.missions.earth_tracks import (
 )
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.zones import ZONE, ends, zones
+from cocap_opt.problem.pictures import PERSON
 
 _DEGREES = 8  # decimals, a millimetre
 _METRES = 3

@@ -11,14 +11,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cocap_opt import drawing
 from cocap_opt.data import FieldError, FloatArray, IntArray, ProblemError
 from cocap_opt.flight.flights import MOST_ROWS, Flight, cells_below
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.glb import LINE_STRIP, LINES, Glb
 from cocap_opt.missions.relief import Relief
-from cocap_opt.problem import Actor, Camera
+from cocap_opt.problem import Actor, Camera, pictures
 from cocap_opt.world import HeightMap, Mesh
 
 ERROR = 0.001  # m, of linear motion between moments
@@ -106,8 +105,8 @@ class _Scene:
         """Adds the map: its ground, and the cells that stand out from it."""
         height_map = self._problem.height_map
         corner = np.array([*height_map.origin, 0.0])
-        parts = (("terrain", self._relief.ground, drawing.COVERED),
-                 ("buildings", self._relief.obstacles, drawing.WALL))  # fmt: skip
+        parts = (("terrain", self._relief.ground, pictures.COVERED),
+                 ("buildings", self._relief.obstacles, pictures.WALL))  # fmt: skip
         for name, quads, colour in parts:
             if len(quads):
                 corners = 4 * np.arange(len(quads), dtype=np.int64)[:, None]
@@ -134,7 +133,7 @@ class _Scene:
         low, high = self._heights()
         sky = float(self._samples.place[:, 2].max()) + _SKY
         for k, mesh in enumerate(self._problem.meshes):
-            self._add_mesh(f"mesh {k}", mesh, (low, high), drawing.WALL, 1.0)
+            self._add_mesh(f"mesh {k}", mesh, (low, high), pictures.WALL, 1.0)
         for k, zone in enumerate(self._problem.airspace.no_fly):
             self._add_mesh(f"no-fly zone {k}", zone, (low, sky), _ZONE, 0.25)
 
@@ -157,7 +156,7 @@ class _Scene:
         dark = self._glb.material("camera", _DARK)
         for i, robot in enumerate(self._problem.robots):
             name, own = f"drone {i}", self._samples.drone == i
-            colour = drawing.DRONE_COLOURS[i % len(drawing.DRONE_COLOURS)]
+            colour = pictures.DRONE_COLOURS[i % len(pictures.DRONE_COLOURS)]
             paint = self._glb.material(name, colour)
             track = self._local(self._samples.place[own])
             line = self._glb.primitive(track, paint, mode=LINE_STRIP)
@@ -194,7 +193,7 @@ class _Scene:
         steps = self._problem.horizon + 1
         if not self._problem.actors:
             return
-        material = self._glb.material("person", drawing.PERSON)
+        material = self._glb.material("person", pictures.PERSON)
         poses = [actor.poses[:steps].copy() for actor in self._problem.actors]
         for own in poses:
             own[:, 3] = np.unwrap(own[:, 3])  # the short way round

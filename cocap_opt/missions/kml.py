@@ -13,7 +13,6 @@ from xml.etree import ElementTree
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.drawing import PERSON
 from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.earth_tracks import (
     Clock,
@@ -29,6 +28,7 @@ from cocap_opt.missions.earth_tracks import (
 )
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.zones import ZONE, End, Zone, ends, zones
+from cocap_opt.problem.pictures import PERSON
 
 _KML = "http://www.opengis.net/kml/2.2"
 _GX = "http://www.google.com/kml/ext/2.2"

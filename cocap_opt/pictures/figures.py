@@ -22,7 +22,6 @@ from matplotlib.text import Text
 from matplotlib.transforms import ScaledTranslation
 from PIL import Image
 
-from cocap_opt import drawing
 from cocap_opt.data import FloatArray
 from cocap_opt.output.printing import counted
 from cocap_opt.pictures.style import (
@@ -34,7 +33,8 @@ from cocap_opt.pictures.style import (
     new_figure,
     set_frame,
 )
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import Plan, Problem, pictures
+from cocap_opt.problem.pictures import top_view
 from cocap_opt.referee import Verdict, check
 from cocap_opt.text import printable
 
@@ -52,7 +52,7 @@ PICTURES = (".png", ".pdf", ".svg")
 
 def robot_colour(robot: int) -> tuple[float, float, float, float]:
     """Returns the colour of a robot, the same in every picture; red is kept for people."""
-    return to_rgba(drawing.DRONE_COLOURS[robot % len(drawing.DRONE_COLOURS)])
+    return to_rgba(pictures.DRONE_COLOURS[robot % len(pictures.DRONE_COLOURS)])
 
 
 class Frame(NamedTuple):
@@ -96,11 +96,11 @@ def _draw_terrain(ax: Axes, problem: Problem) -> Axes:
     Cells that block the lowest flight height are dark; lighter cells are free there, with a mesh
     above or below.
     """
-    view = problem.top_view()
+    view = top_view(problem)
     view.draw_map(ax)
     words = {
-        2: (drawing.WALL, f"blocks {view.height:g} m"),
-        1: (drawing.COVERED, "something above or below"),
+        2: (pictures.WALL, f"blocks {view.height:g} m"),
+        1: (pictures.COVERED, "something above or below"),
     }
     shown = {kind: word for kind, word in words.items() if (view.kinds == kind).any()}
     if 1 in shown:
@@ -115,16 +115,16 @@ def _draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
     """Draws people at step t as filled outlines with their walk so far."""
     for j, actor in enumerate(problem.actors):
         x, y, _, yaw = actor.poses[t]
-        ax.plot(*actor.poses[: t + 1, :2].T, color=drawing.PERSON, lw=1, ls=":", zorder=3)
+        ax.plot(*actor.poses[: t + 1, :2].T, color=pictures.PERSON, lw=1, ls=":", zorder=3)
         outline = actor.shape.faces()
         base = np.unique(np.concatenate(outline)[:, :2].round(9), axis=0)
         order = np.argsort(np.arctan2(base[:, 1], base[:, 0]))
         c, s = np.cos(yaw), np.sin(yaw)
         corners = base[order] @ np.array([[c, s], [-s, c]]) + [x, y]
         ax.add_patch(
-            Polygon(corners, facecolor=drawing.PERSON, edgecolor="black", lw=0.6, zorder=5)
+            Polygon(corners, facecolor=pictures.PERSON, edgecolor="black", lw=0.6, zorder=5)
         )
-        ax.plot(x, y, marker="o", color=drawing.PERSON, ms=5, zorder=4)  # of small outlines
+        ax.plot(x, y, marker="o", color=pictures.PERSON, ms=5, zorder=4)  # of small outlines
         tip = (x + 0.9 * c, y + 0.9 * s)
         arrow = ax.annotate(
             "", xy=tip, xytext=(x, y), zorder=6, annotation_clip=False,
@@ -133,7 +133,7 @@ def _draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
         arrow.set_in_layout(False)  # people may be far off the map
         number = ax.annotate(
             str(j), xy=(x, y), xytext=(-_BEHIND * c, -_BEHIND * s), textcoords="offset points",
-            color=drawing.PERSON, fontsize=SMALL, weight="bold", ha="center", va="center",
+            color=pictures.PERSON, fontsize=SMALL, weight="bold", ha="center", va="center",
             zorder=7, clip_on=True, annotation_clip=True,
             path_effects=[withStroke(linewidth=2, foreground="white")],
         )  # fmt: skip

@@ -6,14 +6,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
-from cocap_opt import drawing
 from cocap_opt.experiments.lab.manual.recorded_tree import Closed, RecordedNode
 from cocap_opt.experiments.lab.manual.worked import doorway, doorway_tree
 from cocap_opt.experiments.lab.manual.worked_words import number
 from cocap_opt.pictures.style import AMBER, LABEL, RED, SMALL, TITLE, new_figure
-from cocap_opt.problem import Cell, Conflict, PassConflict, Plan, Problem, State, SwapConflict
+from cocap_opt.problem import (
+    Cell,
+    Conflict,
+    PassConflict,
+    Plan,
+    Problem,
+    State,
+    SwapConflict,
+    pictures,
+)
 
-COLOURS = drawing.DRONE_COLOURS
+COLOURS = pictures.DRONE_COLOURS
 _ASIDE, _ALONG = 0.22, 0.19  # m, by which discs of drones and of steps are set apart in a cell
 _ORDINALS = ("", "first", "second", "third", "fourth", "fifth")
 
@@ -24,12 +32,12 @@ def draw_small_scene(ax: Axes, problem: Problem, plan: Plan) -> Axes:
     for x in range(width):
         for y in range(depth):
             wall = problem.height_map.heights[x, y] > 0
-            colour = drawing.WALL if wall else drawing.GROUND
+            colour = pictures.WALL if wall else pictures.GROUND
             ax.add_patch(Rectangle((x, y), 1, 1, facecolor=colour, edgecolor="white", lw=1.5))
     for j, actor in enumerate(problem.actors):
         x, y = actor.poses[0, :2]
-        ax.add_patch(Rectangle((x - 0.5, y - 0.25), 1, 0.5, color=drawing.PERSON))
-        ax.text(x, y + 0.33, f"person {j}", color=drawing.PERSON, fontsize=LABEL, ha="center")
+        ax.add_patch(Rectangle((x - 0.5, y - 0.25), 1, 0.5, color=pictures.PERSON))
+        ax.text(x, y + 0.33, f"person {j}", color=pictures.PERSON, fontsize=LABEL, ha="center")
     for robot, path in enumerate(plan.paths):
         _draw_path(ax, robot, path)
     people = [actor.poses[0, 0] for actor in problem.actors]

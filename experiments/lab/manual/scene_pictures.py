@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from cocap_opt import drawing
 from cocap_opt.experiments.lab.manual import one_face, worked
 from cocap_opt.experiments.lab.manual.node_pictures import COLOURS, draw_small_scene
 from cocap_opt.experiments.lab.manual.worked_words import number
@@ -24,7 +23,8 @@ from cocap_opt.pictures.style import (
     new_figure,
     set_frame,
 )
-from cocap_opt.problem import State
+from cocap_opt.problem import State, pictures
+from cocap_opt.problem.pictures import top_view
 
 _NEAR = (5, 25)  # m, the part of the bottleneck in which people walk
 
@@ -80,13 +80,13 @@ def draw_seen_from() -> Figure:
     rewards = worked.seen_from(0)
     figure = new_figure(5, 4.6)
     ax = figure.add_subplot()
-    own.problem.top_view().draw_map(ax)
+    top_view(own.problem).draw_map(ax)
     image = ax.imshow(np.where(rewards > 0, rewards, np.nan).T, origin="lower", zorder=1,
                       extent=(*ax.get_xlim(), *ax.get_ylim()), cmap="YlGnBu",
                       vmin=0)  # fmt: skip
     ax.set_ylim(_NEAR)
     for j, actor in enumerate(own.problem.actors):
-        ax.plot(*actor.poses[t, :2], marker="o", ms=8, color=drawing.PERSON, mec="black", zorder=4)
+        ax.plot(*actor.poses[t, :2], marker="o", ms=8, color=pictures.PERSON, mec="black", zorder=4)
         x, y = actor.poses[t, :2].tolist()
         ax.text(x, y, str(j), color="white", fontsize=SMALL - 2, ha="center",
                 va="center", zorder=5)  # fmt: skip
@@ -101,11 +101,11 @@ def draw_shadow() -> Figure:
     figure = new_figure(4.6, 3.4)
     ax = figure.add_subplot()
     for n, polygon in enumerate(scene.column):
-        ax.add_patch(Polygon(polygon, color=drawing.WALL, label="column" if n == 0 else None))
+        ax.add_patch(Polygon(polygon, color=pictures.WALL, label="column" if n == 0 else None))
     ax.add_patch(Polygon(scene.face, color="#f3c9cf",
                          label="front of a person, hidden part"))  # fmt: skip
     for n, piece in enumerate(scene.pieces):
-        ax.add_patch(Polygon(piece, facecolor=drawing.PERSON, edgecolor="white", lw=1.2,
+        ax.add_patch(Polygon(piece, facecolor=pictures.PERSON, edgecolor="white", lw=1.2,
                              label="visible pieces" if n == 0 else None))  # fmt: skip
     x, y = scene.face.mean(axis=0)
     half = 1.15 * float(np.ptp(scene.face[:, 1]))
@@ -158,7 +158,7 @@ def draw_cells_left() -> Figure:
     own, t = worked.bottleneck(), worked.middle()
     figure = new_figure(5.2, 4.8)
     ax = figure.add_subplot()
-    own.problem.top_view().draw_map(ax)
+    top_view(own.problem).draw_map(ax)
     first, *_, last = worked.stages()
     for cells, colour, words in (
         (first.cells, "#cfe0ec", f"in reach at step {t}"),
@@ -168,7 +168,7 @@ def draw_cells_left() -> Figure:
         ax.set_ylim(_NEAR)
         ax.plot(*spots.T, "s", ms=5.5, color=colour, label=words, zorder=2)
     for j, actor in enumerate(own.problem.actors):
-        ax.plot(*actor.poses[t, :2], "o", ms=7, color=drawing.PERSON, mec="black", zorder=4,
+        ax.plot(*actor.poses[t, :2], "o", ms=7, color=pictures.PERSON, mec="black", zorder=4,
                 label="people" if j == 0 else None)  # fmt: skip
     add_legend(figure, ax)
     return figure

@@ -1,18 +1,18 @@
-"""Top views of scenes and flights by matplotlib, from plain arrays.
-
-Each function draws on an axes and returns it; matplotlib is imported when something is drawn.
-"""
+"""Top views of scenes and flights by matplotlib, which is imported when something is drawn."""
 
 from __future__ import annotations
 
 import base64
 import io
+import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple, overload
+from typing import TYPE_CHECKING, NamedTuple, Protocol, overload
 
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.problem.motion import State
+from cocap_opt.problem.scene import SceneData
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,6 +33,14 @@ GROUND, COVERED, WALL, LOW, PERSON = "#f4f1ea", "#cfc8b8", "#6b6f76", "#a9b18f",
 # Colours of drones, of matplotlib's ten; red is kept for people.
 DRONE_COLOURS = tuple(f"C{k}" for k in (0, 2, 1, 4, 9, 5, 8, 6, 7))
 TICK = 0.9  # cells, length of the line that shows a heading
+
+
+class HasPaths(Protocol):
+    """A plan as pictures need it; `Plan` is one."""
+
+    @property
+    def paths(self) -> Sequence[Sequence[State]]:
+        """One path of states per robot."""
 
 
 class TopView(NamedTuple):
@@ -126,6 +134,40 @@ class TopView(NamedTuple):
         assert figure is not None
         figure.savefig(content, format="png")
         return f'<img src="data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}">'
+
+
+def top_view(scene: SceneData, plan: HasPaths | None = None) -> TopView:
+    """Returns the scene from above, with the flights of a plan or the drones' starts."""
+    lowest = scene.layers[0]
+    clearance = max(
+        robot.motion.clearance for robot in scene.robots if robot.motion.layers[0] == lowest
+    )
+    altitude = scene.height_map.altitudes((lowest,))
+    columns = scene.workspace.columns
+    blocked = columns.solid(altitude - clearance, altitude + clearance)[0]
+    blocked |= scene.workspace.forbidden.solid(altitude, altitude)[0]
+    covered = np.isfinite(columns.low[1:]).any(axis=0)
+    kinds = np.where(scene.height_map.stands_out, 3, 0)
+    kinds[covered] = 1
+    kinds[blocked] = 2
+    paths = [[robot.start] for robot in scene.robots] if plan is None else plan.paths
+    flights = [
+        np.array(
+            [
+                (*scene.height_map.centre(s.x, s.y), math.tau * s.heading / r.motion.headings)
+                for s in path
+            ]
+        )
+        for r, path in zip(scene.robots, paths, strict=True)
+    ]
+    return TopView(
+        kinds=kinds,
+        corner=scene.height_map.origin,
+        cell=scene.height_map.resolution,
+        height=lowest,
+        walks=[actor.poses[: scene.horizon + 1, :2] for actor in scene.actors],
+        flights=flights,
+    )
 
 
 def _draw_flight(ax: Axes, flight: FloatArray, colour: str, number: int, cell: float) -> None:

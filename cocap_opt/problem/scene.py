@@ -1,0 +1,116 @@
+"""The data of a scene, and where robots and solid matter are in it."""
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from operator import eq
+
+import numpy as np
+
+from cocap_opt.data import Data, FloatArray
+from cocap_opt.problem.actor import Actor
+from cocap_opt.problem.airspace import Airspace
+from cocap_opt.problem.earth import Earth
+from cocap_opt.problem.motion import Cell, Motion, State
+from cocap_opt.problem.objective import Objective
+from cocap_opt.problem.robot import Robot
+from cocap_opt.problem.rules import CollisionRules
+from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
+
+
+class SceneData(Data, frozen=True, eq=False, dict=True):
+    """The fields of a problem, which says what each of them is, and the geometry that they make."""
+
+    name: str
+    height_map: HeightMap
+    robots: tuple[Robot, ...]
+    actors: tuple[Actor, ...]
+    horizon: int
+    rules: CollisionRules = CollisionRules()
+    objective: Objective = Objective()
+    face_samples: int = 3
+    meshes: tuple[Mesh, ...] = ()
+    airspace: Airspace = Airspace()
+    step: float | None = None
+    earth: Earth | None = None
+
+    @property
+    def workspace(self) -> Workspace:
+        """The map and the meshes: all solid matter, and what else is closed to drones."""
+        airspace = self.airspace
+        return Workspace(self.height_map, self.meshes, airspace.no_fly, airspace.ceiling)
+
+    def may_hover(self, i: int) -> bool:
+        """Returns True if a robot may stay at its start, alone: no goal or person sends it away."""
+        robot, steps = self.robots[i], self.horizon + 1
+        if robot.goal not in (None, (robot.start.x, robot.start.y)):
+            return False
+        if not self.airspace.people_aside:
+            return True
+        (at,) = self.where(robot, [robot.start])
+        return not any(
+            self.airspace.near_person(actor, t, at)
+            or (t + 1 < steps and self.airspace.near_person(actor, t, at, at))
+            for actor in self.actors
+            for t in range(steps)
+        )
+
+    def person(self, j: int) -> str:
+        """Returns the words for a person: the number, and the name if there is one."""
+        name = self.actors[j].name
+        return f"person {j}" if name is None else f"person {j} ({name})"
+
+    def where(self, robot: Robot, states: Sequence[State]) -> FloatArray:
+        """Returns where a robot is in states [n], as [n, 3] (m)."""
+        altitude, centre = self.height_map.altitude, self.height_map.centre
+        rows = [
+            (*centre(s.x, s.y), altitude(s.x, s.y, robot.motion.layers[s.layer])) for s in states
+        ]
+        return np.array(rows)
+
+    def blocked(self, x: int, y: int, motion: Motion, layer: int) -> bool:
+        """Returns True if solid matter is within the clearance of a robot of this motion."""
+        altitude = self.height_map.altitude(x, y, motion.layers[layer])
+        low, high = altitude - motion.clearance, altitude + motion.clearance
+        return self.workspace.columns.solid_at(x, y, low, high)
+
+    @cached_property
+    def layers(self) -> tuple[float, ...]:
+        """Flight heights (m) of all robots together, increasing; `Cell.layer` indexes them."""
+        return tuple(sorted({height for robot in self.robots for height in robot.motion.layers}))
+
+    def cell(self, robot: int, state: State) -> Cell:
+        """Returns the cell of a robot's state, comparable between robots with different layers."""
+        height = self.robots[robot].motion.layers[state.layer]
+        return Cell(state.x, state.y, self.layers.index(height))
+
+    def positions(self, cells: Sequence[Cell]) -> FloatArray:
+        """Returns where robots in cells [n] are [n, 3], in m from the corner of the map."""
+        size, altitude = self.height_map.resolution, self.height_map.altitude
+        rows = [(c.x * size, c.y * size, altitude(c.x, c.y, self.layers[c.layer])) for c in cells]
+        return np.array(rows).reshape(-1, 3)
+
+    @property
+    def cells_apart(self) -> int:
+        """Number of cells along an axis from which on no two robots are too near."""
+        return math.ceil(self.rules.separation / self.height_map.resolution)
+
+    def too_close(self, a: Cell, b: Cell) -> bool:
+        """Returns True if two robots in cells `a` and `b` at one step break a rule."""
+        first, second = self.positions([a, b])
+        return bool(self.rules.too_near(second - first))
+
+    def paths_conflict(self, p: Sequence[Cell], q: Sequence[Cell]) -> bool:
+        """Returns True if two robots with these cells at the steps 0..T break a rule."""
+        if self.rules.none:
+            return False
+        if not self.rules.separation:
+            if any(map(eq, p, q)):
+                return True
+            return self.rules.swap and any(
+                p[t] == q[t + 1] and p[t + 1] == q[t] for t in range(len(p) - 1)
+            )
+        ways = self.positions(q) - self.positions(p)
+        return bool(
+            self.rules.too_near(ways).any() or self.rules.pass_too_near(ways[:-1], ways[1:]).any()
+        )
