@@ -13,11 +13,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.problem import Problem
-from cocap_opt.sums import exact_sum
 
 
 def objective(model: Model, paths: Sequence[Path], pixels: FloatArray | None = None) -> float:

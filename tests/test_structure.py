@@ -32,7 +32,7 @@ ALLOWED = {
 # module is in one of them (a folder stands for all that it holds).
 ORDER = {
     "core": (
-        "text", "data", "sums", "memory", "stop", "world", "problem", "result", "files",
+        "text", "data", "arithmetic", "memory", "stop", "world", "problem", "result", "files",
         "graph", "plausibility", "vision", "referee", "flight", "model", "timing", "objective",
         "coordination", "planners",
     ),

@@ -97,7 +97,7 @@ def replans(problem: Problem, plan: Plan | Result | None) -> "pd.DataFrame":
     """
     from pandas import DataFrame
 
-    from cocap_opt.coordination.replans import replans as replanned
+    from cocap_opt.coordination.best_response import replans as replanned
 
     own = plan_for(problem, plan, "replaced")
     verdict = judge_plan(problem, own)

@@ -1,9 +1,9 @@
 """From a plan to a flight: where each drone is at every moment, and whether it can fly so.
 
 `trajectory` has the flights, straight from step to step or `smooth`; `safety` checks them against
-the scene at every moment, on the polynomials themselves; `pace` against the drones' limits;
-`strain` says what any smooth flight may ask; `nearest` says when drones are nearest to each other
-and to people; `filming` computes J between the steps, too; `footprint` gives the ground in the
+the scene at every moment, on the polynomials themselves, and says when drones are nearest to each
+other and to people; `pace` checks them against the drones' limits; `strain` says what any smooth
+flight may ask; `filming` computes J between the steps, too; `footprint` gives the ground in the
 images; `earth` gives latitudes and longitudes; `delays` says how far drones may be apart in time,
 `robustness` what becomes of a flight that is not as planned. `bernstein` has the polynomials of
 them all. `flights` puts them together: the `Flight` of a plan, checked for being flown, in the

@@ -10,9 +10,8 @@ import numpy as np
 from cocap_opt.data import FieldError, FloatArray, IntArray, ProblemError
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.filming import parts_of, view_reward
-from cocap_opt.flight.nearest import nearest_people
 from cocap_opt.flight.pace import Demand, demands, tightest
-from cocap_opt.flight.safety import Danger, dangers
+from cocap_opt.flight.safety import Danger, dangers, nearest_people
 from cocap_opt.flight.smooth import Smooth, spare
 from cocap_opt.flight.smooth import smooth as smoothed
 from cocap_opt.flight.strain import steep_ground, sufficient_step, sufficient_straight_step

@@ -8,7 +8,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.flight.bernstein import Peak, largest, squared_length
 from cocap_opt.flight.trajectory import PITCH, YAW, Trajectory
 from cocap_opt.problem import Limits
-from cocap_opt.problem.limits import ROUNDING
+from cocap_opt.problem.robot import ROUNDING
 
 _AT_REST = 1e-4  # m/s, rad/s, ..: less is rounding
 _SECOND = ("acceleration",)  # which falls with the square of a step's duration

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.problem import Limits, Motion, Problem, Robot
-from cocap_opt.problem.limits import ROUNDING, rounded_up
+from cocap_opt.problem.robot import ROUNDING, rounded_up
 
 RATE, ACCELERATION = 15 / 8, 10 / math.sqrt(3)  # of rests at both ends
 SHORTENED = 2.94  # times the even rate, between a stop and a sharp turn, one of them shortened

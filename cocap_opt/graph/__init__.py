@@ -1,6 +1,6 @@
 """Motion of robots: the time-expanded graph compiled to arrays, best paths, and networkx graphs.
 
-The modules are `motion` (the moves of a step), `people` (to whom drones keep a distance),
+The modules are `motion` (the moves of a step, and the people to whom drones keep a distance),
 `timegraph` (the compiled graph), `frames` (the part of it that is in reach), `charges` and
 `move_rewards` (costs and rewards on it), `value_iteration` (best paths through it), `networks` (the
 same graphs by networkx), `encounters` (the places from which a drone can come near somebody) and

@@ -1,4 +1,4 @@
-"""Moves of one step on the map, as arrays: where each may begin.
+"""Moves of one step on the map, as arrays: where each may begin, and who is then near.
 
 Moving and turning do not depend on each other. `networks` has the moves and turns as networkx
 graphs, `timegraph` compiles them for planners and bounds, which need no edges one by one.
@@ -6,6 +6,7 @@ graphs, `timegraph` compiles them for planners and bounds, which need no edges o
 
 from __future__ import annotations  # a window's own methods return windows
 
+import math
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple, TypeVar
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cocap_opt.data import BoolArray, FloatArray
-from cocap_opt.problem import Motion
+from cocap_opt.problem import Actor, Airspace, Motion
 from cocap_opt.problem.motion import Move
 from cocap_opt.world.columns import Columns
 from cocap_opt.world.workspace import Workspace
@@ -135,3 +136,43 @@ def _shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
         target.append(slice(max(0, -step), max(0, size - max(0, step))))
     result[tuple(target)] = values[tuple(source)]
     return result
+
+
+class Meeting(NamedTuple):
+    """A person at a step, to whom drones must not come too near from then to the next one."""
+
+    actor: Actor
+    airspace: Airspace
+    t: int
+
+    @property
+    def at(self) -> tuple[float, float]:
+        """Where the person is (m)."""
+        x, y, *_ = self.actor.poses[self.t].tolist()
+        return x, y
+
+    @property
+    def reach(self) -> float:
+        """Least distance (m), and how far the person walks in the step."""
+        here = self.actor.poses[self.t, :2]
+        there = self.actor.poses[min(self.t + 1, len(self.actor.poses) - 1), :2]
+        return self.airspace.people_aside + math.hypot(*(there - here))
+
+    def near(self, before: FloatArray, after: FloatArray | None = None) -> BoolArray:
+        """Returns which drones are too near, as `Airspace.near_person` does."""
+        return self.airspace.near_person(self.actor, self.t, before, after)
+
+
+class People(NamedTuple):
+    """The people of a problem, until its horizon."""
+
+    actors: tuple[Actor, ...]
+    airspace: Airspace
+    horizon: int
+
+    @property
+    def meetings(self) -> Iterator[Meeting]:
+        """All people at all steps."""
+        for actor in self.actors:
+            for t in range(self.horizon + 1):
+                yield Meeting(actor, self.airspace, t)

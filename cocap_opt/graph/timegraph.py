@@ -19,8 +19,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
-from cocap_opt.graph.motion import Window, allowed_moves
-from cocap_opt.graph.people import People
+from cocap_opt.graph.motion import People, Window, allowed_moves
 from cocap_opt.memory import require_memory
 from cocap_opt.problem import Motion, State
 from cocap_opt.problem.motion import Move

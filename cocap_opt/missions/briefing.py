@@ -14,7 +14,7 @@ from cocap_opt.flight.changes import (
     tolerated_delay_of_people,
 )
 from cocap_opt.flight.flights import Flight, cells_below
-from cocap_opt.flight.nearest import nearest_drones, nearest_people
+from cocap_opt.flight.safety import nearest_drones, nearest_people
 from cocap_opt.missions.autopilots import AUTOPILOTS
 from cocap_opt.missions.routes import (
     RISE,

@@ -7,8 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, read_only
-from cocap_opt.graph.motion import Window
-from cocap_opt.graph.people import People
+from cocap_opt.graph.motion import People, Window
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.memory import require_memory
 from cocap_opt.model.coverage_estimate import CoverageEstimate

@@ -14,9 +14,8 @@ from cocap_opt.planners.cocap import (
 )
 from cocap_opt.planners.cocap_lns import cocap_lns
 from cocap_opt.planners.formation import formation
-from cocap_opt.planners.greedy import greedy, greedy_lazy, greedy_rounds
+from cocap_opt.planners.greedy import greedy, greedy_lazy, greedy_rounds, myopic
 from cocap_opt.planners.joint import joint
-from cocap_opt.planners.myopic import myopic
 from cocap_opt.planners.one_step import one_step
 from cocap_opt.planners.sequential import (
     best_of_orders,

@@ -11,7 +11,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model
-from cocap_opt.planners.lazy_coverage import LazyCoverage
+from cocap_opt.planners.low_level import LazyCoverage
 from cocap_opt.problem import Camera, Problem, Robot
 from cocap_opt.stop import Stop
 

@@ -18,16 +18,22 @@
 Source: Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695), after the high level of Conflict-Based
 Search (Sharon et al. 2015). The listing is ours, in words, and that of docs/concepts/cocap.md; its
 numbers stand beside the lines of `algorithm_1`. It takes the greatest J, where the
-paper's background section speaks of least cost. How nodes are made is in `constraint_tree`, the
-plan for the case that time runs out in `spare_plan`.
+paper's background section speaks of least cost. How nodes are made is in
+`constraint_tree`, with the plan for the case that time runs out.
 """
 
 from collections.abc import Iterator
 
-from cocap_opt.planners.constraint_tree import ConstraintTree
+from cocap_opt.planners.constraint_tree import (
+    BestNodes,
+    ConstraintTree,
+    FocalNodes,
+    Node,
+    OpenNodes,
+    SparePlan,
+)
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
 from cocap_opt.planners.low_level import LowLevel, PlannedTeam, value_iteration
-from cocap_opt.planners.open_nodes import BestNodes, FocalNodes, Node, OpenNodes
 from cocap_opt.planners.responses import (
     Planning,
     Responses,
@@ -37,7 +43,6 @@ from cocap_opt.planners.responses import (
     in_rounds,
 )
 from cocap_opt.planners.results import result_of, result_without_conflicts
-from cocap_opt.planners.spare_plan import SparePlan
 from cocap_opt.planners.view_search import Undiscounted, ViewSearch
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result

@@ -12,10 +12,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from cocap_opt.planners.cocap import EXHAUSTED, algorithm_1
-from cocap_opt.planners.constraint_tree import ConstraintTree
+from cocap_opt.planners.constraint_tree import ConstraintTree, FocalNodes
 from cocap_opt.planners.low_level import PlannedTeam, value_iteration
 from cocap_opt.planners.neighbourhoods import neighbourhood_search
-from cocap_opt.planners.open_nodes import FocalNodes
 from cocap_opt.planners.responses import (
     Responses,
     followed,

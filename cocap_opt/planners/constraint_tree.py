@@ -1,14 +1,120 @@
-"""The constraint tree of CoCap: how its nodes are made, and which of them are open."""
+"""The constraint tree of CoCap: its nodes, which of them is next, and a plan to fall back on."""
 
+import heapq
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 from cocap_opt.coordination.constraints import forbid
-from cocap_opt.graph.charges import NO_CHARGES
+from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.planners.low_level import PlannedTeam
-from cocap_opt.planners.open_nodes import Node, OpenNodes
-from cocap_opt.planners.responses import Planning, Responses, greedily
+from cocap_opt.planners.responses import Planning, Responses, followed, greedily, one_by_one
+from cocap_opt.planners.results import hovering, result_of
 from cocap_opt.problem import Conflict
-from cocap_opt.stop import Clock, Stop
+from cocap_opt.result import Result
+from cocap_opt.stop import Clock, Limit, Stop
+
+
+@dataclass(frozen=True)
+class Node:
+    """Node of the constraint tree."""
+
+    team: PlannedTeam  # one path and its pixels per robot
+    constraints: tuple[Charges, ...]  # per robot
+    value: float  # J
+    depth: int = 0  # number of constraints on the way from the root
+
+    @property
+    def conflicts(self) -> tuple[Conflict, ...]:
+        """Conflicts of the node's plan, earliest step first."""
+        return self.team.conflicts
+
+
+class OpenNodes(ABC):
+    """Queue of the nodes that are not expanded yet.
+
+    Attributes
+    ----------
+    pushed, popped : number of nodes so far
+    last : the node popped last
+    """
+
+    def __init__(self) -> None:
+        self.pushed = self.popped = 0
+        self.last: Node | None = None
+
+    @abstractmethod
+    def __bool__(self) -> bool:
+        """True if a node is left."""
+
+    @abstractmethod
+    def _put(self, node: Node) -> None:
+        """Adds a node, number `pushed`."""
+
+    @abstractmethod
+    def _take(self) -> Node:
+        """Takes the node that comes first."""
+
+    def push(self, node: Node) -> None:
+        """Add a node."""
+        self._put(node)
+        self.pushed += 1
+
+    def pop(self) -> Node:
+        """Take the node that comes first."""
+        self.popped += 1
+        self.last = self._take()
+        return self.last
+
+
+class BestNodes(OpenNodes):
+    """Queue from which the node of the greatest J comes first, then the oldest."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._heap: list[tuple[float, int, Node]] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._heap)
+
+    def _put(self, node: Node) -> None:
+        heapq.heappush(self._heap, (-node.value, self.pushed, node))
+
+    def _take(self) -> Node:
+        return heapq.heappop(self._heap)[2]
+
+
+class FocalNodes(OpenNodes):
+    """Queue from which, of the nodes of nearly the greatest J, that of the fewest conflicts comes.
+
+    It gives up a little J to come to a plan without conflicts sooner: where many robots meet, the
+    node of greatest J nearly always has conflicts left. Source: focal search as in Enhanced
+    Conflict-Based Search (Barer et al. 2014), there for the least cost.
+
+    Parameters
+    ----------
+    within : share of the greatest J that a node may lack, 0..1
+    """
+
+    def __init__(self, within: float = 0.01) -> None:
+        super().__init__()
+        self._within = within
+        self._nodes: list[Node] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._nodes)
+
+    def _put(self, node: Node) -> None:
+        self._nodes.append(node)
+
+    def _take(self) -> Node:
+        least = max(node.value for node in self._nodes) * (1 - self._within)
+        focal = (n for n, node in enumerate(self._nodes) if node.value >= least)
+        return self._nodes.pop(min(focal, key=lambda n: _conflicts_then_value(self._nodes[n])))
+
+
+def _conflicts_then_value(node: Node) -> tuple[int, float]:
+    return len(node.conflicts), -node.value
 
 
 def _nothing(tree: "ConstraintTree") -> None:
@@ -89,3 +195,34 @@ class ConstraintTree:
             "depth": self.open.last.depth if self.open.last else 0,
             "evaluated": self._responses.evaluated,
         }
+
+
+# Nodes generated from which on a spare plan costs little: it takes a path of each robot, and each
+# node has taken one, so that for 6 robots it is a tenth of the work before it.
+SPARE_FROM = 64
+FELL_BACK = "stopped: this is the plan of sequential planning"
+
+
+class SparePlan:
+    """Plans sequentially once a constraint tree is large, or time runs out.
+
+    That takes about as long as the root has taken.
+    """
+
+    def __init__(self, nobody: PlannedTeam, responses: Responses, stop: Stop) -> None:
+        self._nobody, self._responses, self._stop = nobody, responses, stop
+        self._team: PlannedTeam | None = None
+
+    def keep(self, tree: ConstraintTree) -> None:
+        """Make the plan if it is time for it and it is not there."""
+        is_late = self._stop.seconds_left < 2 * tree.root_seconds
+        if self._team is None and (tree.open.pushed >= SPARE_FROM or is_late):
+            changes = one_by_one(self._nobody, self._responses)
+            self._team = hovering(followed(self._nobody, changes)[0])
+
+    def or_better(self, result: Result, limit: Limit) -> Result:
+        """Returns a result, or that of the spare plan where it has a greater J."""
+        if self._team and self._team.is_whole and self._team.value > result.value:
+            spare = result_of(self._team, limit, result.statistics)
+            return replace(spare, message=FELL_BACK)
+        return result

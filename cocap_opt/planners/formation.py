@@ -27,8 +27,7 @@ from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Path, compiled
 from cocap_opt.objective import marginal_gain
 from cocap_opt.planners.circles import Circle
-from cocap_opt.planners.lazy_coverage import LazyCoverage
-from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
+from cocap_opt.planners.low_level import LazyCoverage, SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.problem import Problem
 from cocap_opt.result import Result

@@ -1,11 +1,13 @@
 """Greedy planning over robots, ignoring collisions: the "unconstrained" reference.
 
 Each robot in turn gets its best path given what the earlier ones see. Without collision
-rules the plan has at least half the optimal J, if the low level is exact.
+rules the plan has at least half the optimal J, if the low level is exact. Myopic planning, each
+robot's best path as if it were alone, loses what the robots' knowledge of one another is worth;
+it is the baseline of this name in Hughes et al. 2024 (arXiv 2404.03103).
 """
 
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
-from cocap_opt.planners.low_level import LowLevel, value_iteration
+from cocap_opt.planners.low_level import LowLevel, SingleRobotPath, SingleRobotTask, value_iteration
 from cocap_opt.planners.responses import (
     Planning,
     Responses,
@@ -60,3 +62,12 @@ def _planned(problem: Problem, stop: Stop, low_level: LowLevel, planning: Planni
     if limit is None and not team.is_whole:
         return without_a_path(team.found.index(None))
     return result_of(hovering(team), limit)
+
+
+def myopic(problem: Problem, stop: Stop = never) -> Result:
+    """Plan each robot's best path without looking at any other's; collisions are ignored."""
+    return greedy(problem, stop, low_level=_alone)
+
+
+def _alone(task: SingleRobotTask) -> SingleRobotPath:
+    return value_iteration(task._replace(pixels=task.model.problem.no_pixels()))

@@ -11,13 +11,13 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from cocap_opt.arithmetic import spans
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import marginal_gain
 from cocap_opt.problem import Problem
 from cocap_opt.stop import Stop
 from cocap_opt.vision.coverage import usable_cores
-from cocap_opt.vision.spans import spans
 from cocap_opt.vision.unhidden import Unhidden, UnhiddenViews
 
 _SLACK = 1e-9  # of the largest reward, much more than the rounding of bounds

@@ -6,8 +6,6 @@ The names below are the vocabulary of all other modules: `from cocap_opt.problem
 from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.airspace import Airspace
 from cocap_opt.problem.camera import AnyCamera, Camera, Cone
-from cocap_opt.problem.earth import Earth
-from cocap_opt.problem.limits import Limits
 from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import COVERAGE_VERSION, Objective
 from cocap_opt.problem.plan import (
@@ -19,8 +17,9 @@ from cocap_opt.problem.plan import (
     VertexConflict,
 )
 from cocap_opt.problem.problem import Problem
-from cocap_opt.problem.robot import Robot
+from cocap_opt.problem.robot import Limits, Robot
 from cocap_opt.problem.rules import NO_RULES, PAPER_RULES, CollisionRules
+from cocap_opt.problem.scene import Earth
 from cocap_opt.problem.shapes import Cuboid, Prism, Shape, TriangulatedCuboid
 
 __all__ = [

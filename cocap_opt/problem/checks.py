@@ -13,9 +13,8 @@ from cocap_opt.data import (
     within,
 )
 from cocap_opt.problem.actor import Actor
-from cocap_opt.problem.limits import Limits
 from cocap_opt.problem.motion import Motion, State
-from cocap_opt.problem.robot import Robot
+from cocap_opt.problem.robot import Limits, Robot
 from cocap_opt.problem.scene import SceneData
 
 

@@ -1,9 +1,106 @@
-"""One robot of a problem."""
+"""One robot of a problem, and the limits of its motion, which airframe and autopilot set."""
 
-from cocap_opt.data import Data, require
+import math
+from collections.abc import Iterator, Sequence
+
+from cocap_opt.data import LARGEST, Data, require, within
 from cocap_opt.problem.camera import AnyCamera, Camera
-from cocap_opt.problem.limits import Limits
 from cocap_opt.problem.motion import Motion, State
+
+ROUNDING = 1e-9  # share of a limit by which motion may exceed it
+
+
+class Limits(Data, frozen=True):
+    """The speeds at which a drone may move and turn, and how long it may fly.
+
+    What is None is not known, and not checked.
+
+    Attributes
+    ----------
+    speed : m/s, seen from above
+    climb : m/s, upwards
+    descent : m/s, downwards
+    acceleration : m/s2, in space
+    yaw_rate : rad/s
+    gimbal_rate : rad/s, of the camera's pitch
+    endurance : s for which the battery lasts
+    """
+
+    speed: float | None = None
+    climb: float | None = None
+    descent: float | None = None
+    acceleration: float | None = None
+    yaw_rate: float | None = None
+    gimbal_rate: float | None = None
+    endurance: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for field in self.__struct_fields__:
+            value = getattr(self, field)
+            if value is not None:
+                within(value, 0, LARGEST, field)
+                require(value > 0, field, "must be more than 0")
+
+    def outlasted_by(self, seconds: float) -> str:
+        """Says that a flight of so many seconds is longer than the battery lasts, if it is."""
+        if self.endurance is None or seconds <= self.endurance * (1 + ROUNDING):
+            return ""
+        return f"the flight takes {seconds:.4g} s, but the battery lasts {self.endurance:.4g} s"
+
+    def broken_by(
+        self, motion: Motion, tilts: Sequence[float], resolution: float, step: float
+    ) -> str:
+        """Says which of the moves of a motion takes longer than a step, and what would do.
+
+        Parameters
+        ----------
+        tilts : rad, of the drone's camera
+        resolution : m, edge of a cell
+        step : s
+        """
+        for field, words, most, limit, way_out, unit in self._demands(
+            motion, tilts, resolution, step
+        ):
+            if limit is not None and most > limit * step * (1 + ROUNDING):
+                return (
+                    f"motion.{field}: must allow at most {limit:.4g} {unit}, but {words} in a "
+                    f"step of {step:g} s is {most / step:.4g} {unit}; a step of "
+                    f"{rounded_up(most / limit):g} s{way_out} would do"
+                )
+        return ""
+
+    def _demands(
+        self, motion: Motion, tilts: Sequence[float], resolution: float, step: float
+    ) -> Iterator[tuple[str, str, float, float | None, str, str]]:
+        """Yields of each kind of move its field, words, its size, its limit, a way out, a unit.
+
+        Angles are in degrees.
+        """
+        diagonal = math.sqrt(2) * resolution
+        most = motion.radius * diagonal
+        cells = 0 if self.speed is None else math.floor(self.speed * step / diagonal + ROUNDING)
+        words = f"a move of {motion.radius} cells of {resolution:g} m along both axes, {most:.4g} m"
+        smaller = f", or a radius of {cells}" if cells else ""
+        yield "radius", words, most, self.speed, smaller, "m/s"
+        most = motion.largest_climb
+        for way, limit in (("climb", self.climb), ("descent", self.descent)):
+            yield "climb", f"a {way} of {most:g} m", most, limit, ", or nearer layers", "m/s"
+        turn = min(motion.turn, motion.headings // 2) * 360 / motion.headings
+        rate = None if self.yaw_rate is None else math.degrees(self.yaw_rate)
+        yield "turn", f"a turn by {turn:g} degrees", turn, rate, ", or smaller turns", "deg/s"
+        tilt = math.degrees(motion.largest_tilt(tilts))
+        rate = None if self.gimbal_rate is None else math.degrees(self.gimbal_rate)
+        words = f"a tilt of the gimbal by {tilt:g} degrees"
+        yield "pitch_turn", words, tilt, rate, ", or nearer tilts", "deg/s"
+
+
+def rounded_up(value: float) -> float:
+    """Returns a number >= 0, rounded up to three digits."""
+    if value <= 0:
+        return 0.0
+    digit = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return float(f"{math.ceil(value / digit - ROUNDING) * digit:.3g}")
 
 
 class Robot(Data, frozen=True):

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import msgspec
 
-from cocap_opt.coordination.replans import Replan, replans
+from cocap_opt.coordination.best_response import Replan, replans
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.explanation import Explanation, Kind, explain
 from cocap_opt.model import Model

@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cocap_opt.arithmetic import spans
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.vision.bodies import Bodies
-from cocap_opt.vision.spans import spans
 
 _SECTORS = 128
 _ROUNDING = 1e-9  # of slopes and directions, much more than that of computing them

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.arithmetic import spans
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.stop import Stop, never
-from cocap_opt.vision.spans import spans
 from cocap_opt.vision.views import Views
 
 Progress = Callable[[int, int], None]  # told how many views are done, and of how many

@@ -11,7 +11,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.problem import Camera
-from cocap_opt.world.polygons import clip
+from cocap_opt.world.triangles import clip
 
 
 class Projection(NamedTuple):

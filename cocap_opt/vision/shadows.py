@@ -19,7 +19,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.vision.bodies import Bodies, widened
 from cocap_opt.vision.projection import dot
-from cocap_opt.world.polygons import clip
+from cocap_opt.world.triangles import clip
 
 _FLUSH = 1e-6  # m; a polygon that is nowhere deeper than this behind a plane lies in it
 _GRAZED = 1e-10  # m; nor is one hidden that reaches into the outline of a shadow by less

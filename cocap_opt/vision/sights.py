@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.arithmetic import spans
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection, dot
-from cocap_opt.vision.spans import spans
 from cocap_opt.vision.visibility import Sightings, Visibility
 
 _AT_ONCE = 256  # poses, to bound the memory

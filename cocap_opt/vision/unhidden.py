@@ -16,12 +16,12 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from cocap_opt.arithmetic import spans
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.problem import Camera
 from cocap_opt.vision.faces import FaceGeometry, Planes
 from cocap_opt.vision.projection import dot
 from cocap_opt.vision.screens import Screens
-from cocap_opt.vision.spans import spans
 from cocap_opt.vision.views import PinholeViews, Views
 
 _SLACK = 1e-7  # m, much more than the rounding of coordinates

@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
-from cocap_opt.world.polygons import clip
-from cocap_opt.world.triangles import outward
+from cocap_opt.world.triangles import clip, outward
 
 MARGIN = 1e-6  # cells; a solid that reaches less far into a cell only touches it
 _PAIRS = 200_000  # of triangles and cells at once, to bound the memory

@@ -27,7 +27,7 @@ where one of these is checked or made. `checking` opens it, in one place.
 Below both, the trusted core: `cocap_opt.problem`, `world` and `graph` without `value_iteration`
 (which moves there are), `vision` (what a view sees), `model` (which drones share a graph, and what
 its places and states are), `objective` (weights and J), `data` (array types and checks of fields),
-`sums` (of floats) and `files.documents` (the digest that ties a file to its scene). Besides these,
+`arithmetic` (of floats) and `files.documents` (the digest that ties a file to its scene). Besides these,
 importing it loads what no number depends on: `stop`, `text`, `memory`, `drawing`,
 `files.atomic_write`, `files.code`.
 """

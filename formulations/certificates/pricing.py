@@ -38,6 +38,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.format import (
@@ -58,7 +59,6 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model
 from cocap_opt.objective import marginal_gain
 from cocap_opt.stop import Stop, never
-from cocap_opt.sums import exact_sum
 
 UNIT_ROUNDOFF = 2.0**-53
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates.format import StepPrices
 from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
@@ -28,7 +29,6 @@ from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Path
 from cocap_opt.stop import Stop
-from cocap_opt.sums import exact_sum
 
 MOST_ITERATIONS = 60
 MOST_LISTED_ITERATIONS = 14  # where the next round has better lists

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
+from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Decision
 from cocap_opt.formulations.certificates.resources import Resource, charges_of
@@ -23,7 +24,6 @@ from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
-from cocap_opt.sums import exact_sum
 from cocap_opt.vision.coverage import CoverageTable
 
 

@@ -28,6 +28,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Staged
@@ -49,7 +50,6 @@ from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
 from cocap_opt.problem import COVERAGE_VERSION
-from cocap_opt.sums import exact_sum
 
 METHOD = "step-envelopes"
 MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long

@@ -23,8 +23,8 @@ from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.planners.circles import Circle, Places, _distance_in_view
 from cocap_opt.planners.formation import STANDOFF, _flown, _nearest, formation
+from cocap_opt.planners.greedy import myopic
 from cocap_opt.planners.low_level import SingleRobotTask
-from cocap_opt.planners.myopic import myopic
 from cocap_opt.planners.one_step import one_step
 from cocap_opt.problem import Actor, Airspace, Camera, Cone, Motion, Plan, Problem, Robot, State
 from cocap_opt.referee import check

@@ -13,6 +13,7 @@ from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.cocap_lns import cocap_lns
+from cocap_opt.planners.constraint_tree import BestNodes, FocalNodes, Node
 from cocap_opt.planners.low_level import (
     PlannedTeam,
     SingleRobotPath,
@@ -25,7 +26,6 @@ from cocap_opt.planners.neighbourhoods import (
     _neighbours,
     neighbourhood_search,
 )
-from cocap_opt.planners.open_nodes import BestNodes, FocalNodes, Node
 from cocap_opt.planners.responses import Responses, followed, one_by_one
 from cocap_opt.planners.restricted_value_iteration import RestrictedValueIteration
 from cocap_opt.planners.sequential import best_of_orders, sequential, sequential_rounds

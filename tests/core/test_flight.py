@@ -9,10 +9,9 @@ from cocap_opt.data import BoolArray, FloatArray, ProblemError
 from cocap_opt.flight.bernstein import derivative, elevated, ever_positive, largest, product, values
 from cocap_opt.flight.delays import bearable_delay
 from cocap_opt.flight.filming import view_reward
-from cocap_opt.flight.nearest import nearest_people
 from cocap_opt.flight.pace import demands, tightest
 from cocap_opt.flight.robustness import Robustness
-from cocap_opt.flight.safety import dangers
+from cocap_opt.flight.safety import dangers, nearest_people
 from cocap_opt.flight.smooth import Smooth, _Blends, smooth, spare
 from cocap_opt.flight.strain import SHORTENED, longest_move, strains, sufficient_step
 from cocap_opt.flight.trajectory import Trajectory, split

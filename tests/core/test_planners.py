@@ -33,7 +33,7 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model
 from cocap_opt.objective import objective
-from cocap_opt.planners import PLANNERS, Planner, spare_plan
+from cocap_opt.planners import PLANNERS, Planner, constraint_tree
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.greedy import greedy, greedy_rounds
 from cocap_opt.planners.joint import joint
@@ -609,7 +609,7 @@ def test_cocap_that_is_stopped_late_is_no_worse_than_sequential(
     """Once its tree has grown a plan without conflicts is kept; one that ends does not need it."""
     problem = load_scene("bottleneck", 0)
     without, finished = cocap(problem, WorkLimit(2)), cocap(problem)
-    monkeypatch.setattr(spare_plan, "SPARE_FROM", 3)
+    monkeypatch.setattr(constraint_tree, "SPARE_FROM", 3)
     result, spare = cocap(problem, WorkLimit(2)), sequential(problem)
     assert without.value < spare.value == result.value
     assert result.plan == spare.plan and result.reason is Reason.STOPPED

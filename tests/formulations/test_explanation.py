@@ -11,7 +11,7 @@ from pool import meetings, problems
 from random_certificates import as_rows, random_multipliers, random_proof, some_model
 from strategies import WALL, examples, standing, tiny
 
-from cocap_opt.coordination.replans import replans
+from cocap_opt.coordination.best_response import replans
 from cocap_opt.formulations.certificates import (
     CertificateFile,
     Multipliers,

@@ -21,7 +21,7 @@ from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import compiled
 from cocap_opt.objective import marginal_reward
-from cocap_opt.planners.myopic import myopic
+from cocap_opt.planners.greedy import myopic
 from cocap_opt.problem import Actor, Cone, Motion, Plan, Problem, Robot, State
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from cocap_opt.planners.cocap import algorithm_1
-from cocap_opt.planners.constraint_tree import ConstraintTree
+from cocap_opt.planners.constraint_tree import BestNodes, ConstraintTree, Node
 from cocap_opt.planners.low_level import value_iteration
-from cocap_opt.planners.open_nodes import BestNodes, Node
 from cocap_opt.planners.responses import Responses
 from cocap_opt.problem import Cell, Conflict, Plan, Problem
 from cocap_opt.stop import never

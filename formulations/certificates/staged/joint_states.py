@@ -22,10 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.pricing import UNIT_ROUNDOFF
 from cocap_opt.model import Model
-from cocap_opt.sums import exact_sum
 
 _ROWS = 500  # of a table of conflicts, for which distances are computed at once
 

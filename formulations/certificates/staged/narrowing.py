@@ -43,6 +43,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.format import CertificateError, Multipliers, StepPrices
 from cocap_opt.formulations.certificates.pricing import (
@@ -60,7 +61,6 @@ from cocap_opt.formulations.certificates.sweep import (
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
-from cocap_opt.sums import exact_sum
 
 
 class _Earlier(NamedTuple):

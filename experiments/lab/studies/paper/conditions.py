@@ -24,7 +24,7 @@ from cocap_opt.model import compiled
 from cocap_opt.output.files import read_text
 from cocap_opt.output.printing import counted
 from cocap_opt.planners import PLANNERS
-from cocap_opt.planners.spare_plan import FELL_BACK
+from cocap_opt.planners.constraint_tree import FELL_BACK
 from cocap_opt.problem import Motion, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Result

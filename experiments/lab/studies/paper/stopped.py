@@ -1,7 +1,7 @@
 """Runs of a planner that a limit stopped, told apart from those that ended.
 
 CoCap that is stopped gives the plan of sequential planning where that is better than what it has
-(`planners/spare_plan`), so that means over all runs are partly means over the other planner.
+(`planners/constraint_tree`), so that means over all runs are partly means over the other planner.
 """
 
 from collections.abc import Mapping, Sequence

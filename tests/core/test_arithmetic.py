@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from cocap_opt.sums import exact_sum
+from cocap_opt.arithmetic import exact_sum
 
 
 def test_sums_are_rounded_once() -> None:
