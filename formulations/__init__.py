@@ -3,125 +3,89 @@
 This front imports nothing of its package: whoever imports the certificates loads no method.
 """
 
-import inspect
 from collections.abc import Mapping
-from importlib import import_module
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
+
+from cocap_opt.method import START_AND_REPORT, Method
 
 if TYPE_CHECKING:
-    from cocap_opt.formulations.result import BoundMethod, CertifiedResult, ExactMethod
+    from cocap_opt.formulations.result import CertifiedResult
 
 __all__ = ["BOUNDS", "EXACT"]
 
 
-class _OfTheFunction:
-    """An attribute that a lazy method takes over from the function that it stands for.
-
-    Asked of the class itself it is the class's own, so that `help` can describe the class too.
-    """
-
-    def __init__(self, own: str | None) -> None:
-        self._own = own
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._name = name
-
-    def __get__(self, method: "_LazyMethod | None", owner: type) -> object:
-        if method is None:
-            return self._own
-        function = method.load()
-        if self._name == "__signature__":
-            return inspect.signature(function)
-        return getattr(function, self._name)
+def _bound(call: str, made_of: str, scenes: str, promises: str = "") -> "Method[CertifiedResult]":
+    return Method(
+        f"cocap_opt.formulations.{call}",
+        made_of,
+        f"a certified bound {promises}".strip(),
+        scenes,
+        START_AND_REPORT,
+        certified=True,
+    )
 
 
-class _LazyMethod:
-    """A bound or exact method whose module is imported at first use: some solvers take seconds.
-
-    Signature and docstring are the function's own, so that `help` shows them.
-
-    Attributes
-    ----------
-    summary : one line, known without the import
-    """
-
-    __doc__ = cast(str, _OfTheFunction(__doc__))
-    __signature__ = _OfTheFunction(None)
-
-    def __init__(self, module: str, name: str, summary: str) -> None:
-        self._module = f"cocap_opt.formulations.{module}"
-        self.__name__ = self.__qualname__ = name
-        self.__module__ = self._module
-        self.summary = summary
-
-    def load(self) -> Any:
-        """Imports the module, if it is not there yet, and returns the function."""
-        return getattr(import_module(self._module), self.__name__)
-
-    def __call__(self, *arguments: Any, **options: Any) -> "CertifiedResult":
-        """Calls the function with the arguments that `BoundMethod` or `ExactMethod` names."""
-        result: CertifiedResult = self.load()(*arguments, **options)
-        return result
-
-    def __get__(self, instance: object, owner: type) -> "_LazyMethod":
-        """Returns the method itself; that it can be an attribute makes `help` see a function."""
-        return self
-
-    def __repr__(self) -> str:
-        return f"<method {self.__name__}: {self.summary}>"
-
-    def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
-        module = self._module.removeprefix("cocap_opt.formulations.")
-        return _LazyMethod, (module, self.__name__, self.summary)
+def _exact(
+    call: str, made_of: str, scenes: str, certified: bool = True
+) -> "Method[CertifiedResult]":
+    return Method(
+        f"cocap_opt.formulations.{call}",
+        made_of,
+        "the proved optimum" if certified else "the optimum, without a certificate",
+        scenes,
+        START_AND_REPORT | {"gap"},
+        obeys_rules=True,
+        complete=True,
+        optimal=True,
+        certified=certified,
+    )
 
 
-BOUNDS: "Mapping[str, BoundMethod]" = MappingProxyType(
+_ANY, _FEW, _TINY = "any size", "a few steps", "tiny"
+_INTEGER = "an integer program, refined until its plan's true J meets the bound, with"
+
+BOUNDS: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
     {
-        "alone": _LazyMethod("simple_bounds", "alone", "every drone as if it were alone"),
-        "online": _LazyMethod(
-            "simple_bounds", "online", "J of a plan and what each drone could add"
+        "alone": _bound("simple_bounds:alone", "every drone as if it were alone", _ANY),
+        "online": _bound("simple_bounds:online", "J of a plan and what each drone could add", _ANY),
+        "concave": _bound(
+            "relaxations.cone_program:concave", "concave relaxation over the aggregated flow", _FEW
         ),
-        "concave": _LazyMethod(
-            "relaxations.cone_program", "concave", "concave relaxation over the aggregated flow"
+        "single-view": _bound(
+            "relaxations.cone_program:single_view",
+            "concave relaxation with single-view cuts",
+            _FEW,
         ),
-        "single-view": _LazyMethod(
-            "relaxations.cone_program", "single_view", "concave relaxation with single-view cuts"
+        "envelope": _bound(
+            "relaxations.cone_program:envelope", "concave relaxation with envelope cuts", _FEW
         ),
-        "envelope": _LazyMethod(
-            "relaxations.cone_program", "envelope", "concave relaxation with envelope cuts"
-        ),
-        "column-generation": _LazyMethod(
-            "column_generation.column_generation",
-            "column_generation",
-            "relaxation over paths with all cuts, any size, and a plan",
+        "column-generation": _bound(
+            "column_generation.column_generation:column_generation",
+            "relaxation over paths with all cuts and step envelopes",
+            _ANY,
+            "and a plan",
         ),
     }
 )
 
-EXACT: "Mapping[str, ExactMethod]" = MappingProxyType(
+EXACT: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
     {
-        "brute-force": _LazyMethod("brute_force", "brute_force", "all plans, one by one"),
-        "branch-and-price": _LazyMethod(
-            "column_generation.branch_and_price",
-            "branch_and_price",
-            "proved optima: a tree over column generation",
+        "brute-force": _exact(
+            "brute_force:brute_force", "all plans, one by one", _TINY, certified=False
         ),
-        "highs": _LazyMethod(
-            "integer_programs.mathopt", "highs", "integer program by outer approximation with HiGHS"
+        "branch-and-price": _exact(
+            "column_generation.branch_and_price:branch_and_price",
+            "a tree over column generation",
+            _ANY,
         ),
-        "scip": _LazyMethod(
-            "integer_programs.mathopt", "scip", "integer program by outer approximation with SCIP"
-        ),
-        "cp-sat": _LazyMethod(
-            "integer_programs.cp_sat",
-            "cp_sat",
-            "integer program by outer approximation with CP-SAT",
-        ),
-        "scip-nonlinear": _LazyMethod(
-            "integer_programs.scip_nonlinear",
-            "scip_nonlinear",
+        "highs": _exact("integer_programs.mathopt:highs", f"{_INTEGER} HiGHS", _FEW),
+        "scip": _exact("integer_programs.mathopt:scip", f"{_INTEGER} SCIP", _FEW),
+        "cp-sat": _exact("integer_programs.cp_sat:cp_sat", f"{_INTEGER} CP-SAT", _FEW),
+        "scip-nonlinear": _exact(
+            "integer_programs.scip_nonlinear:scip_nonlinear",
             "nonlinear integer program with SCIP; needs PySCIPOpt",
+            _FEW,
         ),
     }
 )

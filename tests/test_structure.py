@@ -34,7 +34,7 @@ ORDER = {
     "core": (
         "text", "data", "arithmetic", "memory", "stop", "world", "problem", "result", "files",
         "graph", "plausibility", "vision", "referee", "flight", "model", "timing", "objective",
-        "coordination", "planners",
+        "coordination", "method", "planners",
     ),
     "formulations": (
         "certificates", "explanation", "second_opinion", "result", "early_bound", "simple_bounds",

@@ -116,7 +116,8 @@ def bound(
     --------
     >>> co.bound(problem, time_limit=10).bound
     """
-    call, clock = _named("method", method, BOUNDS), Clock()
+    clock, known = Clock(), dict[str, _Bound](BOUNDS)
+    call = _named("method", method, known)
     require_problem(problem)
     begin = start_for(problem, start)
     _warn(problem, method, time_limit, stop)

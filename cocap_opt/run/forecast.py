@@ -13,7 +13,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Leaf, ProofFile
 from cocap_opt.model import CoverageEstimate, Model, compiled
-from cocap_opt.planners import LAZY
+from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import FORMATS, SCENES
 
@@ -245,7 +245,8 @@ def warn_of_limit(
     ----------
     method : that needs the coverage; those that evaluate single views do not
     """
-    if method in LAZY or _is_little(compiled(problem), seconds):
+    is_lazy = method in PLANNERS and PLANNERS[method].lazy
+    if is_lazy or _is_little(compiled(problem), seconds):
         return
     try:
         forecast = Forecast.of(compiled(problem))

@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -15,8 +15,9 @@ from cocap_opt.formulations.result import (
     proved_reason,
     silent,
 )
+from cocap_opt.method import Method
 from cocap_opt.model import compiled
-from cocap_opt.planners import LAZY, PLANNERS, Planner
+from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
@@ -31,7 +32,12 @@ _R_co = TypeVar("_R_co", bound=Result, covariant=True)
 BOUND_METHOD = "branch-and-price"  # of the gap table; at any limit it has a bound
 ROUNDING = 1e-9  # relative, of J and of bounds: both are rounded sums
 
-SOLVERS: Mapping[str, Callable[[Problem, Stop], Result]] = {**PLANNERS, **EXACT}
+SOLVERS: Mapping[str, Method[Any]] = {**PLANNERS, **EXACT}
+
+
+def is_lazy(name: str) -> bool:
+    """Returns True for a method of ours that needs no coverage of all states."""
+    return name in PLANNERS and PLANNERS[name].lazy
 
 
 class RefereeError(RuntimeError):
@@ -152,7 +158,7 @@ class Judged(NamedTuple, Generic[_R_co]):
         except UnsupportedError as error:
             return Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
         judged = Judged.of(name, problem, result)
-        if name in LAZY:
+        if is_lazy(name):
             views = result.statistics.get("evaluated")
             return judged._replace(
                 coverage_seconds=0.0, views=None if views is None else int(views)

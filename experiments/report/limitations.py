@@ -6,7 +6,7 @@ from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.experiments.tables.rows import SAMPLED_COVERAGE, Row
 from cocap_opt.experiments.tables.statistics import ENOUGH
-from cocap_opt.planners import LAZY
+from cocap_opt.planners import PLANNERS
 
 _ALWAYS = (
     "Rewards are those of the coverage model: the area of a face's projection clipped to the "
@@ -93,11 +93,12 @@ def _of_plans(rows: Sequence[Row]) -> Iterator[str]:
 
 def _of_times(run: RunFile) -> Iterator[str]:
     workers = ", ".join(dict.fromkeys(one.workers for one in run.runs))
+    lazy = ", ".join(sorted(name for name, planner in PLANNERS.items() if planner.lazy))
     yield (
         f"Seconds are wall-clock time, by {workers}, and include other load on the machine. "
         "Coverage of all states is computed before any limit begins, has seconds of its own, and "
         "is charged to nobody; "
         "planners that look only at "
-        f"states that they touch ({', '.join(sorted(LAZY))}) compute coverage while they run, and "
+        f"states that they touch ({lazy}) compute coverage while they run, and "
         "there it counts."
     )

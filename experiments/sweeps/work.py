@@ -22,7 +22,6 @@ from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report
 from cocap_opt.model import compiled, compiled_anew
 from cocap_opt.output.trace import Trace
-from cocap_opt.planners import LAZY
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.run.judging import (
@@ -32,6 +31,7 @@ from cocap_opt.run.judging import (
     Awaiting,
     Judged,
     RefereeError,
+    is_lazy,
 )
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Clock, LimitReached, Stop, TimeLimit, never
@@ -51,7 +51,7 @@ def cover(problem: Problem, method: str, stop: Stop, watch: Watch) -> None:
     if method in EXACT or method in BOUNDS:
         with suppress(LimitReached):  # the method meets the limit as well
             model.prepare_all(stop, progress)
-    elif method not in LAZY:
+    elif not is_lazy(method):
         model.covered_by(stop, progress)
     watch.show(method)
 

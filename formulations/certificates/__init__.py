@@ -27,9 +27,9 @@ where one of these is checked or made. `checking` opens it, in one place.
 Below both, the trusted core: `cocap_opt.problem`, `world` and `graph` without `value_iteration`
 (which moves there are), `vision` (what a view sees), `model` (which drones share a graph, and what
 its places and states are), `objective` (weights and J), `data` (array types and checks of fields),
-`arithmetic` (of floats) and `files.documents` (the digest that ties a file to its scene). Besides these,
-importing it loads what no number depends on: `stop`, `text`, `memory`, `drawing`,
-`files.atomic_write`, `files.code`.
+`arithmetic` (of floats) and `files.documents` (the digest that ties a file to its scene). Besides
+these, importing it loads what no number depends on: `stop`, `text`, `memory`, `drawing`,
+`files.atomic_write`, `files.code`, and `method` (the records of methods, which import none).
 """
 
 from cocap_opt.formulations.certificates.checking import certify, verify

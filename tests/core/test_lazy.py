@@ -15,7 +15,7 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.value_iteration import Swept, backward_sweep
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import marginal_reward
-from cocap_opt.planners import LAZY, PLANNERS, lazy_value_iteration
+from cocap_opt.planners import PLANNERS, lazy_value_iteration
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
@@ -305,4 +305,4 @@ def test_lazy_planners_are_those_that_ask_for_no_coverage_before(
     monkeypatch.setattr(Model, "covered_by", spy)
     monkeypatch.setattr(Model, "prepare", spy_too)
     PLANNERS[name](load_scene("tiny-share", 0), never)
-    assert (not asked) == (name in LAZY)
+    assert (not asked) == PLANNERS[name].lazy

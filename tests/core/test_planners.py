@@ -31,9 +31,10 @@ from strategies import (
 
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.networks import time_expanded_graph
+from cocap_opt.method import Method
 from cocap_opt.model import Model
 from cocap_opt.objective import objective
-from cocap_opt.planners import PLANNERS, Planner, constraint_tree
+from cocap_opt.planners import PLANNERS, constraint_tree
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.greedy import greedy, greedy_rounds
 from cocap_opt.planners.joint import joint
@@ -78,14 +79,6 @@ from cocap_opt.stop import (
 )
 from cocap_opt.world.workspace import HeightMap
 
-CONSTRAINT_TREES = {
-    *("cocap", "cocap-lazy", "cocap-vs", "cocap-vs-undiscounted"),
-    *("cocap-rounds", "cocap-focal", "cocap-lns"),
-}
-SEQUENTIAL = {"sequential", "sequential-lazy", "sequential-rounds", "best-of-orders"}
-OBEY_RULES = {*CONSTRAINT_TREES, *SEQUENTIAL, "joint", "formation", "one-step"}
-COMPLETE = {*CONSTRAINT_TREES, "joint"}  # without a plan only where there is none
-EXACT = {"joint"}
 CALLS = 3000  # how often a planner may ask whether to stop: cuts constraint trees off
 
 
@@ -106,6 +99,11 @@ def close(a: float, b: float) -> bool:
     return a == b or math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-9)
 
 
+def takes(planner: Method[Result], problem: Problem) -> bool:
+    """True if a planner takes so many robots."""
+    return planner.most_robots is None or len(problem.robots) <= planner.most_robots
+
+
 def check_contract(name: str, problem: Problem, result: Result) -> None:
     """What holds for every result of every planner."""
     assert result.seconds >= 0
@@ -119,7 +117,7 @@ def check_contract(name: str, problem: Problem, result: Result) -> None:
     assert verdict.violations == ()
     assert close(result.value, verdict.reward)
     assert result.bound >= result.value
-    if name in OBEY_RULES:
+    if PLANNERS[name].obeys_rules:
         assert verdict.conflicts == ()
 
 
@@ -134,21 +132,21 @@ def test_contract(problem: Problem) -> None:
     best = optimum(problem)
     free = optimum(problem.without_rules())
     for name, planner in PLANNERS.items():
-        if name == "joint" and len(problem.robots) > 2:
+        if not takes(planner, problem):
             with pytest.raises(UnsupportedError, match="two drones"):
                 planner(problem, never)
             continue
         result = planner(problem, Patience())
         check_contract(name, problem, result)
-        limit = best.value if name in OBEY_RULES else free.value
+        limit = best.value if planner.obeys_rules else free.value
         assert result.value <= limit or close(result.value, limit), name
         if result.reason is Reason.INFEASIBLE:
-            assert (best if name in OBEY_RULES else free).plan is None, name
-        if best.plan is None and name in COMPLETE:
+            assert (best if planner.obeys_rules else free).plan is None, name
+        if best.plan is None and planner.complete:
             assert result.plan is None, name
-        if name in COMPLETE and result.reason is not Reason.STOPPED:
+        if planner.complete and result.reason is not Reason.STOPPED:
             assert (result.plan is None) == (best.plan is None), name
-        if name in EXACT:
+        if planner.optimal:
             assert close(result.value, best.value), name
             assert result.reason in (Reason.OPTIMAL, Reason.INFEASIBLE)
         if name == "greedy" and free.plan is not None:
@@ -232,8 +230,8 @@ def test_goal_out_of_reach() -> None:
         result = planner(problem, never)
         check_contract(name, problem, result)
         assert result.plan is None
-        one_by_one = name in {*SEQUENTIAL, "formation"}
-        expected = Reason.FAILED if one_by_one else Reason.INFEASIBLE
+        can_prove = planner.complete or not planner.obeys_rules or name == "one-step"
+        expected = Reason.INFEASIBLE if can_prove else Reason.FAILED
         assert result.reason is expected
 
 
@@ -483,7 +481,7 @@ def test_no_time_at_all(name: str, robots: int) -> None:
 def test_stopped_at_any_moment(problem: Problem, calls: int) -> None:
     """Whenever a planner is stopped, what it returns still keeps the contract."""
     for name, planner in PLANNERS.items():
-        if name == "joint" and len(problem.robots) > 2:
+        if not takes(planner, problem):
             continue
         result = planner(problem, Patience(calls))
         check_contract(name, problem, result)
@@ -805,7 +803,7 @@ def test_plans_do_not_depend_on_the_process() -> None:
 def test_plans_do_not_depend_on_what_ran_before(problem: Problem) -> None:
     """Planning twice, or an equal problem made anew, gives the same plan and value."""
     for name, planner in PLANNERS.items():
-        if name == "joint" and len(problem.robots) > 2:
+        if not takes(planner, problem):
             continue
         first = planner(problem, Patience())
         for again in (problem, problem.replace(name="again")):
@@ -856,9 +854,9 @@ def test_an_actor_nobody_can_see_changes_nothing(problem: Problem) -> None:
     assume(not any(isinstance(robot.camera, Cone) for robot in problem.robots))  # it sees all
     assume(problem.airspace.people_aside == 0)  # drones keep away from people they cannot see, too
     for name in ("greedy", "sequential", "joint"):
-        if name == "joint" and len(problem.robots) > 2:
+        planner = PLANNERS[name]
+        if not takes(planner, problem):
             continue
-        planner: Planner = PLANNERS[name]
         before, after = planner(problem, never), planner(buried(problem), never)
         assert close(before.value, after.value)
         assert before.reason is after.reason
@@ -963,7 +961,7 @@ def test_extreme_problems(case: str) -> None:
     problem = EXTREMES[case]()
     values = {}
     for name, planner in PLANNERS.items():
-        if name == "joint" and len(problem.robots) > 2:
+        if not takes(planner, problem):
             continue
         result = planner(problem, Patience())
         check_contract(name, problem, result)

@@ -31,7 +31,7 @@ from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.column_generation import root
 from cocap_opt.model import compiled
 from cocap_opt.output.printing import print_result
-from cocap_opt.planners import LAZY, PLANNERS
+from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.results import without_a_path
 from cocap_opt.problem import NO_RULES, Problem
 from cocap_opt.run.judging import SOLVERS, Judged
@@ -109,7 +109,7 @@ def test_coverage_is_there_before_a_planner_begins(
     monkeypatch.setattr(Judged, "planned", spy)
     compiled.cache_clear()
     assert Run(capsys, "plan", "tiny-share", "--planner", planner).code == 0
-    assert seen == 2 * [planner not in LAZY]
+    assert seen == 2 * [not PLANNERS[planner].lazy]
 
 
 def test_a_path_that_is_no_text_is_shown_escaped(

@@ -432,7 +432,7 @@ def test_modules_of_ours_are_neither_sent_nor_imported_anew() -> None:
     planner = own("cocap_opt.planners.greedy:greedy")
     assert planner.code is not None and not planner.code.files and planner.digest
     before = sys.modules["cocap_opt.planners.greedy"]
-    assert sent(planner).ready().call is PLANNERS["greedy"]
+    assert sent(planner).ready().call is PLANNERS["greedy"].function
     assert sys.modules["cocap_opt.planners.greedy"] is before
 
 

@@ -17,7 +17,7 @@ from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, verify
 from cocap_opt.formulations.early_bound import _Prices, early_bound
 from cocap_opt.model import Model, compiled
-from cocap_opt.planners import LAZY, PLANNERS
+from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
@@ -159,7 +159,10 @@ def covered_for_some_steps() -> tuple[Problem, Model]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("planner", sorted(set(PLANNERS) - LAZY - {"joint"}))
+@pytest.mark.parametrize(
+    "planner",
+    [name for name, planner in PLANNERS.items() if not (planner.lazy or planner.most_robots)],
+)
 def test_planners_use_the_coverage_that_is_there(
     planner: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

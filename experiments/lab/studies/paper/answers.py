@@ -16,8 +16,8 @@ from cocap_opt.experiments.lab.studies.paper.stopped import Seed, StoppedRuns
 from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.experiments.tables.statistics import NONE, Mean
 from cocap_opt.experiments.tables.tables import Table
-from cocap_opt.planners import LAZY
 from cocap_opt.result import relative_gap
+from cocap_opt.run.judging import is_lazy
 from cocap_opt.stop import Limit
 
 SOURCE = "Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695)"
@@ -328,7 +328,7 @@ def _whole_seconds(row: Row) -> float | None:
     """Returns the time of a search with the coverage that it needs."""
     if row.seconds is None:
         return None
-    return row.seconds + (0.0 if row.planner in LAZY else row.coverage_seconds or 0.0)
+    return row.seconds + (0.0 if is_lazy(row.planner or "") else row.coverage_seconds or 0.0)
 
 
 def _text(found: Mean) -> str:

@@ -20,7 +20,7 @@ from cocap_opt.experiments.tables.rows import COLUMNS, BoundColumns, PlannedRow,
 from cocap_opt.files.code import code_digest
 from cocap_opt.model import Model, compiled
 from cocap_opt.output.files import read_text, save_csv
-from cocap_opt.planners import LAZY, PLANNERS
+from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.low_level import SingleRobotPath, value_iteration
 from cocap_opt.planners.responses import Responses, followed, in_rounds
@@ -28,7 +28,7 @@ from cocap_opt.planners.results import result_of
 from cocap_opt.planners.view_search import Compounded, ViewSearch
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
-from cocap_opt.run.judging import Judged
+from cocap_opt.run.judging import Judged, is_lazy
 from cocap_opt.stop import Stop, TimeLimit, never
 
 MEASURED = "measured.csv"  # in the folder of the results
@@ -114,7 +114,7 @@ def _timed_again(row: Row, problem: Problem, coverage: float, limit: float) -> R
     name, seconds = row.planner or "", row.seconds
     if seconds is not None and seconds < _LONG and name in PLANNERS:
         seconds = _timed(PLANNERS[name], problem, limit, seconds)[1]
-    return replace(row, seconds=seconds, coverage_seconds=0.0 if name in LAZY else coverage)
+    return replace(row, seconds=seconds, coverage_seconds=0.0 if is_lazy(name) else coverage)
 
 
 def _timed(

@@ -12,37 +12,14 @@ from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.experiments.tables.statistics import NONE
 from cocap_opt.experiments.tables.tables import Table
 from cocap_opt.files.documents import FileError
-from cocap_opt.planners import LAZY, PLANNERS, RECOMMENDED
+from cocap_opt.method import Method
+from cocap_opt.planners import PLANNERS, RECOMMENDED
+from cocap_opt.result import Result
 from cocap_opt.stop import NO_LIMIT
 
 _IN_SHORT = (  # planners of the README's table
     "greedy", "sequential", "sequential-rounds", "best-of-orders", "cocap", "cocap-vs", "cocap-lns",
 )  # fmt: skip
-_ALONE = "no drone alone can better it"
-_COMPLETE = "a plan, or the proof that there is none, if it is not stopped"
-_PARTS = {  # of what a planner is made, and what it promises
-    "greedy": ("each drone in turn, collisions ignored", "half the best J without rules; collides"),
-    "greedy-rounds": ("greedy, then rounds of best responses", f"{_ALONE}; collides"),
-    "sequential": ("each drone in turn, clear of the earlier ones", "obeys the rules"),
-    "sequential-rounds": ("sequential, then rounds that obey the rules", _ALONE),
-    "best-of-orders": ("sequential in ten orders", "at least as good as sequential"),
-    "cocap": ("constraint tree over value iteration, Alg. 1", _COMPLETE),
-    "greedy-lazy": ("greedy over lazy value iteration", "the plan of greedy"),
-    "sequential-lazy": ("sequential over lazy value iteration", "the plan of sequential"),
-    "cocap-lazy": ("cocap over lazy value iteration", "the plan of cocap"),
-    "cocap-vs": ("constraint tree over view search, Alg. 2", _COMPLETE),
-    "cocap-vs-undiscounted": ("cocap-vs, values not discounted", _COMPLETE),
-    "cocap-rounds": ("cocap from a root planned in rounds", _COMPLETE),
-    "cocap-focal": ("cocap-rounds with a focal list, then rounds", f"{_COMPLETE}; {_ALONE}"),
-    "cocap-lns": (
-        "sequential (cocap-focal where it fails), rounds, large neighbourhood search",
-        f"{_COMPLETE}; {_ALONE}",
-    ),
-    "joint": ("value iteration over both drones at once", "the proved optimum"),
-    "formation": ("drones on circles around the people", "obeys the rules"),
-    "myopic": ("every drone as if alone", "collides"),
-    "one-step": ("each drone in turn, the best next view", "obeys the rules"),
-}
 
 
 def planner_table(rows: Sequence[Row]) -> Table:
@@ -50,15 +27,14 @@ def planner_table(rows: Sequence[Row]) -> Table:
     base = {row.key: row.seconds for row in rows if row.planner == "sequential"}
     scenes = list(dict.fromkeys(row.scene for row in rows))
     table = []
-    for name in PLANNERS:
+    for name, planner in PLANNERS.items():
         own = [row for row in rows if row.planner == name]
-        parts, promise = _PARTS.get(name, (NONE, NONE))
         table.append(
             {
                 "planner": f"`{name}`" + (" (recommended)" if name == RECOMMENDED else ""),
-                "made of": parts,
-                "takes": _needs(name),
-                "promises": promise,
+                "made of": planner.made_of,
+                "takes": _needs(planner),
+                "promises": planner.promises,
                 **{scene: _gap([row for row in own if row.scene == scene]) for scene in scenes},
                 "time": _ratio(own, base),
             }
@@ -66,10 +42,12 @@ def planner_table(rows: Sequence[Row]) -> Table:
     return table
 
 
-def _needs(name: str) -> str:
-    """Returns what a planner needs besides the scene."""
-    views = "single views" if name in LAZY else "all coverage"
-    return f"1 or 2 drones, {views}" if name == "joint" else views
+def _needs(planner: Method[Result]) -> str:
+    """Returns the number of drones that a planner takes, if it is limited, and which coverage."""
+    views = "single views" if planner.lazy else "all coverage"
+    if planner.most_robots is None:
+        return views
+    return f"{' or '.join(map(str, range(1, planner.most_robots + 1)))} drones, {views}"
 
 
 def _gap(rows: Sequence[Row]) -> str:

@@ -94,7 +94,9 @@ def _relaxations(options: Options) -> list[Figure]:
             build = partial(scene, name, seed, steps)
             best = Run.of(build, branch_and_price, options.limit_or(_LIMIT)).told(name, seed)
             for method in _RELAXATIONS:
-                result = _try(build, BOUNDS[method], options.limit_or(_LIMIT), method, seed)
+                result = _try(
+                    build, BOUNDS[method].function, options.limit_or(_LIMIT), method, seed
+                )
                 bound = math.nan if result is None else result.bound
                 above.setdefault(method, []).append(100 * (bound - best.value) / bound)
         worst = median(above[_RELAXATIONS[0]])
