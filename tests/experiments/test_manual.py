@@ -1,12 +1,15 @@
 """The parts of the pages that are made from the code."""
 
 import re
+import tokenize
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 
 import msgspec
 import pytest
 from pages import DOCS
+from sources import sources
 
 import cocap_opt as co
 from cocap_opt.cli.commands import app
@@ -24,11 +27,14 @@ from cocap_opt.experiments.lab.manual.formats import (
 from cocap_opt.experiments.lab.manual.gallery import SHOWN
 from cocap_opt.experiments.lab.manual.lists import LISTS
 from cocap_opt.experiments.lab.manual.recorded_tree import recorded_tree
+from cocap_opt.experiments.lab.manual.trusted import CHECKER, TRUSTED, UPPER, storeys
 from cocap_opt.experiments.lab.manual.worked_words import told_closed
 from cocap_opt.experiments.tables.rows import COLUMNS
 from cocap_opt.files.documents import decode_document
 from cocap_opt.scenarios import SCENES
 from cocap_opt.scenarios.built_in.tiny import TINY_OPTIMA
+
+NO_CODE = (tokenize.COMMENT, tokenize.NL, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER)
 
 
 def test_options_have_their_defaults_on_the_pages() -> None:
@@ -198,3 +204,38 @@ def test_worked_examples_are_consistent() -> None:
     assert gap.total() == pytest.approx(gap.gap, rel=1e-9, abs=1e-6)
     assert worked.paid_for_people().sum() == pytest.approx(gap.total("face"))
     assert max(worked.proof().bounds) <= worked.proof().file.proved
+
+
+def lines_without_comments(module: str) -> int:
+    """The lines that hold a token of code; a statement that is a string alone is a docstring."""
+    lines, statement = set[int](), list[tokenize.TokenInfo]()
+    with tokenize.open(sources()[module.removesuffix(".__init__")]) as file:
+        for token in tokenize.generate_tokens(file.readline):
+            if token.type == tokenize.NEWLINE:
+                if [part.type for part in statement] != [tokenize.STRING]:
+                    lines |= {
+                        n for part in statement for n in range(part.start[0], part.end[0] + 1)
+                    }
+                statement.clear()
+            elif token.type not in NO_CODE:
+                statement.append(token)
+    return len(lines)
+
+
+def test_what_must_be_trusted_is_counted() -> None:
+    """The pages' lines of each storey are those of its files; the docstrings' are about as many."""
+    parts = storeys()
+    every = [name for part in parts.values() for name in part.modules]
+    assert len(set(every)) == len(every)
+    for name, part in parts.items():
+        counted = sum(map(lines_without_comments, part.modules))
+        assert counted == pytest.approx(part.lines, rel=0.02), name
+        assert f"{part.lines:,}" == TRUSTED[f"{name}_lines"]()
+    upper = {name for name in sources() if name.startswith(f"{UPPER}.")} | {f"{UPPER}.__init__"}
+    assert {*parts["upper"].modules, *parts["compiled"].modules} == upper
+    words = " ".join((import_module(CHECKER).__doc__ or "").split())
+    lower, searched, compiled, core = re.findall(r"([\d,]+) (?:lines|more)", words)
+    for told, part in (
+        (lower, "lower"), (searched, "upper"), (compiled, "compiled"), (core, "core"),
+    ):  # fmt: skip
+        assert int(told.replace(",", "")) == pytest.approx(parts[part].lines, rel=0.1), part

@@ -9,6 +9,7 @@ from cocap_opt.experiments.lab.manual.commands import commands_in_markdown, stud
 from cocap_opt.experiments.lab.manual.formats import DOCUMENTS, example, fields_in_markdown
 from cocap_opt.experiments.lab.manual.gallery import gallery_in_markdown
 from cocap_opt.experiments.lab.manual.lists import LISTS
+from cocap_opt.experiments.lab.manual.trusted import TRUSTED
 from cocap_opt.experiments.lab.manual.worked_words import WORKED
 from cocap_opt.experiments.lab.studies.quotes import QUOTES
 
@@ -22,6 +23,7 @@ ENTRIES: dict[str, Callable[[], str]] = {
     **QUOTES,
     **LISTS,
     **WORKED,
+    **TRUSTED,
     "gallery": gallery_in_markdown,
     **{f"{name}_fields": partial(fields_in_markdown, name) for name in DOCUMENTS},
     **{f"{name}_example": partial(_json, name) for name in ("scene", "plan", "certificate")},

@@ -1,0 +1,93 @@
+"""What must be trusted to believe a bound, counted: modules and lines of the checker's storeys."""
+
+import ast
+from collections.abc import Callable, Iterable
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+from cocap_opt.files.code import with_imports
+from cocap_opt.output.printing import Listing
+
+CHECKER = "cocap_opt.formulations.certificates"
+UPPER = f"{CHECKER}.staged"
+COMPILED = frozenset(
+    f"{UPPER}.{name}" for name in ("compiled_search", "search_kernel", "compiling")
+)
+_DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+
+
+class Trusted(NamedTuple):
+    """Modules that have to be trusted together.
+
+    Attributes
+    ----------
+    modules : their full names, sorted
+    lines : of code: neither empty, nor a comment or part of a docstring
+    """
+
+    modules: tuple[str, ...]
+    lines: int
+
+    @classmethod
+    def of(cls, modules: Iterable[str]) -> "Trusted":
+        """Counts the lines of modules."""
+        names = tuple(sorted(modules))
+        return cls(names, sum(map(code_lines, names)))
+
+
+def storeys() -> dict[str, Trusted]:
+    """Returns `core`, `lower`, `upper` and `compiled`, each without those before it."""
+    loaded = with_imports(CHECKER)
+    upper = {name for name in loaded if name.startswith(f"{UPPER}.")}
+    lower = {name for name in loaded if name.startswith(f"{CHECKER}.")} - upper
+    # The fronts of packages that only name what is in them are no part of it.
+    core = {name for name in loaded - lower - upper if code_lines(name)}
+    return {
+        "core": Trusted.of(core),
+        "lower": Trusted.of(lower),
+        "upper": Trusted.of(upper - COMPILED),
+        "compiled": Trusted.of(COMPILED),
+    }
+
+
+def code_lines(module: str) -> int:
+    """Returns the lines of code of a module."""
+    spec = find_spec(module)
+    if spec is None or spec.origin is None:
+        raise ValueError(f"{module}: there is no such module")
+    text = Path(spec.origin).read_text(encoding="utf-8")
+    documentation: set[int] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, _DOCUMENTED) and ast.get_docstring(node) is not None:
+            documentation |= set(range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1))
+    return sum(
+        bool(line.strip()) and not line.strip().startswith("#") and number not in documentation
+        for number, line in enumerate(text.splitlines(), 1)
+    )
+
+
+def _table() -> str:
+    """Returns what each kind of claim asks one to trust, line by line."""
+    told = {
+        "core": ("any bound", "the core below: scene, graph, coverage"),
+        "lower": ("any bound", "formulations/certificates: sums, no search"),
+        "upper": ("staged certificates", "formulations/certificates/staged: searches"),
+        "compiled": ("staged certificates, unless plain", "the same searches, compiled by numba"),
+    }
+    rows = [
+        {"to believe": what, "trust": room, "modules": len(part.modules), "lines": part.lines}
+        for (what, room), part in ((told[name], part) for name, part in storeys().items())
+    ]
+    return Listing("", rows).markdown
+
+
+def _lines(name: str) -> str:
+    return f"{storeys()[name].lines:,}"
+
+
+TRUSTED: dict[str, Callable[[], str]] = {
+    "trusted": _table,
+    **{f"{name}_lines": partial(_lines, name) for name in ("core", "lower", "upper", "compiled")},
+}
