@@ -92,8 +92,8 @@ class Cut:
         """Returns phi of robots of these classes [n] at their roots [n]."""
         values = np.empty(len(roots))
         for number in np.unique(classes).tolist():
-            own = classes == number
-            values[own] = self.phi(number, roots[own])
+            of_class = classes == number
+            values[of_class] = self.phi(number, roots[of_class])
         return values
 
 
@@ -140,8 +140,8 @@ def _stages(curves: Mapping[int, Curve], sizes: tuple[int, ...]) -> Iterator[_St
         if choices <= STAGE_CHOICES:
             parts = [(slice(0, points), multisets(points, robots))]
         else:
-            one = np.arange(robots + 1)[:, None]
-            parts = [(slice(k, k + 1), one) for k in reversed(range(points))]
+            placed = np.arange(robots + 1)[:, None]
+            parts = [(slice(k, k + 1), placed) for k in reversed(range(points))]
         for k, (at, counts) in enumerate(parts):
             yield _Stage(
                 number, robots, k == 0, k == len(parts) - 1, first + at.start, counts,
@@ -293,13 +293,14 @@ def _undominated(partial: Partial) -> tuple[IntArray, Partial]:
         highest = np.maximum.accumulate(partial.values[group])
         groups[k] = group[np.append(True, highest[1:] > highest[:-1])]
     kept = np.concatenate(groups)
-    some = partial.take(kept)
+    undominated = partial.take(kept)
     if len(kept) <= MOST_CORNERS:
-        return kept, some
+        return kept, undominated
     each = max(MOST_CORNERS // len(groups), 1)
     ends = np.cumsum([0, *map(len, groups)])
     first = np.concatenate([np.arange(a, b, -(-(b - a) // each)) for a, b in pairwise(ends)])
     pixels, values, most = (
-        np.maximum.reduceat(part, first) for part in (some.pixels, some.values, some.most)
+        np.maximum.reduceat(part, first)
+        for part in (undominated.pixels, undominated.values, undominated.most)
     )
-    return kept[first], Partial(pixels, values, some.placed[first], most)
+    return kept[first], Partial(pixels, values, undominated.placed[first], most)

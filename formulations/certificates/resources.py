@@ -84,8 +84,8 @@ class Cells(_Resource, frozen=True, tag="cells"):
 
     def used_by(self, model: Model, path: PathCells) -> bool:
         """Returns True if a path uses the resource."""
-        own = self.class_number in (None, path.class_number)
-        return own and path.cells[self.t] in self.cells
+        is_about = self.class_number in (None, path.class_number)
+        return is_about and path.cells[self.t] in self.cells
 
     def footprint(self, model: Model, number: int) -> _Footprint:
         """Returns the places of the cells; none for classes that it is not about."""
@@ -131,8 +131,8 @@ class Swap(_Resource, frozen=True, tag="swap"):
         """Returns the moves between the cells, both ways; none where one cell is out of reach."""
         if len(places := _places(model, number, self.cells)) < 2:
             return _Footprint()
-        one, other = places
-        return _Footprint(moves=((one, other), (other, one)))
+        here, there = places
+        return _Footprint(moves=((here, there), (there, here)))
 
     def why_absent(self, model: Model) -> str:
         """Returns why the problem has no such swap, in words; empty where it has it."""
@@ -182,8 +182,8 @@ class Moves(_Resource, frozen=True, tag="moves"):
     def why_shared(self, problem: Problem) -> str:
         """Returns why two robots may use these moves at once; empty where a rule forbids it."""
         tails, heads = (problem.positions([move[k] for move in self.moves]) for k in (0, 1))
-        one = tails[:, None], heads[:, None]
-        apart = not problem.rules.moves_conflict(one, (tails[None], heads[None])).all()
+        rows, columns = (tails[:, None], heads[:, None]), (tails[None], heads[None])
+        apart = not problem.rules.moves_conflict(rows, columns).all()
         return "moves: two drones may make these moves at once" if apart else ""
 
 
@@ -247,8 +247,8 @@ class Move(_Resource, frozen=True, tag="move"):
 
     def used_by(self, model: Model, path: PathCells) -> bool:
         """Returns True if a path uses the resource."""
-        own = self.class_number == path.class_number
-        return own and path.cells[self.t : self.t + 2] == self.cells
+        is_about = self.class_number == path.class_number
+        return is_about and path.cells[self.t : self.t + 2] == self.cells
 
     def footprint(self, model: Model, number: int) -> _Footprint:
         """Returns the move; none for other classes and where one cell is out of reach."""

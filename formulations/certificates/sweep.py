@@ -114,15 +114,23 @@ class _Terms(NamedTuple):
     bonuses: dict[int, FloatArray]  # of each move k, for each place it may begin in
     places: dict[int, FloatArray]  # by step, [P]
     states: dict[int, FloatArray]  # by step, [O, P]
-    moves: dict[tuple[int, int], FloatArray]  # by step and move k, [P]
+    moves: dict[tuple[int, int], FloatArray]  # by step and move k, [P] where it begins
 
     @classmethod
     def of(cls, graph: TimeGraph, objective: Objective, charges: Charges) -> "_Terms":
         """Returns the terms of one sweep; what people close is charged, too."""
-        spread = _spread(graph, Charges.joined([graph.closed, charges]))
         shape = (graph.n_orientations, graph.n_places)
-        stay = reward_of_staying(objective)
-        return cls(shape, stay, _bonuses_of_moves(graph, objective), *spread)
+        terms = cls(shape, reward_of_staying(objective), _bonuses(graph, objective), {}, {}, {})
+        charged = Charges.joined([graph.closed, charges])
+        for (t, place), cost in charged.places.items():
+            terms.places.setdefault(t, np.zeros(graph.n_places))[place] += cost
+        for (t, state), cost in charged.states.items():
+            terms.states.setdefault(t, np.zeros(shape)).reshape(-1)[state] += cost
+        for (t, tail, head), cost in charged.moves.items():
+            leads = graph.allowed[:, tail] & (tail + graph.shifts == head)
+            for k in np.flatnonzero(leads).tolist():
+                terms.moves.setdefault((t, k), np.zeros(graph.n_places))[tail] += cost
+        return terms
 
 
 def reward_of_staying(objective: Objective) -> float:
@@ -161,7 +169,7 @@ def _plain_turns(
     return turned
 
 
-def _bonuses_of_moves(graph: TimeGraph, objective: Objective) -> dict[int, FloatArray]:
+def _bonuses(graph: TimeGraph, objective: Objective) -> dict[int, FloatArray]:
     """Returns the rewards of each move k from the places where it is open, turns left aside."""
     bonuses: dict[int, FloatArray] = {}
     if not objective.keep_cell and not objective.balanced:
@@ -172,28 +180,3 @@ def _bonuses_of_moves(graph: TimeGraph, objective: Objective) -> dict[int, Float
         stays = (climb == 0) & (dx == 0) & (dy == 0)
         bonuses[k] = objective.keep_cell * stays + objective.balanced * (dx + dy == 0)
     return bonuses
-
-
-class _Spread(NamedTuple):
-    """Charges as arrays over the graph."""
-
-    places: dict[int, FloatArray]  # by step, [P]
-    states: dict[int, FloatArray]  # by step, [O, P]
-    moves: dict[tuple[int, int], FloatArray]  # by step and number k of the move, [P] it begins in
-
-
-def _spread(graph: TimeGraph, charges: Charges) -> _Spread:
-    """Returns charges as arrays over the graph."""
-    places: dict[int, FloatArray] = {}
-    for (t, place), cost in charges.places.items():
-        places.setdefault(t, np.zeros(graph.n_places))[place] += cost
-    states: dict[int, FloatArray] = {}
-    for (t, state), cost in charges.states.items():
-        own = states.setdefault(t, np.zeros((graph.n_orientations, graph.n_places)))
-        own.reshape(-1)[state] += cost
-    moves: dict[tuple[int, int], FloatArray] = {}
-    for (t, tail, head), cost in charges.moves.items():
-        leads = graph.allowed[:, tail] & (tail + graph.shifts == head)
-        for k in np.flatnonzero(leads).tolist():
-            moves.setdefault((t, k), np.zeros(graph.n_places))[tail] += cost
-    return _Spread(places, states, moves)

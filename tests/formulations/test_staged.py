@@ -49,7 +49,7 @@ from cocap_opt.formulations.certificates.staged import (
 from cocap_opt.formulations.certificates.staged import search as plain_search
 from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan, Choices, Following
 from cocap_opt.formulations.certificates.staged.joint_states import Ceiling
-from cocap_opt.formulations.certificates.staged.search import Found, all_that_count
+from cocap_opt.formulations.certificates.staged.search import MostProfitable, all_that_count
 from cocap_opt.formulations.certificates.staged.stages import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.columns import Arc
@@ -133,7 +133,7 @@ def test_the_searches_of_a_file_share_one_amount_of_work(monkeypatch: pytest.Mon
 
     def counting(
         joint: JointStates, least: float, most_nodes: int, stop: Stop, plain: bool
-    ) -> Found:
+    ) -> MostProfitable:
         assert most_nodes == checker.MOST_NODES - sum(steps)
         found = most_profitable(joint, least, most_nodes, stop, plain)
         steps.append(found.nodes)
@@ -411,7 +411,9 @@ def test_plain_verification_says_so_in_its_answer(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(compiled_search, "is_loaded", lambda: True)
     asked = list[bool]()
 
-    def noted(joint: JointStates, least: float, most: int, stop: Stop, plain: bool) -> Found:
+    def noted(
+        joint: JointStates, least: float, most: int, stop: Stop, plain: bool
+    ) -> MostProfitable:
         asked.append(plain)
         return most_profitable(joint, least, most, stop, plain)
 
@@ -915,7 +917,7 @@ def test_a_limit_among_constants_leaves_a_true_claim(monkeypatch: pytest.MonkeyP
     root.relaxation.look_for_plans()
     calls = count()
 
-    def limited(joint: JointStates, least: float, most_nodes: int, stop: Stop) -> Found:
+    def limited(joint: JointStates, least: float, most_nodes: int, stop: Stop) -> MostProfitable:
         if next(calls) == 3:
             raise LimitReached(Limit.WORK)
         return most_profitable(joint, least, most_nodes, stop)

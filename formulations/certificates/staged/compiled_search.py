@@ -19,7 +19,7 @@ from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.stop import Stop
 
 if TYPE_CHECKING:
-    from cocap_opt.formulations.certificates.staged.search_kernel import Data, Memory
+    from cocap_opt.formulations.certificates.staged.search_kernel import Inputs, Memory
 
 _KERNEL = "cocap_opt.formulations.certificates.staged.search_kernel"
 _COMPILING = 5.0  # seconds that the first compiled search of a machine may take
@@ -58,7 +58,7 @@ class CompiledSearch:
     floor : least worth, less charges, of a joint state that counts
     """
 
-    data: Data
+    data: Inputs
     memory: Memory
     best: float
     floor: float
@@ -72,10 +72,10 @@ class CompiledSearch:
         least : profits up to here do not matter
         most_found : if not 0, the search is for `follow`, which collects up to so many in a call
         """
-        from cocap_opt.formulations.certificates.staged.search_kernel import Data
+        from cocap_opt.formulations.certificates.staged.search_kernel import Inputs
 
         bounds, classes = joint.bounds, np.repeat(np.arange(len(joint.sizes)), joint.sizes)
-        data = Data(
+        data = Inputs(
             *joint.sparse,
             joint.weights,
             joint.price,
@@ -154,7 +154,7 @@ class CompiledSearch:
         return int(self.memory.progress[FOUND])
 
 
-def _beginning(data: Data, profits: FloatArray, most_found: int) -> Memory:
+def _beginning(data: Inputs, profits: FloatArray, most_found: int) -> Memory:
     """Returns the memory of a search whose root is its next node, or that `follow` begins."""
     from cocap_opt.formulations.certificates.staged.search_kernel import Memory
 

@@ -88,15 +88,15 @@ class Choices(NamedTuple):
                 np.intersect1d(graph.successors(t, tail), allowed, assume_unique=True)
                 for tail in tails.tolist()
             ])  # fmt: skip
-        sizes = [np.array([len(some) for some in heads]) for heads in heads_of]
-        means = [own[number].mean() for own, number in zip(sizes, numbers, strict=True)]
+        sizes = [np.array([*map(len, heads)]) for heads in heads_of]
+        means = [size[number].mean() for size, number in zip(sizes, numbers, strict=True)]
         robots = np.argsort(means, kind="stable")
         states, positions, n_lists, n_states = [], [], 0, 0
         lists = np.empty(placed.shape, dtype=np.int64)
         for k, robot in enumerate(robots.tolist()):
             heads = heads_of[robot]
             every = np.unique(np.concatenate(heads))
-            positions += [n_states + np.searchsorted(every, some) for some in heads]
+            positions += [n_states + np.searchsorted(every, allowed) for allowed in heads]
             states.append(every)
             lists[:, k] = n_lists + numbers[robot]
             n_lists, n_states = n_lists + len(heads), n_states + len(every)
@@ -273,7 +273,7 @@ class _Team:
     def __init__(self, narrowing: Narrowing) -> None:
         model = narrowing.model
         self._narrowing, self._model = narrowing, model
-        class_of = {robot: n for n, one in enumerate(model.classes) for robot in one.robots}
+        class_of = {robot: n for n, robots in enumerate(model.classes) for robot in robots.robots}
         self._numbers = np.array([class_of[robot] for robot in range(len(class_of))])
         # What is worth no more than the target at the end need not be followed.
         self._matters = narrowing.target - 2 * narrowing.rounding
@@ -303,7 +303,7 @@ class _Team:
         LimitReached
             At a limit.
         """
-        left = [np.flatnonzero(some[t]) for some in self._narrowing.left]
+        left = [np.flatnonzero(is_left[t]) for is_left in self._narrowing.left]
         choices = Choices.of(
             [self._model.classes[number].graph for number in self._numbers.tolist()],
             t - 1, before.placed, [left[number] for number in self._numbers.tolist()],
@@ -316,7 +316,7 @@ class _Team:
         reached, waiting = before.nothing, []
         for tails, heads in following.found(joint, choices, floors, stop):
             waiting.append(self._reached(joint, choices.robots, before, tails, heads))
-            if sum(len(some.values) for some in waiting) > MOST_REACHED:
+            if sum(len(part.values) for part in waiting) > MOST_REACHED:
                 reached, waiting = self._best([reached, *waiting]), []
                 if len(reached.values) > MOST_REACHED:
                     raise NotEndedError
@@ -348,18 +348,18 @@ class _Team:
                 for number in self._numbers.tolist()
             )
         ]
-        for robot, one in enumerate(ends):
+        for robot, moves in enumerate(ends):
             for other in ends[:robot]:
-                found |= rules.conflict_between(one, other)
+                found |= rules.conflict_between(moves, other)
         return found
 
     def _best(self, parts: Iterable[_Reached]) -> _Reached:
         """Returns the best way to each joint state, the best of these first."""
-        values, placed, before = (np.concatenate(some) for some in zip(*parts, strict=True))
+        values, placed, before = (np.concatenate(column) for column in zip(*parts, strict=True))
         same = placed.copy()  # for robots that are exchangeable
         for number in range(len(self._model.classes)):
-            own = self._numbers == number
-            same[:, own] = np.sort(placed[:, own], axis=1)
+            alike = self._numbers == number
+            same[:, alike] = np.sort(placed[:, alike], axis=1)
         order = np.lexsort((*placed.T, before, -values, *same.T))
         same = same[order]
         is_first = np.ones(len(order), dtype=np.bool_)

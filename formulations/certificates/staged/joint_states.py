@@ -93,17 +93,18 @@ class JointStates:
         apart : the class of each robot, if every robot is a class of its own here; "of each class"
             is of each robot then
         """
-        class_of = np.repeat(np.arange(len(left)), [len(some) for some in left])
+        class_of = np.repeat(np.arange(len(left)), [*map(len, left)])
         numbers = range(len(left)) if apart is None else apart
         sizes = model.class_sizes if apart is None else (1,) * len(apart)
         pixels = np.concatenate([
-            _pixels(model, c, t, some) for c, some in zip(numbers, left, strict=True)
+            model.coverage_at(model.classes[c], t, states)
+            for c, states in zip(numbers, left, strict=True)
         ])  # fmt: skip
         weights = model.problem.view_sum_weights[t * model.n_faces : (t + 1) * model.n_faces]
         seen = (pixels > 0).any(axis=0) & (weights > 0)
         at = np.concatenate([
-            model.places.positions[c][some % model.classes[c].graph.n_places]
-            for c, some in zip(numbers, left, strict=True)
+            model.places.positions[c][states % model.classes[c].graph.n_places]
+            for c, states in zip(numbers, left, strict=True)
         ])  # fmt: skip
         different, which = np.unique(at, axis=0, return_inverse=True)
 
@@ -171,11 +172,10 @@ class JointStates:
         ----------
         positions : [n] of the states, increasing
         """
-        bounds = (
-            tuple(Ceiling(profit, raised[positions]) for profit, raised in some)
-            for some in (self.ceilings, self.limits)
+        ceilings, limits = (
+            tuple(Ceiling(profit, raised[positions]) for profit, raised in bounds)
+            for bounds in (self.ceilings, self.limits)
         )
-        ceilings, limits = bounds
         return replace(
             self,
             class_of=self.class_of[positions],
@@ -229,13 +229,3 @@ class JointStates:
             np.ascontiguousarray(faces),  # numba compiles once more for another layout
             self.pixels[rows, faces],
         )
-
-
-def _pixels(model: Model, number: int, t: int, states: IntArray) -> FloatArray:
-    """Returns the coverage of all faces at a step [n, F] from states [n] of a class."""
-    robot_class = model.classes[number]
-    table = model.coverage(robot_class)
-    which, entries = table.entries(t * robot_class.graph.n_states + states)
-    pixels = np.zeros((len(states), model.n_faces))
-    pixels[which, table.view_sums[entries] - t * model.n_faces] = table.pixels[entries]
-    return pixels

@@ -388,7 +388,7 @@ class Narrowing:
             for earlier in self._earlier[t]
         )
         price, charge, slack = (
-            [array[t, some] for array, some in zip(arrays, states, strict=True)]
+            [array[t, at] for array, at in zip(arrays, states, strict=True)]
             for arrays in (self.rewards, self._closing.charges, self._closing.slack)
         )
         # What the slacks in (*) say of joint states, as K_t - h_t is not negative.
@@ -408,12 +408,10 @@ class Narrowing:
         numbers : of each robot, its class
         states : of each robot, some of the states that are left at the step
         """
-        charge = [
-            -self.future(number, t, some) for number, some in zip(numbers, states, strict=True)
-        ]
+        charge = [-self.future(number, t, at) for number, at in zip(numbers, states, strict=True)]
         raised = [
-            future - self.rewards[number][t, some]
-            for number, some, future in zip(numbers, states, charge, strict=True)
+            future - self.rewards[number][t, at]
+            for number, at, future in zip(numbers, states, charge, strict=True)
         ]
         limit = self._ceiling_of(self.ceiling(t), np.concatenate(raised))
         return JointStates.of(
@@ -431,22 +429,22 @@ class Narrowing:
         for earlier in self._earlier[t] if above > -math.inf else ():
             raised = self._raised(t, earlier, states)
             least = [float(more.min(initial=0.0)) for more in raised]
-            together = exact_sum(n * one for n, one in zip(sizes, least, strict=True))
+            together = exact_sum(n * more for n, more in zip(sizes, least, strict=True))
             magnitude = abs(earlier.constant) - together
             states = [
-                some[
-                    earlier.constant - (together - one) - more
+                at[
+                    earlier.constant - (together - fewest) - more
                     + self._rounding_of_sums(magnitude + np.abs(more)) > above
                 ]
-                for some, more, one in zip(states, raised, least, strict=True)
+                for at, more, fewest in zip(states, raised, least, strict=True)
             ]  # fmt: skip
         return states
 
     def _raised(self, t: int, earlier: _Earlier, states: Sequence[IntArray]) -> list[FloatArray]:
         """Returns by how much the prices of states of each class are higher than earlier."""
         return [
-            now[t, some] - was[some]
-            for now, was, some in zip(self.rewards, earlier.rewards, states, strict=True)
+            now[t, at] - was[at]
+            for now, was, at in zip(self.rewards, earlier.rewards, states, strict=True)
         ]
 
     def _ceiling_of(self, constant: float, raised: FloatArray) -> Ceiling:

@@ -35,7 +35,7 @@ class NotEndedError(Exception):
     """The search has not ended within its number of nodes."""
 
 
-class Found(NamedTuple):
+class MostProfitable(NamedTuple):
     """The joint state of most reduced profit, of those that count."""
 
     profit: float  # or the least one wanted, if none has more
@@ -45,7 +45,7 @@ class Found(NamedTuple):
 
 def most_profitable(
     joint: JointStates, least: float, most_nodes: int, stop: Stop = never, plain: bool = False
-) -> Found:
+) -> MostProfitable:
     """Returns the joint state of most profit, if that is clearly more than the least wanted.
 
     More by no more than half the margin is not. Profits err in the search by up to an eighth of
@@ -69,8 +69,8 @@ def most_profitable(
     if search.positions:
         profit = joint.reduced_profit(search.positions)
         if profit > least + joint.margin / 2:
-            return Found(profit, search.positions, search.nodes)
-    return Found(least, nodes=search.nodes)
+            return MostProfitable(profit, search.positions, search.nodes)
+    return MostProfitable(least, nodes=search.nodes)
 
 
 def all_that_count(
@@ -129,7 +129,7 @@ def _run_compiled(
     raise NotEndedError
 
 
-class _Node(NamedTuple):
+class _Partial(NamedTuple):
     """A partial joint state."""
 
     chosen: tuple[int, ...]  # positions of its states
@@ -148,7 +148,7 @@ class _Children(NamedTuple):
     gains: FloatArray  # [n] of worth, less prices
     low: FloatArray  # [n] gains of worth, less charges
     most: FloatArray  # [n] profit that is reached with them at most
-    of_own: int  # how many are of the next robot's class
+    of_class: int  # how many are of the next robot's class
 
 
 class _PlainSearch:
@@ -181,30 +181,30 @@ class _PlainSearch:
         joint = self._joint
         nothing, everything = np.zeros(len(joint.weights)), np.arange(len(joint.states))
         below = tuple(ceiling.profit for ceiling in joint.bounds)
-        self._explore(_Node((), nothing, 0.0, 0.0, below, joint.sizes, everything), stop)
+        self._explore(_Partial((), nothing, 0.0, 0.0, below, joint.sizes, everything), stop)
 
-    def _explore(self, node: _Node, stop: Stop) -> None:
+    def _explore(self, node: _Partial, stop: Stop) -> None:
         """Goes through all completions of a partial joint state that count and may be better."""
         self.nodes += 1
         if self.nodes > self._most_nodes:
             raise NotEndedError
         if not self.nodes % 500:
             stop.check()
-        own = next((c for c, n in enumerate(node.counts) if n), None)
-        if own is None:
+        robot_class = next((c for c, n in enumerate(node.counts) if n), None)
+        if robot_class is None:
             self._end(node)
             return
-        counts = tuple(n - (c == own) for c, n in enumerate(node.counts))
-        children = self._children(node, own)
+        counts = tuple(n - (c == robot_class) for c, n in enumerate(node.counts))
+        children = self._children(node, robot_class)
         gains, most = children.gains, children.most
-        for k in range(children.of_own):
+        for k in range(children.of_class):
             # Of this class, none of those before it is taken any more.
-            if most[k] - counts[own] * (gains[0] - gains[k]) <= self.best:
+            if most[k] - counts[robot_class] * (gains[0] - gains[k]) <= self.best:
                 break
-            left = children.states[k if counts[own] else children.of_own :]
+            left = children.states[k if counts[robot_class] else children.of_class :]
             self._explore(self._child(node, children, k, counts, left), stop)
 
-    def _end(self, node: _Node) -> None:
+    def _end(self, node: _Partial) -> None:
         """Takes down a joint state that is complete."""
         if self._collects:
             self.found.append(node.chosen)
@@ -213,7 +213,7 @@ class _PlainSearch:
         elif node.profit > self.best:
             self.best, self.positions = node.profit, node.chosen
 
-    def _children(self, node: _Node, own: int) -> _Children:
+    def _children(self, node: _Partial, robot_class: int) -> _Children:
         """Returns the states that may be taken and reach enough."""
         joint, states, counts = self._joint, node.states, node.counts
         worth = np.sqrt(node.pixels) @ joint.weights
@@ -227,17 +227,17 @@ class _PlainSearch:
             at_most = _most(node.below[k], -bound.raised[states], classes, counts)
             is_able &= at_most > self.best if k < len(joint.ceilings) else at_most >= self._floor
         able = np.flatnonzero(is_able)
-        of_own = int(np.searchsorted(classes[able], own, side="right"))
-        able[:of_own] = able[:of_own][np.argsort(-gains[able[:of_own]], kind="stable")]
-        return _Children(states[able], gains[able], low[able], most[able], of_own)
+        of_class = int(np.searchsorted(classes[able], robot_class, side="right"))
+        able[:of_class] = able[:of_class][np.argsort(-gains[able[:of_class]], kind="stable")]
+        return _Children(states[able], gains[able], low[able], most[able], of_class)
 
     def _child(
-        self, node: _Node, children: _Children, k: int, counts: tuple[int, ...], left: IntArray
-    ) -> _Node:
+        self, node: _Partial, children: _Children, k: int, counts: tuple[int, ...], left: IntArray
+    ) -> _Partial:
         """Returns the node where the k-th child's state is taken too."""
         joint, state = self._joint, int(children.states[k])
         bounds = zip(node.below, joint.bounds, strict=True)
-        return _Node(
+        return _Partial(
             (*node.chosen, state),
             node.pixels + joint.pixels[state],
             node.profit + float(children.gains[k]),

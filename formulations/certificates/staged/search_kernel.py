@@ -23,7 +23,7 @@ PRICED, CHARGED, MOST = range(3)
 PIXELS, ROOTS = range(2)
 
 
-class Data(NamedTuple):
+class Inputs(NamedTuple):
     """The arrays that a search reads: of n states, F faces, C classes, R robots and B bounds."""
 
     first: IntArray  # [n+1] first entry of each state's coverage
@@ -84,7 +84,7 @@ def _end(memory: Memory, depth: int, best: float) -> float:
 
 
 @_compiled
-def _at_most(so_far: float, data: Data, depth: int, largest: FloatArray, row: int) -> float:
+def _at_most(so_far: float, data: Inputs, depth: int, largest: FloatArray, row: int) -> float:
     """Returns what is reached at most if each robot that is left adds its class's largest."""
     for c in range(data.counts.shape[1]):
         if data.counts[depth, c]:
@@ -93,7 +93,9 @@ def _at_most(so_far: float, data: Data, depth: int, largest: FloatArray, row: in
 
 
 @_compiled
-def _keep_within_bounds(data: Data, memory: Memory, depth: int, least: float, floor: float) -> None:
+def _keep_within_bounds(
+    data: Inputs, memory: Memory, depth: int, least: float, floor: float
+) -> None:
     """Drops states which no ceiling or limit leaves a profit above the least wanted."""
     states, largest = memory.states, memory.largest
     for k in range(len(data.raised)):
@@ -115,7 +117,7 @@ def _keep_within_bounds(data: Data, memory: Memory, depth: int, least: float, fl
 
 
 @_compiled
-def _gain(data: Data, memory: Memory, depth: int) -> None:
+def _gain(data: Inputs, memory: Memory, depth: int) -> None:
     """Computes what each state would gain here, and the largest of each class."""
     values, seen, largest = memory.values, memory.seen, memory.largest
     for c in range(largest.shape[1]):
@@ -135,7 +137,7 @@ def _gain(data: Data, memory: Memory, depth: int) -> None:
 
 
 @_compiled
-def _keep_high(data: Data, memory: Memory, depth: int, least: float, floor: float) -> None:
+def _keep_high(data: Inputs, memory: Memory, depth: int, least: float, floor: float) -> None:
     """Drops states that reach too little with the largest gains of the robots that are left."""
     states, values, largest = memory.states, memory.values, memory.largest
     most = _at_most(memory.profits[PRICED, depth], data, depth, largest, PRICED)
@@ -177,7 +179,7 @@ def _begin_with_highest(memory: Memory, depth: int) -> None:
 
 
 @_compiled
-def _is_exhausted(data: Data, memory: Memory, depth: int, least: float) -> bool:
+def _is_exhausted(data: Inputs, memory: Memory, depth: int, least: float) -> bool:
     """Returns True if no child that is left reaches more than the least wanted."""
     i, values = memory.child[depth], memory.values
     if i >= memory.numbers[depth, 1]:
@@ -188,7 +190,7 @@ def _is_exhausted(data: Data, memory: Memory, depth: int, least: float) -> bool:
 
 
 @_compiled
-def _descend(data: Data, memory: Memory, depth: int, least: float) -> None:
+def _descend(data: Inputs, memory: Memory, depth: int, least: float) -> None:
     """Takes the next child's state and goes down: what is seen and priced there."""
     i, seen, profits = memory.child[depth], memory.seen, memory.profits
     s = memory.states[depth, i]
@@ -209,7 +211,7 @@ def _descend(data: Data, memory: Memory, depth: int, least: float) -> None:
 
 
 @_compiled
-def _hand_down(data: Data, memory: Memory, depth: int, taken: int, least: float) -> None:
+def _hand_down(data: Inputs, memory: Memory, depth: int, taken: int, least: float) -> None:
     """Hands down the states that do not conflict with the one taken and do not come before it."""
     states, values = memory.states, memory.values
     others = data.counts[depth + 1, data.classes[depth]]
@@ -229,7 +231,7 @@ def _hand_down(data: Data, memory: Memory, depth: int, taken: int, least: float)
 
 
 @_compiled
-def advance(data: Data, memory: Memory, best: float, floor: float, nodes: int) -> float:
+def advance(data: Inputs, memory: Memory, best: float, floor: float, nodes: int) -> float:
     """Goes on with a search for so many nodes; returns the largest profit so far."""
     depth = memory.progress[DEPTH]
     while depth >= 0 and nodes > 0:
@@ -271,8 +273,9 @@ def _begin_with_choices(memory: Memory, choices: MoveLists, tail: int) -> None:
 
 @compiled
 def follow(
-    data: Data, memory: Memory, choices: MoveLists, tail: int, end: int, nodes: int, tails: IntArray
-) -> int:
+    data: Inputs, memory: Memory, choices: MoveLists, tail: int, end: int, nodes: int,
+    tails: IntArray,
+) -> int:  # fmt: skip
     """Collects what follows each of some joint states; returns the number of the first not done.
 
     A search that has been interrupted goes on at the next call.
