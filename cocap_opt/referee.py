@@ -320,11 +320,11 @@ def _pass_too_near(before: _Position, after: _Position, rules: CollisionRules) -
 def _least(function: Callable[[float], float], first: float, last: float) -> float:
     """Returns where a convex function is least in an interval, by thirds."""
     for _ in range(100):
-        one, other = first + (last - first) / 3, last - (last - first) / 3
-        if function(one) < function(other):
-            last = other
+        left, right = first + (last - first) / 3, last - (last - first) / 3
+        if function(left) < function(right):
+            last = right
         else:
-            first = one
+            first = left
     return (first + last) / 2
 
 

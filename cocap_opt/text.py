@@ -34,11 +34,11 @@ def meant(word: str, known: Iterable[str]) -> str:
     return f"; did you mean {close[0]}?" if close else ""
 
 
-def other_scene(theirs: str, own: str) -> str:
+def other_scene(theirs: str, ours: str) -> str:
     """Returns words for the scene that something was made for, where it is not one's own.
 
     Both are named; two of one name differ in what they are.
     """
-    if theirs != own:
-        return f"{shortened(printable(theirs))}, not {shortened(printable(own))}"
-    return f"{shortened(printable(own))} of another seed, content, rules or objective"
+    if theirs != ours:
+        return f"{shortened(printable(theirs))}, not {shortened(printable(ours))}"
+    return f"{shortened(printable(ours))} of another seed, content, rules or objective"

@@ -72,7 +72,7 @@ def replans(model: Model, plan: Plan, stop: Stop = never) -> list[Replan]:
     paths = model.paths(plan)
     pixels = [model.robot_pixels(robot, path) for robot, path in enumerate(paths)]
     value, found = objective(model, paths), []
-    for robot, own in enumerate(paths):
+    for robot, flown in enumerate(paths):
         others = [k for k in range(len(paths)) if k != robot]
         seen = sum((pixels[k] for k in others), model.problem.no_pixels())
         passing = (model.places.cells_along(k, paths[k]) for k in others)
@@ -81,6 +81,6 @@ def replans(model: Model, plan: Plan, stop: Stop = never) -> list[Replan]:
         if new is None:
             continue
         changed = [*paths[:robot], new, *paths[robot + 1 :]]
-        gain = 0.0 if new == own else objective(model, changed) - value
+        gain = 0.0 if new == flown else objective(model, changed) - value
         found.append(Replan(robot, gain, model.plan(changed)))
     return found

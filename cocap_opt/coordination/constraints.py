@@ -47,10 +47,10 @@ def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Cha
     """
     robot_class = model.class_of[conflict.robots[which]]
     if isinstance(conflict, VertexConflict):
-        own = conflict.cells[which : which + 1]
+        cells = conflict.cells[which : which + 1]
     else:
-        own = conflict.moves[which]
-    places = [model.places.place_of(robot_class, cell) for cell in own]
+        cells = conflict.moves[which]
+    places = [model.places.place_of(robot_class, cell) for cell in cells]
     closed = [place for place in places if place is not None]
     if len(closed) < len(places):
         raise ValueError("the conflict is not one of this drone")
@@ -67,12 +67,12 @@ def forbid(model: Model, conflict: Conflict, which: int, before: Charges) -> Cha
 def _near_middle(model: Model, robot_class: RobotClass, conflict: VertexConflict) -> IntArray:
     """Returns the places [n] of a class near the point in the middle between two robots."""
     rules, graph = model.problem.rules, robot_class.graph
-    one, other = model.problem.positions(conflict.cells)
-    if not rules.near_point((other - one) / 2):
+    first, second = model.problem.positions(conflict.cells)
+    if not rules.near_point((second - first) / 2):
         return _NOTHING[:, 0]
     x, y, _ = conflict.cells[0]
     places = graph.places_around(x, y, model.problem.cells_apart)
-    return places[rules.near_point(model.places.where(robot_class, places) - (one + other) / 2)]
+    return places[rules.near_point(model.places.where(robot_class, places) - (first + second) / 2)]
 
 
 def _passing_middle(

@@ -106,15 +106,17 @@ def _allowed(kind: inspect.Type, path: str) -> list[str]:
     """Returns the words that may stand at a path; none where others than words may."""
     kinds = _kinds_at(kind, path)
     words = [
-        str(word) for one in kinds if isinstance(one, inspect.LiteralType) for word in one.values
+        str(word) for part in kinds if isinstance(part, inspect.LiteralType) for word in part.values
     ]
-    members = [member for one in kinds if isinstance(one, inspect.EnumType) for member in one.cls]
+    members = [
+        member for part in kinds if isinstance(part, inspect.EnumType) for member in part.cls
+    ]
     return words + [str(member.value) for member in members]
 
 
 def _fields(kind: inspect.Type, path: str) -> list[str]:
     """Returns the fields that may be at a path; none where there may be several kinds of them."""
-    found = [one for one in _kinds_at(kind, path) if isinstance(one, inspect.StructType)]
+    found = [part for part in _kinds_at(kind, path) if isinstance(part, inspect.StructType)]
     return [field.encode_name for field in found[0].fields] if len(found) == 1 else []
 
 
@@ -128,17 +130,17 @@ def _kinds_at(kind: inspect.Type, path: str) -> list[inspect.Type]:
 
 def _parts(kind: inspect.Type, field: str) -> Iterator[inspect.Type]:
     """Yields the types of a field of a struct, or of the items of a sequence if it has no name."""
-    for one in _alternatives([kind]):
-        if isinstance(one, inspect.StructType) and field:
-            yield from (f.type for f in one.fields if f.encode_name == field)
-            if one.tag_field == field:
-                yield inspect.LiteralType((one.tag,))
-        elif isinstance(one, inspect.ListType | inspect.VarTupleType) and not field:
-            yield one.item_type
-        elif isinstance(one, inspect.TupleType) and not field:
-            yield from one.item_types
-        elif isinstance(one, inspect.DictType) and not field:
-            yield one.value_type
+    for alternative in _alternatives([kind]):
+        if isinstance(alternative, inspect.StructType) and field:
+            yield from (f.type for f in alternative.fields if f.encode_name == field)
+            if alternative.tag_field == field:
+                yield inspect.LiteralType((alternative.tag,))
+        elif isinstance(alternative, inspect.ListType | inspect.VarTupleType) and not field:
+            yield alternative.item_type
+        elif isinstance(alternative, inspect.TupleType) and not field:
+            yield from alternative.item_types
+        elif isinstance(alternative, inspect.DictType) and not field:
+            yield alternative.value_type
 
 
 def _alternatives(kinds: list[inspect.Type]) -> Iterator[inspect.Type]:

@@ -32,13 +32,13 @@ def derivative(coefficients: FloatArray) -> FloatArray:
     return result
 
 
-def product(one: FloatArray, other: FloatArray) -> FloatArray:
+def product(first: FloatArray, second: FloatArray) -> FloatArray:
     """Returns the coefficients [.., n+m+1] of the products of polynomials [.., n+1], [.., m+1]."""
-    n, m = one.shape[-1] - 1, other.shape[-1] - 1
-    one, other = one * _binomials(n), other * _binomials(m)
-    total = np.zeros((*np.broadcast_shapes(one.shape[:-1], other.shape[:-1]), n + m + 1))
+    n, m = first.shape[-1] - 1, second.shape[-1] - 1
+    first, second = first * _binomials(n), second * _binomials(m)
+    total = np.zeros((*np.broadcast_shapes(first.shape[:-1], second.shape[:-1]), n + m + 1))
     for k in range(n + 1):
-        total[..., k : k + m + 1] += one[..., k, None] * other
+        total[..., k : k + m + 1] += first[..., k, None] * second
     result: FloatArray = total / _binomials(n + m)
     return result
 
@@ -92,9 +92,9 @@ def largest(coefficients: FloatArray) -> Peak:
             if coefficients[k, end] > peak.value:
                 peak = Peak(float(coefficients[k, end]), int(index[k]), float(low[k]) + share)
         slack = _FINE * (1 + abs(peak.value))
-        some = coefficients.max(axis=-1) > peak.value + slack
-        index, low, width = np.tile(index[some], 2), low[some], width / 2
-        coefficients = np.concatenate(halves(coefficients[some]))
+        larger = coefficients.max(axis=-1) > peak.value + slack
+        index, low, width = np.tile(index[larger], 2), low[larger], width / 2
+        coefficients = np.concatenate(halves(coefficients[larger]))
         low = np.concatenate([low, low + width])
     return peak._replace(value=peak.value + _FINE * (1 + abs(peak.value)))
 

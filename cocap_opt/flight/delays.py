@@ -43,8 +43,8 @@ def bearable_delay(flown: Trajectory, rules: CollisionRules) -> float:
     rules : have a separation
     """
     pieces = flown.pieces[:, :, :3]
-    one, other = np.argwhere(~np.eye(len(pieces), dtype=np.bool_)).T
-    return _bearable(pieces[one], pieces[other], rules, np.inf, flown.piece_seconds)
+    first, second = np.argwhere(~np.eye(len(pieces), dtype=np.bool_)).T
+    return _bearable(pieces[first], pieces[second], rules, np.inf, flown.piece_seconds)
 
 
 def bearable_delay_of_people(flown: Trajectory) -> float:
@@ -56,90 +56,95 @@ def bearable_delay_of_people(flown: Trajectory) -> float:
     airspace, pieces, most = flown.problem.airspace, flown.pieces[:, :, :3], np.inf
     for actor in flown.problem.actors if airspace.people_aside else ():
         walks = np.broadcast_to(walk_of(flown.problem, actor, flown.parts), pieces.shape)
-        one, other = np.concatenate([pieces, walks]), np.concatenate([walks, pieces])
-        most = _bearable(one, other, airspace.rules_beside(actor), most, flown.piece_seconds)
+        first, second = np.concatenate([pieces, walks]), np.concatenate([walks, pieces])
+        most = _bearable(first, second, airspace.rules_beside(actor), most, flown.piece_seconds)
     return most
 
 
 def _bearable(
-    one: FloatArray, other: FloatArray, rules: CollisionRules, most: float, piece_seconds: float
+    left: FloatArray, right: FloatArray, rules: CollisionRules, most: float, piece_seconds: float
 ) -> float:
     """Returns the seconds by which the first of pairs [n, N, 3, 6] may be late; `most` if more."""
-    count, fine = one.shape[1], FINE / piece_seconds
+    count, fine = left.shape[1], FINE / piece_seconds
     most /= piece_seconds
     for ahead in range(count):
         if ahead - 1 >= most:
             break  # pieces that begin so far apart are less apart by up to one piece
-        first = one[:, ahead:].reshape(-1, *one.shape[2:])
-        second = other[:, : count - ahead].reshape(first.shape)
+        first = left[:, ahead:].reshape(-1, *left.shape[2:])
+        second = right[:, : count - ahead].reshape(first.shape)
         most = _least(first, second, ahead, rules, most, fine)
     return most * piece_seconds
 
 
 def _least(
-    one: FloatArray, other: FloatArray, ahead: int, rules: CollisionRules, most: float, fine: float
+    left: FloatArray, right: FloatArray, ahead: int, rules: CollisionRules, most: float, fine: float
 ) -> float:
     """Returns the least difference (pieces) between moments at which drones may be too near.
 
     Parameters
     ----------
-    one, other : [n, 3, 6] pieces of flights
+    left, right : [n, 3, 6] pieces of flights
     ahead : pieces by which the first ones begin later; less than 0 no difference counts
     most : pieces, beyond which nothing matters
     fine : pieces, by which the answer may be too small
     """
-    apart, width, answer = np.full(len(one), float(ahead)), 1.0, most
+    apart, width, answer = np.full(len(left), float(ahead)), 1.0, most
     clash = most + fine  # the least difference at which two are too near, as far as it is known
-    while len(one):
-        least = np.maximum(apart + width * _bound(one, other, rules), 0.0)
-        some = (least < answer) & (least <= apart + width)
-        one, other, apart, least = one[some], other[some], apart[some], least[some]
+    while len(left):
+        least = np.maximum(apart + width * _bound(left, right, rules), 0.0)
+        undecided = (least < answer) & (least <= apart + width)
+        left, right, apart, least = (
+            left[undecided],
+            right[undecided],
+            apart[undecided],
+            least[undecided],
+        )
         tried = least + fine / 2
-        near = rules.too_near(_ways(one, other, (tried - apart) / width))
+        near = rules.too_near(_ways(left, right, (tried - apart) / width))
         clash = min(clash, _smallest(tried[near]))
-        some = least < clash - fine
-        if width < _FINEST or 4 * some.sum() > _MOST:
-            some[:] = False
-        answer = min(answer, _smallest(least[~some]))
+        undecided = least < clash - fine
+        if width < _FINEST or 4 * undecided.sum() > _MOST:
+            undecided[:] = False
+        answer = min(answer, _smallest(least[~undecided]))
         width /= 2
-        first, second = halves(one[some]), halves(other[some])
-        one = np.concatenate([first[i] for i, _ in _HALVES])
-        other = np.concatenate([second[j] for _, j in _HALVES])
-        apart = np.concatenate([apart[some] + width * (i - j) for i, j in _HALVES])
+        first, second = halves(left[undecided]), halves(right[undecided])
+        left = np.concatenate([first[i] for i, _ in _HALVES])
+        right = np.concatenate([second[j] for _, j in _HALVES])
+        apart = np.concatenate([apart[undecided] + width * (i - j) for i, j in _HALVES])
     return answer
 
 
-def _ways(one: FloatArray, other: FloatArray, ahead: FloatArray) -> FloatArray:
+def _ways(first: FloatArray, second: FloatArray, ahead: FloatArray) -> FloatArray:
     """Returns the ways [n, 3] between pieces at shares of them that differ by so much [n]."""
     ahead = np.clip(ahead, -1.0, 1.0)
-    return values(other, (1 - ahead) / 2) - values(one, (1 + ahead) / 2)
+    return values(second, (1 - ahead) / 2) - values(first, (1 + ahead) / 2)
 
 
-def _bound(one: FloatArray, other: FloatArray, rules: CollisionRules) -> FloatArray:
+def _bound(first: FloatArray, second: FloatArray, rules: CollisionRules) -> FloatArray:
     """Returns how far ahead [n] of other pieces some [n, 3, 6] are at least where they break rules.
 
     It is a difference of shares, -1..1; inf: they surely break none.
     """
     aside = slice(None, 2 if rules.vertical else None)
-    a, b = one[:, aside], other[:, aside]
+    a, b = first[:, aside], second[:, aside]
     ways = [b[:, :, j] - a[:, :, i] for i, j in _ENDS]
-    found = np.full(len(one), -1.0)
+    found = np.full(len(first), -1.0)
     for way in (*ways, np.sum(ways, axis=0)):
         length = np.sqrt((way * way).sum(axis=-1, keepdims=True))
         normal = way / np.where(length > 0, length, 1.0)
         found = np.maximum(found, _bound_along(a, b, normal, rules.separation))
     if 0 < rules.vertical < LARGEST / 2:
         for sign in (-1.0, 1.0):
-            normal = np.tile([0.0, 0.0, sign], (len(one), 1))
-            found = np.maximum(found, _bound_along(one, other, normal, rules.vertical))
+            normal = np.tile([0.0, 0.0, sign], (len(first), 1))
+            found = np.maximum(found, _bound_along(first, second, normal, rules.vertical))
     return found
 
 
 def _bound_along(
-    one: FloatArray, other: FloatArray, normal: FloatArray, separation: float
+    first: FloatArray, second: FloatArray, normal: FloatArray, separation: float
 ) -> FloatArray:
     """Returns what `_bound` does, for pieces that must be so far apart along normals [n, d]."""
-    p, q = (np.einsum("nd,ndk->nk", normal, piece) for piece in (one, other))
+    p, q = (np.einsum("nd,ndk->nk", normal, piece) for piece in (first, second))
     far = separation - TOLERANCE + _ROUNDING
     shares = np.linspace(0.0, 1.0, p.shape[-1])
     faster, slower = p[:, -1:] - p[:, :1], q[:, -1:] - q[:, :1]

@@ -98,8 +98,8 @@ class Geodesy:
     @property
     def is_on_wgs_84(self) -> bool:
         """True if the system's ellipsoid is that of WGS 84, to a millimetre (GRS 80 is)."""
-        own, other = self._crs.ellipsoid, self._ellipsoid
-        sizes = own.semi_major_metre - other.a, own.semi_minor_metre - other.b
+        ellipsoid, other = self._crs.ellipsoid, self._ellipsoid
+        sizes = ellipsoid.semi_major_metre - other.a, ellipsoid.semi_minor_metre - other.b
         return all(abs(size) < 1e-3 for size in sizes)
 
     @cached_property
@@ -123,10 +123,10 @@ class Geodesy:
         """Returns about the latitude and longitude of a point, by the system's own datum."""
         if self._earth.origin is not None:
             return self._earth.origin
-        own = self._pyproj.Transformer.from_crs(
+        transformer = self._pyproj.Transformer.from_crs(
             self._crs, self._crs.geodetic_crs, always_xy=True, allow_ballpark=False
         )
-        longitude, latitude = own.transform(*point)
+        longitude, latitude = transformer.transform(*point)
         self._require_defined(longitude, latitude, point)
         return float(latitude), float(longitude)
 
@@ -165,7 +165,7 @@ class Geodesy:
         latitude, longitude = near
         if _holds(self._crs.area_of_use, near) is False:
             return f"is for another place than latitude {latitude:.5g}, longitude {longitude:.5g}"
-        grids = sorted(grid.short_name for one in unavailable[:1] for grid in one.grids)
+        grids = sorted(grid.short_name for operation in unavailable[:1] for grid in operation.grids)
         if grids:
             return f"needs {' and '.join(grids)}, not installed here; `pyproj sync` gets such grids"
         return "has a datum of which nobody says how it lies to that"

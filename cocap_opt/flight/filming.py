@@ -55,11 +55,11 @@ class Film:
 
     def coverage(self, robot: int, views: Samples) -> FloatArray:
         """Returns the coverage [moments, F] by one of the drones, seen at the moments."""
-        own = views.drone == robot
+        of_drone = views.drone == robot
         camera = self._problem.robots[robot].camera
         return pose_coverage(
-            self._geometry, self._problem, camera, views.place[own], views.yaw[own],
-            -views.pitch[own],
+            self._geometry, self._problem, camera, views.place[of_drone], views.yaw[of_drone],
+            -views.pitch[of_drone],
         )  # fmt: skip
 
     def reward(self, coverages: list[FloatArray]) -> float:

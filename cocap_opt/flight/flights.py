@@ -174,13 +174,14 @@ class Flight(NamedTuple):
     def rows(self) -> list[dict[str, Any]]:
         """Returns the tightest moment of each drone."""
         rows = []
-        for own in tightest(self.demands):
-            scale = 180 / math.pi if own.kind in _ANGLES else 1.0
-            limit = None if own.limit is None else own.limit * scale
+        for demand in tightest(self.demands):
+            scale = 180 / math.pi if demand.kind in _ANGLES else 1.0
+            limit = None if demand.limit is None else demand.limit * scale
             rows.append({
-                "drone": own.drone, "tightest": own.kind.replace("_", " "), "at (s)": own.t,
-                "value": own.most * scale, "limit": limit, "unit": _UNITS[own.kind],
-                "of the limit": None if limit is None else f"{100 * own.share:.0f} %",
+                "drone": demand.drone, "tightest": demand.kind.replace("_", " "),
+                "at (s)": demand.t, "value": demand.most * scale, "limit": limit,
+                "unit": _UNITS[demand.kind],
+                "of the limit": None if limit is None else f"{100 * demand.share:.0f} %",
             })  # fmt: skip
         return rows
 
@@ -197,11 +198,13 @@ class Flight(NamedTuple):
         """Yields how near to people drones may come, if that is nearer than the scene says."""
         if self.asked is not None:
             kept = self.flown.problem.airspace
-            own, asked = f"{kept.people_aside:g} m aside", f"{self.asked.people_aside:g}"
+            nearer, asked = f"{kept.people_aside:g} m aside", f"{self.asked.people_aside:g}"
             if kept.people_above is not None:
-                own += f" or {kept.people_above:g} m over heads"
+                nearer += f" or {kept.people_above:g} m over heads"
                 asked += f" and {self.asked.people_above:g}"
-            yield (f"--margin lets drones be nearer to people: {own}; the scene asks for {asked} m")
+            yield (
+                f"--margin lets drones be nearer to people: {nearer}; the scene asks for {asked} m"
+            )
 
     def warnings(self) -> Iterable[str]:
         """Yields sentences on what was not checked or is not known."""

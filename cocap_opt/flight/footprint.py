@@ -68,12 +68,12 @@ def _side(
     side : -1 the left one, 1 the right one
     """
 
-    def meets(row: FloatArray, some: BoolArray) -> FloatArray:
+    def meets(row: FloatArray, through: BoolArray) -> FloatArray:
         """Returns where rays through rows of some images (-1 lowest, 1 uppermost) end."""
-        right, up, forward = np.moveaxis(axes[some], 1, 0)
+        right, up, forward = np.moveaxis(axes[through], 1, 0)
         aside, above = side * camera.width / 2, row[:, None] * camera.height / 2
         rays = camera.focal * forward + aside * right + above * up
-        return ground.met(place[some], rays, reach[some])
+        return ground.met(place[through], rays, reach[through])
 
     every = np.ones(len(place), dtype=np.bool_)
     low, high = meets(np.full(len(place), -1.0), every), meets(np.ones(len(place)), every)
@@ -140,11 +140,11 @@ class _Ground:
         altitudes = eyes[:, 2, None] + slope[:, None] * ends
         wall = altitudes[:, :-1] <= ground
         met = wall | (altitudes[:, 1:] <= ground)
-        some, first = np.arange(len(eyes)), met.argmax(axis=1)
+        numbers, first = np.arange(len(eyes)), met.argmax(axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            level = (ground[some, first] - eyes[:, 2]) / slope
-        far = np.where(wall[some, first], ends[some, first], level)
-        z = np.where(wall[some, first], altitudes[some, first], ground[some, first])
+            level = (ground[numbers, first] - eyes[:, 2]) / slope
+        far = np.where(wall[numbers, first], ends[numbers, first], level)
+        z = np.where(wall[numbers, first], altitudes[numbers, first], ground[numbers, first])
         points = np.column_stack([eyes[:, :2] + far[:, None] * ways, z])
         points[~met.any(axis=1)] = np.nan
         return points

@@ -67,8 +67,8 @@ def demands(flown: Trajectory, is_smooth: bool) -> list[Demand]:
 def tightest(found: list[Demand]) -> list[Demand]:
     """Returns of each drone the demand that is nearest to its limit; without any, its speed."""
     drones = sorted({demand.drone for demand in found})
-    own = [[demand for demand in found if demand.drone == i] for i in drones]
-    return [max(row, key=lambda demand: demand.share) for row in own]
+    by_drone = [[demand for demand in found if demand.drone == i] for i in drones]
+    return [max(row, key=lambda demand: demand.share) for row in by_drone]
 
 
 def _peaks(flown: Trajectory, drone: int, is_smooth: bool) -> Iterator[tuple[str, Peak]]:

@@ -85,23 +85,23 @@ class Robustness:
         """Returns the worst of the outcomes if a drone is late by seconds >= 0, any of them."""
         found = [self._lagging(i, lag) for i in range(len(self._ways))]
         return Outcome(
-            min(one.reward for one in found),
-            min(one.apart for one in [self.as_planned, *found]),
-            min(one.aside for one in found),
-            frozenset(chain(*(one.too_near for one in found))),
+            min(outcome.reward for outcome in found),
+            min(outcome.apart for outcome in [self.as_planned, *found]),
+            min(outcome.aside for outcome in found),
+            frozenset(chain(*(outcome.too_near for outcome in found))),
         )
 
     def _lagging(self, robot: int, lag: float) -> Outcome:
         """Returns the outcome if a drone is late, but for what the others do to each other."""
         pieces, duration = lag / self._flown.piece_seconds, self._ways.shape[1]
-        own, others = self._ways[robot], np.delete(self._ways, robot, axis=0)
+        way, others = self._ways[robot], np.delete(self._ways, robot, axis=0)
         longer = duration + int(np.ceil(pieces))  # until the last of them has landed
-        between = _punctual(others, pieces, longer) - _late(own, pieces, longer)
+        between = _punctual(others, pieces, longer) - _late(way, pieces, longer)
         coverages = [*self._coverages]
         views = self._flown.at(np.maximum(self._film.moments - lag, 0.0))
         coverages[robot] = self._film.coverage(robot, views)
         drones = np.concatenate(
-            [_late(own, pieces, duration)[None], _punctual(others, pieces, duration)]
+            [_late(way, pieces, duration)[None], _punctual(others, pieces, duration)]
         )
         walks = [_punctual(walk_of(self._problem, actor, self._flown.parts), pieces, duration)
                  for actor in self._problem.actors]  # fmt: skip

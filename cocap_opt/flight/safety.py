@@ -207,8 +207,8 @@ def nearest_drones(flown: Trajectory) -> Nearest | None:
     ways = between_drones(flown.pieces)
     if not len(ways):
         return None
-    one, other = (side.astype(np.int64) for side in np.triu_indices(len(flown.pieces), 1))
-    return _nearest(flown, ways, one, other)
+    first, second = (side.astype(np.int64) for side in np.triu_indices(len(flown.pieces), 1))
+    return _nearest(flown, ways, first, second)
 
 
 def nearest_people(flown: Trajectory) -> Nearest | None:
@@ -221,15 +221,15 @@ def nearest_people(flown: Trajectory) -> Nearest | None:
         return None
     walks = np.array([walk_of(problem, actor, flown.parts)[:, :2] for actor in problem.actors])
     ways = (pieces[:, None, :, :2] - walks).reshape(-1, 2, DEGREE + 1)
-    one, other = np.divmod(np.arange(len(pieces) * len(walks)), len(walks))
-    return _nearest(flown, ways, one, other)
+    drone, person = np.divmod(np.arange(len(pieces) * len(walks)), len(walks))
+    return _nearest(flown, ways, drone, person)
 
 
-def _nearest(flown: Trajectory, ways: FloatArray, one: IntArray, other: IntArray) -> Nearest:
+def _nearest(flown: Trajectory, ways: FloatArray, first: IntArray, second: IntArray) -> Nearest:
     """Returns the least length of ways [pairs N, d, 6], and when and where that is."""
     peak = largest(-squared_length(ways))
     pair, piece = divmod(peak.which, flown.pieces.shape[1])
     t = (piece + peak.share) * flown.piece_seconds
-    place = flown.at(np.array([t])).place[int(one[pair])]
+    place = flown.at(np.array([t])).place[int(first[pair])]
     distance = math.sqrt(max(-peak.value, 0.0))
-    return Nearest(distance, t, int(one[pair]), int(other[pair]), place)
+    return Nearest(distance, t, int(first[pair]), int(second[pair]), place)

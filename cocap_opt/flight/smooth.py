@@ -135,7 +135,7 @@ class _Blends(NamedTuple):
 
     def same(self, other: Self) -> bool:
         """Returns True if these are equal to others."""
-        return all((own == rows).all() for own, rows in zip(self, other, strict=True))
+        return all((part == rows).all() for part, rows in zip(self, other, strict=True))
 
     def pieces(self, points: FloatArray) -> FloatArray:
         """Returns the coefficients [R, N, 5, 6] of flights through points [R, T+1, 5]."""

@@ -60,8 +60,8 @@ def sufficient_straight_step(problem: Problem) -> float:
 
     They move evenly, so a step must last as long as the longest move does at its limit.
     """
-    found = (own for robot in problem.robots for own in _strains(problem, robot))
-    steps = (own.reach / own.limit for own in found if own.kind != "acceleration")
+    found = (strain for robot in problem.robots for strain in _strains(problem, robot))
+    steps = (strain.reach / strain.limit for strain in found if strain.kind != "acceleration")
     return rounded_up(max(steps, default=0.0))
 
 
@@ -72,11 +72,11 @@ def sufficient_step(problem: Problem, shortened: bool) -> float:
     ----------
     shortened : True: those whose blends are shortened, too, but for accelerations
     """
-    found = [own for robot in problem.robots for own in _strains(problem, robot)]
-    steps = [own.step for own in found]
+    found = [strain for robot in problem.robots for strain in _strains(problem, robot)]
+    steps = [strain.step for strain in found]
     if shortened:
-        rates = (own for own in found if own.kind != "acceleration")
-        steps += [SHORTENED * own.reach / own.limit for own in rates]
+        rates = (strain for strain in found if strain.kind != "acceleration")
+        steps += [SHORTENED * strain.reach / strain.limit for strain in rates]
     return rounded_up(max(steps, default=0.0))
 
 
@@ -116,12 +116,16 @@ def _words(problem: Problem, robot: Robot) -> str:
     """Says what smooth flights may ask of a drone beyond its limits, and what would do."""
     step = problem.step or 0.0
     beyond = [
-        own for own in _strains(problem, robot) if own.most(step) > own.limit * (1 + ROUNDING)
+        strain
+        for strain in _strains(problem, robot)
+        if strain.most(step) > strain.limit * (1 + ROUNDING)
     ]
     if not beyond:
         return ""
-    steep = next(filter(None, (steep_ground(problem, robot, own.kind, True) for own in beyond)), "")
-    asks = " and ".join(_ask(own, step) for own in beyond)
+    steep = next(
+        filter(None, (steep_ground(problem, robot, strain.kind, True) for strain in beyond)), ""
+    )
+    asks = " and ".join(_ask(strain, step) for strain in beyond)
     motion, limits = robot.motion, robot.limits or Limits()
     acceleration = limits.acceleration
     shortest = motion.shortest_move(problem.height_map.resolution)
@@ -132,20 +136,21 @@ def _words(problem: Problem, robot: Robot) -> str:
         if heavy and math.isfinite(shortest)
         else ""
     )
-    straight = any(own.even(step) > own.limit * (1 + ROUNDING) for own in beyond)
+    straight = any(strain.even(step) > strain.limit * (1 + ROUNDING) for strain in beyond)
     flights = "flights, even straight ones; smooth ones" if straight else "smooth flights, which"
     return (
         f"{start}may be refused {flights} ask for up to {asks}; steps of "
-        f"{rounded_up(max(own.step for own in beyond)):g} s{_nearer_layers(beyond, step, motion)} "
+        f"{rounded_up(max(strain.step for strain in beyond)):g} s"
+        f"{_nearer_layers(beyond, step, motion)} "
         f"would do for all but those that change speed faster beside people{steep}"
     )
 
 
-def _ask(own: Strain, step: float) -> str:
-    scale, unit = (180 / math.pi, "deg/s") if own.kind in _ANGLES else (1.0, "m/s")
-    unit = "m/s2" if own.kind == "acceleration" else unit
-    kind = own.kind.replace("_", " ")
-    return f"{kind} {own.most(step) * scale:.3g} {unit} (limit {own.limit * scale:.3g})"
+def _ask(strain: Strain, step: float) -> str:
+    scale, unit = (180 / math.pi, "deg/s") if strain.kind in _ANGLES else (1.0, "m/s")
+    unit = "m/s2" if strain.kind == "acceleration" else unit
+    kind = strain.kind.replace("_", " ")
+    return f"{kind} {strain.most(step) * scale:.3g} {unit} (limit {strain.limit * scale:.3g})"
 
 
 def steep_ground(problem: Problem, robot: Robot, kind: str, is_smooth: bool) -> str:
@@ -173,10 +178,10 @@ def steep_ground(problem: Problem, robot: Robot, kind: str, is_smooth: bool) -> 
 
 def _nearer_layers(beyond: list[Strain], step: float, motion: Motion) -> str:
     """Returns how near layers must be, where only climbs and descents are too fast."""
-    if any(own.kind not in _UPRIGHT for own in beyond):
+    if any(strain.kind not in _UPRIGHT for strain in beyond):
         return ""
-    ground = max(own.reach for own in beyond) - motion.largest_climb
-    apart = min(own.limit for own in beyond) * step / RATE - ground
+    ground = max(strain.reach for strain in beyond) - motion.largest_climb
+    apart = min(strain.limit for strain in beyond) * step / RATE - ground
     if apart <= 0 or not motion.largest_climb:
         return ""
     return f", or layers at most {math.floor(100 * apart) / 100:g} m apart,"

@@ -106,7 +106,7 @@ class Trajectory:
         place = times / self.piece_seconds
         which = np.clip(np.floor(place + _SLACK), 0, count - 1).astype(np.int64)
         shares = np.clip(place - which, 0.0, 1.0)
-        found = np.stack([values(own[which], shares) for own in self.pieces]).reshape(-1, 5)
+        found = np.stack([values(flown[which], shares) for flown in self.pieces]).reshape(-1, 5)
         return Samples(
             np.repeat(np.arange(robots), len(times)),
             np.tile(times, robots),
@@ -138,7 +138,9 @@ class Trajectory:
         cuts = max(1, _PARTS // self.parts) * count
         moments = np.union1d(times, np.linspace(0.0, self.seconds, cuts + 1))
         places, rows = (self.at(t).place.reshape(robots, -1, 3) for t in (moments, times))
-        chords = np.array([[np.interp(moments, times, axis) for axis in own.T] for own in rows])
+        chords = np.array(
+            [[np.interp(moments, times, axis) for axis in points.T] for points in rows]
+        )
         off = np.sqrt(((places - chords.swapaxes(1, 2)) ** 2).sum(axis=-1))
         bends = np.sqrt((self.accelerations[:, :, :3] ** 2).sum(axis=2)).max(axis=2)
         which = ((moments[1:] + moments[:-1]) / 2 / self.piece_seconds).astype(np.int64)
@@ -200,6 +202,6 @@ def split(pieces: FloatArray, parts: int) -> FloatArray:
 
 def between_drones(pieces: FloatArray) -> FloatArray:
     """Returns the ways [pairs N, 3, 6] from each drone to each later one, piece after piece."""
-    one, other = np.triu_indices(len(pieces), 1)
-    ways: FloatArray = (pieces[other] - pieces[one])[:, :, :3].reshape(-1, 3, DEGREE + 1)
+    first, second = np.triu_indices(len(pieces), 1)
+    ways: FloatArray = (pieces[second] - pieces[first])[:, :, :3].reshape(-1, 3, DEGREE + 1)
     return ways

@@ -138,9 +138,9 @@ class Charges:
         tails, charged, costs = self.moves_at(t)
         if not len(tails):
             return np.zeros(len(heads))
-        own = np.flatnonzero(tails == tail)
-        same = heads[:, None] == charged[own]
-        result: FloatArray = np.where(same, costs[own], 0.0).sum(axis=1)
+        leaving = np.flatnonzero(tails == tail)
+        same = heads[:, None] == charged[leaving]
+        result: FloatArray = np.where(same, costs[leaving], 0.0).sum(axis=1)
         return result
 
     def free_moves(self, t: int, tail: int, heads: Sequence[int], n_places: int) -> BoolArray:

@@ -74,7 +74,7 @@ def choke_point(
     ChokePoint or None
         None if there is none with a tenth of the wanted cells behind it, or too much is in reach.
     """
-    ways = _Ways.of(problem, most) if len(problem.robots) > 1 and wanted else None
+    ways = _Routes.of(problem, most) if len(problem.robots) > 1 and wanted else None
     if ways is None:
         return None
     steps = ways.steps()
@@ -92,7 +92,7 @@ def choke_point(
     return best if best.behind >= _LEAST_SHARE * len(reached) > 0 else None
 
 
-class _Ways:
+class _Routes:
     """The cells in reach of the drones, and the moves between them.
 
     Attributes
@@ -113,7 +113,7 @@ class _Ways:
         self._residual = build_residual_network(self._auxiliary, "capacity")
 
     @classmethod
-    def of(cls, problem: Problem, most: int) -> _Ways | None:
+    def of(cls, problem: Problem, most: int) -> _Routes | None:
         """Returns the ways of all drones; None if more than `most` cells are in reach."""
         import networkx as nx  # a fifth of a second, which few commands need
 

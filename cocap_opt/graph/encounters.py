@@ -136,8 +136,8 @@ class Encounters:
         cell = height_map.cell_of(target[0], target[1])
         places = self.graph.places_around(*cell, reach)
         eyes = self.graph.positions(height_map, places)
-        some = np.flatnonzero(np.hypot(*(eyes[:, :2] - target[:2]).T) <= self._near)
-        seen: IntArray = places[some[self._sees(eyes[some], target)]]
+        close = np.flatnonzero(np.hypot(*(eyes[:, :2] - target[:2]).T) <= self._near)
+        seen: IntArray = places[close[self._sees(eyes[close], target)]]
         return seen
 
     def _sees(self, eyes: FloatArray, target: FloatArray) -> BoolArray:

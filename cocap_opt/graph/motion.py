@@ -138,7 +138,7 @@ def _shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
     return result
 
 
-class Meeting(NamedTuple):
+class PersonAtStep(NamedTuple):
     """A person at a step, to whom drones must not come too near from then to the next one."""
 
     actor: Actor
@@ -171,8 +171,8 @@ class People(NamedTuple):
     horizon: int
 
     @property
-    def meetings(self) -> Iterator[Meeting]:
+    def meetings(self) -> Iterator[PersonAtStep]:
         """All people at all steps."""
         for actor in self.actors:
             for t in range(self.horizon + 1):
-                yield Meeting(actor, self.airspace, t)
+                yield PersonAtStep(actor, self.airspace, t)

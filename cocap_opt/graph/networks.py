@@ -52,16 +52,16 @@ def reached_graph(problem: Problem, robot: int) -> Graph:
     """
     import networkx as nx
 
-    steps, start = _Steps(problem, robot), problem.robots[robot].start
+    steps, start = _GridSteps(problem, robot), problem.robots[robot].start
     graph: Graph = nx.DiGraph()
     graph.add_node((start, 0))
     states = [start]
     for t in range(problem.horizon):
         heads = {state: steps.after(t, state) for state in states}
         graph.add_edges_from(
-            ((state, t), (head, t + 1)) for state, own in heads.items() for head in own
+            ((state, t), (head, t + 1)) for state, following in heads.items() for head in following
         )
-        states = list(dict.fromkeys(head for own in heads.values() for head in own))
+        states = list(dict.fromkeys(head for following in heads.values() for head in following))
     return graph
 
 
@@ -132,7 +132,7 @@ def _reach(problem: Problem, robot: int) -> Window:
     return Window.around([cell], spec.motion.radius * problem.horizon, problem.workspace)
 
 
-class _Steps:
+class _GridSteps:
     """The steps that one robot can take, found when they are first asked for, and kept."""
 
     def __init__(self, problem: Problem, robot: int) -> None:

@@ -147,17 +147,17 @@ class TimeGraph:
     def _closed(self, people: People, height_map: HeightMap) -> Charges:
         """Returns charges that close all places and moves that are too near to somebody."""
         places, moves = [np.zeros((0, 2), np.int64)], [np.zeros((0, 3), np.int64)]
-        for one in people.meetings:
-            x, y = height_map.cell_of(*one.at)
-            reach = math.ceil(one.reach / height_map.resolution) + 1
-            some = self.places_around(x, y, reach)
-            near = some[one.near(self.positions(height_map, some))]
-            places.append(np.column_stack([np.full(len(near), one.t), near]))
-            if one.t < people.horizon:
+        for meeting in people.meetings:
+            x, y = height_map.cell_of(*meeting.at)
+            reach = math.ceil(meeting.reach / height_map.resolution) + 1
+            around = self.places_around(x, y, reach)
+            near = around[meeting.near(self.positions(height_map, around))]
+            places.append(np.column_stack([np.full(len(near), meeting.t), near]))
+            if meeting.t < people.horizon:
                 ends = self.moves_around(x, y, reach + self.motion.radius)
-                pass_near = one.near(*(self.positions(height_map, end) for end in ends))
+                pass_near = meeting.near(*(self.positions(height_map, end) for end in ends))
                 pairs = np.column_stack(ends)[pass_near]
-                moves.append(np.column_stack([np.full(len(pairs), one.t), pairs]))
+                moves.append(np.column_stack([np.full(len(pairs), meeting.t), pairs]))
         return Charges.closing(*(np.unique(np.concatenate(x), axis=0) for x in (places, moves)))
 
     # -- numbering -----------------------------------------------------------------------
@@ -302,8 +302,8 @@ class TimeGraph:
             places_of.setdefault(orientation, []).append(place)
         for orientation, places in places_of.items():
             turned = {orientation}  # turns and moves of a step do not depend on each other
-            for own, reached in zip(seen, self._reached(places, horizon), strict=True):
-                own[sorted(turned)] |= reached
+            for row, reached in zip(seen, self._reached(places, horizon), strict=True):
+                row[sorted(turned)] |= reached
                 turned = {head for tail in turned for head in self.turns[tail]}
         return seen.reshape(horizon + 1, self.n_states)
 
@@ -330,9 +330,9 @@ class TimeGraph:
 
     def no_reward(self, horizon: int) -> FloatArray:
         """Returns a reward array [T+1, S] of zeros, CLOSED outside the free states."""
-        one = np.where(np.tile(self.free, self.n_orientations), 0.0, CLOSED)
+        step = np.where(np.tile(self.free, self.n_orientations), 0.0, CLOSED)
         reward = np.empty((horizon + 1, self.n_states))
-        reward[...] = one
+        reward[...] = step
         return reward
 
 

@@ -81,7 +81,7 @@ def backward_sweep(
         stop.check()
         frame = frames[t]
         if step is None or step.frame is not frame:
-            step = _Step(frame, bonuses, room)
+            step = _BackwardStep(frame, bonuses, room)
         best = step.best(frame.of(value[t + 1]), *charges.moves_at(t))
         np.add(best, frame.of(reward[t]), out=frame.of(value[t]))
         _charge(graph, value[t], charges, t)
@@ -138,7 +138,7 @@ def leads_to_goal(graph: TimeGraph, horizon: int, goal: tuple[int, int] | None) 
     return known[horizon, goal]
 
 
-class _Step:
+class _BackwardStep:
     """One step of value iteration, in a frame of it.
 
     Parameters

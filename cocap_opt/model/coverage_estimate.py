@@ -90,9 +90,9 @@ class _Timed(NamedTuple):
         """Evaluates parts of a sample until that has taken long enough."""
         clock, done, found, entries = Clock(), 0, 0, 0
         for first in range(0, len(parts), _AT_ONCE):
-            some = parts[first : first + _AT_ONCE]
-            entries += sum(len(seen.rows) for seen in pool.map(views.seen, some))
-            done, found = done + len(some), found + sum(map(len, some))
+            group = parts[first : first + _AT_ONCE]
+            entries += sum(len(seen.rows) for seen in pool.map(views.seen, group))
+            done, found = done + len(group), found + sum(map(len, group))
             if clock.seconds > _SECONDS:
                 break
         return cls(done, found, entries, clock.seconds)
@@ -102,13 +102,13 @@ class _Timed(NamedTuple):
 
         A part takes a time of its own, and one for each of its views.
         """
-        own, each = 0.0, self.seconds / self.views
+        fixed, each = 0.0, self.seconds / self.views
         n, few = self.views / self.parts, small.views / small.parts
         if n > 2 * few:
             slope = (self.seconds / self.parts - small.seconds / small.parts) / (n - few)
             each = min(max(slope, 0.0), each)
-            own = self.seconds / self.parts - each * n
-        return batches * own + views * each
+            fixed = self.seconds / self.parts - each * n
+        return batches * fixed + views * each
 
 
 def _parts(n_places: int, reachable: BoolArray, size: int) -> list[IntArray]:

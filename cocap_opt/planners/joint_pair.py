@@ -16,7 +16,7 @@ _AT_ONCE = 200_000  # values of near pairs, to bound the memory
 
 
 @dataclass(frozen=True)
-class _Side:
+class _PairSide:
     """One robot's part of the pair: the places it can reach at each step, numbered per step.
 
     Its states at step t are numbered orientation by orientation, place by place [O * n_t].
@@ -27,7 +27,7 @@ class _Side:
     places: list[IntArray]  # per step [n_t] place numbers, increasing
 
     @classmethod
-    def of(cls, model: Model, robot: int) -> "_Side":
+    def of(cls, model: Model, robot: int) -> "_PairSide":
         """Returns the part of one robot."""
         graph, start = model.class_of[robot].graph, model.start(robot)
         reach = graph.reachable([start], model.problem.horizon)
@@ -58,7 +58,7 @@ class _Side:
         return self.position(t + 1, self.robot_class.graph.heads_at(t, self.places[t]))
 
 
-class _Ways(NamedTuple):
+class _PairWays(NamedTuple):
     """K ways in which a robot can go on from each of n places."""
 
     turns: bool  # False: the state is unchanged
@@ -66,10 +66,10 @@ class _Ways(NamedTuple):
     heads: FloatArray  # [K, n, 3] m, where it leads
     rewards: FloatArray  # [K]
 
-    def of(self, way: int) -> "_Ways":
+    def of(self, way: int) -> "_PairWays":
         """Returns one of the ways, as K = 1 of them."""
         only = slice(way, way + 1)
-        return _Ways(self.turns, self.to[only], self.heads[only], self.rewards[only])
+        return _PairWays(self.turns, self.to[only], self.heads[only], self.rewards[only])
 
 
 class Pair(PairIteration):
@@ -81,7 +81,7 @@ class Pair(PairIteration):
     def __init__(self, model: Model, stop: Stop = never) -> None:
         self.model = model
         self.stop = stop
-        self.a, self.b = _Side.of(model, 0), _Side.of(model, 1)
+        self.a, self.b = _PairSide.of(model, 0), _PairSide.of(model, 1)
         self.starts = self.a.start, self.b.start
         self.horizon = model.problem.horizon
         self.bonuses = Bonuses.of(model.problem.objective)
@@ -95,14 +95,14 @@ class Pair(PairIteration):
 
     def reward(self, t: int) -> FloatArray:
         """Returns the reward of being in each pair of states at step t, with goals at the end."""
-        own = self._view_rewards(t).reshape(*self.a.sizes(t), *self.b.sizes(t))
+        reward = self._view_rewards(t).reshape(*self.a.sizes(t), *self.b.sizes(t))
         classes = self.a.robot_class, self.b.robot_class
         conflicts = self.model.places.conflict_matrix(classes, (self.a.places[t], self.b.places[t]))
-        own.transpose(0, 2, 1, 3)[:, :, conflicts] = CLOSED
+        reward.transpose(0, 2, 1, 3)[:, :, conflicts] = CLOSED
         if t == self.horizon:
-            own[:, self._off_goal(self.a)] = CLOSED
-            own[..., self._off_goal(self.b)] = CLOSED
-        return self._flat(t, own)
+            reward[:, self._off_goal(self.a)] = CLOSED
+            reward[..., self._off_goal(self.b)] = CLOSED
+        return self._flat(t, reward)
 
     def _view_rewards(self, t: int) -> FloatArray:
         """Returns the reward for views of each pair of states at step t."""
@@ -112,7 +112,7 @@ class Pair(PairIteration):
         n_faces = self.model.n_faces
         weights = self.model.problem.view_sum_weights[t * n_faces : (t + 1) * n_faces]
         root_a, root_b = np.sqrt(coverage_a) @ weights, np.sqrt(coverage_b) @ weights
-        own: FloatArray = root_a[:, None] + root_b[None, :]
+        roots: FloatArray = root_a[:, None] + root_b[None, :]
         # Where both see a face, the roots do not add up.
         for face in np.flatnonzero(weights):
             self.stop.check()
@@ -121,10 +121,10 @@ class Pair(PairIteration):
             if len(rows) and len(columns):
                 first, second = coverage_a[rows, face][:, None], coverage_b[columns, face]
                 excess = np.sqrt(first + second) - np.sqrt(first) - np.sqrt(second)
-                own[np.ix_(rows, columns)] += weights[face] * excess
-        return own
+                roots[np.ix_(rows, columns)] += weights[face] * excess
+        return roots
 
-    def _off_goal(self, side: _Side) -> IntArray:
+    def _off_goal(self, side: _PairSide) -> IntArray:
         """Returns the positions of places at the last step that are not the robot's goal."""
         goal, places = side.robot_class.goal, side.places[self.horizon]
         if goal is None:
@@ -146,7 +146,7 @@ class Pair(PairIteration):
             self._redo_near_pairs(t, ahead, half, best)
         return self._flat(t, best)
 
-    def _turned(self, values: FloatArray, side: _Side, axis: int) -> FloatArray:
+    def _turned(self, values: FloatArray, side: _PairSide, axis: int) -> FloatArray:
         """Returns the maximum over the turns of one robot, whose orientations are on `axis`."""
         moved = np.moveaxis(values, axis, 0)
         result = np.empty_like(values)
@@ -165,7 +165,7 @@ class Pair(PairIteration):
                     np.maximum(best, moved[turn], out=best)
         return result
 
-    def _best_move(self, t: int, ahead: FloatArray, side: _Side, axis: int) -> FloatArray:
+    def _best_move(self, t: int, ahead: FloatArray, side: _PairSide, axis: int) -> FloatArray:
         """Returns the maximum over one robot's actions.
 
         Parameters
@@ -206,9 +206,9 @@ class Pair(PairIteration):
         ahead = _with_closed_end(_with_closed_end(ahead, 1), 3)
         values = {}
         for a_turns in stays:
-            some = self._turned(ahead, self.a, 0) if a_turns else ahead
+            turned = self._turned(ahead, self.a, 0) if a_turns else ahead
             for b_turns in stays:
-                values[a_turns, b_turns] = self._turned(some, self.b, 2) if b_turns else some
+                values[a_turns, b_turns] = self._turned(turned, self.b, 2) if b_turns else turned
         size = self.pairs_at_once()
         for first in range(0, len(at_a), size):
             pairs = at_a[first : first + size], at_b[first : first + size]
@@ -226,11 +226,11 @@ class Pair(PairIteration):
         problem = self.model.problem
         radii = self.a.robot_class.graph.motion.radius + self.b.robot_class.graph.motion.radius
         reach = radii * problem.height_map.resolution + problem.rules.separation
-        one, other = (
+        first, second = (
             self.model.places.where(self.a.robot_class, self.a.places[t]),
             self.model.places.where(self.b.robot_class, self.b.places[t]),
         )
-        ways = np.abs(one[:, None, :2] - other[None, :, :2])
+        ways = np.abs(first[:, None, :2] - second[None, :, :2])
         # A little farther, for rounding.
         at_a, at_b = np.nonzero((ways <= reach * (1 + 1e-9)).all(axis=-1))
         return at_a, at_b
@@ -251,8 +251,8 @@ class Pair(PairIteration):
         """
         rules, (at_a, at_b) = self.model.problem.rules, at
         tails_a, tails_b = (
-            self.model.places.where(side.robot_class, side.places[t][some])
-            for side, some in ((self.a, at_a), (self.b, at_b))
+            self.model.places.where(side.robot_class, side.places[t][places])
+            for side, places in ((self.a, at_a), (self.b, at_b))
         )
         ways_b = self._ways(t, self.b, at_b)
         lengths = [np.linalg.norm(ways.heads - tails_b, axis=-1).ravel() for ways in ways_b]
@@ -276,10 +276,10 @@ class Pair(PairIteration):
                 best[near] = np.maximum(best[near], gained.max(axis=0))
         return best
 
-    def _ways(self, t: int, side: _Side, at: IntArray) -> list[_Ways]:
+    def _ways(self, t: int, side: _PairSide, at: IntArray) -> list[_PairWays]:
         """Returns the ways on from positions [n] at t."""
         heads = side.robot_class.graph.heads_at(t, side.places[t][at])
-        turning = _Ways(
+        turning = _PairWays(
             True,
             side.position(t + 1, heads),
             self.model.places.where(side.robot_class, heads),
@@ -310,11 +310,11 @@ class Pair(PairIteration):
             self.model.places.where(side.robot_class, np.array([tail % n]))
             for side, tail, n in zip(sides, tails, sizes, strict=True)
         ]
-        one, other = (
-            self.model.places.where(side.robot_class, some % n)
-            for side, some, n in zip(sides, heads, sizes, strict=True)
+        first, second = (
+            self.model.places.where(side.robot_class, states % n)
+            for side, states, n in zip(sides, heads, sizes, strict=True)
         )
-        return self.model.problem.rules.moves_conflict((here[0], one[:, None]), (here[1], other))
+        return self.model.problem.rules.moves_conflict((here[0], first[:, None]), (here[1], second))
 
 
 def _with_closed_end(values: FloatArray, axis: int) -> FloatArray:

@@ -120,10 +120,10 @@ class _Search:
             changed = self._evaluate(np.concatenate([nodes, near]))  # 6-7
             if limit:
                 known = self._path_of(self._sweep(self._coverage.known_rewards()))
-                paths = [one for one in (best, path, known) if one is not None]
+                paths = [candidate for candidate in (best, path, known) if candidate is not None]
                 return max(paths, key=self._worth), limit
-            if (own := self._worth(path)) > least:
-                best, least = path, own
+            if (worth := self._worth(path)) > least:
+                best, least = path, worth
             earlier, width = Swept(value, changed), min(_GROWTH * width, _MOST)
 
     def _sweep(self, rewards: FloatArray, earlier: Swept | None = None) -> FloatArray:
@@ -194,4 +194,4 @@ def _near_best(
 def _turns(graph: TimeGraph) -> IntArray:
     """Returns the orientations [O, W] that follow each one, some of them repeated."""
     most = max(map(len, graph.turns))
-    return np.array([some + some[:1] * (most - len(some)) for some in graph.turns])
+    return np.array([heads + heads[:1] * (most - len(heads)) for heads in graph.turns])

@@ -65,8 +65,8 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
     """
     model, limit = compiled(problem), None
     robots = _at_starts(model)
-    for robot, one in enumerate(robots):
-        if not one.leads[0, one.path[0]]:
+    for robot, progress in enumerate(robots):
+        if not progress.leads[0, progress.path[0]]:
             return without_a_path(robot)
     try:
         for t, robot in product(range(problem.horizon), range(len(robots))):
@@ -80,7 +80,7 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
         limit = reached.limit
         if not _stay(model, robots):
             return Result.stopped_without_plan(limit)
-    at_goals = all(one.leads[-1, one.path[-1]] for one in robots)
+    at_goals = all(progress.leads[-1, progress.path[-1]] for progress in robots)
     if limit is not None and not at_goals:
         return Result.stopped_without_plan(limit)
     found = tuple(SingleRobotPath(tuple(f.path), f.pixels, f.evaluated) for f in robots)
@@ -94,22 +94,22 @@ def _at_starts(model: Model) -> list[_Progress]:
     for robot, robot_class in enumerate(model.class_of):
         leads = leads_to_goal(robot_class.graph, problem.horizon, robot_class.goal)
         path = [model.start(robot)]
-        one = _Progress(robot_class, sources[robot], leads, problem.no_pixels(), path)
+        progress = _Progress(robot_class, sources[robot], leads, problem.no_pixels(), path)
         if problem.first_step == 0:
-            one.pixels[problem.view_sums_at(0)] += one.look(0, np.array(path))[0]
-        robots.append(one)
+            progress.pixels[problem.view_sums_at(0)] += progress.look(0, np.array(path))[0]
+        robots.append(progress)
     return robots
 
 
 def _open_heads(model: Model, robots: list[_Progress], robot: int, t: int) -> IntArray:
     """States that a robot may go to from step t, those before it having moved."""
-    one = robots[robot]
+    progress = robots[robot]
     others = _others(model.problem, robots, robot, t)
-    closed = avoid_paths(model, one.robot_class, others)
-    graph, tail = one.robot_class.graph, one.path[-1]
+    closed = avoid_paths(model, progress.robot_class, others)
+    graph, tail = progress.robot_class.graph, progress.path[-1]
     heads = graph.successors(t, tail)
     is_free = closed.free_moves(0, tail, heads.tolist(), graph.n_places)
-    is_open: BoolArray = one.leads[t + 1, heads] & is_free
+    is_open: BoolArray = progress.leads[t + 1, heads] & is_free
     return heads[is_open]
 
 
@@ -117,9 +117,9 @@ def _others(
     problem: Problem, robots: list[_Progress], robot: int, t: int
 ) -> Iterable[tuple[Cell, Cell]]:
     """Cells of the others at step t and at the next: there still, if they have not moved."""
-    for other, one in enumerate(robots):
+    for other, progress in enumerate(robots):
         if other != robot:
-            yield problem.cell(other, one.state(t)), problem.cell(other, one.state(-1))
+            yield problem.cell(other, progress.state(t)), problem.cell(other, progress.state(-1))
 
 
 def _stay(model: Model, robots: list[_Progress]) -> bool:
@@ -127,26 +127,28 @@ def _stay(model: Model, robots: list[_Progress]) -> bool:
 
     False if a person sends one away.
     """
-    for robot, one in enumerate(robots):
-        for t in range(len(one.path), model.problem.horizon + 1):
-            if one.path[-1] not in one.robot_class.graph.successors(t - 1, one.path[-1]):
+    for robot, progress in enumerate(robots):
+        for t in range(len(progress.path), model.problem.horizon + 1):
+            if progress.path[-1] not in progress.robot_class.graph.successors(
+                t - 1, progress.path[-1]
+            ):
                 return False
-            _move(model, robots, robot, t, np.array(one.path[-1:]))
+            _move(model, robots, robot, t, np.array(progress.path[-1:]))
     return True
 
 
 def _move(model: Model, robots: list[_Progress], robot: int, t: int, heads: IntArray) -> None:
     """Take the best of the heads [n] for step t."""
-    problem, one = model.problem, robots[robot]
-    graph, view_sums = one.robot_class.graph, problem.view_sums_at(t)
-    coverage = one.look(t, heads)
+    problem, progress = model.problem, robots[robot]
+    graph, view_sums = progress.robot_class.graph, problem.view_sums_at(t)
+    coverage = progress.look(t, heads)
     seen = sum((other.pixels[view_sums] for other in robots), np.zeros(coverage.shape[1]))
     gains = marginal_gain(seen, coverage) * problem.view_sum_weights[view_sums]
     # A path of one step, so that bonuses and ties are those of all other planners.
     value = np.full((2, graph.n_states), CLOSED)
-    value[0, one.path[-1]] = 0.0
+    value[0, progress.path[-1]] = 0.0
     value[1, heads] = gains.sum(axis=1)
     bonuses = Bonuses.of(problem.objective)
-    _, head = best_path(graph, value, one.path[-1], bonuses, first=t - 1) or []
-    one.path.append(head)
-    one.pixels[view_sums] += coverage[np.flatnonzero(heads == head)[0]]
+    _, head = best_path(graph, value, progress.path[-1], bonuses, first=t - 1) or []
+    progress.path.append(head)
+    progress.pixels[view_sums] += coverage[np.flatnonzero(heads == head)[0]]

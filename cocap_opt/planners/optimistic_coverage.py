@@ -50,14 +50,14 @@ class OptimisticCoverage:
         self.rewards = robot_class.graph.no_reward(problem.horizon)
         self._flat = self.rewards.reshape(-1)
         steps = _steps(model, robot_class, stop)
-        self._entries = _Entries.of(problem, steps)
+        self._entries = _ByViewSum.of(problem, steps)
         nodes = np.concatenate([step.nodes for step in steps])
         alone = np.concatenate([step.rewards for step in steps])
         self._flat[nodes] = alone + _SLACK * alone.max(initial=0.0)
         self._known = np.ones(len(self._flat), dtype=bool)
         self._known[nodes] = False
         self._rows: dict[int, int] = {}  # of evaluated nodes
-        self._found, self._new = _Found.nothing(), list[_Found]()
+        self._found, self._new = _Evaluated.nothing(), list[_Evaluated]()
         self.evaluated = 0
 
     def unknown(self, nodes: IntArray) -> IntArray:
@@ -73,14 +73,14 @@ class OptimisticCoverage:
         before, self._pixels = self._pixels, pixels.copy()
         changed = np.flatnonzero(pixels != before)
         n_parts = int(self._entries.counts[changed].sum()) // _AT_ONCE + 1
-        for some in np.array_split(changed, n_parts):
-            entries, of = self._entries.of_view_sums(some)
+        for part in np.array_split(changed, n_parts):
+            entries, of = self._entries.of_view_sums(part)
             seen = self._entries.pixels[entries]
-            others = np.sqrt(pixels[some]) - np.sqrt(before[some])
+            others = np.sqrt(pixels[part]) - np.sqrt(before[part])
             gains = np.sqrt(pixels[of] + seen) - np.sqrt(before[of] + seen)
-            gains -= np.repeat(others, self._entries.counts[some])
+            gains -= np.repeat(others, self._entries.counts[part])
             np.add.at(self._flat, self._entries.nodes[entries], gains * self._weights[of])
-        self._found = _Found.joined(self._found, *self._new)
+        self._found = _Evaluated.joined(self._found, *self._new)
         self._new.clear()
         self._flat[self._found.nodes] = self._gains(self._found)
 
@@ -94,40 +94,40 @@ class OptimisticCoverage:
         """
         for first in range(0, len(nodes), self._views.batch):
             stop.check()
-            some = nodes[first : first + self._views.batch]
-            seen = self._views.seen(some, self._steps)
-            at = some[seen.rows] // self._n_states * self._n_faces + seen.faces
+            batch = nodes[first : first + self._views.batch]
+            seen = self._views.seen(batch, self._steps)
+            at = batch[seen.rows] // self._n_states * self._n_faces + seen.faces
             at %= max(len(self._pixels), 1)  # of fewer view sums, if pixels add up over time
-            found = _Found(some, np.bincount(seen.rows, minlength=len(some)), at, seen.pixels)
-            rows = range(self.evaluated, self.evaluated + len(some))
-            self._rows |= zip(some.tolist(), rows, strict=True)
+            found = _Evaluated(batch, np.bincount(seen.rows, minlength=len(batch)), at, seen.pixels)
+            rows = range(self.evaluated, self.evaluated + len(batch))
+            self._rows |= zip(batch.tolist(), rows, strict=True)
             self._new.append(found)
-            self.evaluated += len(some)
-            self._known[some] = True
-            self._flat[some] = self._gains(found)
+            self.evaluated += len(batch)
+            self._known[batch] = True
+            self._flat[batch] = self._gains(found)
 
-    def _gains(self, found: "_Found") -> FloatArray:
+    def _gains(self, found: "_Evaluated") -> FloatArray:
         """Returns the rewards [n] of evaluated nodes, to the last bit as `marginal_reward` does."""
         gains = marginal_gain(self._pixels[found.view_sums], found.pixels)
         gains *= self._weights[found.view_sums]
         rewards = np.zeros(len(found.nodes))
-        some = np.flatnonzero(found.counts)
-        if len(some):
-            rewards[some] = np.add.reduceat(gains, found.first[some])
+        seeing = np.flatnonzero(found.counts)
+        if len(seeing):
+            rewards[seeing] = np.add.reduceat(gains, found.first[seeing])
         return rewards
 
     def pixels_along(self, path: Path) -> FloatArray:
         """Returns the pixels [Z] along a path whose nodes are all known."""
         nodes = np.arange(len(path)) * self._n_states + np.array(path)
         rows = [self._rows[node] for node in nodes.tolist() if node in self._rows]
-        found = _Found.joined(self._found, *self._new)
+        found = _Evaluated.joined(self._found, *self._new)
         entries = spans(found.first[rows], found.counts[rows])
         pixels = self._problem.no_pixels()
         np.add.at(pixels, found.view_sums[entries], found.pixels[entries])
         return pixels
 
 
-class _Step(NamedTuple):
+class _StepBounds(NamedTuple):
     """Upper bounds at one step."""
 
     nodes: IntArray  # [s] that may see something, increasing
@@ -154,17 +154,17 @@ class _Step(NamedTuple):
         return cls(nodes[starts], rewards, nodes[order], found.pixels[order], counts)
 
 
-def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_Step]:
+def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_StepBounds]:
     """Returns the bounds of all steps, for all nodes that a class can reach; LimitReached."""
     problem, views = model.problem, UnhiddenViews(model.views(robot_class))
     reachable, size = model.reachable(robot_class), robot_class.graph.n_states
 
-    def at(t: int) -> _Step:
+    def at(t: int) -> _StepBounds:
         stop.check()
         if t < problem.first_step:
-            return _Step.of(Unhidden.nothing(), t * size, problem.face_weights)
+            return _StepBounds.of(Unhidden.nothing(), t * size, problem.face_weights)
         weights = problem.view_sum_weights[problem.view_sums_at(t)]
-        return _Step.of(views.at(t, reachable[t]), t * size, weights)
+        return _StepBounds.of(views.at(t, reachable[t]), t * size, weights)
 
     pool = ThreadPoolExecutor(usable_cores())
     try:
@@ -173,7 +173,7 @@ def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_Step]:
         pool.shutdown(cancel_futures=True)
 
 
-class _Entries(NamedTuple):
+class _ByViewSum(NamedTuple):
     """Upper bounds on what nodes see of each face, in the order of the view sums."""
 
     nodes: IntArray  # [n]
@@ -182,7 +182,7 @@ class _Entries(NamedTuple):
     counts: IntArray  # [Z] number of its entries
 
     @classmethod
-    def of(cls, problem: Problem, steps: list[_Step]) -> Self:
+    def of(cls, problem: Problem, steps: list[_StepBounds]) -> Self:
         """Returns the entries of all steps."""
         nodes, pixels, counts = (
             np.concatenate(column)
@@ -195,13 +195,13 @@ class _Entries(NamedTuple):
             counts = counts.reshape(len(steps), -1).sum(axis=0)
         return cls(nodes, pixels, np.cumsum(counts) - counts, counts)
 
-    def of_view_sums(self, some: IntArray) -> tuple[IntArray, IntArray]:
+    def of_view_sums(self, view_sums: IntArray) -> tuple[IntArray, IntArray]:
         """Returns the numbers of the entries [n] of some view sums, and the view sum of each."""
-        counts = self.counts[some]
-        return spans(self.first[some], counts), np.repeat(some, counts)
+        counts = self.counts[view_sums]
+        return spans(self.first[view_sums], counts), np.repeat(view_sums, counts)
 
 
-class _Found(NamedTuple):
+class _Evaluated(NamedTuple):
     """The pixels of evaluated nodes, in the order in which they were evaluated."""
 
     nodes: IntArray  # [n]

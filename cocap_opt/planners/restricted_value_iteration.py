@@ -38,14 +38,16 @@ class Layer(NamedTuple):
     rewards: FloatArray  # [m] of the edges themselves
 
 
-class Worth(NamedTuple):
+class StateWorth(NamedTuple):
     """Rewards and values of all states of a robot, given what others see."""
 
     reward: FloatArray  # [T+1, S] of being there
     value: FloatArray  # [T+1, S] and of the best way on, with nobody in it
 
     @classmethod
-    def of(cls, model: Model, robot_class: RobotClass, pixels: FloatArray, stop: Stop) -> "Worth":
+    def of(
+        cls, model: Model, robot_class: RobotClass, pixels: FloatArray, stop: Stop
+    ) -> "StateWorth":
         """Returns what the states of a class are worth.
 
         Parameters
@@ -64,7 +66,9 @@ class Worth(NamedTuple):
         return cls(reward, value)
 
 
-def kept_layers(team: PlannedTeam, robot: int, width: int, alone: Worth, stop: Stop) -> list[Layer]:
+def kept_layers(
+    team: PlannedTeam, robot: int, width: int, alone: StateWorth, stop: Stop
+) -> list[Layer]:
     """Returns the states that are kept at the steps 0..T; all but the last ones have a way on.
 
     Parameters
@@ -79,7 +83,7 @@ def kept_layers(team: PlannedTeam, robot: int, width: int, alone: Worth, stop: S
         If a limit is reached before the states are there.
     """
     robot_class = team.model.class_of[robot]
-    beside = Worth.of(team.model, robot_class, team.pixels(without=robot), stop)
+    beside = StateWorth.of(team.model, robot_class, team.pixels(without=robot), stop)
     return _without_dead_ends(list(_Beam(team, robot, width, (beside, alone)).layers()))
 
 
@@ -87,7 +91,7 @@ class _Beam:
     """Finds the states that are kept, step by step."""
 
     def __init__(
-        self, team: PlannedTeam, robot: int, width: int, worth: tuple[Worth, Worth]
+        self, team: PlannedTeam, robot: int, width: int, worth: tuple[StateWorth, StateWorth]
     ) -> None:
         self._graph, self._width, self._worth = team.model.class_of[robot].graph, width, worth
         self._own = team.path(robot)
@@ -196,11 +200,11 @@ class RestrictedValueIteration:
 
     def __init__(self, team: PlannedTeam, stop: Stop, width: int = WIDTH) -> None:
         model, seen = team.model, team.model.problem.no_pixels()
-        alone = [Worth.of(model, robot_class, seen, stop) for robot_class in model.classes]
+        alone = [StateWorth.of(model, robot_class, seen, stop) for robot_class in model.classes]
         self._graphs = []
         for robot, robot_class in enumerate(model.class_of):
-            own = alone[model.classes.index(robot_class)]
-            self._graphs.append(_Graph(model, robot, kept_layers(team, robot, width, own, stop)))
+            worth = alone[model.classes.index(robot_class)]
+            self._graphs.append(_Graph(model, robot, kept_layers(team, robot, width, worth, stop)))
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
         """Plan a task.
@@ -217,7 +221,7 @@ class RestrictedValueIteration:
         return SingleRobotPath(path, task.model.robot_pixels(task.robot, path), 0)
 
 
-class _Step(NamedTuple):
+class _StepEdges(NamedTuple):
     """Where the nodes and edges of one step are among those of all steps."""
 
     nodes: slice
@@ -283,7 +287,7 @@ class _Graph:
             indptr = self._indptr[node : end + 1]
             edges = slice(int(indptr[0]), int(indptr[-1]))
             heads, tails = self._heads[edges] - end, indptr[:-1] - indptr[0]
-            self._steps.append(_Step(slice(node, end), slice(end, last), edges, heads, tails))
+            self._steps.append(_StepEdges(slice(node, end), slice(end, last), edges, heads, tails))
 
     def _look(self, model: Model, robot: int, nodes: IntArray) -> None:
         """Takes down what nodes see, entry by entry."""
@@ -304,11 +308,11 @@ class _Graph:
         edge_rewards = self._rewards_of_edges(charges)
         ahead = np.empty(len(self._heads))  # value of taking each edge
         for nodes, after, edges, heads, tails in self._steps:
-            some = ahead[edges]
-            value[after].take(heads, out=some, mode="clip")  # without a copy, unlike "raise"
+            values = ahead[edges]
+            value[after].take(heads, out=values, mode="clip")  # without a copy, unlike "raise"
             if edge_rewards is not None:
-                some += edge_rewards[edges]
-            value[nodes] += np.maximum.reduceat(some, tails)
+                values += edge_rewards[edges]
+            value[nodes] += np.maximum.reduceat(values, tails)
         if value[0] == CLOSED:
             return None
         node, path = 0, [self._states[0]]

@@ -173,14 +173,14 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         if problem.rules.none or len(self.paths) < 2:
             return
         cells = [[problem.cell(i, state) for state in path] for i, path in enumerate(self.paths)]
-        one, other = np.array(list(combinations(range(len(cells)), 2))).T
+        first, second = np.array(list(combinations(range(len(cells)), 2))).T
         at = np.array([problem.positions(row) for row in cells])  # [R, T+1, 3] m
-        moves = (at[one, :-1], at[one, 1:]), (at[other, :-1], at[other, 1:])
-        near = problem.rules.too_near(at[other] - at[one])
+        moves = (at[first, :-1], at[first, 1:]), (at[second, :-1], at[second, 1:])
+        near = problem.rules.too_near(at[second] - at[first])
         between = problem.rules.conflict_between(*moves)
         # At each step first who is too near, then who is until the next one.
         for n, which in np.argwhere(_alternated(near, between).T).tolist():
-            t, (i, k) = n // 2, (int(one[which]), int(other[which]))
+            t, (i, k) = n // 2, (int(first[which]), int(second[which]))
             here = cells[i][t], cells[k][t]
             if n % 2 == 0:
                 yield VertexConflict(t, (i, k), here)

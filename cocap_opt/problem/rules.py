@@ -128,13 +128,13 @@ class CollisionRules(Data, frozen=True):
             return found
         # Most are far apart along one axis all the time, which is quick to see.
         before, after = np.broadcast_arrays(before, after)
-        some = self._may_pass_too_near(before, after)
-        before, after = before[some], after[some]
+        near = self._may_pass_too_near(before, after)
+        before, after = before[near], after[near]
         if self.vertical:
             first, last = self._near_aside_and_above(before, after)
-            found[some] = first < last
+            found[near] = first < last
         else:
-            found[some] = _closest(before, after).distance < self._aside
+            found[near] = _closest(before, after).distance < self._aside
         return found
 
     def _may_pass_too_near(self, before: FloatArray, after: FloatArray) -> BoolArray:
@@ -142,62 +142,62 @@ class CollisionRules(Data, frozen=True):
         may = np.ones(before.shape[:-1], dtype=np.bool_)
         most = self.separation, self.separation, self.vertical or self.separation
         for axis, far in enumerate(most):
-            one, other = before[..., axis], after[..., axis]
-            may &= ((one < far) | (other < far)) & ((one > -far) | (other > -far))
+            here, there = before[..., axis], after[..., axis]
+            may &= ((here < far) | (there < far)) & ((here > -far) | (there > -far))
         return may
 
     def moves_conflict(
-        self, one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]
+        self, first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
     ) -> BoolArray:
         """Returns an array [..], true if two robots' moves break a rule, at their ends or between.
 
         Parameters
         ----------
-        one, other : of each robot the places [.., 3] (m) where its moves begin and end
+        first, second : of each robot the places [.., 3] (m) where its moves begin and end
         """
-        return self._at_ends(one, other) | self._between(one, other)
+        return self._at_ends(first, second) | self._between(first, second)
 
     def conflict_between(
-        self, one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]
+        self, first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
     ) -> BoolArray:
         """Returns an array [..], true if moves break a rule between two steps, and at neither.
 
         Parameters
         ----------
-        one, other : as in `moves_conflict`
+        first, second : as in `moves_conflict`
         """
-        return self._between(one, other) & ~self._at_ends(one, other)
+        return self._between(first, second) & ~self._at_ends(first, second)
 
     def _at_ends(
-        self, one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]
+        self, first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
     ) -> BoolArray:
-        before, after = (there - here for here, there in zip(one, other, strict=True))
+        before, after = (there - here for here, there in zip(first, second, strict=True))
         return self.too_near(before) | self.too_near(after)
 
     def _between(
-        self, one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]
+        self, first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
     ) -> BoolArray:
-        found = self.pass_too_near(other[0] - one[0], other[1] - one[1])
+        found = self.pass_too_near(second[0] - first[0], second[1] - first[1])
         if self.swap:
-            ends = (one[0] == other[1]).all(axis=-1), (one[1] == other[0]).all(axis=-1)
+            ends = (first[0] == second[1]).all(axis=-1), (first[1] == second[0]).all(axis=-1)
             found = found | np.asarray(ends[0] & ends[1])
         return found
 
     def may_conflict(
-        self, one: tuple[FloatArray, FloatArray], other: FloatArray, reach: float
+        self, first: tuple[FloatArray, FloatArray], second: FloatArray, reach: float
     ) -> BoolArray:
         """Returns an array [..], true if a move may break a rule between steps with some move.
 
         Parameters
         ----------
-        one : the places [.., 3] (m) where the move begins and ends
-        other : the places [.., 3] (m) where the other robot's move begins
+        first : the places [.., 3] (m) where the move begins and ends
+        second : the places [.., 3] (m) where the other robot's move begins
         reach : m, length of the other robot's longest move
         """
-        found = np.asarray((one[1] == other).all(axis=-1))
+        found = np.asarray((first[1] == second).all(axis=-1))
         if self.separation:
             most = math.hypot(self.separation, self.vertical) + reach
-            found = found | (_closest(other - one[0], other - one[1]).distance < most)
+            found = found | (_closest(second - first[0], second - first[1]).distance < most)
         return found
 
     def closest(self, before: FloatArray, after: FloatArray) -> _Closest:
@@ -223,8 +223,8 @@ class CollisionRules(Data, frozen=True):
         tails, heads : [2, 3] m, where their moves begin and end
         """
         share = float(self.closest(tails[1] - tails[0], heads[1] - heads[0]).share)
-        one, other = (1 - share) * tails + share * heads
-        return Meeting((one + other) / 2, share)
+        first, second = (1 - share) * tails + share * heads
+        return Meeting((first + second) / 2, share)
 
     @property
     def _aside(self) -> float:
@@ -250,11 +250,11 @@ class CollisionRules(Data, frozen=True):
         a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - self._aside**2
         root = np.sqrt(np.maximum(b * b - a * c, 0.0))
         moving, crossing = a > 0, b * b > a * c
-        some = np.where(moving, a, 1.0)
+        divisor = np.where(moving, a, 1.0)
         climbing = dz != 0
         slope = np.where(climbing, dz, 1.0)
         with np.errstate(over="ignore"):  # what hardly moves gets there after ages
-            enter, leave = (-b - root) / some, (-b + root) / some
+            enter, leave = (-b - root) / divisor, (-b + root) / divisor
             ends = (-self._above - z) / slope, (self._above - z) / slope
         first = np.where(moving, np.where(crossing, enter, 2.0), np.where(c < 0, 0, 2))
         last = np.where(moving, np.where(crossing, leave, -1.0), np.where(c < 0, 1, -1))

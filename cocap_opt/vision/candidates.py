@@ -148,10 +148,10 @@ class Lists(NamedTuple):
 
 
 def _entries(
-    bodies: Bodies, targets: _Circles, some: IntArray, lowest_eye: float
+    bodies: Bodies, targets: _Circles, which: IntArray, lowest_eye: float
 ) -> tuple[FloatArray, NDArray[np.int32], FloatArray]:
     """Returns the keys, bodies and least distances (m) of all entries of some targets' sectors."""
-    middles, radii, feet = (part[some] for part in targets)
+    middles, radii, feet = (part[which] for part in targets)
     low, high, tops = bodies.low, bodies.high[:, :2], bodies.high[:, 2]
     row, body = np.nonzero(tops[None] > np.minimum(feet, lowest_eye)[:, None])
     middle, radius = middles[row], radii[row]
@@ -185,7 +185,7 @@ def _entries(
     entry = steepest.repeat(counts)[order]
     # There may be millions of entries: numbers of 32 bits take half of the time and memory.
     held = body.astype(np.int32)[entry]
-    return some[0] * _SECTORS + sector[order] + fall[entry], held, nearest[entry]
+    return which[0] * _SECTORS + sector[order] + fall[entry], held, nearest[entry]
 
 
 def _sector(angle: FloatArray) -> IntArray:

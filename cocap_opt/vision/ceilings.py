@@ -85,8 +85,8 @@ def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArr
     most = by_actor(camera.width * camera.height / planes.areas * weights)
     of_actors = by_actor(weights)
     parts = []
-    for some in _chunks(places, len(views.axes) * len(planes.reaches)):
-        eyes = views.eyes(some)
+    for chunk in _chunks(places, len(views.axes) * len(planes.reaches)):
+        eyes = views.eyes(chunk)
         ahead = eyes @ planes.normals.T - dot(planes.normals, planes.centres)  # m, [n, F]
         turned = ahead > -_SLACK
         ahead = np.maximum(ahead + _SLACK, 0)
@@ -104,7 +104,7 @@ def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArr
         pixels = np.minimum(inverse * by_actor(ahead * weights)[place, actor], most[actor])
         # By the inequality of Cauchy and Schwarz, of the faces of an actor.
         roots = np.sqrt(pixels * of_actors[actor])
-        at, size = orientation * len(some) + place, (len(views.axes), len(some))
+        at, size = orientation * len(chunk) + place, (len(views.axes), len(chunk))
         visible = in_view.any(axis=0)[:, owners] & turned
         parts.append(Ceiling(
             np.bincount(at, roots, math.prod(size)).reshape(size).astype(np.float64),
@@ -122,11 +122,11 @@ def _of_cone(views: ConeViews, t: int, places: IntArray, weights: FloatArray) ->
     headings, owners = views.graph.motion.headings, views.problem.face_owner
     first = np.searchsorted(owners, np.arange(len(views.problem.actors)))
     parts = []
-    for some in _chunks(places, headings * len(first)):
-        eyes = views.eyes(some)
+    for chunk in _chunks(places, headings * len(first)):
+        eyes = views.eyes(chunk)
         yaw = 2 * np.pi * np.arange(headings)[:, None] / headings
         detected = np.stack(  # [O, n, A]
-            [views.sight.detected(t, eyes, one, 2 * ON_THE_EDGE) for one in yaw]
+            [views.sight.detected(t, eyes, heading, 2 * ON_THE_EDGE) for heading in yaw]
         )
         ways, turned = views.sight.ways(t, eyes)
         seen = cone_law(np.hypot(ways[..., 0], ways[..., 1]), turned, ways)

@@ -149,7 +149,7 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-class _Rows(NamedTuple):
+class _SeenRows(NamedTuple):
     """A few rows of a table."""
 
     nodes: IntArray  # [n]
@@ -159,7 +159,7 @@ class _Rows(NamedTuple):
 
 
 _NONE = np.zeros(0, dtype=np.int64)
-_NO_ROWS = _Rows(_NONE, _NONE, _NONE, np.zeros(0))
+_NO_ROWS = _SeenRows(_NONE, _NONE, _NONE, np.zeros(0))
 
 
 def _groups(sizes: IntArray, first_step: int, most: int) -> Iterator[tuple[int, int]]:
@@ -172,22 +172,22 @@ def _groups(sizes: IntArray, first_step: int, most: int) -> Iterator[tuple[int, 
             first, n = t + 1, 0
 
 
-def _seen_by(views: Views, nodes: IntArray) -> _Rows:
+def _seen_by(views: Views, nodes: IntArray) -> _SeenRows:
     """Returns the rows of those nodes [n] that see anything."""
     seen = views.seen(nodes)
     counts = np.bincount(seen.rows, minlength=len(nodes))
-    some = np.flatnonzero(counts)
+    seeing = np.flatnonzero(counts)
     view_sums = nodes[seen.rows] // views.n_states * views.n_faces + seen.faces
-    return _Rows(nodes[some], counts[some], view_sums, seen.pixels)
+    return _SeenRows(nodes[seeing], counts[seeing], view_sums, seen.pixels)
 
 
-def _joined(parts: list[_Rows]) -> _Rows:
-    return _Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+def _joined(parts: list[_SeenRows]) -> _SeenRows:
+    return _SeenRows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _in_order(rows: _Rows) -> _Rows:
+def _in_order(rows: _SeenRows) -> _SeenRows:
     """Returns the same rows, sorted by node."""
     order = np.argsort(rows.nodes)
     first, counts = (np.cumsum(rows.counts) - rows.counts)[order], rows.counts[order]
     entries = spans(first, counts)
-    return _Rows(rows.nodes[order], counts, rows.view_sums[entries], rows.pixels[entries])
+    return _SeenRows(rows.nodes[order], counts, rows.view_sums[entries], rows.pixels[entries])

@@ -72,11 +72,11 @@ class Surface:
         """Returns an array [n], true if a ray gets from its eye to its target, both [n, 3]."""
         passes = np.ones(len(eyes), dtype=bool)
         for first in range(0, len(eyes), RAYS):
-            some = slice(first, first + RAYS)
-            ways = targets[some] - eyes[some]
+            batch = slice(first, first + RAYS)
+            ways = targets[batch] - eyes[batch]
             length = np.maximum(np.sqrt(dot(ways, ways)), _TOUCH)  # a nearer one arrives
-            distance, _ = self.first_hit(eyes[some], ways / length[:, None])
-            passes[some] = distance >= length - _TOUCH
+            distance, _ = self.first_hit(eyes[batch], ways / length[:, None])
+            passes[batch] = distance >= length - _TOUCH
         return passes
 
 

@@ -35,8 +35,8 @@ class Projection(NamedTuple):
     def axes_towards(yaw: FloatArray, tilt: FloatArray) -> FloatArray:
         """Returns right, up and forward unit vectors [n, 3, 3] of directions [n] (rad)."""
         found = []
-        for one, other in zip(yaw.tolist(), tilt.tolist(), strict=True):
-            (c, s), (ct, st) = _cos_sin(one), _cos_sin(other)
+        for heading, pitch in zip(yaw.tolist(), tilt.tolist(), strict=True):
+            (c, s), (ct, st) = _cos_sin(heading), _cos_sin(pitch)
             found.append([[s, -c, 0.0], [c * st, s * st, ct], [c * ct, s * ct, -st]])
         return np.array(found)
 

@@ -88,17 +88,17 @@ class Renderer:
                 # A face that is seen from behind, from inside of a body, does not count.
                 outside = (_normals(actors.triangles[triangle]) * ways).sum(axis=1) < 0
                 seen = triangle_faces[triangle[outside]]
-                own = seen[self._problem.face_owner[seen] == actor]
-                counts += np.bincount(own, minlength=len(counts))
+                its_faces = seen[self._problem.face_owner[seen] == actor]
+                counts += np.bincount(its_faces, minlength=len(counts))
         return counts * self._step**2
 
     def unhidden(self, robot: Robot, t: int, state: State) -> FloatArray:
         """Returns the pixels [F] that every face would have if its actor were alone."""
         counts = np.zeros(len(self._problem.face_weights))
         for actor, box in self._boxes(t, robot, state):
-            alone, own = self._alone(t, actor)
+            alone, its_faces = self._alone(t, actor)
             for _, _, hits in self._cast(robot, state, box, (alone,)):
-                seen = own[hits.triangle[hits.surface == 0]]
+                seen = its_faces[hits.triangle[hits.surface == 0]]
                 counts += np.bincount(seen, minlength=len(counts))
         return counts * self._step**2
 
@@ -117,10 +117,10 @@ class Renderer:
         box = (0, 0, camera.width, camera.height)
         for at, ways, hits in self._cast(robot, state, box, surfaces):
             for k, surface in enumerate(surfaces):
-                own = np.flatnonzero(hits.surface == k)
-                triangle = hits.triangle[own]
-                shown[at[own]] = TERRAIN if k else triangle_faces[triangle]
-                shade[at[own]] = np.abs((_normals(surface.triangles[triangle]) * ways[own]).sum(1))
+                hit = np.flatnonzero(hits.surface == k)
+                triangle = hits.triangle[hit]
+                shown[at[hit]] = TERRAIN if k else triangle_faces[triangle]
+                shade[at[hit]] = np.abs((_normals(surface.triangles[triangle]) * ways[hit]).sum(1))
         return Picture(shown.reshape(height, width), shade.reshape(height, width))
 
     def _all(self, t: int) -> tuple[Surface, IntArray]:
@@ -136,8 +136,8 @@ class Renderer:
     def _only(self, t: int, actor: int) -> tuple[Surface, IntArray]:
         """Returns one actor alone, and the face of each of its triangles."""
         actors, triangle_faces = self._bodies(t)
-        own = np.flatnonzero(self._problem.face_owner[triangle_faces] == actor)
-        return Surface(actors.triangles[own]), triangle_faces[own]
+        its_triangles = np.flatnonzero(self._problem.face_owner[triangle_faces] == actor)
+        return Surface(actors.triangles[its_triangles]), triangle_faces[its_triangles]
 
     def _eye(self, robot: Robot, state: State) -> FloatArray:
         """Returns the place of a robot's camera [3] in a state, in m from the origin."""

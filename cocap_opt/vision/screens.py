@@ -122,7 +122,7 @@ class _Axes(NamedTuple):
         kept = kept & (self.left > 0)
         if np.count_nonzero(kept) > _FEW * len(kept):
             return self
-        some = np.flatnonzero(kept)
-        x, y, top, left = (part[some] for part in (self.x, self.y, self.top, self.left))
-        by_x, by_y, by_top = (step[some] for step in self.steps)
-        return type(self)(self.numbers[some], x, y, top, left, (by_x, by_y, by_top))
+        rows = np.flatnonzero(kept)
+        x, y, top, left = (part[rows] for part in (self.x, self.y, self.top, self.left))
+        by_x, by_y, by_top = (step[rows] for step in self.steps)
+        return type(self)(self.numbers[rows], x, y, top, left, (by_x, by_y, by_top))

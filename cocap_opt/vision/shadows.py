@@ -155,8 +155,8 @@ def _outside(
     thin = np.flatnonzero(beside)
     thin = thin[(deepest[thin] <= -_GRAZED).all(axis=1)]
     if len(thin):
-        some = shadows.taken(thin)
-        beside[thin], _ = some.sides(some.excess(whole[owners[thin]]))
+        thin_shadows = shadows.taken(thin)
+        beside[thin], _ = thin_shadows.sides(thin_shadows.excess(whole[owners[thin]]))
     rest = np.flatnonzero(~beside)
     found = [Pieces(polygons[beside], np.flatnonzero(beside))]
     inside = polygons[rest]

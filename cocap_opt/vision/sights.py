@@ -222,8 +222,8 @@ def pose_coverage(
         for t in steps.tolist():
             coverage[t] = sight.coverage(t, eyes[[t]], yaw[[t]])[0]
         return coverage
-    for some in np.split(steps, range(_AT_ONCE, len(steps), _AT_ONCE)):
-        axes, own = Projection(camera).axes_towards(yaw[some], tilt[some]), some - some[0]
-        seen = PinholeSight(geometry, problem, camera, axes).seen(some, eyes[some], own, own)
-        coverage[some[seen.rows], seen.faces] = seen.pixels
+    for batch in np.split(steps, range(_AT_ONCE, len(steps), _AT_ONCE)):
+        axes, rows = Projection(camera).axes_towards(yaw[batch], tilt[batch]), batch - batch[0]
+        seen = PinholeSight(geometry, problem, camera, axes).seen(batch, eyes[batch], rows, rows)
+        coverage[batch[seen.rows], seen.faces] = seen.pixels
     return coverage

@@ -57,7 +57,7 @@ class Unhidden(NamedTuple):
         wanted : [O, n] true for states that matter
         hidden : [n, A] true for actors that are known to be hidden
         """
-        scene = _Scene(camera, planes, owners, eyes, ~hidden)
+        scene = _FacesFrom(camera, planes, owners, eyes, ~hidden)
         size = max(_AT_ONCE // max(len(eyes) * len(planes.reaches), 1), 1)
         parts = [
             scene.seen(axes[first : first + size], wanted[first : first + size], first)
@@ -113,7 +113,7 @@ def screens_of(geometry: FaceGeometry) -> Screens:
     return _SCREENS[geometry]
 
 
-class _Scene:
+class _FacesFrom:
     """The faces at one step, as they are from some eyes [n]."""
 
     def __init__(
@@ -170,8 +170,8 @@ class _Scene:
         """
         first, *others = (1 / np.maximum(d, _SLACK) for d in depth)
         total = np.zeros(len(face))
-        for areas, one, other in zip(self._triangles, others, others[1:], strict=False):
-            total += areas.take(face) * one * other
+        for areas, here, there in zip(self._triangles, others, others[1:], strict=False):
+            total += areas.take(face) * here * there
         return total * first
 
     def _of_cut(

@@ -47,10 +47,10 @@ class _Veil(NamedTuple):
         mixed = np.flatnonzero(np.isnan(share) & wanted)
         most = max(_POINTS // max(self.points.shape[1], 1), 1)
         for first in range(0, len(mixed), most):
-            some = mixed[first : first + most]
-            row = self.number[pieces[some]]
+            batch = mixed[first : first + most]
+            row = self.number[pieces[batch]]
             points = np.stack(
-                [dot(self.points[row], axes[some][:, None, k]) for k in range(3)], axis=-1
+                [dot(self.points[row], axes[batch][:, None, k]) for k in range(3)], axis=-1
             )
             inside = (projection.frustum_distances(points) > 0).all(axis=-1)
             depth = np.where(inside, points[..., 2], 1.0)
@@ -62,7 +62,7 @@ class _Veil(NamedTuple):
             whole = np.bincount(which, weights=weight, minlength=len(row))
             arrived = weight * self.seen[row[which], point]
             seen = np.bincount(which, weights=arrived, minlength=len(row))
-            share[some] = np.where(whole > 0, seen / np.where(whole > 0, whole, 1.0), 0.0)
+            share[batch] = np.where(whole > 0, seen / np.where(whole > 0, whole, 1.0), 0.0)
         return np.nan_to_num(share)
 
 
@@ -153,21 +153,23 @@ class Visibility:
         a, b = _equal_parts(self._samples)
         size = len(a) * pieces.polygons.shape[1]
         first = 0
-        for some in np.array_split(behind, max(-(-len(behind) * size // _POINTS), 1)):
-            polygons = pieces.polygons[some]
+        for part in np.array_split(behind, max(-(-len(behind) * size // _POINTS), 1)):
+            polygons = pieces.polygons[part]
             middle = _centroids(polygons)[:, None]
-            one = polygons - middle
-            other = np.concatenate([one[:, 1:], one[:, :1]], axis=1)
+            relative = polygons - middle
+            other = np.concatenate([relative[:, 1:], relative[:, :1]], axis=1)
             points = (
-                middle[:, :, None] + a[:, None] * one[:, :, None] + b[:, None] * other[:, :, None]
-            ).reshape(len(some), size, 3)
-            starts = np.repeat(eyes[pieces.owners[some]], size, axis=0)
+                middle[:, :, None]
+                + a[:, None] * relative[:, :, None]
+                + b[:, None] * other[:, :, None]
+            ).reshape(len(part), size, 3)
+            starts = np.repeat(eyes[pieces.owners[part]], size, axis=0)
             seen = mesh.lets_pass(starts, starts + points.reshape(-1, 3)).reshape(-1, size)
-            share[some] = np.where(seen.all(axis=1), 1.0, np.where(seen.any(axis=1), np.nan, 0.0))
-            mixed = np.flatnonzero(np.isnan(share[some]))
-            number[some[mixed]] = first + np.arange(len(mixed))
+            share[part] = np.where(seen.all(axis=1), 1.0, np.where(seen.any(axis=1), np.nan, 0.0))
+            mixed = np.flatnonzero(np.isnan(share[part]))
+            number[part[mixed]] = first + np.arange(len(mixed))
             first += len(mixed)
-            areas = np.linalg.norm(np.cross(one[mixed], other[mixed]), axis=2) / len(a)
+            areas = np.linalg.norm(np.cross(relative[mixed], other[mixed]), axis=2) / len(a)
             parts.append((points[mixed], np.repeat(areas, len(a), axis=1), seen[mixed]))
         return _Veil(
             share, number, *(np.concatenate(column) for column in zip(*parts, strict=True))
@@ -179,9 +181,9 @@ class Visibility:
         targets = steps * faces.corners.shape[1] + actors
         skyline = Skyline(corners, eyes)
         fixed = faces.candidates.bodies
-        some = skyline.sift(faces.candidates.of(targets, eyes), fixed)
+        sifted = skyline.sift(faces.candidates.of(targets, eyes), fixed)
         casting = _Casting(corners, eyes, skyline.hidden)
-        casting.cast_in_turn(fixed, *some)
+        casting.cast_in_turn(fixed, *sifted)
         rest = np.flatnonzero(~casting.hidden)
         pair, body = _near_actors(faces, steps[rest], eyes[rest], actors[rest])
         casting.cast(faces.bodies, rest[pair], body)
@@ -267,14 +269,14 @@ def _near_actors(
     -------
     pairs, bodies : [m] each, the position among the n, and the number of the body
     """
-    own, n_actors = np.arange(len(eyes)), len(faces.reaches)
+    numbers, n_actors = np.arange(len(eyes)), len(faces.reaches)
     others = faces.middles[steps] - eyes[:, None]
-    target = others[own, actors][:, None]
+    target = others[numbers, actors][:, None]
     square = np.maximum(dot(target, target), _LEAST)
     along = np.clip(dot(others, target) / square, 0.0, 1.0)
     off = others - along[..., None] * target
     near = dot(off, off) <= (faces.reaches[actors, None] + faces.reaches) ** 2
-    near[own, actors] = False
+    near[numbers, actors] = False
     pair, other = np.nonzero(near)
     return pair, steps[pair] * n_actors + other
 

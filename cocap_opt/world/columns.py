@@ -139,12 +139,12 @@ def _thin(corners: FloatArray, axis: int, shape: tuple[int, int], matter: Spans)
         other = [x, y]
         other[axis] = 2 * edge[triangle].astype(np.int64) - 1 - other[axis]
         sides = np.column_stack([x * shape[1] + y, other[0] * shape[1] + other[1]])[inside]
-        for (own, beyond), low, high in zip(
+        for (lower, beyond), low, high in zip(
             sides.tolist(), lows.tolist(), highs.tolist(), strict=True
         ):
-            backs = held.get(own, []) + held.get(beyond, [])
+            backs = held.get(lower, []) + held.get(beyond, [])
             if not any(a <= low + MARGIN and b >= high - MARGIN for a, b in backs):
-                rows.append((own, low, high))
+                rows.append((lower, low, high))
     if not rows:
         return NO_SPANS
     cells, low_ends, high_ends = zip(*rows, strict=True)
@@ -173,9 +173,9 @@ def _pairs(
             f"meshes: must reach into cells at most {_MOST_PAIRS} times, not {counts.sum()}; "
             "coarser cells or fewer triangles make it so"
         )
-    some = np.flatnonzero(counts)
-    parts = np.cumsum(counts[some]) // _PAIRS
-    for part in np.split(some, np.flatnonzero(np.diff(parts)) + 1):
+    filled = np.flatnonzero(counts)
+    parts = np.cumsum(counts[filled]) // _PAIRS
+    for part in np.split(filled, np.flatnonzero(np.diff(parts)) + 1):
         if not len(part):
             continue
         triangle = np.repeat(part, counts[part])

@@ -49,8 +49,8 @@ def counting(vertices: FloatArray, triangles: IntArray) -> IntArray:
     """
     named = firsts(vertices)[triangles]
     a, b, c = named.T
-    some = named[(a != b) & (b != c) & (c != a)]
-    distinct = _first_of_each(some, _turned(some))
+    flat = named[(a != b) & (b != c) & (c != a)]
+    distinct = _first_of_each(flat, _turned(flat))
     from_one_side = _first_of_each(distinct, np.sort(distinct, axis=1))
     for part in (from_one_side, distinct):
         if close(part):
@@ -114,8 +114,8 @@ def closed_parts(triangles: IntArray) -> BoolArray:
     A part is a set of triangles that are connected by corners. Flaps, which may touch it, are none
     of it: no edge of a flap is passed in the opposite direction by another triangle.
     """
-    own, balance = _edges(triangles)
-    closed: BoolArray = (np.sign(balance) != own).any(axis=1)
+    signs, balance = _edges(triangles)
+    closed: BoolArray = (np.sign(balance) != signs).any(axis=1)
     firm = triangles[closed]
     size = int(triangles.max(initial=0)) + 1
     a, b, c = firm.T
@@ -191,9 +191,9 @@ def _edges(triangles: IntArray) -> tuple[FloatArray, FloatArray]:
     """Returns which way each triangle passes its edges, -1 or 1, and the sums of all; [n, 3]."""
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     _, number = equal_rows(np.sort(edges, axis=1))
-    own = np.sign(edges[:, 1] - edges[:, 0]).astype(np.float64)
-    balance = np.bincount(number, weights=own)[number].astype(np.float64)
-    return own.reshape(-1, 3), balance.reshape(-1, 3)
+    signs = np.sign(edges[:, 1] - edges[:, 0]).astype(np.float64)
+    balance = np.bincount(number, weights=signs)[number].astype(np.float64)
+    return signs.reshape(-1, 3), balance.reshape(-1, 3)
 
 
 def _turned(triangles: IntArray) -> IntArray:

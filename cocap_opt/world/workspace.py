@@ -98,9 +98,9 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
         """Returns the altitude (m) of flight height `height` in cell (x, y)."""
         return height if self.datum is None else height + float(self.datum[x, y])
 
-    def way(self, one: Place, other: Place) -> tuple[float, float, float]:
+    def way(self, tail: Place, head: Place) -> tuple[float, float, float]:
         """Returns the way (m) from one place to another, each a cell x, y and a flight height."""
-        (ax, ay, low), (bx, by, high) = one, other
+        (ax, ay, low), (bx, by, high) = tail, head
         up = self.altitude(bx, by, high) - self.altitude(ax, ay, low)
         return (bx - ax) * self.resolution, (by - ay) * self.resolution, up
 

@@ -30,8 +30,7 @@ Below both, the trusted core, about 5,000 lines: `cocap_opt.problem`, `world` an
 a graph, and what its places and states are), `objective` (weights and J), `data` (array types and
 checks of fields), `arithmetic` (of floats) and `files.documents` (the digest that ties a file to
 its scene). Besides these, importing it loads what no number depends on: `stop`, `text`, `memory`,
-`drawing`, `files.atomic_write`, `files.code`, and `method` (the records of methods, which import
-none).
+`files.atomic_write`, `files.code`, and `method` (the records of methods, which import none).
 """
 
 from cocap_opt.formulations.certificates.checking import certify, verify

@@ -21,8 +21,15 @@ from strategies import WALL, Calls, examples, standing, tiny
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS, Planner
-from cocap_opt.planners.circles import Circle, Places, _distance_in_view
-from cocap_opt.planners.formation import STANDOFF, _flown, _nearest, formation
+from cocap_opt.planners.formation import (
+    STANDOFF,
+    Circle,
+    CirclePlaces,
+    _distance_in_view,
+    _flown,
+    _nearest,
+    formation,
+)
 from cocap_opt.planners.greedy import myopic
 from cocap_opt.planners.low_level import SingleRobotTask
 from cocap_opt.planners.one_step import one_step
@@ -367,7 +374,7 @@ def test_circles_turn_as_well_as_robots_can_follow(seed: int, horizon: int, robo
     rng, turns = np.random.default_rng(seed), 4
     problem = field(*(State(3 * i, 2) for i in range(robots)), horizon=horizon)
     at = rng.uniform(10, 11.6, (robots, horizon + 1, turns, 2)).cumsum(axis=2)
-    places = Places(np.zeros((horizon + 1, 2)), at, (5.0,) * robots, (4.0,) * robots)
+    places = CirclePlaces(np.zeros((horizon + 1, 2)), at, (5.0,) * robots, (4.0,) * robots)
     rewards = rng.choice([0.0, 1.0, 2.5], (horizon + 1, turns))
     circle = Circle(tuple(range(robots)), (0,))
 

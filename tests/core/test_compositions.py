@@ -12,19 +12,19 @@ from cocap_opt.graph.charges import NO_CHARGES
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.cocap import cocap
-from cocap_opt.planners.cocap_lns import cocap_lns
+from cocap_opt.planners.cocap_lns import (
+    LARGEST,
+    _exchanged,
+    _neighbours,
+    cocap_lns,
+    neighbourhood_search,
+)
 from cocap_opt.planners.constraint_tree import BestNodes, FocalNodes, Node
 from cocap_opt.planners.low_level import (
     PlannedTeam,
     SingleRobotPath,
     SingleRobotTask,
     value_iteration,
-)
-from cocap_opt.planners.neighbourhoods import (
-    LARGEST,
-    _exchanged,
-    _neighbours,
-    neighbourhood_search,
 )
 from cocap_opt.planners.responses import Responses, followed, one_by_one
 from cocap_opt.planners.restricted_value_iteration import RestrictedValueIteration
