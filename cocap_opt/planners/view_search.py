@@ -23,7 +23,7 @@ far more than searching. The paper names no gamma; `cocap-opt study gamma` measu
 import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -49,16 +49,6 @@ _TIE = 6  # digits; angles and distances that agree to these are equal
 _Way = tuple[float, float]  # off the heading (rad), and far (m), the nearest actor is
 
 
-class _Discount(Protocol):
-    """The order in which states are taken from the queue."""
-
-    def collect(self, value: float, reward: float, k: int) -> float:
-        """Value of the (k+1)-th state of a path, from that of the k-th and its own reward."""
-
-    def key(self, value: float, k: int, horizon: int) -> float:
-        """Key in the queue of the (k+1)-th state of a path, from its value."""
-
-
 @dataclass(frozen=True)
 class Compounded:
     """The paper's discount: values are discounted again at every step, and are the keys."""
@@ -66,11 +56,11 @@ class Compounded:
     gamma: float = GAMMA
 
     def collect(self, value: float, reward: float, k: int) -> float:
-        """Returns Rbar_{k+1}."""
+        """Returns Rbar_{k+1} of a path, from Rbar_k and the reward of its (k+1)-th state."""
         return (reward + value) * self.gamma ** (k - 1)
 
     def key(self, value: float, k: int, horizon: int) -> float:
-        """Returns Rbar_{k+1}."""
+        """Returns Rbar_{k+1}, the key in the queue of the (k+1)-th state."""
         return value
 
 
@@ -92,6 +82,9 @@ class Undiscounted:
         """Returns the sum, discounted by depth."""
         gamma = _FINAL_DISCOUNT ** (1 / horizon) if self.gamma is None else self.gamma
         return value * gamma ** (k - 1)
+
+
+_Discount = Compounded | Undiscounted
 
 
 def _algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: _Discount) -> Path | None:

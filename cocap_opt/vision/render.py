@@ -28,13 +28,6 @@ class Picture(NamedTuple):
     shade: FloatArray  # [height, width] cosine between ray and surface normal; 0 for the sky
 
 
-class _Hits(NamedTuple):
-    """The first hits of rays."""
-
-    surface: IntArray  # [n] number of the surface; -1 for none
-    triangle: IntArray  # [n] number of the triangle of that surface
-
-
 class Renderer:
     """Renders views of a problem's robots.
 
@@ -82,9 +75,11 @@ class Renderer:
         counts = np.zeros(len(self._problem.face_weights))
         actors, triangle_faces = self._bodies(t)
         for actor, box in self._boxes(t, robot, state):
-            for _, ways, hits in self._cast(robot, state, box, (actors, self._terrain)):
-                of_actors = np.flatnonzero(hits.surface == 0)
-                triangle, ways = hits.triangle[of_actors], ways[of_actors]
+            for _, ways, surface, triangle in self._cast(
+                robot, state, box, (actors, self._terrain)
+            ):
+                of_actors = np.flatnonzero(surface == 0)
+                triangle, ways = triangle[of_actors], ways[of_actors]
                 # A face that is seen from behind, from inside of a body, does not count.
                 outside = (_normals(actors.triangles[triangle]) * ways).sum(axis=1) < 0
                 seen = triangle_faces[triangle[outside]]
@@ -97,8 +92,8 @@ class Renderer:
         counts = np.zeros(len(self._problem.face_weights))
         for actor, box in self._boxes(t, robot, state):
             alone, its_faces = self._alone(t, actor)
-            for _, _, hits in self._cast(robot, state, box, (alone,)):
-                seen = its_faces[hits.triangle[hits.surface == 0]]
+            for _, _, surface, triangle in self._cast(robot, state, box, (alone,)):
+                seen = its_faces[triangle[surface == 0]]
                 counts += np.bincount(seen, minlength=len(counts))
         return counts * self._step**2
 
@@ -115,10 +110,10 @@ class Renderer:
         width, height = (-(-size // self._step) for size in (camera.width, camera.height))
         shown, shade = np.full(width * height, SKY), np.zeros(width * height)
         box = (0, 0, camera.width, camera.height)
-        for at, ways, hits in self._cast(robot, state, box, surfaces):
+        for at, ways, hit_surface, hit_triangle in self._cast(robot, state, box, surfaces):
             for k, surface in enumerate(surfaces):
-                hit = np.flatnonzero(hits.surface == k)
-                triangle = hits.triangle[hit]
+                hit = np.flatnonzero(hit_surface == k)
+                triangle = hit_triangle[hit]
                 shown[at[hit]] = TERRAIN if k else triangle_faces[triangle]
                 shade[at[hit]] = np.abs((_normals(surface.triangles[triangle]) * ways[hit]).sum(1))
         return Picture(shown.reshape(height, width), shade.reshape(height, width))
@@ -177,8 +172,11 @@ class Renderer:
         state: State,
         box: tuple[int, int, int, int],
         surfaces: Sequence[Surface],
-    ) -> Iterator[tuple[IntArray, FloatArray, _Hits]]:
-        """Yields rays of a box of pixels, some at a time: their pixels, ways [n, 3], and hits."""
+    ) -> Iterator[tuple[IntArray, FloatArray, IntArray, IntArray]]:
+        """Yields the rays of a box of pixels, many at a time.
+
+        Each is told by its pixel, its way [n, 3], and the surface and triangle that it first meets.
+        """
         camera, step, axes = self.camera_of(robot), self._step, _axes(robot, state)
         columns = np.arange(box[0] // step, -(-box[2] // step))
         width = -(-camera.width // step)
@@ -196,7 +194,7 @@ class Renderer:
             ways = local @ axes
             ways /= np.linalg.norm(ways, axis=1)[:, None]
             eyes = np.tile(self._eye(robot, state), (len(ways), 1))
-            yield row * width + column, ways, _nearest(surfaces, eyes, ways)
+            yield (row * width + column, ways, *_nearest(surfaces, eyes, ways))
 
 
 def _axes(robot: Robot, state: State) -> FloatArray:
@@ -209,16 +207,21 @@ def _axes(robot: Robot, state: State) -> FloatArray:
     return np.stack([right, np.cross(right, forward), forward])
 
 
-def _nearest(surfaces: Sequence[Surface], eyes: FloatArray, ways: FloatArray) -> _Hits:
-    """Returns the first hit of each ray on any of the surfaces."""
+def _nearest(
+    surfaces: Sequence[Surface], eyes: FloatArray, ways: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """Returns for each ray [n] the number of the surface that it first meets, and the triangle.
+
+    Both are -1 where it meets none.
+    """
     distance = np.full(len(ways), np.inf)
-    hits = _Hits(np.full(len(ways), -1), np.full(len(ways), -1))
+    met, triangle_met = np.full(len(ways), -1), np.full(len(ways), -1)
     for k, surface in enumerate(surfaces):
         far, triangle = surface.first_hit(eyes, ways)
         nearer = far < distance
         distance[nearer] = far[nearer]
-        hits.surface[nearer], hits.triangle[nearer] = k, triangle[nearer]
-    return hits
+        met[nearer], triangle_met[nearer] = k, triangle[nearer]
+    return met, triangle_met
 
 
 def _normals(triangles: FloatArray) -> FloatArray:

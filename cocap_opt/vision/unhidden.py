@@ -152,11 +152,11 @@ class _FacesFrom:
         turned = spans(self._first[pair], counts)
         face = self._faces[turned]
         state = (actors.orientations * len(self._eyes) + actors.eyes)[entry]
-        at = _At(state, (actors.orientations * len(self._planes.areas))[entry] + face)
-        depth = looks.corners(2, at)
+        faces = (actors.orientations * len(self._planes.areas))[entry] + face
+        depth = looks.corners(2, state, faces)
         pixels = self._of_whole(depth, face) * self._density[turned]
         cut = np.flatnonzero(~actors.whole[entry])
-        beside = [looks.corners(k, _At(at.states[cut], at.corners[cut])) for k in (0, 1)]
+        beside = [looks.corners(k, state[cut], faces[cut]) for k in (0, 1)]
         pixels[cut] = self._of_cut(beside, [d[cut] for d in depth], face[cut], pixels[cut])
         seen = np.flatnonzero(pixels)
         return state[seen] + first * len(self._eyes), face[seen], pixels[seen]
@@ -197,13 +197,6 @@ class _FacesFrom:
         return np.where(behind, least, np.minimum(least, whole))
 
 
-class _At(NamedTuple):
-    """Numbers of pairs of an orientation and an eye, and of one and a face."""
-
-    states: IntArray  # [n]
-    corners: IntArray  # [n]
-
-
 class _Looks:
     """Points as seen along some orientations [O] from eyes [n]."""
 
@@ -214,10 +207,15 @@ class _Looks:
         corners = np.moveaxis(planes.polygons, 1, 0)  # [V, F, 3]
         self._corners = [[_dots(way, c).ravel() for c in corners] for way in ways]
 
-    def corners(self, way: int, at: "_At") -> list[FloatArray]:
-        """Returns how far each corner [n] of faces is to the right, up, or ahead (0, 1, 2), m."""
-        here = self.eyes[way].take(at.states)
-        return [corner.take(at.corners) - here for corner in self._corners[way]]
+    def corners(self, way: int, states: IntArray, turned: IntArray) -> list[FloatArray]:
+        """Returns how far each corner [n] of faces is to the right, up, or ahead (0, 1, 2), m.
+
+        Parameters
+        ----------
+        states, turned : [n] numbers of pairs of an orientation and an eye, and of one and a face
+        """
+        here = self.eyes[way].take(states)
+        return [corner.take(turned) - here for corner in self._corners[way]]
 
 
 class _ActorsInView(NamedTuple):
