@@ -1,4 +1,4 @@
-"""Text files and numbers in them, and the errors of one line that all readers of files raise."""
+"""Text files, XML and numbers in them, and the one-line errors that all readers of files raise."""
 
 import codecs
 import csv
@@ -6,8 +6,9 @@ import math
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from xml.etree.ElementTree import Element, ParseError
 
-from cocap_opt.data import ProblemError
+from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import unreadable
 from cocap_opt.files.messages import no_text
 from cocap_opt.scenarios.foreign import Kind, require
@@ -91,6 +92,38 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, dict[str
             f"line {reader.line_num}: must be short values with commas between them"
         ) from error
     return rows
+
+
+def rectangle(low: FloatArray, high: FloatArray) -> str:
+    """Returns the words for a rectangle from one corner [2] to the other, m."""
+    x, y = (f"{a:.7g}..{b:.7g}" for a, b in zip(low.tolist(), high.tolist(), strict=True))
+    return f"x {x} and y {y} m"
+
+
+def xml_root(content: bytes, kind: str) -> Element:
+    """Returns the outermost element of XML, read without entities, which could grow without end.
+
+    Parameters
+    ----------
+    kind : of the file, as messages name it
+
+    Raises
+    ------
+    ProblemError
+        If it is damaged, of an encoding that is not known, or has a DOCTYPE.
+    """
+    from defusedxml import DefusedXmlException, ElementTree
+
+    try:
+        root: Element = ElementTree.fromstring(content, forbid_dtd=True)
+    except DefusedXmlException as error:
+        raise ProblemError(f"must be {kind} without a DOCTYPE and entities of its own") from error
+    except ParseError as error:
+        line, _ = error.position
+        raise ProblemError(f"line {line}: must be {kind}; it is damaged or cut off") from error
+    except (ValueError, LookupError) as error:
+        raise ProblemError(f"must be {kind} in UTF-8, not in an unknown encoding") from error
+    return root
 
 
 def plain_number(text: str) -> float:

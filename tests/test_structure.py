@@ -42,7 +42,8 @@ ORDER = {
         "relaxations", "column_generation", "integer_programs",
     ),
     "scenarios": (
-        "kinds", "foreign", "text", "cameras", "airframes", "formats", "recipe", "built_in",
+        "kinds", "foreign", "text", "tables", "cameras", "airframes", "walking", "earth", "maps",
+        "meshes", "tracks", "formats", "recipe", "built_in",
     ),
     "run": ("console", "output", "run", "pictures", "missions", "player"),
     "experiments": ("tables", "sweeps", "report"),

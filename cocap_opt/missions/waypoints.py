@@ -42,8 +42,7 @@ from cocap_opt.missions.routes import (
 )
 from cocap_opt.missions.zones import Zone, crossed, zones
 from cocap_opt.output.heights import over_datum
-from cocap_opt.problem import CollisionRules
-from cocap_opt.scenarios.recipe.rules import SEPARATION
+from cocap_opt.problem import SEPARATION, CollisionRules
 
 _PART = "no-common-clock.drone"
 _LITTLE = 0.1  # s, of which nobody is told

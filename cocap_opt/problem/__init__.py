@@ -18,7 +18,7 @@ from cocap_opt.problem.plan import (
 )
 from cocap_opt.problem.problem import Problem
 from cocap_opt.problem.robot import Limits, Robot
-from cocap_opt.problem.rules import NO_RULES, PAPER_RULES, CollisionRules
+from cocap_opt.problem.rules import NO_RULES, PAPER_RULES, SEPARATION, CollisionRules
 from cocap_opt.problem.scene import Earth
 from cocap_opt.problem.shapes import Cuboid, Prism, Shape, TriangulatedCuboid
 
@@ -26,6 +26,7 @@ __all__ = [
     "COVERAGE_VERSION",
     "NO_RULES",
     "PAPER_RULES",
+    "SEPARATION",
     "Actor",
     "Airspace",
     "AnyCamera",

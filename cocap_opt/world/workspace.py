@@ -74,6 +74,12 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
         x, y = self.heights.shape
         return x, y
 
+    @property
+    def ends(self) -> tuple[FloatArray, FloatArray]:
+        """Lower left and upper right corner [2] of the map, m."""
+        first = np.array(self.origin)
+        return first, first + np.array(self.shape) * self.resolution
+
     def centre(self, x: int, y: int) -> tuple[float, float]:
         """Returns the world coordinates (m) of the middle of cell (x, y)."""
         ox, oy = self.origin

@@ -26,11 +26,11 @@ import numpy as np
 from cocap_opt.data import BoolArray, ProblemError
 from cocap_opt.problem import Actor, Motion, Problem
 from cocap_opt.scenarios.built_in.parts import WALL, Point, drones, walker
-from cocap_opt.scenarios.formats.movingai import GridCell, walking_graph
+from cocap_opt.scenarios.walking import GridCell, walking_graph
 from cocap_opt.world.workspace import HeightMap
 
 if TYPE_CHECKING:
-    from cocap_opt.scenarios.formats.movingai import Graph
+    from cocap_opt.scenarios.walking import Graph
 
 LEAST_CELLS, MOST_CELLS = 15, 256  # cells of 1 m along x and y
 MOST_STEPS = 1000

@@ -32,17 +32,14 @@ from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.problem import Actor, Motion, Problem, Robot, State
 from cocap_opt.scenarios.formats.options import NOTHING, Options
 from cocap_opt.scenarios.text import integer, naming, number, read_text
+from cocap_opt.scenarios.walking import GridCell, walking_graph
 from cocap_opt.world.workspace import HeightMap, Workspace
 
 FREE = ".GS"
 BLOCKED = "@OTW"
 
 if TYPE_CHECKING:
-    import networkx as nx
-
-    Graph = nx.Graph[Any]
-
-GridCell = tuple[int, int]  # column, row
+    from cocap_opt.scenarios.walking import Graph
 
 
 class _Trip(NamedTuple):
@@ -322,23 +319,6 @@ def _read_map(path: Path) -> BoolArray:
             known = set(row) <= set(FREE + BLOCKED)
             _require(known, f"line {line}", f"must hold only the characters {FREE}{BLOCKED}")
         return np.array([[terrain in FREE for terrain in row] for row in grid]).T
-
-
-def walking_graph(free: BoolArray) -> Graph:
-    """Returns the graph on which people walk: free cells [columns, rows] and their neighbours.
-
-    Each cell is joined to eight others; diagonal moves cut no corner. Weights are in cells.
-    """
-    import networkx as nx  # a fifth of a second, which few commands need
-
-    graph: Graph = nx.Graph()
-    graph.add_nodes_from((int(x), int(y)) for x, y in np.argwhere(free))
-    for x, y in graph:
-        for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
-            # A straight move has only its target among these three.
-            if all(cell in graph for cell in ((x + dx, y + dy), (x + dx, y), (x, y + dy))):
-                graph.add_edge((x, y), (x + dx, y + dy), weight=math.hypot(dx, dy))
-    return graph
 
 
 def _require(condition: bool, field: str, allowed: str) -> None:

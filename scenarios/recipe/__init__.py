@@ -4,4 +4,4 @@
 `lighter` changes a recipe to what costs less to plan.
 """
 
-__all__ = ["lighter", "recipe", "rules"]
+__all__ = ["lighter", "recipe"]

@@ -4,9 +4,9 @@ from shapely import Polygon
 
 from cocap_opt.data import LARGEST, ProblemError
 from cocap_opt.problem import Airspace
-from cocap_opt.scenarios.recipe.ground_plans import sound
-from cocap_opt.scenarios.recipe.tables import Coordinate, Point, Size, Table
-from cocap_opt.scenarios.recipe.walls import extruded
+from cocap_opt.scenarios.maps.ground_plans import sound
+from cocap_opt.scenarios.maps.walls import extruded
+from cocap_opt.scenarios.tables import Coordinate, Point, Size, Table
 from cocap_opt.scenarios.text import naming
 from cocap_opt.world.workspace import Mesh
 

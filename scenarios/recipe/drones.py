@@ -17,8 +17,8 @@ from cocap_opt.problem import Actor, Airspace, Camera, CollisionRules, Limits, M
 from cocap_opt.scenarios.airframes import AIRFRAMES
 from cocap_opt.scenarios.cameras import CAMERAS
 from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE
-from cocap_opt.scenarios.recipe.tables import Coordinate, Count, Heading, Length, Table
-from cocap_opt.scenarios.recipe.terrain import area, ends
+from cocap_opt.scenarios.tables import Coordinate, Count, Heading, Length, Table
+from cocap_opt.scenarios.text import rectangle
 from cocap_opt.text import meant
 from cocap_opt.world.workspace import HeightMap, Workspace
 
@@ -251,11 +251,11 @@ def _require_people_on_map(around: Surroundings) -> None:
         return
     steps = around.horizon + 1
     points = np.concatenate([actor.poses[:steps, :2] for actor in around.actors])
-    first, last = ends(around.height_map)
+    first, last = around.height_map.ends
     if not ((first <= points) & (points < last)).all(axis=1).any():
         raise ProblemError(
-            f"all people are off the map, at {area(points.min(axis=0), points.max(axis=0))}, so "
-            f"that no drone can start near them; the map is {area(first, last)}; origin "
+            f"all people are off the map, at {rectangle(points.min(axis=0), points.max(axis=0))}, "
+            f"so that no drone can start near them; the map is {rectangle(first, last)}; origin "
             "of [map] moves the map, `at` of the tracks people"
         )
 
@@ -264,7 +264,7 @@ def _stated(start: _StartTable, motion: Motion, height_map: HeightMap) -> State:
     x, y = height_map.cell_of(start.x, start.y)
     if not height_map.inside(x, y):
         raise ProblemError(
-            f"starts: must lie on the map, {area(*ends(height_map))}, not at ({start.x:g}, "
+            f"starts: must lie on the map, {rectangle(*height_map.ends)}, not at ({start.x:g}, "
             f"{start.y:g}) m"
         )
     if start.height is not None and start.height not in motion.layers:

@@ -17,7 +17,6 @@ from cocap_opt.data import FloatArray
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios.recipe.drones import DronesTable
 from cocap_opt.scenarios.recipe.recipe import Recipe, decoded, read
-from cocap_opt.scenarios.recipe.terrain import ends
 
 _MARGINS = 30.0, 20.0, 10.0  # m around all people and starts, of windows
 _COARSER = 1.5, 2.0, 3.0, 4.0  # times the resolution
@@ -89,7 +88,7 @@ def _windows(recipe: Recipe, problem: Problem) -> Iterator[Change]:
     """Yields windows around all people and starts; a map that has no file has none."""
     if recipe.map.file is None:
         return
-    low, high = ends(problem.height_map)
+    low, high = problem.height_map.ends
     people = [actor.poses[: problem.horizon + 1, :2] for actor in problem.actors]
     starts = [problem.where(robot, (robot.start,))[:, :2] for robot in problem.robots]
     points, reached = np.concatenate([*people, *starts]), _reached(problem, np.concatenate(starts))
@@ -109,7 +108,7 @@ def _windows(recipe: Recipe, problem: Problem) -> Iterator[Change]:
 
 def _reached(problem: Problem, starts: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Returns the lower left and the upper right corner [2] (m) of where drones may come."""
-    low, high = ends(problem.height_map)
+    low, high = problem.height_map.ends
     radius = max(robot.motion.radius for robot in problem.robots)
     far = (radius * problem.horizon + 1) * problem.height_map.resolution
     return np.maximum(starts.min(axis=0) - far, low), np.minimum(starts.max(axis=0) + far, high)

@@ -10,9 +10,10 @@ from msgspec import Meta
 
 from cocap_opt.data import LARGEST, FloatArray, ProblemError
 from cocap_opt.problem import Actor, Shape
-from cocap_opt.scenarios.recipe.earth import Projection
+from cocap_opt.scenarios.earth.place import Projection
+from cocap_opt.scenarios.maps.terrain import Terrain
 from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE, pace_warning
-from cocap_opt.scenarios.recipe.tables import (
+from cocap_opt.scenarios.tables import (
     Count,
     Heading,
     Point,
@@ -21,10 +22,9 @@ from cocap_opt.scenarios.recipe.tables import (
     TimeUnit,
     Unit,
 )
-from cocap_opt.scenarios.recipe.terrain import Terrain
-from cocap_opt.scenarios.recipe.track_files import on_one_clock
-from cocap_opt.scenarios.recipe.track_times import SINCE_1970, Clock, likely_unit
-from cocap_opt.scenarios.recipe.tracks import BODY, MOST_GAP, SLACK, STILL, Track
+from cocap_opt.scenarios.tracks.clocks import on_one_clock
+from cocap_opt.scenarios.tracks.times import SINCE_1970, Clock, likely_unit
+from cocap_opt.scenarios.tracks.track import BODY, MOST_GAP, SLACK, STILL, Track
 
 log = logging.getLogger(__name__)
 

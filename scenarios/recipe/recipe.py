@@ -17,18 +17,18 @@ from msgspec import Meta
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Actor, Earth, Objective, Problem, Robot
+from cocap_opt.scenarios.earth.place import EarthTable, Projection, require_likely
 from cocap_opt.scenarios.foreign import JSON
+from cocap_opt.scenarios.maps.terrain import MapTable, Terrain
+from cocap_opt.scenarios.maps.walls import WallsTable
+from cocap_opt.scenarios.meshes.table import MeshTable
 from cocap_opt.scenarios.recipe.airspace import AirspaceTable, NoFlyTable
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings, say_moved
-from cocap_opt.scenarios.recipe.earth import EarthTable, Projection, require_likely
-from cocap_opt.scenarios.recipe.meshes import MeshTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import RulesTable
-from cocap_opt.scenarios.recipe.tables import Flight, Table
-from cocap_opt.scenarios.recipe.terrain import MapTable, Terrain, area, ends
-from cocap_opt.scenarios.recipe.track_times import Clock
-from cocap_opt.scenarios.recipe.walls import WallsTable
-from cocap_opt.scenarios.text import naming, read_text
+from cocap_opt.scenarios.tables import Flight, Table
+from cocap_opt.scenarios.text import naming, read_text, rectangle
+from cocap_opt.scenarios.tracks.times import Clock
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 log = logging.getLogger(__name__)
@@ -323,10 +323,11 @@ def _require_on_map(
 ) -> None:
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     low, high = vertices.min(axis=0)[:2], vertices.max(axis=0)[:2]
-    first, last = ends(height_map)
+    first, last = height_map.ends
     if (high < first).any() or (low > last).any():
         raise ProblemError(
-            f"must lie on the map, {area(first, last)}, not at {area(low, high)}; {way_out}"
+            f"must lie on the map, {rectangle(first, last)}, not at {rectangle(low, high)}; "
+            f"{way_out}"
         )
 
 

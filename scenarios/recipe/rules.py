@@ -1,10 +1,7 @@
 """The table of a recipe that says how far drones keep from each other."""
 
-from cocap_opt.problem import CollisionRules
-from cocap_opt.scenarios.recipe.tables import Size, Table
-
-# m, of recipes that do not say; docs/results/flight.md says why
-SEPARATION = 2.0
+from cocap_opt.problem import SEPARATION, CollisionRules
+from cocap_opt.scenarios.tables import Size, Table
 
 
 class RulesTable(Table):

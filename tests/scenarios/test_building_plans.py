@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from cocap_opt.data import ProblemError
-from cocap_opt.planners import sequential
+from cocap_opt.planners.sequential import sequential
 from cocap_opt.problem import Earth
-from cocap_opt.scenarios.recipe.building_heights import extent
-from cocap_opt.scenarios.recipe.earth import Projection
-from cocap_opt.scenarios.recipe.ground_plans import sound
+from cocap_opt.scenarios.earth.place import Projection
+from cocap_opt.scenarios.maps.building_heights import extent
+from cocap_opt.scenarios.maps.ground_plans import sound
+from cocap_opt.scenarios.maps.walls import WallsTable, extruded
 from cocap_opt.scenarios.recipe.recipe import read
-from cocap_opt.scenarios.recipe.walls import WallsTable, extruded
 from cocap_opt.world.workspace import Mesh
 
 pyproj = pytest.importorskip("pyproj")

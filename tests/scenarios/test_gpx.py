@@ -15,9 +15,9 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.problem import Earth
 from cocap_opt.scenarios import load_scene
-from cocap_opt.scenarios.recipe.earth import Projection
-from cocap_opt.scenarios.recipe.gpx import Gpx
-from cocap_opt.scenarios.recipe.tracks import Track
+from cocap_opt.scenarios.earth.place import Projection
+from cocap_opt.scenarios.tracks.gpx import Gpx
+from cocap_opt.scenarios.tracks.track import Track
 
 EARTH = Earth(crs="EPSG:32633", origin=(52.4010, 13.0590))
 PLACE = Projection(EARTH)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.recipe.lengths import stated_heights
-from cocap_opt.scenarios.recipe.raster_files import read_raster
-from cocap_opt.scenarios.recipe.units_of_systems import require_metres, units_of
+from cocap_opt.scenarios.earth.lengths import stated_heights
+from cocap_opt.scenarios.earth.units import require_metres, units_of
+from cocap_opt.scenarios.maps.raster_files import read_raster
 
 US_FOOT = 1200 / 3937
 GRID = "ncols 2\nnrows 1\nxllcorner {}\nyllcorner {}\ncellsize 5\n10 20\n"

@@ -18,7 +18,7 @@ from cocap_opt.pictures.style import (
     new_figure,
     set_frame,
 )  # fmt: skip
-from cocap_opt.scenarios.recipe.rules import SEPARATION
+from cocap_opt.problem import SEPARATION
 
 _COLOURS = {SMOOTH: BLUE, STRAIGHT: RED}
 _ASIDE = {SMOOTH: -0.17, STRAIGHT: 0.17}

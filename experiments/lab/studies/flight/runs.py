@@ -21,11 +21,10 @@ from cocap_opt.flight.pace import demands
 from cocap_opt.flight.smooth import smooth
 from cocap_opt.output.files import load_csv
 from cocap_opt.planners import PLANNERS, RECOMMENDED
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import SEPARATION, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.airframes import AIRFRAMES
-from cocap_opt.scenarios.recipe.rules import SEPARATION
 from cocap_opt.stop import TimeLimit
 
 SMOOTH, STRAIGHT = "smooth", "straight"

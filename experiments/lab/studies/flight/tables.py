@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from cocap_opt.experiments.lab.studies.flight.runs import SMOOTH, STRAIGHT, Run
 from cocap_opt.output.printing import Listing, Record
-from cocap_opt.scenarios.recipe.rules import SEPARATION
+from cocap_opt.problem import SEPARATION
 
 _NOTE = (
     "error: how far drones are from where they should be, mean and largest; late: the same along "

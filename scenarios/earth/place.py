@@ -1,0 +1,215 @@
+"""The place of a recipe's coordinates on the Earth, and what files in degrees become there."""
+
+import logging
+import math
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from msgspec import Meta
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.flight.earth import Geodesy, Place, is_meant_for
+from cocap_opt.problem import Earth
+from cocap_opt.scenarios.earth.systems import same_system, short_name, utm
+from cocap_opt.scenarios.tables import Coordinate, Table
+from cocap_opt.scenarios.text import rectangle
+from cocap_opt.world.workspace import HeightMap
+
+_ABOVE: dict[str, Literal["sea", "ellipsoid"]] = {
+    "above-sea": "sea",
+    "above-ellipsoid": "ellipsoid",
+}
+FARTHEST = 50_000.0  # m; a point farther away is none that a scene's own axes begin in
+_OWN = "in [earth] latitude and longitude are those of the point x = 0, y = 0"
+_EQUATOR = 0.5  # degrees from it, where maps seldom are and wrong coordinates often
+
+log = logging.getLogger(__name__)
+
+
+class Projection(NamedTuple):
+    """The way from latitudes and longitudes of files to coordinates of the scene.
+
+    Attributes
+    ----------
+    earth : the place of the scene; None: nobody says it
+    point : m, a point of the map
+    """
+
+    earth: Earth | None = None
+    point: Place = (0.0, 0.0)
+
+    def metres(self, latitude: FloatArray, longitude: FloatArray) -> FloatArray:
+        """Returns the points [n, 2] (m) at latitudes and longitudes [n] (degrees, WGS 84).
+
+        Raises
+        ------
+        ProblemError
+            If nobody says where the scene is, or they are far from it.
+        """
+        if self.earth is None:
+            raise ProblemError(_wanted_place(latitude, longitude))
+        geodesy = self._geodesy
+        points = geodesy.metres(latitude, longitude)
+        away = np.hypot(*(points - np.array(self.point)).T)
+        if not (away <= FARTHEST).all():  # true for nan, too
+            k = int(np.argmax(~(away <= FARTHEST)))
+            there, here = (latitude[k], longitude[k]), _degrees(geodesy, self.point)
+            swapped = geodesy.metres(longitude[[k]], latitude[[k]])[0] - np.array(self.point)
+            likely = math.hypot(*swapped.tolist()) <= FARTHEST
+            raise ProblemError(
+                f"latitude, longitude: {'are they swapped? They ' if likely else ''}must be near "
+                f"the map, at ({here[0]:.5f}, {here[1]:.5f}) by [earth], not at ({there[0]:.5f}, "
+                f"{there[1]:.5f})" + ("" if self.earth.origin else f"; {_OWN}")
+            )
+        return points
+
+    def plane(self, latitude: FloatArray, longitude: FloatArray) -> FloatArray:
+        """Returns points [n, 2] (m) as `metres` does, but of any place; not finite where none is.
+
+        Somebody must say where the scene is.
+        """
+        return self._geodesy.metres(latitude, longitude)
+
+    @property
+    def place(self) -> Place:
+        """Latitude and longitude (degrees) of the point of the map."""
+        return _degrees(self._geodesy, self.point)
+
+    @property
+    def _geodesy(self) -> Geodesy:
+        if self.earth is None:
+            raise ProblemError("earth: must be known")
+        return Geodesy(self.earth, self.point)
+
+
+NOWHERE = Projection()
+
+
+def _wanted_place(latitude: FloatArray, longitude: FloatArray) -> str:
+    """Says which table a recipe must have for points in degrees."""
+    south, west = (math.floor(1e4 * float(values.min())) / 1e4 for values in (latitude, longitude))
+    west = (west + 180) % 360 - 180
+    return (
+        f"latitude, longitude: must have [earth] of the recipe, which makes metres of degrees: crs "
+        f'= "{utm(west, south)}", latitude = {south:.4f} and longitude = {west:.4f} there say '
+        "where x = 0, y = 0 is; or write metres of a projection"
+    )
+
+
+def _degrees(geodesy: Geodesy, point: Place) -> Place:
+    """Returns the latitude and longitude (degrees) of a point (m) of the scene."""
+    latitude, longitude = geodesy.degrees(*np.array(point)[:, None])
+    return float(latitude[0]), float(longitude[0])
+
+
+class EarthTable(Table):
+    """The table `earth`: the reference system, and the place of the point x = y = z = 0."""
+
+    crs: str | None = None  # None: that of the map's file
+    latitude: Annotated[float, Meta(ge=-90, le=90)] | None = None
+    longitude: Annotated[float, Meta(ge=-180, le=180)] | None = None
+    height: Coordinate | None = None  # m, of z = 0
+    heights: Literal["above-sea", "above-ellipsoid"] | None = None  # what height is above
+
+    def earth(self, of_map: str | None, height_map: HeightMap) -> Earth:
+        """Returns the place of the scene.
+
+        Parameters
+        ----------
+        of_map : reference system that the map's file states
+
+        Raises
+        ------
+        ProblemError
+            If the system is missing, is not the map's, or cannot be converted to latitudes and
+            longitudes; or something else is missing or too much.
+        """
+        if (self.latitude is None) != (self.longitude is None):
+            raise ProblemError("latitude, longitude: must be given both, or neither")
+        if of_map is not None and self.latitude is not None:
+            raise ProblemError(
+                "latitude, longitude: must be left out where the map's file says where it is"
+            )
+        if of_map is not None and self.crs is not None and not same_system(of_map, self.crs):
+            raise ProblemError(
+                f"crs: must be left out, or that of the map's file, {short_name(of_map)}, not "
+                f"{self.crs}"
+            )
+        away = float(np.hypot(*height_map.centre(0, 0)))
+        if self.latitude is not None and away > FARTHEST:
+            raise ProblemError(
+                f"latitude, longitude: must be those of the point x = 0, y = 0, which is "
+                f"{away / 1000:.0f} km from the map; where x and y are coordinates of the system, "
+                "as on most maps, leave both out"
+            )
+        system = of_map or self.crs
+        if system is None:
+            raise ProblemError(f"crs: must be given, {self._what_crs_is()}")
+        if (self.height is None) != (self.heights is None):
+            raise ProblemError("height, heights: must be given both, or neither")
+        earth = Earth(
+            crs=system,
+            origin=None if self.latitude is None else (self.latitude, self.longitude or 0.0),
+            heights=_ABOVE[self.heights] if self.heights else None,
+            base=self.height or 0.0,
+        )
+        if of_map is None:  # else the map's reader has looked at it
+            _require_system(earth, height_map.centre(0, 0))
+        return earth
+
+    def _what_crs_is(self) -> str:
+        """Says what nobody could guess who has a latitude and a longitude only."""
+        example = "EPSG:25830"
+        if self.latitude is not None and self.longitude is not None:
+            example = f"{utm(self.longitude, self.latitude)} here"
+        return (
+            "for no file of the map states one: the projection to whose east and north x and y go, "
+            f"such as {example}"
+        )
+
+
+def _require_system(earth: Earth, corner: Place) -> None:
+    """Refuses a system that has no true metres at a corner (m) of the map."""
+    if earth.origin is not None and _are_swapped(earth.crs, earth.origin):
+        latitude, longitude = earth.origin
+        raise ProblemError(
+            f"latitude, longitude: are they swapped? {short_name(earth.crs)} is made for latitude "
+            f"{longitude:g}, longitude {latitude:g}, and not for latitude {latitude:g}, longitude "
+            f"{longitude:g}"
+        )
+    Geodesy(earth, corner)
+
+
+def require_likely(earth: Earth, height_map: HeightMap) -> None:
+    """Refuses a place where a map can hardly be, and warns of one where it seldom is.
+
+    Maps whose x and y are no coordinates of the system come to lie at its origin.
+
+    Raises
+    ------
+    ProblemError
+        If the system is not made for that place; one line.
+    """
+    corner = height_map.centre(0, 0)
+    place = _degrees(Geodesy(earth, corner), corner)
+    meant = is_meant_for(earth.crs, place)
+    if earth.origin is not None or meant is None:
+        return
+    where = (
+        f"x and y of the map, {rectangle(*height_map.ends)}, are coordinates of "
+        f"{short_name(earth.crs)}, there latitude {place[0]:.4f}, longitude {place[1]:.4f}"
+    )
+    near = np.abs(corner) < FARTHEST
+    if near.any() and not meant:
+        raise ProblemError(
+            f"latitude, longitude: must be given, or origin of [map] must be the map's corner in "
+            f"that system; else {where}, for which it is not made; {_OWN}"
+        )
+    if near.all() or abs(place[0]) < _EQUATOR:
+        log.warning("earth: %s: is that right?", where)
+
+
+def _are_swapped(crs: str, place: Place) -> bool:
+    """Returns True if a system is made for a place only with latitude and longitude swapped."""
+    swapped = place[1], place[0]
+    return is_meant_for(crs, place) is False and is_meant_for(crs, swapped) is True

@@ -1,0 +1,1 @@
+"""Maps: rasters of heights, and ground plans and buildings in files of polygons."""

@@ -1,0 +1,191 @@
+"""From where to where a building reaches, as its properties in a file say.
+
+Sources: the tags of OpenStreetMap, https://wiki.openstreetmap.org/wiki/Simple_3D_Buildings (heights
+are in metres unless they say otherwise, and count from the ground), and the properties of OSM
+Buildings, https://osmbuildings.org/documentation/data/.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import msgspec
+
+from cocap_opt.data import LARGEST, ProblemError
+from cocap_opt.scenarios.earth.lengths import stated_length
+
+STOREY = 3.0  # m; what Simple 3D Buildings proposes where only storeys are known
+
+_TOP = "height", "buildingheight", "estheight"
+_STOREYS = "buildinglevels", "levels"
+_ROOF, _ROOF_STOREYS = "roofheight", "rooflevels"
+_BOTTOM = "minheight", "buildingminheight"
+_BOTTOM_STOREYS = "buildingminlevel", "minlevel"
+_KNOWN = (*_TOP, *_STOREYS, _ROOF, _ROOF_STOREYS, *_BOTTOM, *_BOTTOM_STOREYS)
+
+_LENGTH = re.compile(r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
+_FEET_AND_INCHES = re.compile(r"(\d+(?:\.\d+)?)\s*'\s*(?:(\d+(?:\.\d+)?)\s*\")?")
+_THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")  # or a decimal comma; nobody can know
+_HSTORE = re.compile(r'"([^"]+)"=>"([^"]*)"')  # as GDAL writes all other tags of OpenStreetMap
+_FROM_FOOT = re.compile(r"\s*\b(?:above ground(?: level)?|agl)$", re.IGNORECASE)
+_FOOT, _INCH = 0.3048, 0.0254  # m
+
+
+class Extent(NamedTuple):
+    """From where to where a building reaches, m above its foot."""
+
+    bottom: float = 0.0
+    top: float | None = None  # None: it has no height of its own
+    is_counted: bool = False  # in storeys
+
+
+class _Given(NamedTuple):
+    name: str  # as the file spells it
+    value: Any
+
+
+def extent(properties: Mapping[str, Any], field: str) -> Extent:
+    """Returns from where to where a building reaches.
+
+    Names of properties may be spelt in large letters or as one word, and be in `tags`. A height
+    counts before storeys, of which each has `STOREY` metres.
+
+    Parameters
+    ----------
+    properties : of a feature
+    field : as messages name them
+
+    Raises
+    ------
+    ProblemError
+        If a value is no length, or the bottom is not below the top; one line.
+    """
+    given = _known(properties, field)
+    bottom, top = _length(given, _BOTTOM, field, least=0), _length(given, _TOP, field)
+    is_counted = False
+    if top is None and (storeys := _number(given, _STOREYS, field)) is not None:
+        is_counted = True
+        roof = _length(given, (_ROOF,), field, least=0)
+        if roof is None:
+            roof = STOREY * (_number(given, (_ROOF_STOREYS,), field) or 0.0)
+        top = STOREY * storeys + roof
+    if bottom is None and (below := _number(given, _BOTTOM_STOREYS, field)) is not None:
+        is_counted = is_counted or below > 0
+        bottom = STOREY * below
+    bottom = bottom or 0.0
+    if top is not None and not bottom < top:
+        raise ProblemError(
+            f"{field}: its top, {top:g} m, must be above its bottom, {bottom:g} m, which is its "
+            "min_height or its lowest storeys"
+        )
+    return Extent(bottom, top, is_counted)
+
+
+def _known(properties: Mapping[str, Any], field: str) -> dict[str, _Given]:
+    """Returns the properties that are known here, by names without separators, in small letters."""
+    found: dict[str, _Given] = {}
+    for name, value in _flat(properties, field):
+        key = re.sub(r"[\s_:\-]", "", name).casefold()
+        if key not in _KNOWN or value in (None, ""):
+            continue
+        if key in found and not _is_same(found[key].value, value):
+            raise ProblemError(
+                f"{field}: {found[key].name} is {found[key].value!r:.40}, but {name} {value!r:.40}"
+            )
+        found[key] = _Given(name, value)
+    return found
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    """Returns True if two values are the same, or the same length: 9, "9" and "9 m"."""
+    return one == other or _metres(one) == _metres(other)
+
+
+def _flat(properties: Mapping[str, Any], field: str) -> list[tuple[str, Any]]:
+    """Returns names and values, those in `tags` as well, as osmtogeojson and GDAL nest them."""
+    nested: list[tuple[str, Any]] = []
+    for name in ("tags", "other_tags"):
+        tags = properties.get(name)
+        if isinstance(tags, str):
+            tags = _tags(tags, f"{field}.{name}")
+        if isinstance(tags, dict):
+            nested += tags.items()
+        elif isinstance(tags, list):
+            nested += [_pair(tag, f"{field}.{name}") for tag in tags if isinstance(tag, dict)]
+    return [*properties.items(), *nested]
+
+
+def _pair(tag: Mapping[str, Any], field: str) -> tuple[str, Any]:
+    """Returns the name and the value of a tag in a list, as OpenStreetMap's own XML has them."""
+    for name, value in (("k", "v"), ("key", "value")):
+        if isinstance(tag.get(name), str) and value in tag:
+            return tag[name], tag[value]
+    raise ProblemError(f'{field}: must be an object such as {{"height": "12"}}, not {tag!r:.40}')
+
+
+def _tags(text: str, field: str) -> dict[str, Any]:
+    """Returns the tags in a text, as GDAL writes them: JSON, or pairs `"name"=>"value"`."""
+    if _HSTORE.search(text) or not text.strip():
+        return dict(_HSTORE.findall(text))
+    try:
+        return msgspec.json.decode(text, type=dict[str, Any])
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise ProblemError(
+            f'{field}: must be an object, or text such as "height"=>"12", not {text!r:.40}'
+        ) from error
+
+
+def _length(
+    given: Mapping[str, _Given], names: tuple[str, ...], field: str, least: float | None = None
+) -> float | None:
+    """Returns the first of some properties that is there, in m; None: none is.
+
+    Parameters
+    ----------
+    least : that is allowed; None: it must be above 0
+    """
+    found = next((given[name] for name in names if name in given), None)
+    if found is None:
+        return None
+    metres = _metres(found.value)
+    if not (metres <= LARGEST and (metres > 0 if least is None else metres >= least)):
+        above = "above" if least is None else ">="
+        raise ProblemError(
+            f'{field}.{found.name}: must be a number of metres {above} 0, or such as "12.5 m" or '
+            f'"40 ft", or left out, not {found.value!r:.40}'
+        )
+    return metres
+
+
+def _number(given: Mapping[str, _Given], names: tuple[str, ...], field: str) -> float | None:
+    """Returns the first of some counts of storeys that is there."""
+    found = next((given[name] for name in names if name in given), None)
+    if found is None:
+        return None
+    try:
+        count = math.nan if isinstance(found.value, bool) else float(found.value)
+    except (TypeError, ValueError):
+        count = math.nan
+    if not 0 <= count <= LARGEST:
+        raise ProblemError(
+            f"{field}.{found.name}: must be a number of storeys >= 0, or left out, not "
+            f"{found.value!r:.40}"
+        )
+    return count
+
+
+def _metres(value: Any) -> float:
+    """Returns a length (m), in metres where it says no unit; nan if it is none."""
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        return math.nan
+    text = str(value).strip().replace("\N{PRIME}", "'").replace("\N{DOUBLE PRIME}", '"')
+    text = text.replace("\N{RIGHT SINGLE QUOTATION MARK}", "'")
+    if parts := _FEET_AND_INCHES.fullmatch(text):
+        return float(parts[1]) * _FOOT + float(parts[2] or 0) * _INCH
+    found = _LENGTH.fullmatch(text)
+    if found is None or _THOUSANDS.fullmatch(found[1]):
+        return math.nan
+    # What is above the sea or a geoid does not count from the building's foot.
+    unit = stated_length(_FROM_FOOT.sub("", found[2]) or "m")
+    return math.nan if unit is None else float(found[1].replace(",", ".")) * unit.metres

@@ -1,0 +1,232 @@
+"""Reader of GeoTIFF files, through rasterio (GDAL), which is imported only here.
+
+Source of the format: Open Geospatial Consortium, "OGC GeoTIFF Standard", 19-008r4, 2019.
+"""
+
+import math
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.flight.earth import STRETCH
+from cocap_opt.scenarios.earth.lengths import Stated, metres_of_heights, stated_heights, unknown
+from cocap_opt.scenarios.earth.systems import utm
+from cocap_opt.scenarios.earth.units import units_of
+from cocap_opt.scenarios.maps.raster import SLIVER, Layout, Raster, Window
+from cocap_opt.scenarios.tables import Unit
+
+MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # TIFF and BigTIFF, in either byte order
+APART, EARTH = 100.0, 6_371_008.8  # m, between points that are compared; radius of the Earth
+WEB_MERCATOR = 3857  # EPSG
+FULL, STEEP = 255, 50  # the largest byte, and by how much it may stand out as a height
+CACHE = 64  # MB; GDAL's own choice is a share of all memory
+
+
+def read(
+    path: Path, band: int | None, nodata: float | None, window: Window | None, unit: Unit | None
+) -> Raster:
+    """Reads a band; see `cocap_opt.scenarios.maps.raster_files.read_raster`."""
+    with path.open("rb") as file:
+        if file.read(4) not in MAGIC:
+            raise ProblemError("must be a TIFF file, as its name says")
+    try:
+        import rasterio
+        from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioError
+    except ImportError as error:
+        raise ProblemError("needs rasterio: pip install 'cocap-opt[maps]'") from error
+    try:
+        with warnings.catch_warnings(), rasterio.Env(GDAL_CACHEMAX=CACHE):
+            warnings.simplefilter("ignore")
+            warnings.simplefilter("error", NotGeoreferencedWarning)
+            with rasterio.open(path, driver="GTiff") as dataset:
+                return _read(dataset, band, nodata, window, unit)
+    except NotGeoreferencedWarning as error:
+        raise _no_geotransform() from error
+    except (RasterioError, CRSError, UnicodeError) as error:
+        raise ProblemError(
+            "cannot be read as GeoTIFF: it is damaged, cut off, or packed in an unknown way"
+        ) from error
+
+
+def _read(
+    dataset: Any, band: int | None, nodata: float | None, window: Window | None, unit: Unit | None
+) -> Raster:
+    band = _band(dataset, band)
+    _refuse_coordinates(dataset.crs)
+    _refuse_stretched(dataset)
+    metres = metres_of_heights(_stated_heights(dataset, band), unit, Path(dataset.name).name)
+    layout = _layout(dataset)
+    if not dataset.crs:
+        layout.refuse_degrees("gdal_translate -a_srs EPSG:326ZZ writes a copy that says so")
+    columns, rows = layout.met(window)
+    a, e = dataset.transform.a, dataset.transform.e
+    across = _in_file(columns, layout.cells[0], a > 0)
+    down = _in_file(rows, layout.cells[1], e > 0)
+    part = ((down.start, down.stop), (across.start, across.stop))
+    values = dataset.read(band, window=part, out_dtype="float64")
+    values[dataset.read_masks(band, window=part) == 0] = np.nan
+    if dataset.dtypes[band - 1] == "uint8" and nodata != FULL:
+        _refuse_full_bytes(values)
+    northernmost_first = values[:: -1 if e > 0 else 1, :: -1 if a < 0 else 1]
+    raster = layout.cut(columns, rows).raster(
+        northernmost_first,
+        (nodata,),
+        scale=dataset.scales[band - 1] * metres,
+        offset=dataset.offsets[band - 1] * metres,
+    )
+    return raster._replace(crs=_named(dataset.crs))
+
+
+def _named(crs: Any) -> str | None:
+    """Returns a projection's code, or its WKT if it has none; None for any other system."""
+    if not (crs and crs.is_projected):
+        return None
+    code = crs.to_epsg()
+    return f"EPSG:{code}" if code else str(crs.to_wkt())
+
+
+def _refuse_full_bytes(values: FloatArray) -> None:
+    """Raises a ProblemError if 255 in a raster of bytes must mean that there is no data.
+
+    Parameters
+    ----------
+    values : stored, [Y, X]; nan where there is no data
+    """
+    others = values[values != FULL]
+    below = float(np.fmax.reduce(others, initial=-np.inf))
+    if len(others) < values.size and below < FULL - STEEP:
+        raise ProblemError(
+            f"heights: must not jump from {max(below, 0.0):g} to {FULL}, the largest byte, which "
+            f"looks like a code for no data; nodata={FULL} says that it is one; where it is a "
+            "height, gdal_translate -ot Int16 writes a copy in which it counts"
+        )
+
+
+def _band(dataset: Any, band: int | None) -> int:
+    if band is None and dataset.count > 1:
+        raise ProblemError(f"band: must be given, 1..{dataset.count}")
+    band = 1 if band is None else band
+    if not 1 <= band <= dataset.count:
+        raise ProblemError(f"band: must be within 1..{dataset.count}, not {band}")
+    kind = dataset.dtypes[band - 1]
+    if kind.startswith("complex"):
+        raise ProblemError(f"band {band}: must hold real numbers, not {kind}")
+    return band
+
+
+def _refuse_coordinates(crs: Any) -> None:
+    """Raises a ProblemError unless coordinates of a system are in metres, if it says."""
+    if crs and crs.is_geographic:
+        raise ProblemError(
+            "coordinates: must be metres of a projection, not degrees; gdalwarp -t_srs EPSG:326ZZ, "
+            "with ZZ the zone of UTM, writes such a map"
+        )
+    if crs:
+        other, factor = crs.units_factor
+        if factor != 1:
+            raise ProblemError(
+                f"coordinates: must be metres, not {other} ({factor:.9g} m); gdalwarp -t_srs "
+                "EPSG:326ZZ, with ZZ the zone of UTM, writes such a map"
+            )
+
+
+def _stated_heights(dataset: Any, band: int) -> Stated | None:
+    """Returns the unit of heights that a band states, or else the file's reference system."""
+    text = (dataset.units[band - 1] or "").strip()
+    if text:
+        stated = stated_heights(text)
+        if stated is None:
+            raise unknown(text)
+        return stated
+    return units_of(dataset.crs.to_wkt()).heights if dataset.crs else None
+
+
+def _refuse_stretched(dataset: Any) -> None:
+    """Raises a ProblemError if metres of the projection are none on the ground, as in web maps.
+
+    Metres of web Mercator (EPSG:3857) are metres at the equator, and half as long at 60 degrees.
+    """
+    if not (dataset.crs and dataset.crs.is_projected):
+        return
+    x, y = dataset.xy(dataset.height // 2, dataset.width // 2)
+    east, north = _on_earth(dataset.crs, [x, x + APART, x], [y, y, y + APART])
+    lengths = np.hypot((east - east[0]) * np.cos(north[0]), north - north[0])[1:] * EARTH / APART
+    code = dataset.crs.to_epsg()
+    if (np.abs(lengths - 1) <= STRETCH).all() and code != WEB_MERCATOR:
+        return
+    longitude, latitude = math.degrees(east[0]), math.degrees(north[0])
+    zone = utm(longitude, latitude)
+    name = Path(dataset.name).name
+    title = f"EPSG:{code}" if code else "this projection"
+    title = f"web Mercator ({title})" if code == WEB_MERCATOR else title
+    raise ProblemError(
+        f"coordinates: must be true metres, but those of {title} are {lengths.min():.3g} m long "
+        f"at latitude {latitude:.1f}; make them true by: gdalwarp -t_srs {zone} {name} "
+        f"utm-{name}"
+    )
+
+
+def wkt_of_code(code: int) -> str | None:
+    """Returns the WKT of an EPSG code; None if rasterio is not installed or knows no such code."""
+    try:
+        import rasterio
+        from rasterio.crs import CRS
+        from rasterio.errors import CRSError
+    except ImportError:
+        return None
+    try:
+        with rasterio.Env():  # which keeps GDAL from printing
+            return str(CRS.from_epsg(code).to_wkt())
+    except CRSError:
+        return None
+
+
+def _on_earth(crs: Any, x: list[float], y: list[float]) -> tuple[FloatArray, FloatArray]:
+    """Returns the longitudes and latitudes [n] (rad) of points in a system."""
+    from rasterio.warp import transform
+
+    try:
+        east, north = np.radians(transform(crs, "EPSG:4326", x, y))
+    except Exception as error:  # GDAL's own errors have no public base
+        raise ProblemError(
+            f"coordinates: must lie where their projection is defined, not at ({x[0]:.7g}, "
+            f"{y[0]:.7g})"
+        ) from error
+    if not (np.isfinite(east).all() and np.isfinite(north).all()):
+        raise ProblemError(
+            f"coordinates: must lie where their projection is defined, not at ({x[0]:.7g}, "
+            f"{y[0]:.7g})"
+        )
+    return east, north
+
+
+def _layout(dataset: Any) -> Layout:
+    transform = dataset.transform
+    if transform.is_identity:  # what GDAL gives, too, where the file has none
+        raise _no_geotransform()
+    turned = max(abs(transform.b) * dataset.height, abs(transform.d) * dataset.width)  # m
+    if turned > SLIVER * min(abs(transform.a), abs(transform.e)):
+        raise ProblemError(
+            "geotransform: must be neither rotated nor sheared; gdalwarp writes a copy that is not"
+        )
+    if transform.a == 0 or transform.e == 0:
+        raise ProblemError("geotransform: cells must have an area")
+    (left, top), (dx, dy) = (transform.c, transform.f), (transform.a, transform.e)
+    cells = width, height = dataset.width, dataset.height
+    lower = min(left, left + dx * width), min(top, top + dy * height)
+    return Layout(lower, (abs(dx), abs(dy)), cells)
+
+
+def _in_file(met: range, cells: int, increasing: bool) -> range:
+    """Returns the cells `met` of an axis in the numbers of the file, which may count down."""
+    return met if increasing else range(cells - met.stop, cells - met.start)
+
+
+def _no_geotransform() -> ProblemError:
+    return ProblemError(
+        "geotransform: must be there, to say where the raster lies and how large its cells are; "
+        "`gdal_translate -a_ullr WEST NORTH EAST SOUTH` writes a copy that has one"
+    )

@@ -1,0 +1,291 @@
+"""Ground plans in files: polygons of the walkable area and of the obstacles in it.
+
+They are JSON of PedPy's kind, {name: {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}},
+or GeoJSON or WKT, whose polygons are obstacles or walkable areas as the recipe says; see
+`cocap_opt.scenarios.maps.plan_systems` for their coordinates.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+import shapely
+from msgspec import Meta
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from cocap_opt.data import LARGEST, ProblemError
+from cocap_opt.files.messages import in_words
+from cocap_opt.files.strict_json import decode_json
+from cocap_opt.scenarios.earth.place import FARTHEST, NOWHERE, Projection
+from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WAYS_OUT, WKT, kind_of_text
+from cocap_opt.scenarios.maps.building_heights import STOREY, Extent, extent
+from cocap_opt.scenarios.maps.geojson import Found, read_geojson
+from cocap_opt.scenarios.maps.plan_systems import Stated, in_metres
+from cocap_opt.scenarios.tables import PER_METRE, Point
+
+Ring = Annotated[list[Point], Meta(min_length=3)]
+Meaning = Literal["obstacles", "walkable"]
+
+SLIVER = 0.01  # m2, which rings may enclose twice by rounding
+_SCHEME = '{"name": {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}'
+_OTHER_JSON = {  # keys of other files of polygons, and what they are
+    "arcs": "is TopoJSON: `ogr2ogr NEW.geojson OLD.json` writes it as GeoJSON",
+    "geometryType": "is JSON of Esri: `ogr2ogr NEW.geojson OLD.json` writes it as GeoJSON",
+    "elements": "is JSON of Overpass: osmtogeojson writes it as GeoJSON",
+}
+_SOUND = "POLYGON ((0 0, 4 0, 4 3, 0 0))"
+
+
+class GroundPlan(NamedTuple):
+    """A ground plan, in m."""
+
+    walkable: tuple[BaseGeometry, ...]
+    obstacles: tuple[BaseGeometry, ...]
+    extents: tuple[Extent, ...] = ()  # those that the file says, of the first obstacles
+    properties: tuple[str, ...] = ()  # of the features of GeoJSON that these obstacles are in
+    notes: tuple[str, ...] = ()  # what is left out of the file, or taken for granted
+
+    def told(self, k: int) -> str:
+        """Says why an obstacle or a border of this number has no height of its own."""
+        if k >= len(self.properties):
+            return "the file has none"
+        own = self.properties[k] or "none"
+        return f"polygon {k + 1} has no property `height` of metres, but {own}"
+
+
+class _Plan(msgspec.Struct):
+    """One ground plan of a file."""
+
+    walkable: Ring
+    obstacles: list[Ring] = []
+    unit: str = ""  # the last word counts: "cm in file; polygon in m"
+
+    def settled_unit(self, stated: str | None) -> str:
+        """Returns the unit that the file states, or else the recipe."""
+        own = self.unit.split()[-1:]
+        if own and own[0] not in PER_METRE:
+            raise ProblemError(f"unit: must be {', '.join(PER_METRE)}, not {self.unit!r}")
+        if own and stated and own[0] != stated:
+            raise ProblemError(f"unit: is {own[0]!r} in the file, but {stated!r} in the recipe")
+        return (own or [stated or "m"])[0]
+
+
+def ground_plan(
+    text: str,
+    name: str | None,
+    unit: str | None,
+    meaning: Meaning | None,
+    projection: Projection = NOWHERE,
+) -> GroundPlan:
+    """Reads a ground plan.
+
+    Parameters
+    ----------
+    text : of the file
+    name : of a ground plan in JSON; None: the only one
+    unit : of the coordinates; None: as the file says, else degrees in GeoJSON, and m in others
+    meaning : of the polygons of GeoJSON and WKT
+    projection : makes metres of degrees; its system is that of the file if it states another
+
+    Raises
+    ------
+    ProblemError
+        If the text is of another kind or has no such ground plan, a polygon crosses itself, or
+        coordinates are in another system, or degrees of a scene whose place nobody says.
+    """
+    if text.lstrip().startswith("<"):
+        raise ProblemError(
+            "is XML, as JuPedSim keeps geometries; write the corners of its walkable area and "
+            f"obstacles as JSON: {_SCHEME}, in m"
+        )
+    kind = kind_of_text(text)
+    if kind == CITYJSON:
+        raise ProblemError(f"is CityJSON: {WAYS_OUT[CITYJSON]}")
+    if kind in (GEOJSON, WKT):
+        return _of_polygons(text, kind, name, unit, meaning, projection)
+    own = _named(text, name)
+    if meaning is not None:
+        raise ProblemError("polygons: must be left out where the file says which are obstacles")
+    per_metre = PER_METRE[own.settled_unit(unit)]
+    obstacles = (
+        sound(Polygon(np.array(ring) / per_metre), f"obstacles[{k}]")
+        for k, ring in enumerate(own.obstacles)
+    )
+    walkable = sound(Polygon(np.array(own.walkable) / per_metre), "walkable")
+    return GroundPlan((walkable,), tuple(obstacles))
+
+
+def sound(polygon: Polygon, field: str) -> BaseGeometry:
+    """Returns a polygon (m) as it is meant, or raises a ProblemError if nobody can know that.
+
+    Rings may pass a point twice, or cross themselves by a rounding.
+
+    Parameters
+    ----------
+    field : as the message names it
+    """
+    if shapely.is_valid(polygon):
+        return polygon
+    mended = shapely.make_valid(polygon)
+    # A loop that is run through the other way round counts negative, or twice, in the one area.
+    if abs(polygon.area - mended.area) > SLIVER:
+        reason = shapely.is_valid_reason(polygon)
+        at = re.search(r"\[(\S+) (\S+?)\]", reason)
+        where = f" at ({float(at[1]):.6g}, {float(at[2]):.6g}) m" if at else ""
+        if "ntersection" in reason:
+            raise ProblemError(f"{field}: must not cross itself, as it does{where}")
+        raise ProblemError(f"{field}: must be sound, but has: {reason.split('[')[0]}{where}")
+    return mended
+
+
+def _named(text: str, name: str | None) -> _Plan:
+    """Returns the ground plan of this name in JSON."""
+    try:
+        decode_json(text, msgspec.Raw)  # first of all it must be JSON
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise ProblemError(in_words(error, text, msgspec.Raw)) from error
+    _refuse_other_json(text)
+    try:
+        plans = msgspec.json.decode(text, type=dict[str, _Plan])
+    except msgspec.MsgspecError as error:
+        words = in_words(error, text, dict[str, _Plan]).replace("[...].", "").replace("[...]: ", "")
+        raise ProblemError(f"{words}; ground plans are {_SCHEME}") from error
+    if not plans:
+        raise ProblemError("holds no ground plan")
+    if name is None and len(plans) != 1:
+        raise ProblemError(f"name: must be one of {', '.join(plans)}")
+    if name is not None and name not in plans:
+        raise ProblemError(f"name: must be one of {', '.join(plans)}, not {name!r}")
+    return plans[name] if name is not None else next(iter(plans.values()))
+
+
+def _refuse_other_json(text: str) -> None:
+    """Raises a ProblemError that names another well-known kind of polygons in JSON."""
+    try:
+        keys = msgspec.json.decode(text, type=dict[str, msgspec.Raw])
+    except msgspec.MsgspecError:
+        return  # what it should be is said next
+    for key in (key for key in _OTHER_JSON if key in keys):
+        raise ProblemError(_OTHER_JSON[key])
+
+
+def _of_polygons(
+    text: str,
+    kind: str,
+    name: str | None,
+    unit: str | None,
+    meaning: Meaning | None,
+    projection: Projection,
+) -> GroundPlan:
+    """Returns the ground plan of GeoJSON or WKT, all of whose polygons mean the same."""
+    if name is not None:
+        raise ProblemError(f"name: must be left out where the file is {kind}")
+    if meaning is None:
+        raise ProblemError(
+            f'polygons: must be "obstacles" or "walkable", whose holes are obstacles, for the '
+            f"file is {kind} and does not say it"
+        )
+    found, others, stated = _found(text, kind)
+    if not found:
+        held = f", but has {_counted(others)}" if others else ""
+        raise ProblemError(f"must hold at least one polygon{held}")
+    _require_points([one.polygon for one in found])
+    placed = in_metres([one.polygon for one in found], kind, stated, unit, projection)
+    whole = [
+        None if part is None else sound(part, f"polygon {k}")
+        for k, part in enumerate(placed, start=1)
+    ]
+    notes = list(_left_out(whole, others))
+    kept = [
+        (one, polygon)
+        for one, polygon in zip(found, whole, strict=True)
+        if polygon is not None and polygon.area > 0
+    ]
+    if not kept:
+        raise ProblemError(f"must hold at least one polygon with an area; {'; '.join(notes)}")
+    polygons = tuple(polygon for _, polygon in kept)
+    if meaning == "obstacles":
+        own = [extent(one.properties, f"{one.field}properties") for one, _ in kept]
+        if counted := sum(one.is_counted for one in own):
+            notes.append(f"{counted} of {len(own)} heights are of storeys, {STOREY:g} m for each")
+        shown = tuple(_shown(one.properties) for one, _ in kept) if kind == GEOJSON else ()
+        return GroundPlan((), polygons, tuple(own), shown, tuple(notes))
+    parts = [part for polygon in polygons for part in _polygons(polygon)]
+    holes = [Polygon(ring) for part in parts for ring in part.interiors]
+    outside = tuple(Polygon(part.exterior) for part in parts)
+    return GroundPlan(outside, tuple(holes), notes=tuple(notes))
+
+
+def _found(text: str, kind: str) -> tuple[Sequence[Found], Counter[str], Stated]:
+    """Returns the polygons of GeoJSON or WKT, what else it holds, and the system that it states."""
+    if kind == GEOJSON:
+        content = read_geojson(text)
+        found = [one._replace(polygon=_without_flat_holes(one.polygon)) for one in content.polygons]
+        return found, content.others, Stated.by_crs(content.crs)
+    stated, plain = Stated.by_srid(text)
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused later
+            geometry = shapely.force_2d(shapely.from_wkt(plain))
+    except (shapely.errors.ShapelyError, NotImplementedError) as error:
+        if "closed" in str(error):
+            raise ProblemError(f"{kind}: rings must end at the point where they begin") from error
+        raise ProblemError(f"cannot be read as {kind}, which is such as {_SOUND}") from error
+    parts = [part for part in _parts(geometry) if not part.is_empty]
+    others = Counter(part.geom_type for part in parts if not isinstance(part, Polygon))
+    polygons = [
+        Found(_without_flat_holes(part), "", {}) for part in parts if isinstance(part, Polygon)
+    ]
+    return polygons, others, stated
+
+
+def _without_flat_holes(polygon: Polygon) -> Polygon:
+    """Returns the same area without holes of fewer than three points, which hold nothing."""
+    holes = [
+        hole for hole in polygon.interiors if len(np.unique(np.array(hole.coords), axis=0)) > 2
+    ]
+    return Polygon(polygon.exterior, holes)
+
+
+def _left_out(polygons: Sequence[BaseGeometry | None], others: Counter[str]) -> Iterator[str]:
+    """Says what of a file is left out, if anything is."""
+    if others:
+        yield f"only polygons count; left out: {_counted(others)}"
+    if far := sum(part is None for part in polygons):
+        yield (
+            f"{far} of {len(polygons)} polygons are more than {FARTHEST / 1000:g} km from the map, "
+            "and left out"
+        )
+    if flat := sum(part is not None and part.area == 0 for part in polygons):
+        yield f"{flat} of {len(polygons)} polygons have no area, and are left out"
+
+
+def _counted(kinds: Counter[str]) -> str:
+    return ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+
+
+def _shown(properties: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} = {value!r:.20}" for name, value in properties.items())
+
+
+def _require_points(polygons: Sequence[Polygon]) -> None:
+    """Raises a ProblemError if polygons are endless."""
+    if not np.abs(shapely.get_coordinates(polygons)).max() <= LARGEST:  # true for nan, too
+        raise ProblemError(f"coordinates: must be finite numbers within +-{LARGEST:g} m")
+
+
+def _parts(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
+    """Yields the single geometries of one that may be nested."""
+    if hasattr(geometry, "geoms"):
+        for part in geometry.geoms:
+            yield from _parts(part)
+    else:
+        yield geometry
+
+
+def _polygons(geometry: BaseGeometry) -> Iterator[Polygon]:
+    """Yields the polygons of one that has been made sound, without lines that were left of it."""
+    yield from (part for part in _parts(geometry) if isinstance(part, Polygon))

@@ -1,0 +1,251 @@
+"""In which coordinates polygons of GeoJSON and WKT are, and what they are in metres of the scene.
+
+GeoJSON is in longitudes and latitudes of WGS 84 unless it says otherwise (RFC 7946), whatever its
+extent. WKT says it by a number, "SRID=4326;", as PostGIS writes it first, or not at all.
+"""
+
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+import shapely
+from shapely import LineString, Point, Polygon
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.scenarios.earth.place import FARTHEST, Projection
+from cocap_opt.scenarios.earth.systems import same_system, short_name, utm
+from cocap_opt.scenarios.earth.units import NeedsPyprojError, Units, units_of
+from cocap_opt.scenarios.kinds import GEOJSON
+from cocap_opt.scenarios.maps.geotiff import wkt_of_code
+from cocap_opt.scenarios.tables import PER_METRE
+
+DEGREES = ("4326", "CRS84")  # names of systems of longitude and latitude that become metres
+MERCATOR = ("3857", "900913")
+SAYS_LENGTHS = 'unit = "m" in [[walls]] says that they are metres'
+_DIGITS = 9  # of a code, more than any has
+_SYSTEM = re.compile(r"\s*SRID\s*=\s*([0-9]+)\s*;", re.IGNORECASE)
+_NAMED_SYSTEM = re.compile(r"EPSG[:/]+(?:[0-9.]*[:/])?([0-9]+)", re.IGNORECASE)
+_MOST_EAST, _MOST_NORTH = 360.0, 90.0  # degrees; some count them from 0 to 360
+_SMALL_PLAN, _SMALL_PART = 1.0, 0.05  # m, or degrees: what is smaller is hardly in metres
+_LONGEST = 0.01  # degrees, of an edge; straight on the map it is then to 3 cm up to latitude 60
+_SAME_UNIT = 1e-5  # relative
+
+
+class Stated(NamedTuple):
+    """The reference system that a file of GeoJSON or WKT states, if it does."""
+
+    field: str
+    name: str = ""  # as GeoJSON has it
+    code: int | None = None  # of EPSG
+    is_null: bool = False  # GeoJSON 2008 says so that nobody knows it
+
+    @classmethod
+    def by_srid(cls, text: str) -> tuple["Stated", str]:
+        """Returns what WKT says, and the rest of it."""
+        found = _SYSTEM.match(text)
+        if found is None:
+            return cls("SRID"), text
+        return cls("SRID", code=int(found[1][:_DIGITS]) or None), text[found.end() :]
+
+    @classmethod
+    def by_crs(cls, crs: Any) -> "Stated":
+        """Returns what the member `crs` of GeoJSON says."""
+        name = "" if crs is msgspec.UNSET or crs is None else str(crs)
+        found = _NAMED_SYSTEM.search(name)
+        return cls("crs", name, int(found[1][:_DIGITS]) if found else None, crs is None)
+
+    @property
+    def is_silent(self) -> bool:
+        """True if the file states no system."""
+        return not self.name and self.code is None
+
+    def is_one_of(self, systems: Sequence[str]) -> bool:
+        """Returns True if the code, or else a whole word of the name, is one of some."""
+        if self.code is not None:
+            return str(self.code) in systems
+        return bool(re.search(rf"(?<!\d)({'|'.join(systems)})(?!\d)", self.name))
+
+
+def in_metres(
+    polygons: Sequence[Polygon], kind: str, stated: Stated, unit: str | None, projection: Projection
+) -> list[Polygon | None]:
+    """Returns polygons in m of the scene; None in place of those that are far from it.
+
+    Parameters
+    ----------
+    kind : of the file, GeoJSON or WKT
+    unit : of lengths, as the recipe says; None: it says none
+
+    Raises
+    ------
+    ProblemError
+        If nobody says in which coordinates they are, or they are in others than the scene, or none
+        is near it.
+    """
+    if stated.is_one_of(DEGREES):
+        if unit is not None:
+            raise ProblemError("unit: must be left out, for the coordinates are degrees")
+        return _of_degrees(polygons, projection, "")
+    if not stated.is_silent:
+        _require_system(stated, polygons, unit, projection)
+    elif unit is None and kind == GEOJSON:
+        if stated.is_null:
+            raise ProblemError(
+                f"crs: is null, so that nobody knows what the coordinates are; {SAYS_LENGTHS}, no "
+                "crs at all that they are degrees"
+            )
+        _require_degrees(polygons)
+        return _of_degrees(polygons, projection, f"; {SAYS_LENGTHS}")
+    elif unit is None and _may_be_degrees(polygons, projection):
+        raise ProblemError(
+            'coordinates: are they degrees or metres? "SRID=4326;" before the WKT says that they '
+            f"are degrees, {SAYS_LENGTHS}"
+        )
+    return list(shapely.transform(polygons, lambda points: points / PER_METRE[unit or "m"]))
+
+
+def _require_degrees(polygons: Sequence[Polygon]) -> None:
+    """Raises a ProblemError if coordinates of GeoJSON can be no longitudes and latitudes."""
+    points = shapely.get_coordinates(polygons)
+    wrong = (np.abs(points) > (_MOST_EAST, _MOST_NORTH)).any(axis=1)
+    if wrong.any():
+        x, y = points[np.argmax(wrong)]
+        raise ProblemError(
+            "coordinates: must be longitudes and latitudes, as those of GeoJSON are by its "
+            f"standard, not ({x:.9g}, {y:.9g}); {SAYS_LENGTHS}"
+        )
+
+
+def _may_be_degrees(polygons: Sequence[Polygon], projection: Projection) -> bool:
+    """Returns True if coordinates of WKT lie where degrees do, and are hardly metres."""
+    points = shapely.get_coordinates(polygons)
+    if (np.abs(points) > (_MOST_EAST, _MOST_NORTH)).any():
+        return False
+    sizes = [max(x1 - x0, y1 - y0) for x0, y0, x1, y1 in shapely.bounds(polygons)]
+    if np.ptp(points, axis=0).max() < _SMALL_PLAN or min(sizes) < _SMALL_PART:
+        return True
+    if projection.earth is None:
+        return False
+    latitude, longitude = projection.place
+    here = Point(longitude, latitude)
+    return bool(shapely.distance(shapely.MultiPolygon(list(polygons)), here) < _SMALL_PLAN)
+
+
+def _of_degrees(
+    polygons: Sequence[Polygon], projection: Projection, hint: str
+) -> list[Polygon | None]:
+    """Returns polygons of longitudes and latitudes in m; None in place of those far away.
+
+    Edges are straight in degrees, and are cut so that they can bend on the map.
+    """
+    here = None if projection.earth is None else projection.place[1]
+    whole = [_unwrapped(polygon, here) for polygon in polygons]
+    if projection.earth is not None:
+        placed = shapely.transform(whole, lambda points: projection.plane(*points.T[::-1]))
+        found = [part if _is_near(part, projection) else None for part in placed]
+        if any(part is not None for part in found):
+            return found
+    longitude, latitude = shapely.get_coordinates(whole).T
+    try:
+        projection.metres(latitude, longitude)  # which says why it cannot
+    except ProblemError as error:
+        raise ProblemError(f"{error}{hint}") from error
+    raise AssertionError("points that are near the map make no polygon far from it")
+
+
+def _is_near(polygon: Polygon, projection: Projection) -> bool:
+    if not np.isfinite(shapely.get_coordinates(polygon)).all():
+        return False
+    area = polygon if shapely.is_valid(polygon) else shapely.make_valid(polygon)
+    return bool(shapely.distance(area, Point(projection.point)) <= FARTHEST)
+
+
+def _unwrapped(polygon: Polygon, longitude: float | None) -> Polygon:
+    """Returns a polygon that may cross 180 degrees with all its longitudes around one of them.
+
+    Its long edges are cut.
+    """
+    around = float(polygon.exterior.coords[0][0]) if longitude is None else longitude
+    rings = []
+    for ring in (polygon.exterior, *polygon.interiors):
+        points: FloatArray = np.array(ring.coords)
+        points[:, 0] = np.unwrap(points[:, 0], period=360)
+        if points[0, 0] != points[-1, 0]:
+            if abs(points[0, 0] - points[-1, 0]) > 1:
+                raise ProblemError("coordinates: must not go around a pole")
+            points[-1] = points[0]  # a rounding
+        points[:, 0] += 360 * np.round((around - points[:, 0].mean()) / 360)
+        around = float(points[:, 0].mean())
+        rings.append(_cut(points))
+    return Polygon(rings[0], rings[1:])
+
+
+def _cut(ring: FloatArray) -> FloatArray:
+    """Returns a ring [n, 2] (degrees) with more points, so that no edge is long.
+
+    It is cut as a line: of a polygon GEOS would change the area where it crosses itself.
+    """
+    if not np.ptp(ring, axis=0).any():
+        return ring
+    return shapely.get_coordinates(shapely.segmentize(LineString(ring), _LONGEST))
+
+
+def _require_system(
+    stated: Stated, polygons: Sequence[Polygon], unit: str | None, projection: Projection
+) -> None:
+    """Raises a ProblemError if a file states a system without metres, or not the scene's."""
+    field, code = stated.field, stated.code
+    scene = projection.earth.crs if projection.earth else None
+    way_out = _way_out(polygons, scene)
+    if stated.is_one_of(MERCATOR):
+        raise ProblemError(
+            f"{field}: must be of a projection in metres, or of 4326, not {code or stated.name}, "
+            f"web Mercator; {way_out}"
+        )
+    if code is None:
+        raise ProblemError("crs: must name an EPSG code, or be left out")
+    if scene is not None and same_system(scene, f"EPSG:{code}"):
+        return
+    units = _units_of_code(field, code, unit)
+    wrong = None
+    if units is not None and units.across is None:
+        wrong = units.kind
+    elif units is not None and units.across is not None:
+        metres = 1 / PER_METRE[unit] if units.across.metres != 1 and unit else 1.0
+        wrong = units.across.name if abs(units.across.metres / metres - 1) > _SAME_UNIT else None
+    if wrong is not None:
+        raise ProblemError(
+            f"{field}: must be of a projection in metres, or of 4326, not {code}, {wrong}; "
+            f"{way_out}"
+        )
+    if scene is not None:
+        raise ProblemError(
+            f"{field}: must be the reference system of the scene, {short_name(scene)}, not "
+            f"EPSG:{code}; {way_out}"
+        )
+
+
+def _units_of_code(field: str, code: int, unit: str | None) -> Units | None:
+    """Returns the units of a system; None if nobody knows them and the recipe says a unit."""
+    text = f"EPSG:{code}"
+    try:
+        return units_of(wkt_of_code(code) or text)
+    except ProblemError as error:
+        if unit is not None and isinstance(error, NeedsPyprojError):
+            return None
+        raise ProblemError(f"{field}: {error}") from error
+
+
+def _way_out(polygons: Sequence[Polygon], scene: str | None) -> str:
+    """Returns the command of GDAL that writes polygons in the scene's system, or in UTM."""
+    x0, y0, x1, y1 = shapely.total_bounds(polygons)
+    system = scene
+    if system is None and x0 >= -180 and x1 <= 180 and y0 >= -90 and y1 <= 90:
+        system = utm((x0 + x1) / 2, (y0 + y1) / 2)
+    zone = "" if system else ", ZZ the zone of UTM, in the south EPSG:327ZZ"
+    return (
+        f"`ogr2ogr -t_srs {short_name(system or 'EPSG:326ZZ')} NEW.geojson OLD.geojson` writes "
+        f"the file OLD.geojson in metres{zone}"
+    )

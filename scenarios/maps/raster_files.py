@@ -1,0 +1,281 @@
+"""Height maps that surveys publish: ESRI ASCII grids, and GeoTIFF files through `geotiff`.
+
+They become a `Raster`, with the file's own cells, and holes where the file has no data;
+`cocap_opt.scenarios.maps.resample` brings it to the square cells of a planning problem.
+
+Source of the format of ESRI ASCII grids (`.asc`): ESRI, "Esri ASCII raster format", ArcGIS
+documentation: a header of keys and values, then `nrows` times `ncols` numbers, the northernmost
+row first. As GDAL does, `dx` and `dy` are taken for cells that are not square.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.scenarios.earth.beside import beside
+from cocap_opt.scenarios.earth.lengths import metres_of_heights
+from cocap_opt.scenarios.earth.units import require_true
+from cocap_opt.scenarios.foreign import ESRI_ASCII, TIFF, require
+from cocap_opt.scenarios.maps import geotiff
+from cocap_opt.scenarios.maps.raster import Layout, Raster, Window
+from cocap_opt.scenarios.tables import Unit
+from cocap_opt.scenarios.text import integer, naming, number, plain_number
+from cocap_opt.text import unread
+
+KEYS = (
+    "ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy",
+    "nodata_value",
+)  # fmt: skip
+CHUNK = 1 << 20  # bytes; a file is never held as text
+LONGEST = 200  # bytes, of a line of the header
+
+Header = dict[str, str]
+
+
+def read_raster(
+    path: Path,
+    *,
+    band: int | None = None,
+    nodata: float | None = None,
+    window: Window | None = None,
+    unit: Unit | None = None,
+) -> Raster:
+    """Reads a height map (`.asc`, `.tif`, `.tiff`) as float64, whatever numbers the file holds.
+
+    A GeoTIFF may be south-up, have cells that are not square, and hold integers with a scale
+    and an offset. It must have a geotransform. Coordinates must be metres; where neither the file
+    nor one beside it (`.prj`, `.aux.xml`) says what they are, metres are taken for granted.
+
+    Parameters
+    ----------
+    path
+        The file.
+    band
+        Number of the band, from 1; needed where a GeoTIFF has several.
+    nodata
+        A stored value that means that there is no data, besides the one that the file states.
+    window
+        x0, y0, x1, y1 in m: only cells that overlap it are kept, and of a GeoTIFF only those are
+        read. None: all.
+    unit
+        Unit of the heights in the file; those of the raster are in m. None: as the file says, else
+        m.
+
+    Raises
+    ------
+    ProblemError
+        If the file cannot be read, a value of it or an argument is not allowed, rasterio is
+        needed and not installed, or a height lies beyond all land (-500..9000 m), as do values
+        that mean that there is no data; one line, naming the file.
+    """
+    with naming(path):
+        try:
+            return _read(path, band, nodata, window, unit)
+        except OSError as error:
+            raise ProblemError(unread(error)) from error
+
+
+def _read(
+    path: Path, band: int | None, nodata: float | None, window: Window | None, unit: Unit | None
+) -> Raster:
+    require(path, (TIFF, ESRI_ASCII))
+    match path.suffix.lower():
+        case ".asc":
+            if band not in (None, 1):
+                raise ProblemError(f"band: must be 1 in an ESRI ASCII grid, not {band}")
+            told = beside(path)
+            scale = metres_of_heights(told.heights if told else None, unit, path.name)
+            raster = _read_esri_ascii(path, nodata, window, scale, in_metres=told is not None)
+            if told and told.crs:
+                with naming("the reference system beside it"):
+                    require_true(told.crs, *raster.origin)
+            return raster._replace(crs=told.crs if told else None)
+        case ".tif" | ".tiff":
+            return geotiff.read(path, band, nodata, window, unit)
+    raise ProblemError("must be named .asc, .tif or .tiff")
+
+
+def _read_esri_ascii(
+    path: Path, nodata: float | None, window: Window | None, scale: float, in_metres: bool
+) -> Raster:
+    """Reads an ESRI ASCII grid whose heights are in units of `scale` m."""
+    with path.open("rb") as file:
+        header = _read_header(file)
+        (x, dx, width), (y, dy, height) = _axis(header, "x"), _axis(header, "y")
+        layout = Layout((x, y), (dx, dy), (width, height))
+        if not in_metres:
+            layout.refuse_degrees("a .prj file beside it must say so")
+        columns, rows = layout.met(window)
+        _require_rows(file, layout)
+        values = _read_values(file, layout, columns, rows)
+    part = layout.cut(columns, rows)
+    return part.raster(values, (_nodata(header), nodata), scale=scale)
+
+
+def _read_header(file: BinaryIO) -> Header:
+    """Reads the lines before the first one that starts with a number."""
+    header: Header = {}
+    line = 0
+    while True:
+        line += 1
+        start = file.tell()
+        text = file.readline(LONGEST)
+        fields = text.decode("utf-8-sig", errors="replace").split()
+        if not text or (fields and _is_number(fields[0])):
+            file.seek(start)
+            return header
+        if fields:
+            key, value = _entry(fields, line)
+            if key in header:
+                raise ProblemError(f"line {line}: {key} must be given once")
+            header[key] = value
+
+
+def _entry(fields: list[str], line: int) -> tuple[str, str]:
+    key = fields[0].lower()
+    if key not in KEYS or len(fields) != 2:
+        raise ProblemError(
+            f"line {line}: must be a value after one of {', '.join(KEYS)}, "
+            f"not {' '.join(fields)[:40]!r}"
+        )
+    return key, fields[1]
+
+
+def _is_number(text: str | bytes) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _axis(header: Header, name: str) -> tuple[float, float, int]:
+    """Returns the lower end (m), the length of a cell (m) and the number of cells of an axis."""
+    cell = _edge(header, f"d{name}")
+    key = {"x": "ncols", "y": "nrows"}[name]
+    cells = integer(_required(header, key), key)
+    if cells < 1:
+        raise ProblemError(f"{key}: must be >= 1, not {cells}")
+    return _lower(header, name, cell), cell, cells
+
+
+def _required(header: Header, key: str) -> str:
+    if key not in header:
+        raise ProblemError(f"header: must have {key}")
+    return header[key]
+
+
+def _edge(header: Header, key: str) -> float:
+    if ("cellsize" in header) == (key in header):
+        raise ProblemError("header: must have either cellsize or both dx and dy")
+    key = "cellsize" if "cellsize" in header else key
+    edge = number(header[key], key)
+    if edge <= 0:
+        raise ProblemError(f"{key}: must be > 0 m, not {edge:g}")
+    return edge
+
+
+def _lower(header: Header, name: str, cell: float) -> float:
+    corner, centre = f"{name}llcorner", f"{name}llcenter"
+    if (corner in header) == (centre in header):
+        raise ProblemError(f"header: must have either {corner} or {centre}")
+    if corner in header:
+        return number(header[corner], corner)
+    return number(header[centre], centre) - cell / 2
+
+
+def _nodata(header: Header) -> float | None:
+    if "nodata_value" not in header:
+        return None
+    try:
+        return plain_number(header["nodata_value"])  # may be far beyond all heights, or nan
+    except ValueError as error:
+        text = header["nodata_value"][:40]
+        raise ProblemError(f"nodata_value: must be a number, not {text!r}") from error
+
+
+def _require_rows(file: BinaryIO, layout: Layout) -> None:
+    """Raises a ProblemError if lines are rows and have other lengths than the header says.
+
+    Values may be wrapped as one likes; but if a line holds a row, each line must.
+    """
+    width, height = layout.cells
+    counts = _values_per_line(file)
+    if width != height and len(counts) == width and (counts == height).all():
+        raise ProblemError(
+            f"ncols and nrows: must be {height} and {width}, the values of a row and the rows, not "
+            f"{width} and {height}"
+        )
+    wrong = np.flatnonzero(counts[:height] != width)
+    if len(wrong) and (counts == width).any():
+        row = int(wrong[0])
+        raise ProblemError(
+            f"row {row + 1} from the north: must have ncols = {width} values, not {counts[row]}"
+        )
+
+
+def _values_per_line(file: BinaryIO) -> IntArray:
+    """Returns how many values the lines of the rest of a file have, those without any left out.
+
+    The file then stands where it stood.
+    """
+    start, counts, begun, in_word = file.tell(), [np.zeros(0, int)], 0, False
+    while chunk := file.read(CHUNK):
+        text = np.frombuffer(chunk, np.uint8)
+        inside = text > ord(" ")
+        before = np.concatenate([[in_word], inside[:-1]])
+        words = np.cumsum(inside & ~before)
+        ended = words[text == ord("\n")]
+        counts.append(np.diff(ended, prepend=-begun))
+        begun = int(words[-1] - ended[-1]) if len(ended) else begun + int(words[-1])
+        in_word = bool(inside[-1])
+    file.seek(start)
+    found: IntArray = np.concatenate([*counts, [begun]])
+    return found[found > 0]
+
+
+def _read_values(file: BinaryIO, layout: Layout, columns: range, rows: range) -> FloatArray:
+    """Reads all values and returns those of `columns` and `rows`, the northernmost row first."""
+    width, height = layout.cells
+    kept = np.empty((len(rows), len(columns)))
+    done = 0
+    for block in _blocks(file, width):
+        if done + len(block) > width * height:
+            raise ProblemError(f"values: must be {width} x {height}, but there are more")
+        row, column = np.divmod(np.arange(done, done + len(block)), width)
+        row -= height - rows.stop
+        column -= columns.start
+        met = (row >= 0) & (row < len(rows)) & (column >= 0) & (column < len(columns))
+        kept[row[met], column[met]] = block[met]
+        done += len(block)
+    if done < width * height:
+        raise ProblemError(f"values: must be {width} x {height} = {width * height}, not {done}")
+    return kept
+
+
+def _blocks(file: BinaryIO, width: int) -> Iterator[FloatArray]:
+    """Yields the numbers of the rest of a file in blocks; messages need the `width` of a row."""
+    done, tail = 0, b""
+    while chunk := file.read(CHUNK):
+        words = (tail + chunk).split()
+        tail = b"" if chunk[-1:].isspace() else words.pop()
+        yield _numbers(words, done, width)
+        done += len(words)
+    yield _numbers(tail.split(), done, width)
+
+
+def _numbers(words: list[bytes], done: int, width: int) -> FloatArray:
+    try:
+        if b"_" in b" ".join(words):  # see `plain_number`, which would be slow here
+            raise ValueError
+        return np.fromiter(map(float, words), np.float64, len(words))
+    except ValueError as error:
+        k = next(k for k, word in enumerate(words) if b"_" in word or not _is_number(word))
+        row, column = divmod(done + k, width)
+        raise ProblemError(
+            f"row {row + 1}, column {column + 1} from the north-west: must be a number, "
+            f"not {words[k][:40].decode(errors='replace')!r}"
+        ) from error

@@ -1,0 +1,165 @@
+"""The terrain of a recipe: a height map, and the ground on which people stand."""
+
+import logging
+import math
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.scenarios.earth.systems import same_system, short_name
+from cocap_opt.scenarios.maps.raster import Raster
+from cocap_opt.scenarios.maps.raster_files import read_raster
+from cocap_opt.scenarios.maps.resample import Grid, refuse_too_many
+from cocap_opt.scenarios.tables import (
+    Coordinate,
+    Flight,
+    Length,
+    Point,
+    Size,
+    Table,
+    Unit,
+)
+from cocap_opt.world.workspace import HeightMap
+
+log = logging.getLogger(__name__)
+
+SURFACE = "surface"  # in place of the ground's file
+DEEP = 1.0  # m below the ground; more in a map of heights above the ground is a mistake
+
+
+class Terrain(NamedTuple):
+    """A height map, and the ground below the obstacles on it."""
+
+    height_map: HeightMap
+    ground: FloatArray  # [X, Y] m
+    crs: str | None = None  # reference system that the map's file states
+
+    def floor(self, x: float, y: float) -> float:
+        """Returns the altitude of the ground at a point (m); outside, that of the nearest cell."""
+        i, j = self.height_map.cell_of(x, y)
+        width, depth = self.height_map.shape
+        return float(self.ground[min(max(i, 0), width - 1), min(max(j, 0), depth - 1)])
+
+
+class MapTable(Table):
+    """Table `map` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
+
+    file: str | None = None
+    unit: Unit | None = None  # of the heights in files; None: as the file says, else m
+    size: tuple[Length, Length] | None = None
+    origin: Point | None = None
+    heights: Literal["above-ground", "absolute"] = "above-ground"
+    ground: str | None = None
+    resolution: Length | None = None
+    window: tuple[Coordinate, Coordinate, Coordinate, Coordinate] | None = None
+    band: int | None = None
+    nodata: float | None = None
+    fill: float | None = None
+    lowest: Size = 0.0
+
+    def terrain(self, folder: Path, flight: Flight) -> Terrain:
+        """Builds the terrain that the table describes.
+
+        Obstacles keep their height above the ground, so that on a slope nobody is sunk into a
+        coarse cell: a cell's ground is the mean of the ground that it covers, and its obstacle
+        the highest.
+
+        Parameters
+        ----------
+        folder : of the files that the table names
+        flight : datum of flight heights; "above-ground" makes the ground the map's datum
+
+        Raises
+        ------
+        ProblemError
+            If a file cannot be read, or fields do not fit together; one line.
+        """
+        if (self.file is None) == (self.size is None):
+            raise ProblemError("must have either a file or a size")
+        if self.size is not None:
+            return self._flat(self.size)
+        if self.origin is not None:
+            raise ProblemError("origin: must be left out where the map has a file, which says it")
+        if self.heights == "absolute" and self.ground is None:
+            raise ProblemError(
+                'ground: must be given where heights are absolute: a file, or "surface" if the '
+                "map is bare terrain"
+            )
+        if self.heights == "above-ground" and self.ground == SURFACE:
+            raise ProblemError('heights: must be "absolute" where the ground is the surface')
+        surface = self._surface(folder)
+        bare = self._bare(folder, surface)
+        highest = Grid.of(surface._replace(values=self._above(surface, bare)), self.resolution)
+        level = Grid.of(surface._replace(values=bare), self.resolution, "mean")
+        above, ground = highest.filled(None, "file"), level.filled(None, "ground")
+        datum = ground if flight == "above-ground" and ground.any() else None
+        height_map = HeightMap(
+            heights=ground + above, resolution=level.resolution, origin=level.origin, datum=datum
+        )
+        return Terrain(height_map, ground, surface.crs)
+
+    def _flat(self, size: tuple[float, float]) -> Terrain:
+        for field in ("heights", "unit", "ground", "window", "band", "nodata", "fill", "lowest"):
+            if getattr(self, field) != _FLAT_HAS[field]:
+                raise ProblemError(
+                    f"{field}: must be left out where the map has a size and no file"
+                )
+        resolution = self.resolution or 1.0
+        refuse_too_many("size", "size", *size, resolution)
+        cells = [max(math.ceil(length / resolution - 1e-9), 1) for length in size]
+        flat = np.zeros(cells)
+        origin = self.origin or (0.0, 0.0)
+        return Terrain(HeightMap(heights=flat, resolution=resolution, origin=origin), flat)
+
+    def _surface(self, folder: Path) -> Raster:
+        """Reads the map's own file, with `fill` where it has no data."""
+        raster = read_raster(
+            folder / str(self.file), band=self.band, nodata=self.nodata, window=self.window,
+            unit=self.unit,
+        )  # fmt: skip
+        if self.fill is None:
+            return raster
+        return raster._replace(values=np.where(np.isnan(raster.values), self.fill, raster.values))
+
+    def _bare(self, folder: Path, surface: Raster) -> FloatArray:
+        """Returns the altitude of the bare terrain in the cells of a raster [X, Y]."""
+        if self.ground is None:
+            return np.zeros_like(surface.values)
+        if self.ground == SURFACE:
+            return surface.values
+        (ox, oy), (dx, dy), (width, depth) = surface.origin, surface.cell, surface.values.shape
+        around = ox, oy, ox + width * dx, oy + depth * dy
+        terrain = read_raster(
+            folder / self.ground, nodata=self.nodata, window=around, unit=self.unit
+        )
+        if surface.crs and terrain.crs and not same_system(surface.crs, terrain.crs):
+            raise ProblemError(
+                f"ground: must be in the reference system of the map, {short_name(surface.crs)}, "
+                f"not in {short_name(terrain.crs)}; gdalwarp -t_srs writes it in that"
+            )
+        x, y = ox + (np.arange(width) + 0.5) * dx, oy + (np.arange(depth) + 0.5) * dy
+        return terrain.sample(x[:, None], y[None, :])
+
+    def _above(self, surface: Raster, bare: FloatArray) -> FloatArray:
+        """Returns the heights above the ground [X, Y] of the obstacles on it; holes stay holes."""
+        above = surface.values if self.heights == "above-ground" else surface.values - bare
+        lowest = float(np.nanmin(above, initial=np.inf))
+        if lowest < -DEEP:
+            log.warning(
+                "%s: is %.3g m below the ground somewhere; it counts as 0", self.file, -lowest
+            )
+        if self.heights == "above-ground" and DEEP < lowest < np.inf:
+            log.warning(
+                '%s: is nowhere lower than %.3g m; if heights are above the sea, '
+                'heights = "absolute"',
+                self.file, lowest,
+            )  # fmt: skip
+        result: FloatArray = np.where(above < self.lowest, 0.0, np.maximum(above, 0.0))
+        return result
+
+
+# What the fields are of which a flat map has none: their defaults.
+_FLAT_HAS = {field.name: field.default for field in msgspec.structs.fields(MapTable)}

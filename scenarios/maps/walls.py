@@ -1,0 +1,146 @@
+"""The ground plans of a recipe, from which walls are extruded to meshes."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.scenarios.earth.place import NOWHERE, Projection
+from cocap_opt.scenarios.foreign import JSON, WKT
+from cocap_opt.scenarios.maps.building_heights import Extent
+from cocap_opt.scenarios.maps.ground_plans import GroundPlan, Meaning, ground_plan
+from cocap_opt.scenarios.tables import (
+    Coordinate,
+    Length,
+    Point,
+    Size,
+    Table,
+    Unit,
+)
+from cocap_opt.scenarios.text import naming, read_text
+from cocap_opt.world.workspace import Mesh
+
+log = logging.getLogger(__name__)
+
+
+class WallsTable(Table):
+    """One of the tables `walls` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`.
+
+    The file is JSON: {name: {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}, in m
+    unless it says "unit" there, or GeoJSON, in degrees unless it or the table says otherwise, or
+    WKT.
+    """
+
+    file: str
+    height: Length | None = None  # above base, of what has none in GeoJSON
+    name: str | None = None  # of a ground plan in the file; None: the only one
+    polygons: Meaning | None = None  # what those of GeoJSON and WKT are
+    unit: Unit | None = None  # None: as the file says, else degrees in GeoJSON, m in others
+    border: Size = 0.0  # m, thickness of a wall around the walkable area; 0: there is none
+    at: Point = (0.0, 0.0)  # m, where the plan's origin comes to lie
+    base: Coordinate | None = None  # m, altitude of the walls' foot; None: the lowest ground
+
+    def meshes(self, folder: Path, lowest: float, projection: Projection = NOWHERE) -> list[Mesh]:
+        """Reads the ground plan and returns its walls.
+
+        Parameters
+        ----------
+        folder : of the file that the table names
+        lowest : altitude (m) of the lowest ground
+        projection : makes metres of longitudes and latitudes
+
+        Raises
+        ------
+        ProblemError
+            If the file cannot be read, has no such ground plan, or there is no wall in it; one
+            line, naming the file.
+        """
+        base = lowest if self.base is None else self.base
+        with naming(folder / self.file):
+            text = read_text(folder / self.file, (JSON, WKT))
+            plan = ground_plan(text, self.name, self.unit, self.polygons, projection)
+            areas = list(plan.obstacles)
+            if self.border > 0:
+                if not plan.walkable:
+                    raise ProblemError("border: must be left out where all polygons are obstacles")
+                inside = shapely.union_all(plan.walkable)
+                areas.append(inside.buffer(self.border, join_style="mitre").difference(inside))
+            if not areas:
+                raise ProblemError(
+                    "it has no obstacles: border must say how thick its outer walls are"
+                )
+            extents = [*plan.extents, *[Extent()] * (len(areas) - len(plan.extents))]
+            walls = [
+                extruded(area, base + self._top(own, k, plan), base + own.bottom)
+                for k, (area, own) in enumerate(zip(areas, extents, strict=True))
+            ]
+        for note in plan.notes:
+            log.warning("%s: %s", self.file, note)
+        return [wall.replace(vertices=wall.vertices + np.array([*self.at, 0.0])) for wall in walls]
+
+    def _top(self, own: Extent, k: int, plan: GroundPlan) -> float:
+        """Returns the top (m above the foot) of the wall of this number, or that of the table."""
+        if own.top is not None:
+            return own.top
+        if self.height is None:
+            raise ProblemError(f"height: must be given in [[walls]], for {plan.told(k)}")
+        if not own.bottom < self.height:
+            raise ProblemError(
+                f"height: must be above {own.bottom:g} m, where polygon {k + 1} begins, which has "
+                f"no top of its own, not {self.height:g}"
+            )
+        return self.height
+
+
+def extruded(area: BaseGeometry, height: float, bottom: float) -> Mesh:
+    """Returns the solid above an area (m, of polygons), from one altitude to another.
+
+    Raises
+    ------
+    ProblemError
+        If the area is empty, or the height not above the bottom.
+    """
+    if not bottom < height:
+        raise ProblemError(f"height: must be above {bottom:g} m, not {height:g}")
+    # A point that is repeated would make a side of no length, which is no side of a solid.
+    parts = [shapely.remove_repeated_points(part) for part in _polygons(area) if part.area > 0]
+    if not parts:
+        raise ProblemError("must have an area")
+    flat = [_triangles(part) for part in parts]
+    rings = [np.asarray(ring.coords) for part in parts for ring in (part.exterior, *part.interiors)]
+    floors = np.concatenate([triangle for part in flat for triangle in part])  # [3 n, 2]
+    corners = [
+        np.column_stack([floors, np.full(len(floors), height)]).reshape(-1, 3, 3),
+        np.column_stack([floors, np.full(len(floors), bottom)]).reshape(-1, 3, 3)[:, ::-1],
+        *(_side(ring, bottom, height) for ring in rings),
+    ]
+    vertices, triangles = np.unique(
+        np.concatenate(corners).reshape(-1, 3), axis=0, return_inverse=True
+    )
+    return Mesh(vertices=vertices, triangles=triangles.reshape(-1, 3))
+
+
+def _polygons(area: BaseGeometry) -> list[Polygon]:
+    if isinstance(area, Polygon):
+        return [shapely.geometry.polygon.orient(area)]
+    parts = getattr(area, "geoms", ())
+    return [polygon for part in parts for polygon in _polygons(part)]
+
+
+def _triangles(polygon: Polygon) -> list[FloatArray]:
+    """Cuts a polygon into triangles [3, 2], counter-clockwise."""
+    pieces = _polygons(shapely.constrained_delaunay_triangles(polygon))
+    return [np.asarray(piece.exterior.coords)[:3] for piece in pieces]
+
+
+def _side(ring: FloatArray, bottom: float, height: float) -> FloatArray:
+    """Returns the triangles [n, 3, 3] of walls along a closed ring whose inside is on its left."""
+    a, b = ring[:-1], ring[1:]
+    low, high = np.full(len(a), bottom), np.full(len(a), height)
+    corners = [np.column_stack([*at.T, z]) for at, z in ((a, low), (b, low), (b, high), (a, high))]
+    first, second = (np.stack([corners[k] for k in ks], axis=1) for ks in ((0, 1, 2), (0, 2, 3)))
+    return np.concatenate([first, second])

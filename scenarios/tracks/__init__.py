@@ -1,0 +1,1 @@
+"""Tracks: people whom others recorded, in text, databases and GPX."""

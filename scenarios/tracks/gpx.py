@@ -1,0 +1,176 @@
+"""Reader of GPX, the ways that receivers of GPS record, versions 1.0 and 1.1.
+
+Source of the format: topografix.com/GPX/1/0 and 1/1. A track (trk) is one person. A new segment
+(trkseg) begins where the receiver had lost its satellites or was off. Times are in UTC. Elevations
+(ele) are of the ground or of the receiver, which nobody says, and are not read.
+
+gpxpy reads no names with a prefix, and takes a time that it cannot read for none.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.scenarios.text import plain_number, xml_root
+from cocap_opt.scenarios.tracks.times import Times, moment_of, nanoseconds_of
+from cocap_opt.text import unread
+
+_OTHERS = {"rte": "route", "wpt": "waypoint"}  # that have no times, or are no ways
+
+
+class Gpx(NamedTuple):
+    """The points of all tracks of a file, in its order."""
+
+    ids: list[str]  # [n] names of people
+    times: Times  # [n]
+    degrees: FloatArray  # [n, 2] latitude and longitude, WGS 84
+    segments: IntArray  # [n] numbers of segments
+    places: list[str]  # [n] names of points, for messages
+
+    @classmethod
+    def read(cls, path: Path) -> "Gpx":
+        """Reads all tracks of a file.
+
+        Raises
+        ------
+        ProblemError
+            If the file is no sound XML, declares entities, has no track, or a point has no time or
+            place; one line, without the file's name.
+        """
+        root = _root(path)
+        points = _distinct(_points(root, path.stem))
+        if not points:
+            raise ProblemError(f"must have a track (trk) of points with times{_instead(root)}")
+        _require_one_place_at_a_time(points)
+        return cls(
+            ids=[point.person for point in points],
+            times=Times.since_first([point.nanoseconds for point in points], is_universal=True),
+            degrees=np.array([(point.latitude, point.longitude) for point in points]),
+            segments=np.array([point.segment for point in points]),
+            places=[point.place for point in points],
+        )
+
+
+class _Point(NamedTuple):
+    person: str
+    place: str
+    segment: int
+    nanoseconds: int
+    latitude: float
+    longitude: float
+
+
+def _root(path: Path) -> Element:
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ProblemError(unread(error)) from error
+    return xml_root(content, "GPX")
+
+
+def _points(root: Element, stem: str) -> Iterator[_Point]:
+    tracks = [track for track in _children(root, "trk") if _has_points(track)]
+    names = _names(tracks, stem)
+    segment = 0
+    for k, (track, name) in enumerate(zip(tracks, names, strict=True), start=1):
+        for s, part in enumerate(_children(track, "trkseg"), start=1):
+            segment += 1
+            for p, point in enumerate(_children(part, "trkpt"), start=1):
+                place = f"track {k}, segment {s}, point {p}"
+                yield _Point(
+                    name, place, segment, _moment(point, place),
+                    _degrees(point, "lat", 90, place), _degrees(point, "lon", 180, place),
+                )  # fmt: skip
+
+
+def _distinct(points: Iterable[_Point]) -> list[_Point]:
+    """Returns points without those that say again where somebody was at a moment.
+
+    Receivers write the last point once more where a segment begins.
+    """
+    found: dict[tuple[object, ...], _Point] = {}
+    for point in points:
+        said = point.person, point.nanoseconds, point.latitude, point.longitude
+        found.setdefault(said, point)
+    return list(found.values())
+
+
+def _require_one_place_at_a_time(points: Iterable[_Point]) -> None:
+    """Raises a ProblemError if a segment of somebody begins before another one has ended."""
+    segments: dict[tuple[str, int], list[_Point]] = {}
+    for point in points:
+        segments.setdefault((point.person, point.segment), []).append(point)
+    for part in segments.values():
+        part.sort(key=lambda point: point.nanoseconds)
+    in_time = sorted(segments.items(), key=lambda item: (item[0][0], item[1][0].nanoseconds))
+    for ((person, _), one), ((other, _), another) in pairwise(in_time):
+        first, last = another[0], one[-1]
+        if person == other and first.nanoseconds < last.nanoseconds:
+            raise ProblemError(
+                f"{first.place}: is earlier than {last.place}, so that two segments of {person} "
+                "were recorded at once; keep one of them, or name a track each"
+            )
+
+
+def _has_points(track: Element) -> bool:
+    parts = _children(track, "trkseg")
+    return any(next(_children(part, "trkpt"), None) is not None for part in parts)
+
+
+def _names(tracks: list[Element], stem: str) -> list[str]:
+    """Returns the names of people: those of their tracks where they differ, else the file's."""
+    names = [_text(track, "name") for track in tracks]
+    if all(names) and len(set(names)) == len(names):
+        return names
+    return [stem] if len(tracks) == 1 else [f"{stem} {k}" for k in range(1, len(tracks) + 1)]
+
+
+def _moment(point: Element, place: str) -> int:
+    text = _text(point, "time")
+    if not text:
+        raise ProblemError(
+            f"{place}: must have a time, as recorded tracks have and planned ways have not"
+        )
+    try:
+        return nanoseconds_of(moment_of(text))
+    except ValueError:
+        raise ProblemError(
+            f"{place}, time: must be a date with a time such as 2026-05-01T10:00:00Z, not "
+            f"{text[:40]!r}"
+        ) from None
+
+
+def _degrees(point: Element, name: str, most: float, place: str) -> float:
+    text = point.get(name, "")
+    try:
+        value = plain_number(text)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= most:  # true for nan, too
+        raise ProblemError(f"{place}, {name}: must be within +-{most:g} degrees, not {text[:40]!r}")
+    return value
+
+
+def _instead(root: Element) -> str:
+    """Says what a file without tracks has."""
+    counts = {word: sum(1 for _ in _children(root, name)) for name, word in _OTHERS.items()}
+    found = [f"{count} {word}{'s' * (count > 1)}" for word, count in counts.items() if count]
+    if next(_children(root, "trk"), None) is not None:
+        found.append("tracks without points")
+    return f", but has only {' and '.join(found)}" if found else ", but has none"
+
+
+def _children(element: Element, name: str) -> Iterator[Element]:
+    """Yields the children of a name, in any namespace."""
+    return (child for child in element if str(child.tag).rpartition("}")[2] == name)
+
+
+def _text(element: Element, name: str) -> str:
+    child = next(_children(element, name), None)
+    return "" if child is None else " ".join((child.text or "").split())

@@ -1,0 +1,191 @@
+"""The column of times of tracks, in seconds: numbers in any unit, and dates.
+
+Dates, and numbers that count since 1970, tell when something was. They count from the first of
+them, and `Clock` says when that is, so that files can be put on one clock. They are read as whole
+nanoseconds, since a double has no digits left for parts of a microsecond since 1970.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from datetime import UTC, datetime, timedelta
+from decimal import Decimal
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.scenarios.tracks.columns import PER_SECOND
+
+A_DATE = "a date with a time such as 2026-05-01T10:00:00.25"
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]|\d{8}T\d")
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_YEARS = 1678, 2261  # whose nanoseconds since 1970 an int64 holds
+SINCE_1970 = 1e8  # s; no clock but that of dates is so late
+_DATES = SINCE_1970, 4.2e9  # s since 1970; from 1973 to 2103
+_MOST = 1e11  # s, of any clock; 3,000 years
+_NANO = 10**9
+_LIKELY = 0.002, 2.0  # s, between the rows of a person
+
+
+class Clock(NamedTuple):
+    """The moment of second 0."""
+
+    nanoseconds: int  # since 1970
+    is_universal: bool  # False: by a clock of the place, whose difference to UTC nobody says
+
+    def later(self, seconds: float) -> "Clock":
+        """Returns the clock whose second 0 is so many seconds later."""
+        return self._replace(nanoseconds=self.nanoseconds + round(seconds * _NANO))
+
+    def __str__(self) -> str:
+        moment = _EPOCH + timedelta(microseconds=self.nanoseconds // 1000)
+        return moment.isoformat(sep=" ").split("+")[0] + " UTC" * self.is_universal
+
+
+class Times(NamedTuple):
+    """The times of rows."""
+
+    seconds: FloatArray  # [n]
+    clock: Clock | None  # None: the file's own, which tells no date
+
+    @classmethod
+    def since_first(cls, nanoseconds: Sequence[int], is_universal: bool) -> "Times":
+        """Returns the times of moments, in ns since 1970, counted from the first of them."""
+        moments = np.array(nanoseconds, dtype=np.int64)
+        first = int(moments.min())
+        return cls((moments - first) / _NANO, Clock(first, is_universal))
+
+
+def is_date(text: str) -> bool:
+    """Returns True if a field is a date with a time."""
+    return _DATE.match(text) is not None
+
+
+def moment_of(text: str) -> datetime:
+    """Returns the moment that a date with a time tells.
+
+    Raises
+    ------
+    ValueError
+        If it is none; a date alone would be midnight.
+    """
+    if not is_date(text):
+        raise ValueError(text)
+    return datetime.fromisoformat(text)
+
+
+def times_of_dates(rows: Iterable[tuple[int, str]]) -> Times:
+    """Returns the times of dates, each with the line that it is in.
+
+    Raises
+    ------
+    ProblemError
+        If one is none, or some but not all say how far they are from UTC.
+    """
+    moments: list[int] = []
+    zoned: bool | None = None
+    for line, text in rows:
+        try:
+            found = moment_of(text)
+            moments.append(nanoseconds_of(found))
+        except ValueError:
+            raise ProblemError(
+                f"line {line}, time: must be {A_DATE}, as in the first row, not {text[:40]!r}"
+            ) from None
+        if zoned is None:
+            zoned = found.tzinfo is not None
+        elif zoned != (found.tzinfo is not None):
+            raise ProblemError(
+                f"line {line}, time: must have an offset such as Z or +02:00 in all rows, or in "
+                f"none, unlike {text[:40]!r}"
+            )
+    return Times.since_first(moments, bool(zoned))
+
+
+def nanoseconds_of(moment: datetime) -> int:
+    """Returns the whole nanoseconds since 1970; without an offset as if it were UTC.
+
+    Raises
+    ------
+    ValueError
+        If it is centuries away.
+    """
+    if not _YEARS[0] <= moment.year <= _YEARS[1]:
+        raise ValueError("a year that is none of ours")
+    aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return (aware - _EPOCH) // timedelta(microseconds=1) * 1000
+
+
+def times_of_numbers(
+    values: FloatArray,
+    ids: FloatArray | None,
+    unit: str | None,
+    texts: Callable[[], Iterable[tuple[int, str]]],
+) -> Times:
+    """Returns the times of numbers.
+
+    Parameters
+    ----------
+    values : [n] as they stand in the file
+    ids : [n] of people, for guessing a unit in words; None: they are words
+    unit : a key of `PER_SECOND`; None: nobody says it, and they are seconds
+    texts : gives the lines and fields, in which no digit is lost
+
+    Raises
+    ------
+    ProblemError
+        If no clock shows such seconds; it names the likely unit.
+    """
+    per_second = PER_SECOND[unit or "s"]
+    if not len(values) or not np.isfinite(values).all():
+        return Times(values / per_second, None)  # refused later, with the line
+    seconds = values / per_second
+    if np.abs(seconds).max() > _MOST:
+        raise ProblemError(_too_late(values, ids, unit))
+    if not _DATES[0] <= seconds.min() <= seconds.max() <= _DATES[1]:
+        return Times(seconds, None)
+    scale = _NANO // per_second
+    return Times.since_first([round(Decimal(text) * scale) for _, text in texts()], True)
+
+
+def likely_unit(apart: float) -> str | None:
+    """Names the unit in which rows of a person that are so far apart are some to a second."""
+    for unit, per_second in PER_SECOND.items():
+        if _LIKELY[0] <= apart / per_second <= _LIKELY[1]:
+            return unit
+    return None
+
+
+def _too_late(values: FloatArray, ids: FloatArray | None, unit: str | None) -> str:
+    """Says which unit times may have that are no seconds."""
+    value = float(values[np.argmax(np.abs(values))])
+    words = f"time: {value:.16g} {unit or 's'} is no time of a clock"
+    likely = [
+        other
+        for other, per_second in PER_SECOND.items()
+        if _DATES[0] <= value / per_second <= _DATES[1]
+    ]
+    if ids is not None and (apart := _apart(values, ids)):
+        by_rows = likely_unit(apart)
+        likely = likely if not by_rows or by_rows in likely else [by_rows]
+    if not likely:
+        return f"{words}; time_unit in [[tracks]] is one of {', '.join(PER_SECOND)}"
+    since = value / PER_SECOND[likely[0]]
+    date = (
+        f"as {likely[0]} since 1970 it is {_EPOCH + timedelta(seconds=since):%Y-%m-%d}"
+        if _DATES[0] <= since <= _DATES[1]
+        else f"in {likely[0]} rows of a person follow as those of tracks do"
+    )
+    way_out = (
+        f'time_unit = "{likely[0]}" in [[tracks]] says so'
+        if unit is None
+        else f"is the unit {unit} right?"
+    )
+    return f"{words}; {date}: {way_out}"
+
+
+def _apart(values: FloatArray, ids: FloatArray) -> float:
+    """Returns the median difference between rows of a person that follow in time; 0 if none do."""
+    order = np.lexsort((values, ids))
+    ways = np.diff(values[order])[np.diff(ids[order]) == 0]
+    return float(np.median(ways)) if len(ways) else 0.0

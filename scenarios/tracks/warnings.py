@@ -1,0 +1,186 @@
+"""Signs that a file of tracks is misread: a wrong unit or frame rate, ids that jump, z downwards.
+
+Nothing here is refused, for people may race, and files may be odd and right.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.scenarios.tables import PER_METRE
+from cocap_opt.scenarios.tracks.table import TrackTable
+
+# Limits beyond which a unit or a frame rate is likely to be wrong.
+HEIGHTS = 0.4, 2.6  # m
+SPEEDS = 0.2, 10.0  # m/s
+EXTENTS = 0.5, 1e5  # m, of all points
+APART = 0.2, 5.0  # m, between people and those nearest to them
+
+_FASTEST = 12.0  # m/s, of people between two rows
+_BLUR = 1.0  # m, by which a position may be wrong
+_FEW = 0.1  # of all moves; if more are too fast, it is no matter of single rows
+_CLOCKS = 0.01  # relative, by which clocks of frames and of times may differ
+_MOMENTS = 20  # that are looked at, evenly spread, for how far people are apart
+_MOST = 500  # people at a moment whose distances are looked at
+
+
+class _Moves(NamedTuple):
+    """The ways between rows of one person that follow in time, person by person."""
+
+    rows: IntArray  # [n] to which they lead
+    ways: FloatArray  # [n] m
+    seconds: FloatArray  # [n]
+    persons: IntArray  # [n] numbers of people
+
+    @classmethod
+    def of(cls, table: TrackTable) -> "_Moves":
+        persons = np.unique(table.ids, return_inverse=True)[1]
+        order = np.lexsort((table.times, persons))
+        same = np.flatnonzero(np.diff(persons[order]) == 0)
+        steps = np.diff(table.points[order], axis=0)[same]
+        return cls(
+            rows=order[same + 1],
+            ways=np.hypot(steps[:, 0], steps[:, 1]),
+            seconds=np.diff(table.times[order])[same],
+            persons=persons[order][same],
+        )
+
+    def speed(self) -> float:
+        """Returns the median over people who move of their median speed while they move, m/s."""
+        moving = self.ways > 0
+        if not moving.any():
+            return 0.0
+        speeds = (self.ways / self.seconds)[moving]
+        others = np.flatnonzero(np.diff(self.persons[moving])) + 1
+        return float(np.median([np.median(part) for part in np.split(speeds, others)]))
+
+
+def track_warnings(table: TrackTable) -> Iterator[str]:
+    """Yields the signs that a file is misread, each in words."""
+    moves, heights = _Moves.of(table), _heights(table)
+    jumps = np.flatnonzero(moves.ways > _FASTEST * moves.seconds + _BLUR)
+    single = 0 < len(jumps) <= _FEW * len(moves.ways)
+    if single:
+        yield _jump(table, moves, jumps)
+    elif (speed := moves.speed()) > SPEEDS[1]:
+        # The unit is right where heights are.
+        known = heights[heights > 0]
+        fits = len(known) > 0 and bool(_within(known, HEIGHTS).all())
+        unit_of = None if fits else _likely(speed, table.unit, SPEEDS)
+        clock = "are the times right" if table.rate is None else f"is fps = {table.rate:g} right"
+        asked = f"is {unit_of}, or {clock}?" if unit_of else f"{clock}?"
+        yield f"median speed {speed:.4g} m/s: {asked}"
+    yield from _about_heights(table, heights)
+    yield from _about_stamps(table)
+    if not single:
+        yield from _about_room(table)
+
+
+def _jump(table: TrackTable, moves: _Moves, jumps: IntArray) -> str:
+    """Says at which row somebody is suddenly elsewhere."""
+    first = jumps[np.argmin(moves.rows[jumps])]
+    row, way, seconds = int(moves.rows[first]), moves.ways[first], moves.seconds[first]
+    more = f", the first of {len(jumps)} such rows" if len(jumps) > 1 else ""
+    return (
+        f"{table.where(row)}: {table.ids[row]} is {way:.4g} m from where it was {seconds:.3g} "
+        f"s before{more}: are its id and position right?"
+    )
+
+
+def _heights(table: TrackTable) -> FloatArray:
+    """Returns the median z of each person, m; empty where the file has none."""
+    if table.heights is None:
+        return np.zeros(0)
+    order = np.argsort(table.ids, kind="stable")
+    starts = np.flatnonzero(table.ids[order][1:] != table.ids[order][:-1]) + 1
+    return np.array([np.median(part) for part in np.split(table.heights[order], starts)])
+
+
+def _about_heights(table: TrackTable, heights: FloatArray) -> Iterator[str]:
+    """Yields warnings about the heights of people [n], m; 0 throughout is none."""
+    names = np.unique(table.ids)
+    below, known = np.flatnonzero(heights < 0), np.flatnonzero(heights > 0)
+    if len(below):
+        yield (
+            f"z of {len(below)} of {len(heights)} people is below 0, {heights[below[0]]:.3g} m of "
+            f"{names[below[0]]}: does z point downwards? They have the height of the shape"
+        )
+    odd = known[~_within(heights[known], HEIGHTS)]
+    if len(odd):
+        height = float(heights[odd[0]])
+        yield (
+            f"height of {len(odd)} of {len(known)} people outside {HEIGHTS[0]:g}..{HEIGHTS[1]:g} "
+            f"m, {height:.3g} m of {names[odd[0]]}: is "
+            f"{_likely(height, table.unit, HEIGHTS) or 'z a height above the floor'}?"
+            + (
+                " Who is lower has the height of the shape"
+                if (heights[odd] < HEIGHTS[0]).any()
+                else ""
+            )
+        )
+
+
+def _about_stamps(table: TrackTable) -> Iterator[str]:
+    """Says whether frames and times of a file tell how long it lasts alike."""
+    if table.stamps is None or table.rate is None:
+        return
+    by_frames, by_times = float(np.ptp(table.times)), float(np.ptp(table.stamps))
+    if abs(by_frames - by_times) > _CLOCKS * by_frames:
+        yield (
+            f"the column frame lasts {by_frames:.4g} s at fps = {table.rate:g}, the column time "
+            f"{by_times:.4g} s: frames count; without fps, times do"
+        )
+
+
+def _about_room(table: TrackTable) -> Iterator[str]:
+    """Yields a warning if all points lie too near each other, or too far apart."""
+    extent = float(np.ptp(table.points, axis=0).max())
+    if 0 < extent < EXTENTS[0] and _may_be_degrees(table):
+        x, y = table.points[0].tolist()
+        yield (
+            f"all points lie within {extent:.3g} m, at x {x:.6g}, y {y:.6g}: are they degrees? "
+            "Columns named longitude and latitude become metres, by [earth] of the recipe"
+        )
+    elif extent > 0 and not EXTENTS[0] <= extent <= EXTENTS[1]:  # who stands is in one place
+        yield f"all points lie within {extent:.3g} m: is the unit {table.unit} right?"
+    elif (apart := _apart(table)) < APART[0]:
+        unit_of = _likely(apart, table.unit, APART) or f"the unit {table.unit} right"
+        yield f"people are {apart:.2g} m from the next, on the median: is {unit_of}?"
+
+
+def _may_be_degrees(table: TrackTable) -> bool:
+    """Returns True if points lie where a longitude and a latitude would, and not around 0."""
+    x, y = np.abs(table.points * PER_METRE[table.unit]).T
+    return bool(x.max() <= 180 and y.max() <= 90 and max(x.min(), y.min()) > 1)
+
+
+def _apart(table: TrackTable) -> float:
+    """Returns the median distance (m) of people from those nearest to them; inf if all are alone.
+
+    It is measured at some of the moments at which several people are there, evenly spread.
+    """
+    moments, counts = np.unique(table.times, return_counts=True)
+    crowded = moments[counts > 1]
+    chosen = crowded[np.linspace(0, len(crowded) - 1, min(_MOMENTS, len(crowded))).astype(int)]
+    nearest = []
+    for moment in chosen:
+        points = table.points[table.times == moment][:_MOST]
+        ways = points[:, None] - points[None]
+        distances = np.hypot(ways[..., 0], ways[..., 1])
+        np.fill_diagonal(distances, np.inf)
+        nearest.append(distances.min(axis=0))
+    return float(np.median(np.concatenate(nearest))) if nearest else np.inf
+
+
+def _within(values: FloatArray, limits: tuple[float, float]) -> BoolArray:
+    return (limits[0] <= values) & (values <= limits[1])
+
+
+def _likely(value: float, unit: str, limits: tuple[float, float]) -> str | None:
+    """Names the unit in which a length or speed, read in another, would be within limits."""
+    for other, per_metre in PER_METRE.items():
+        if other != unit and limits[0] <= value * PER_METRE[unit] / per_metre <= limits[1]:
+            return f"the unit {other}"
+    return None
