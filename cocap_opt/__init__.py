@@ -62,7 +62,8 @@ if TYPE_CHECKING:
     )
     from cocap_opt.referee import Verdict
     from cocap_opt.result import Reason, Result, UnsupportedError
-    from cocap_opt.run.verification import Verified
+    from cocap_opt.run.judged import RefereeError
+    from cocap_opt.run.verified import Verified
     from cocap_opt.scenarios import FORMATS, SCENES
     from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, WorkLimit, never
     from cocap_opt.world.workspace import HeightMap, Mesh
@@ -73,7 +74,8 @@ if TYPE_CHECKING:
 _MODULES = {
     "cocap_opt.referee": ("Verdict",),
     "cocap_opt.data": ("ProblemError",),
-    "cocap_opt.run.verification": ("Verified",),
+    "cocap_opt.run.judged": ("RefereeError",),
+    "cocap_opt.run.verified": ("Verified",),
     "cocap_opt.api.covering": ("coverage", "coverage_digest"),
     "cocap_opt.api.explaining": ("explain", "replans"),
     "cocap_opt.api.files": ("load", "read", "save"),
@@ -110,7 +112,8 @@ __all__ = [
     "SCENES", "Actor", "Airspace", "Camera", "CertificateError", "CertificateFile",
     "CertifiedResult", "CollisionRules", "Cone", "Cuboid", "Earth", "FileError", "FirstOf",
     "HeightMap", "Limit", "Limits", "Mesh", "Motion", "Objective", "PassConflict", "Plan",
-    "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Reason", "Result",
+    "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Reason", "RefereeError",
+    "Result",
     "Robot", "Snapshot", "State", "Stop", "SwapConflict", "TimeLimit", "TriangulatedCuboid",
     "UnsupportedError", "Verdict", "Verified", "VertexConflict", "WorkLimit",
     "bound", "check", "coverage", "coverage_digest", "explain", "gap", "load", "never", "plan",

@@ -555,7 +555,9 @@ def test_the_planner_of_the_pages_is_one() -> None:
 
 def test_a_planner_that_returns_nothing_is_refused() -> None:
     """The message names the function and says what it must return."""
-    with pytest.raises(TypeError, match="nothing: must be a callable that returns a Result"):
+    with pytest.raises(
+        ValueError, match=r"nothing returned nothing \(None\); a planner returns a Result"
+    ):
         co.plan(co.load("tiny-queue"), nothing)  # type: ignore[arg-type]
 
 

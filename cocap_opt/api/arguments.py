@@ -21,6 +21,11 @@ def require(value: object, name: str, allowed: str, *kinds: type) -> None:
         raise TypeError(f"{name}: must be {allowed}, not {value!r}")
 
 
+def require_number(value: object, name: str) -> None:
+    """Raises TypeError, in words, unless it is given a number of Python or NumPy."""
+    require(value, name, "a number", int, float, np.number)
+
+
 def require_problem(problem: object) -> None:
     """Raises TypeError, in words, unless it is given a problem."""
     require(problem, "problem", "a Problem; `load` makes one of a scene's name or file", Problem)

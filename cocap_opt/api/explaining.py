@@ -8,7 +8,7 @@ from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check as judge_plan
 from cocap_opt.result import Result
-from cocap_opt.run.verification import ProvedBound, Verified
+from cocap_opt.run.verified import ProvedBound, Verified
 
 if TYPE_CHECKING:
     import pandas as pd

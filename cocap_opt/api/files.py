@@ -24,7 +24,7 @@ from cocap_opt.formulations.certificates.format import CertificateFile, ProofFil
 from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 from cocap_opt.referee import check as judge_plan
 from cocap_opt.result import Result
-from cocap_opt.run.judging import finite
+from cocap_opt.run.judged import finite
 from cocap_opt.scenarios import load_scene
 
 T = TypeVar("T", Problem, Plan, CertificateFile, ProofFile)

@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from math import inf
 
-import numpy as np
-
 from cocap_opt.api.arguments import (
     Bound,
     bound_in,
@@ -12,6 +10,7 @@ from cocap_opt.api.arguments import (
     plan_of,
     require,
     require_made_for,
+    require_number,
     require_problem,
 )
 from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
@@ -20,8 +19,8 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict
 from cocap_opt.referee import check as judge_plan
 from cocap_opt.result import Reason, Result
-from cocap_opt.run.judging import ROUNDING
-from cocap_opt.run.verification import ProvedBound, Verified
+from cocap_opt.run.judged import below_certificate
+from cocap_opt.run.verified import ProvedBound, Verified
 
 
 def check(problem: Problem, plan: Plan | Result | None) -> Verdict:
@@ -131,13 +130,13 @@ def _require_consistent(claim: Result) -> None:
     """Checks what a result says of its plan and bound, besides J."""
     bound = bound_in(claim)
     for name in ("value", "bound"):
-        require(getattr(claim, name), name, "a number", int, float, np.number)
+        require_number(getattr(claim, name), name)
     if claim.reason is Reason.INFEASIBLE and bound is not None and not bound.proved < 0:
         raise ValueError("reason: the result claims that there is no plan; its file does not")
     if claim.plan is None and claim.value != -inf:
         raise ValueError(f"reward: the result claims {claim.value!r} and has no plan")
-    if bound is not None and not claim.bound >= bound.proved - ROUNDING * abs(bound.proved):
-        raise ValueError(f"bound: the result claims {claim.bound!r}, its file {bound.proved!r}")
+    if words := below_certificate(claim):
+        raise ValueError(words)
 
 
 def _require_checkable(claims: Sequence[Plan | Result | Bound], plans: Sequence[Plan]) -> None:

@@ -14,7 +14,7 @@ from cocap_opt.scenarios import SCENES, load_scene
 if TYPE_CHECKING:
     import pandas as pd
 
-    from cocap_opt.experiments.sweeps.own_planners import OwnPlanner
+    from cocap_opt.run.own_planners import OwnPlanner
 
 _Build = Callable[[int], Problem]  # makes the problem of a seed
 _Scene = str | Path | Problem | _Build  # a name, a file, the problem itself, or what makes it
@@ -113,9 +113,9 @@ def _own(planners: Sequence[str | Planner], kept: bool, sent: bool) -> "dict[str
     kept : results are kept in a folder
     sent : other processes compute
     """
-    from cocap_opt.experiments.sweeps.named_planners import own_planners
-    from cocap_opt.experiments.sweeps.own_planners import OwnPlanner, OwnPlannerError
+    from cocap_opt.run.named_planners import own_planners
     from cocap_opt.run.options import Option
+    from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
 
     if isinstance(planners, str) or callable(planners):
         name = repr(planners) if isinstance(planners, str) else _name(planners)

@@ -1,28 +1,22 @@
 """The face's planners, bounds and exact methods: by name or callable, with a limit."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
-import numpy as np
-
-from cocap_opt.api.arguments import require, require_problem, start_for
+from cocap_opt.api.arguments import require, require_number, require_problem, start_for
 from cocap_opt.formulations import BOUNDS, EXACT
-from cocap_opt.formulations.result import (
-    OPTIMALITY,
-    CertifiedResult,
-    Report,
-    proved_reason,
-    silent,
-)
-from cocap_opt.planners import PLANNERS, RECOMMENDED, Planner
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
+from cocap_opt.method import START_AND_REPORT, Method
+from cocap_opt.planners import RECOMMENDED, Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
+from cocap_opt.run.engine import SOLVERS, run
 from cocap_opt.run.forecast import warn_of_limit
-from cocap_opt.run.judging import with_coverage_told
-from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, never
+from cocap_opt.run.limits import Allowance
+from cocap_opt.run.named_planners import own_planners
+from cocap_opt.run.options import Option
+from cocap_opt.stop import Stop, never
 
-M = TypeVar("M")
 R = TypeVar("R", bound=Result)
 
 # What is called here: methods of one's own need no defaults.
@@ -47,23 +41,24 @@ def plan(
     Parameters
     ----------
     problem : the drones, the people, and where they are
-    planner : a name in `PLANNERS`, "module:function", a name that an installed package offers, or
-        any callable that takes a problem and a stop
+    planner : a name in `PLANNERS` or `EXACT`, "module:function", a name that an installed package
+        offers, or any callable that takes a problem and a stop
     time_limit : seconds, the coverage included
     stop : a further stopping criterion, such as ``co.WorkLimit(100)``
 
     Returns
     -------
     Result
-        With the plan, its J in `value` as the planner claims it (`verify` computes it anew), and
-        why the planner stopped. Its `seconds` are the wall-clock time of the search; the coverage
-        of all states is apart, in `coverage_seconds`. A callable that does not say how long it
-        took is timed as a whole.
+        With the plan, its J in `value` as the referee computes it, and why the planner stopped.
+        Its `seconds` are the wall-clock time of the search; the coverage of all states is apart,
+        in `coverage_seconds`.
 
     Raises
     ------
     UnsupportedError
         If the planner takes no such problems.
+    RefereeError
+        If the planner's plan cannot be flown, or has another J than the planner claims.
     ValueError
         If there is no planner of this name, it returns no result, or the time limit is negative.
 
@@ -72,11 +67,12 @@ def plan(
     >>> result = co.plan(problem, time_limit=10)
     >>> result.plot()
     """
-    call = _planner(planner)
     require_problem(problem)
-    _warn(problem, planner, time_limit, stop)
-    clock = Clock()
-    return _whole(call(problem, _limits(time_limit, stop)), problem, planner, clock)
+    if isinstance(planner, str) and (own := own_planners(Option("planner"), [planner])):
+        method: str | Method[Result] = own[planner].method
+    else:
+        method = _known("planner", planner, SOLVERS, frozenset())
+    return _answer(problem, planner, method, _limits(problem, planner, time_limit, stop))
 
 
 def bound(
@@ -102,12 +98,15 @@ def bound(
     Returns
     -------
     CertifiedResult
-        With the bound and its `certificate`; `verify` checks it without any solver.
+        With the bound and its `certificate`, which `verify` checks without any solver, and the
+        plan that it found, if any, with the referee's J.
 
     Raises
     ------
     UnsupportedError
         If the method takes no such problems.
+    RefereeError
+        If its plan has another J than it claims, or its bound is below a plan's J.
     ValueError
         If there is no method of this name, the time limit is negative, or the start cannot be
         flown in this problem.
@@ -116,13 +115,11 @@ def bound(
     --------
     >>> co.bound(problem, time_limit=10).bound
     """
-    clock, known = Clock(), dict[str, _Bound](BOUNDS)
-    call = _named("method", method, known)
     require_problem(problem)
+    method_or_name = _known("method", method, BOUNDS, START_AND_REPORT)
     begin = start_for(problem, start)
-    _warn(problem, method, time_limit, stop)
-    result = call(problem, _limits(time_limit, stop), begin, report)
-    return _whole(_told(result, problem, method), problem, method, clock)
+    limits = _limits(problem, method, time_limit, stop)
+    return _answer(problem, method, method_or_name, limits, start=begin, report=report)
 
 
 def solve(
@@ -158,6 +155,8 @@ def solve(
     ------
     UnsupportedError
         If the method takes no such problems, or a solver that it needs is not installed.
+    RefereeError
+        If its plan has another J than it claims, or its bound is below a plan's J.
     ValueError
         If there is no method of this name, the time limit is negative, `gap` is not in [0, 1), or
         the start cannot be flown in this problem.
@@ -167,67 +166,43 @@ def solve(
     >>> co.solve(co.load("corridor"), time_limit=60).summary()
     """
     require_problem(problem)
-    require(gap, "gap", "a number", int, float, np.number)
-    if not 0 <= gap < 1:
-        raise ValueError(f"gap: must be at least 0 and less than 1, not {gap}")
-    call, clock = _named("method", method, EXACT), Clock()
+    require_number(gap, "gap")
+    least = max(Option("gap").require_share(gap), OPTIMALITY)
+    method_or_name = _known("method", method, EXACT, START_AND_REPORT | {"gap"})
     begin = start_for(problem, start)
-    _warn(problem, method, time_limit, stop)
-    stop = _limits(time_limit, stop)
-    result = call(problem, stop, begin, report, gap=max(gap, OPTIMALITY))
-    result = _whole(_told(result, problem, method), problem, method, clock)
-    return replace(result, reason=proved_reason(result.reason, result.bound, result.gap))
+    limits = _limits(problem, method, time_limit, stop)
+    return _answer(problem, method, method_or_name, limits, start=begin, report=report, gap=least)
 
 
-def _planner(given: str | Planner) -> Planner:
-    """The planner itself, or the one of this name, ours or somebody's own."""
-    if isinstance(given, str) and given not in PLANNERS:
-        from cocap_opt.experiments.sweeps.named_planners import is_own, own_planners
-        from cocap_opt.run.options import Option
-
-        if is_own(given):
-            return own_planners(Option("planner"), [given])[given].seeded(0)
-    return _named("planner", given, PLANNERS)
-
-
-def _named(kind: str, given: str | M, known: Mapping[str, M]) -> M:
-    """The method itself, or the one of this name."""
-    if callable(given) and not isinstance(given, str):
+def _known(
+    option: str,
+    given: str | Callable[..., R],
+    known: Mapping[str, Method[R]],
+    takes: frozenset[str],
+) -> str | Method[R]:
+    """Returns the name of a method if there is one of this name, or the record of a callable."""
+    if isinstance(given, str):
+        Option(option).require_one_of(given, known)
         return given
-    if not isinstance(given, str) or given not in known:
-        raise ValueError(f"{kind}: must be one of {', '.join(known)}, not {given!r}")
-    return known[given]
+    if not callable(given):
+        raise ValueError(f"{option}: must be one of {', '.join(known)}, not {given!r}")
+    return given if isinstance(given, Method) else Method(given, takes=takes)
 
 
-def _whole(result: R, problem: Problem, method: object, clock: Clock) -> R:
-    """The result with its problem, seconds and method, where it does not know them itself."""
-    name = method if isinstance(method, str) else getattr(method, "__name__", "")
-    require(result, name or "method", "a callable that returns a Result", Result)
-    return replace(
-        result,
-        problem=problem if result.problem is None else result.problem,
-        seconds=result.seconds or clock.seconds,
-        method=result.method or name,
-    )
+def _answer(
+    problem: Problem, given: object, method: str | Method[R], stop: Stop, **options: Any
+) -> R:
+    """Runs a method, and returns its result with the referee's J."""
+    name = given if isinstance(given, str) else getattr(given, "__name__", type(given).__name__)
+    return run(problem, method, stop, name=name, **options).answer(problem, name)
 
 
-def _told(result: R, problem: Problem, method: object) -> R:
-    """The result of a method of ours, which says if a limit came before coverage was there."""
-    return with_coverage_told(problem, result) if isinstance(method, str) else result
-
-
-def _warn(problem: Problem, method: object, seconds: float | None, stop: Stop) -> None:
-    """Warns, before coverage begins, of a limit in which it will hardly be done."""
-    if isinstance(method, str):
-        left = _limits(seconds, stop).seconds_left
-        warn_of_limit(problem, method, left, option="time_limit =")
-
-
-def _limits(seconds: float | None, stop: Stop) -> Stop:
+def _limits(problem: Problem, method: object, seconds: float | None, stop: Stop) -> Stop:
+    """Returns a stop with a time limit; warns of one in which coverage will hardly be done."""
     require(stop, "stop", "a stopping criterion, such as WorkLimit(100)", Stop)
-    if seconds is None:
-        return stop
-    require(seconds, "time_limit", "a number of seconds >= 0", int, float, np.number)
-    if not seconds >= 0:
-        raise ValueError(f"time_limit: must be a number of seconds >= 0, not {seconds}")
-    return FirstOf(stop, TimeLimit(seconds))
+    if seconds is not None:
+        require_number(seconds, "time_limit")
+        stop = Allowance(Option("time_limit").require_limit(seconds)).begin(stop)
+    if isinstance(method, str):
+        warn_of_limit(problem, method, stop.seconds_left, option="time_limit =")
+    return stop

@@ -19,14 +19,14 @@ from cocap_opt.cli.options import (
     say_narrow_way,
 )
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
-from cocap_opt.experiments.sweeps.named_planners import FORMS, own_planners
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.tables.gap_table import print_gap_table
 from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.output.printing import print_result
 from cocap_opt.result import Reason
-from cocap_opt.run.judging import SOLVERS
+from cocap_opt.run.engine import SOLVERS
+from cocap_opt.run.named_planners import FORMS, own_planners
 from cocap_opt.run.options import Option, UsageError
 
 

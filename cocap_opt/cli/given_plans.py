@@ -9,7 +9,7 @@ from cocap_opt.experiments.sweeps.scenes import Problems
 from cocap_opt.files.documents import FileError, PlanFile, problem_digest
 from cocap_opt.output.files import PlanReader
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.run.judging import SOLVERS
+from cocap_opt.run.engine import SOLVERS
 from cocap_opt.run.options import UsageError
 from cocap_opt.text import printable, shortened
 

@@ -25,9 +25,6 @@ from cocap_opt.cli.options import (
     say_strains,
 )
 from cocap_opt.console.progress import Watch
-from cocap_opt.experiments.sweeps.named_planners import FORMS, own_planners
-from cocap_opt.experiments.sweeps.own_planners import OwnPlannerError
-from cocap_opt.experiments.sweeps.work import cover
 from cocap_opt.experiments.tables.rows import OWN_STARTS, PlanRow
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.documents import FileError, encode, problem_digest
@@ -40,18 +37,16 @@ from cocap_opt.output.files import (
 )
 from cocap_opt.output.printing import Record, counted, print_result
 from cocap_opt.output.trace import Trace
-from cocap_opt.planners import RECOMMENDED, Planner
+from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.result import Reason, Result, UnsupportedError
+from cocap_opt.result import UnsupportedError
+from cocap_opt.run.engine import SOLVERS, cover, run
 from cocap_opt.run.forecast import warn_of_limit
-from cocap_opt.run.judging import (
-    SOLVERS,
-    Allowance,
-    Judged,
-    RefereeError,
-)
+from cocap_opt.run.judged import Judged, RefereeError
+from cocap_opt.run.named_planners import FORMS, own_planners
 from cocap_opt.run.options import Option, UsageError
+from cocap_opt.run.own_planners import OwnPlannerError
 from cocap_opt.stop import Interrupt, Stop
 
 _ENDINGS = {"--trace": (".csv",)}  # of files; all others hold JSON
@@ -93,15 +88,18 @@ def _plan(
     with Interrupt.caught() as interrupt, Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         watch.show("estimate of coverage")
         warn_of_limit(problem, planner, allowance.seconds, seed, scene=scene)
-        call = None if own is None else own.seeded(seed)
+        stop = allowance.begin(interrupt)
+        # Coverage comes before, in the same time, and is not in the search's seconds.
+        cover(problem, planner, stop, watch)
+        method = planner if own is None else own.method
         try:
-            judged = _planned(problem, planner, allowance, interrupt, watch, call)
+            judged = run(problem, method, stop, name=planner, seed=seed)
+        except UnsupportedError as error:
+            raise UsageError(f"--planner: {error}") from error
         except (OwnPlannerError, RefereeError) as error:
             if own is None:  # a bug of ours
                 raise
             raise UsageError(f"--planner: {error}") from error
-        if judged.result.reason is Reason.UNSUPPORTED:
-            raise UsageError(f"--planner: {judged.result.message}")
         if not judged.valid:
             say_narrow_way(scene, seed, problem)
         judged.warn(problem, seed, planner)
@@ -175,8 +173,7 @@ def _solve(
     Example: cocap-opt solve corridor --seed 0 -o plan.json --certificate proof.json
     """
     Option("--method").require_one_of(method, _SOLVE_METHODS)
-    if not 0 <= gap < 1:
-        raise UsageError(f"--gap: must be at least 0 and less than 1, such as 0.01, not {gap}")
+    gap = Option("--gap").require_share(gap)
     if gap and method not in EXACT:
         raise UsageError(f"--gap: {method} stops at the root at any gap; leave the option out")
     allowance = budget.allowance
@@ -195,20 +192,6 @@ def _solve(
     has_plan = judged.result.plan is not None
     print_result(_in_order({**answer, **judged.result.statistics}, has_plan), json)
     return 0
-
-
-def _planned(
-    problem: Problem,
-    planner: str,
-    allowance: Allowance,
-    interrupt: Stop,
-    watch: Watch,
-    own: Planner | None = None,
-) -> Judged[Result]:
-    """Plans; coverage comes before, in the same time, and is not in the search's seconds."""
-    stop = allowance.begin(interrupt)
-    cover(problem, planner, stop, watch)
-    return Judged.planned(problem, planner, stop, own)
 
 
 def _in_order(answer: Record, has_plan: bool = True) -> Record:
@@ -259,7 +242,9 @@ class _Task(NamedTuple):
             report = trace.beside(watch.report())
             cover(problem, method, stop, watch)
             try:
-                judged = Judged.certified(problem, method, stop, self.start, report, gap)
+                judged: Judged[CertifiedResult] = run(
+                    problem, method, stop, start=self.start, report=report, gap=gap
+                )
             except UnsupportedError as error:
                 raise UsageError(f"--method {method}: {error}") from error
         if path is not None:

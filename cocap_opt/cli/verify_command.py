@@ -36,9 +36,9 @@ from cocap_opt.run.explained import Explained
 from cocap_opt.run.explained_tables import explained_tables
 from cocap_opt.run.explained_words import explained_sentences
 from cocap_opt.run.forecast import warn_of_checking
-from cocap_opt.run.judging import Judged, finite
+from cocap_opt.run.judged import Judged, finite
 from cocap_opt.run.options import Option, UsageError
-from cocap_opt.run.verification import ProvedBound, Verified
+from cocap_opt.run.verified import ProvedBound, Verified
 from cocap_opt.scenarios import FORMATS, has_seed, scene_of_plan
 from cocap_opt.stop import TimeLimit, never
 from cocap_opt.text import printable

@@ -15,7 +15,7 @@ from cocap_opt.formulations.explanation import Explanation, Kind, explain
 from cocap_opt.model import Model
 from cocap_opt.output.printing import Record
 from cocap_opt.problem import Cell, Plan, Problem
-from cocap_opt.run.verification import Verified
+from cocap_opt.run.verified import Verified
 
 SHOWN = 5e-6  # of the bound; less is a dot in tables and not worth a sentence
 _PARTS: dict[str, tuple[Kind, ...]] = {

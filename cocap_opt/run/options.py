@@ -58,6 +58,15 @@ class Option(NamedTuple):
             )
         return seconds
 
+    def require_share(self, value: object) -> float:
+        """Returns a share as a plain float; refuses all but numbers from 0 to less than 1."""
+        share = _number(value)
+        if not 0 <= share < 1:
+            raise UsageError(
+                f"{self.name}: must be at least 0 and less than 1, such as 0.01, not {value}"
+            )
+        return share
+
     def require_whole(self, value: object, words: str = f"0..{LARGEST}") -> int:
         """Returns a whole number >= 0 as a plain int; refuses all else, also fractions.
 

@@ -13,7 +13,7 @@ from cocap_opt.output.files import PlanReader
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.explained import SHOWN, Explained
-from cocap_opt.run.verification import ProvedBound
+from cocap_opt.run.verified import ProvedBound
 
 _MOST_STATES = 400_000  # whose coverage is computed for a scene, some seconds
 _PARTS: dict[str, tuple[Kind, ...]] = {

@@ -8,11 +8,8 @@ __all__ = [
     "cells",
     "crew",
     "instances",
-    "named_planners",
-    "own_planners",
     "results",
     "run_file",
     "scenes",
     "sweep",
-    "work",
 ]

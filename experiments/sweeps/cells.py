@@ -21,28 +21,20 @@ from cocap_opt.experiments.tables.rows import ERROR, BoundColumns, PlannedRow
 from cocap_opt.files.code import code_digest, with_imports
 from cocap_opt.files.documents import Document, FileError, PlanFile, encode
 from cocap_opt.output.files import save_bytes
-from cocap_opt.run.judging import Allowance
+from cocap_opt.run.engine import BOUND as BOUND
+from cocap_opt.run.limits import Allowance
 
-BOUND = "bound"  # in place of a planner's name
 OWN = "own"  # the certificate of a planner that proves a bound itself
 RULES, FREE = "rules", "free"  # certificates and traces of the bound with and without rules
 _KEY_DIGITS = 20
-# Code on which the result of a cell depends, with all that it imports, ...
-_METHODS = (
-    "cocap_opt.planners", "cocap_opt.formulations", "cocap_opt.referee", "cocap_opt.run.judging",
+# Code on which the result of a cell depends is all that these import, ...
+_WORK = ("cocap_opt.planners", "cocap_opt.formulations", "cocap_opt.experiments.sweeps.work")
+# ... but for what makes problems, which have digests, and for what only shows and names results;
+# `tables.rows` counts as `_code_of_rows` says.
+_SILENT = (
+    "cocap_opt.scenarios", "cocap_opt.console", "cocap_opt.experiments.tables",
+    "cocap_opt.output.conflicts", "cocap_opt.output.printing",
 )  # fmt: skip
-# ... and alone, since problems, which have digests, come from what these import; `tables.rows`
-# besides, see `_code_of_rows`.
-_ALONE = (
-    "cocap_opt.output.files",
-    "cocap_opt.output.rendered",
-    "cocap_opt.output.trace",
-    "cocap_opt.experiments.sweeps.cells",
-    "cocap_opt.experiments.sweeps.own_code",
-    "cocap_opt.experiments.sweeps.own_planners",
-    "cocap_opt.experiments.sweeps.start",
-    "cocap_opt.experiments.sweeps.work",
-)
 # Libraries that compute something of a result; some are optional.
 _LIBRARIES = (
     "clarabel", "cvxpy", "embreex", "highspy", "msgspec", "networkx", "numba", "numpy", "ortools",
@@ -86,7 +78,7 @@ class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         meanings of columns.
         """
         versions = [f"{name} {number}" for name, number in Cell.versions().items()]
-        parts = [*versions, code_digest(*with_imports(*_METHODS), *_ALONE), _code_of_rows()]
+        parts = [*versions, code_digest(*digested_modules()), _code_of_rows()]
         return hashlib.sha256(" ".join(parts).encode()).hexdigest()
 
     @staticmethod
@@ -191,6 +183,12 @@ class Store:
     def path(self, cell: Cell) -> Path | None:
         """Returns where a cell's file is, or would be; None where nothing is kept."""
         return None if self._folder is None else self._folder / f"{cell.key}.json"
+
+
+def digested_modules() -> list[str]:
+    """Returns the modules on which results of cells depend, besides `tables.rows`."""
+    found = sorted(with_imports(*_WORK))
+    return [name for name in found if not f"{name}.".startswith(tuple(f"{s}." for s in _SILENT))]
 
 
 def _code_of_rows() -> str:

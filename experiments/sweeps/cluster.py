@@ -24,9 +24,9 @@ from cocap_opt.console.streams import say
 from cocap_opt.console.threads import ONE_THREAD
 from cocap_opt.experiments.sweeps.cells import Cell, CellFile, Status
 from cocap_opt.experiments.sweeps.crew import ClusterError, Crew
-from cocap_opt.experiments.sweeps.own_planners import OwnPlannerError
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.model import compiled
+from cocap_opt.run.own_planners import OwnPlannerError
 from cocap_opt.stop import Stop
 
 POLL = 0.2  # s, between two looks at Ctrl-C and at the clock

@@ -39,7 +39,8 @@ from cocap_opt.output.files import make_folder
 from cocap_opt.output.printing import counted
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
-from cocap_opt.run.judging import ROUNDING, SOLVERS
+from cocap_opt.run.engine import SOLVERS
+from cocap_opt.run.judged import ROUNDING
 
 if sys.platform != "win32":
     import fcntl

@@ -10,7 +10,6 @@ import msgspec
 from msgspec import UNSET
 
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, RULES, Cell, CellFile, Status, Store
-from cocap_opt.experiments.sweeps.own_planners import OwnPlanner
 from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.experiments.tables.rows import OWN_STARTS, BoundColumns, PlannedRow, Row
@@ -19,11 +18,12 @@ from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, relative_gap
-from cocap_opt.run.judging import (
+from cocap_opt.run.judged import (
     Judged,
     RefereeError,
 )
 from cocap_opt.run.options import Option
+from cocap_opt.run.own_planners import OwnPlanner
 from cocap_opt.stop import NO_LIMIT
 
 _T = TypeVar("_T")

@@ -3,9 +3,7 @@
 import math
 import platform
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
-from functools import cache
 from traceback import extract_tb, format_exception
 from typing import Any, NamedTuple
 
@@ -13,57 +11,23 @@ import msgspec
 
 from cocap_opt.console.progress import Watch
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
-from cocap_opt.experiments.sweeps.own_planners import OwnPlanner, OwnPlannerError
 from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.tables.rows import BoundColumns, PlannedRow
 from cocap_opt.files.documents import PlanFile, encode, problem_digest
-from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report
 from cocap_opt.model import compiled, compiled_anew
 from cocap_opt.output.trace import Trace
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.result import Reason, Result, relative_gap
-from cocap_opt.run.judging import (
-    BOUND_METHOD,
-    SOLVERS,
-    Allowance,
-    Awaiting,
-    Judged,
-    RefereeError,
-    is_lazy,
-)
-from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Clock, LimitReached, Stop, TimeLimit, never
+from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
+from cocap_opt.run.engine import BOUND_METHOD, cover, run, warm_up
+from cocap_opt.run.judged import Judged, RefereeError
+from cocap_opt.run.limits import Allowance, Awaiting
+from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
+from cocap_opt.stop import Clock, Stop, never
 
 _NO_START = BoundStart()
-_SMALL, _WARMING = "tiny-share", 5.0  # a scene, and most seconds, in which a method warms up
 _WITHOUT_RULES, _WITH_RULES = "without rules", "with rules"  # names of the two searches
-
-
-def cover(problem: Problem, method: str, stop: Stop, watch: Watch) -> None:
-    """Computes the coverage that a method needs, and shows how far it is.
-
-    Without it the method would do it by itself, in silence. Where a limit comes first, planners
-    leave time for planning with what there is, and bounds for a bound.
-    """
-    model, progress = compiled(problem), watch.countdown("coverage")
-    if method in EXACT or method in BOUNDS:
-        with suppress(LimitReached):  # the method meets the limit as well
-            model.prepare_all(stop, progress)
-    elif not is_lazy(method):
-        model.covered_by(stop, progress)
-    watch.show(method)
-
-
-@cache
-def _warm_up(method: str) -> None:
-    """Lets a method load its libraries, some of which take seconds, before its time begins.
-
-    A process does so once; else who comes first would pay for all that use the same library.
-    """
-    with suppress(Exception):  # if something is wrong, the method itself tells
-        SOLVERS[method](load_scene(_SMALL), TimeLimit(_WARMING))
 
 
 class Task(NamedTuple):
@@ -85,7 +49,7 @@ class Task(NamedTuple):
         compute = _bound if self.cell.planner == BOUND else _plan
         try:
             if self.own is None:
-                _warm_up(BOUND_METHOD if self.cell.planner == BOUND else self.cell.planner)
+                warm_up(BOUND_METHOD if self.cell.planner == BOUND else self.cell.planner)
             compiled_anew(self.problem)
             found = compute(self, stop, watch or Watch())
             coverage_seconds = compiled(self.problem).tables.cost
@@ -123,14 +87,16 @@ class Task(NamedTuple):
 def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
     """Runs a planner."""
     cell, problem = task.cell, task.problem
-    own = None if task.own is None else task.own.seeded(cell.seed)
+    method = cell.planner if task.own is None else task.own.method
     allowed = Awaiting(stop, cell.allowance)
     cover(problem, cell.planner, allowed, watch)
     allowed.begin()
-    judged = Judged.planned(problem, cell.planner, allowed, own)
     columns = {"time_limit": cell.time_limit, "work_limit": cell.work_limit}
-    if judged.result.reason is Reason.UNSUPPORTED:  # nobody timed it
-        columns["seconds"] = None
+    try:
+        judged = run(problem, method, allowed, name=cell.planner, seed=cell.seed)
+    except UnsupportedError as error:
+        judged = Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
+        columns["seconds"] = None  # nobody timed it
     return _planned(cell, problem, judged, cell.allowance, columns)
 
 
@@ -268,8 +234,8 @@ class _Bounds:
         stop = Awaiting(self._stop, self._allowance)
         cover(problem, BOUND_METHOD, stop, self._watch)
         stop.begin()
-        return Judged.certified(
-            problem, BOUND_METHOD, stop, start.result.plan, self._report_to(name)
+        return run(
+            problem, BOUND_METHOD, stop, start=start.result.plan, report=self._report_to(name)
         )
 
     def _of_all_plans(self, free: CertifiedResult) -> CertifiedResult:

@@ -17,7 +17,8 @@ from cocap_opt.experiments.tables.columns import Column
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, relative_gap
-from cocap_opt.run.judging import BOUND_METHOD, ROUNDING, Judged, finite
+from cocap_opt.run.engine import BOUND_METHOD
+from cocap_opt.run.judged import ROUNDING, Judged, finite
 from cocap_opt.stop import NO_LIMIT, Limit
 from cocap_opt.vision.faces import FaceGeometry
 
@@ -145,6 +146,7 @@ class PlanRow:
             method=method,
             bound=finite(result.bound),
             gap=finite(judged.gap),
+            views=None,  # of all states
             message="; ".join(messages),
         )
 

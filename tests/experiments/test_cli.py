@@ -19,7 +19,7 @@ from scene_files import SMALL_SEQUENCE
 
 import cocap_opt as co
 from cocap_opt import scenarios
-from cocap_opt.cli import commands
+from cocap_opt.cli import commands, solver_commands
 from cocap_opt.cli.main import main
 from cocap_opt.cli.solver_commands import AT_THE_ROOT
 from cocap_opt.console import progress
@@ -29,12 +29,13 @@ from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.files.documents import SceneFile
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.column_generation import root
+from cocap_opt.method import Method
 from cocap_opt.model import compiled
 from cocap_opt.output.printing import print_result
 from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.results import without_a_path
 from cocap_opt.problem import NO_RULES, Problem
-from cocap_opt.run.judging import SOLVERS, Judged
+from cocap_opt.run.engine import SOLVERS
 from cocap_opt.scenarios import SCENES
 from cocap_opt.scenarios.built_in.field import field
 
@@ -98,15 +99,15 @@ def test_coverage_is_there_before_a_planner_begins(
 ) -> None:  # fmt: skip
     """So `seconds` are the planner's own; those that need no whole coverage never compute it."""
     monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
-    seen, planned = [], Judged.planned
+    seen, run = [], solver_commands.run
 
-    def spy(*arguments: Any) -> Any:
+    def spy(*arguments: Any, **options: Any) -> Any:
         seen.append(any(tmp_path.glob("*.coverage")))
-        judged = planned(*arguments)
+        judged = run(*arguments, **options)
         seen.append(any(tmp_path.glob("*.coverage")))
         return judged
 
-    monkeypatch.setattr(Judged, "planned", spy)
+    monkeypatch.setattr(solver_commands, "run", spy)
     compiled.cache_clear()
     assert Run(capsys, "plan", "tiny-share", "--planner", planner).code == 0
     assert seen == 2 * [not PLANNERS[planner].lazy]
@@ -1188,7 +1189,7 @@ def test_narrow_ways_are_said_where_they_help(
         Run(capsys, *words)
         assert caplog.text.count(said) == 1, words
     caplog.clear()
-    monkeypatch.setitem(SOLVERS, "sequential", lambda problem, stop: without_a_path(0))
+    monkeypatch.setitem(SOLVERS, "sequential", Method(lambda problem, stop: without_a_path(0)))
     Run(capsys, "gap", "tiny-queue", "--planner", "sequential", "--work-limit", 0)
     assert caplog.text.count(said) == 1
 

@@ -21,7 +21,7 @@ from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result
-from cocap_opt.run.judging import SOLVERS
+from cocap_opt.run.engine import SOLVERS
 from cocap_opt.stop import Stop
 from cocap_opt.vision.coverage import GrowingTable
 from cocap_opt.vision.views import PinholeViews
@@ -111,7 +111,7 @@ def test_views_of_others_are_nobodys(
 
     lazy = SOLVERS[planner]
     monkeypatch.setattr(PinholeViews, "seen", counted)
-    monkeypatch.setitem(SOLVERS, planner, watched)
+    monkeypatch.setitem(SOLVERS, planner, replace(lazy, call=watched))
     for seconds in (60.0, 0.0):  # without time, all stay where they are, and see what they see
         begun.clear()
         settings = Settings(time_limit=seconds, bound_time_limit=0.0)

@@ -27,7 +27,7 @@ from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import relative_gap
-from cocap_opt.run.judging import Judged
+from cocap_opt.run.judged import Judged
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.formats import hughes
 

@@ -14,19 +14,20 @@ from test_sweeps import SETTINGS, computed, folder_for_a_sweep, small_field
 from cocap_opt.api.measuring import gap as gap_frame
 from cocap_opt.api.methods import plan as plan_by
 from cocap_opt.cli import commands
-from cocap_opt.experiments.sweeps import named_planners, own_planners
 from cocap_opt.experiments.sweeps.cells import Store
 from cocap_opt.experiments.sweeps.cluster import Cluster, _run_task
 from cocap_opt.experiments.sweeps.crew import ClusterError
 from cocap_opt.experiments.sweeps.instances import Instance
-from cocap_opt.experiments.sweeps.own_code import OwnCode, OwnCodeError
-from cocap_opt.experiments.sweeps.own_planners import OwnPlanner, OwnPlannerError
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.files.documents import PlanFile
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result
+from cocap_opt.run import named_planners, own_planners
+from cocap_opt.run.engine import run
+from cocap_opt.run.own_code import OwnCode, OwnCodeError
+from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
 from cocap_opt.stop import Stop, never
 
 MINE = '''
@@ -393,7 +394,7 @@ def sent(planner: OwnPlanner) -> OwnPlanner:
 
 def message(planner: OwnPlanner) -> str:
     """What the result of a planner says on a small scene with seed 5."""
-    result = planner.seeded(5)(small_field(0), never)
+    result = run(small_field(0), planner.method, seed=5).result
     assert isinstance(result.plan, Plan) and result.reason is Reason.FINISHED
     return result.message
 

@@ -36,7 +36,7 @@ from cocap_opt.output.files import save_csv
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.run.judging import Judged
+from cocap_opt.run.engine import run
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 
@@ -443,7 +443,7 @@ def test_the_stored_rows_are_what_planners_do() -> None:
     problem = load_scene("corridor", 0)
     for name in ("sequential", "cocap", "cocap-lns", "cocap-vs"):
         (own,) = [r for r in stored_rows() if (r.scene, r.seed, r.planner) == ("corridor", 0, name)]
-        again = Judged.planned(problem, name, never)
+        again = run(problem, name)
         assert (again.reward, again.views) == (pytest.approx(own.reward, rel=1e-8), own.views)
 
 
@@ -452,7 +452,7 @@ def test_views_are_those_of_all_coverage_or_those_evaluated() -> None:
     problem = load_scene("tiny-turn", 0)
     model = compiled(problem)
     every = sum(int(model.reachable(c)[problem.first_step :].sum()) for c in model.classes)
-    views = {name: Judged.planned(problem, name, never).views for name in ("cocap", "cocap-vs")}
+    views = {name: run(problem, name).views for name in ("cocap", "cocap-vs")}
     assert views["cocap"] == every
     assert views["cocap-vs"] == PLANNERS["cocap-vs"](problem).statistics["evaluated"] <= every
 

@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 import pytest
 from distributed import Client, LocalCluster
-from sources import FRONT, package_of, reached, sources
+from sources import FRONT, reached
 
 from cocap_opt.api.measuring import gap as gap_frame
 from cocap_opt.cli import commands
@@ -47,15 +47,16 @@ from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.experiments.tables import rows as rows_module
 from cocap_opt.experiments.tables.layout import FOLDERS, Paths
 from cocap_opt.experiments.tables.rows import Row
-from cocap_opt.files.code import with_imports
 from cocap_opt.files.documents import PlanFile, SceneFile, decode_document, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.method import Method
 from cocap_opt.model import compiled
 from cocap_opt.output.trace import Trace
 from cocap_opt.problem import NO_RULES, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result, relative_gap
-from cocap_opt.run.judging import SOLVERS, RefereeError
+from cocap_opt.run.engine import SOLVERS
+from cocap_opt.run.judged import RefereeError
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field
 from cocap_opt.stop import Interrupt, Limit, Stop, never
@@ -154,7 +155,7 @@ def test_a_bound_is_computed_anew_for_better_plans_only(
     """New planners cost their own cells, and the bound where they are better; no row has an
     optimum that is below a plan that obeys the rules."""
     for name in ("stays", "stays-too"):
-        monkeypatch.setitem(SOLVERS, name, staying)
+        monkeypatch.setitem(SOLVERS, name, Method(staying))
     folder = folder_for_a_sweep(tmp_path / "run")
     for planners, expected in (
         (("stays",), {"stays", BOUND}),
@@ -174,13 +175,13 @@ def test_a_bound_begins_with_the_best_of_all_whoever_found_it(
     """The best plan, the best that obeys the rules, the lowest bound; names and order are none."""
 
     def crossed(problem: Problem, stop: Stop) -> Result:
-        paths = SOLVERS["cocap"](problem, stop).plan.paths  # type: ignore[union-attr]
+        paths = SOLVERS["cocap"](problem, stop).plan.paths
         plan = Plan(paths=paths[::-1])  # the drones are alike but for their starts
         return Result(plan, check(problem, plan).reward, Reason.FINISHED)
 
     symmetric = small_field(0, steps=3)
     first, second = symmetric.robots
-    monkeypatch.setitem(SOLVERS, "twin", crossed)
+    monkeypatch.setitem(SOLVERS, "twin", Method(crossed))
     problem = symmetric.replace(robots=(first, second.replace(start=first.start)), rules=NO_RULES)
     found = planned(problem, ("cocap", "twin"))
     one, other = (content.plan.plan for content in found if content.plan)
@@ -456,25 +457,17 @@ def test_a_cell_of_other_settings_is_another_cell(
 
 def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """Other code beside the planners, and other versions of libraries, make other cells."""
-    work = "cocap_opt.experiments.sweeps.work"
-    upper = {name for name in reached(work) if package_of(name) in ("run", "experiments")}
-    silent = {
-        "cocap_opt.console.progress",
-        "cocap_opt.console.streams",
-        "cocap_opt.experiments.tables.columns",
-        "cocap_opt.experiments.tables.layout",
-        "cocap_opt.output.conflicts",
-        "cocap_opt.output.printing",
-    }  # they compute nothing
-    computing = {name for name in upper if sources()[name].name != "__init__.py"} - silent
-    digested = {*with_imports(*cells_module._METHODS), *cells_module._ALONE}
-    named = {name for name in digested if package_of(name) in ("run", "experiments")}
-    assert computing | {work} == named | {"cocap_opt.experiments.tables.rows"}
+    digested = set(cells_module.digested_modules())
+    reached_by_work = reached("cocap_opt.experiments.sweeps.work")
+    for name in sorted(reached_by_work | reached("cocap_opt.run.engine")):
+        silent = name.startswith(tuple(cells_module._SILENT)) or name == "cocap_opt"
+        assert silent != bool({name, f"{name}.__init__"} & digested), name
+    assert {"cocap_opt.run.engine", "cocap_opt.run.judged", "cocap_opt.planners.cocap"} <= digested
     digests = {Cell.digest_of_code()}
     with monkeypatch.context() as patch:
         patch.setattr(cells_module, "version", lambda name: "0.0")
         digests.add(Cell.digest_of_code.__wrapped__())
-    monkeypatch.setattr(cells_module, "_ALONE", ("cocap_opt.output.trace",))
+    monkeypatch.setattr(cells_module, "_SILENT", ("cocap_opt.output.trace",))
     digests.add(Cell.digest_of_code.__wrapped__())
     assert len(digests) == 3
 
@@ -489,10 +482,9 @@ def test_no_digest_of_the_code_where_nothing_is_kept(monkeypatch: pytest.MonkeyP
 
 def test_all_of_the_core_but_the_face_is_digested() -> None:
     """A module that planners or bounds use counts; the front, scenes and flights change no J."""
-    digested = with_imports(*cells_module._METHODS)
-    rooms = {name.split(".")[1] for name in digested}
+    rooms = {name.split(".")[1] for name in cells_module.digested_modules()}
     assert {"planners", "formulations", "vision", "graph", "objective", "stop"} <= rooms
-    assert not {"scenarios", "experiments", "flight", "missions", "player", *FRONT} & rooms
+    assert not {"scenarios", "flight", "missions", "player", *FRONT} & rooms
 
 
 @pytest.mark.parametrize(
@@ -521,12 +513,12 @@ def test_a_planner_that_fails_costs_its_own_cell(
 ) -> None:
     """It is recorded with its reason, not tried again unasked, and computed once it is."""
 
-    def broken(problem: object, stop: object) -> object:
+    def broken(problem: object, stop: object) -> Result:
         raise RefereeError("it was wrong")
 
     folder = folder_for_a_sweep(tmp_path / "run")
     with monkeypatch.context() as patch:
-        patch.setitem(SOLVERS, "cocap", broken)  # type: ignore[arg-type]
+        patch.setitem(SOLVERS, "cocap", Method(broken))
         first = instances()
         computed(first, folder)
         assert computed(instances(), folder) == []
@@ -590,7 +582,7 @@ def test_what_an_interrupt_cut_short_is_not_kept(
             signal.raise_signal(signal.SIGINT)
         return solver(problem, stop)
 
-    monkeypatch.setitem(SOLVERS, "sequential", pressed)
+    monkeypatch.setitem(SOLVERS, "sequential", Method(pressed))
     (tmp_path / "results.parquet").write_bytes(b"of another run")
     rows = swept(instances(range(3)), tmp_path)
     assert [row.seed for row in rows] == [0, 0, 0, 1, 1, 1]
@@ -613,7 +605,7 @@ def test_run_json_tells_of_the_run_that_has_results(
         signal.raise_signal(signal.SIGINT)
         return staying(problem, stop)
 
-    monkeypatch.setitem(SOLVERS, "greedy", pressed)
+    monkeypatch.setitem(SOLVERS, "greedy", Method(pressed))
     swept(instances(range(4, 6)), tmp_path)
     assert (tmp_path / "run.json").read_bytes() == before
 
@@ -782,10 +774,10 @@ def test_an_error_is_no_success(
 ) -> None:
     """The exit code is 1, now and when it is recalled, and the traceback is named and kept."""
 
-    def broken(problem: object, stop: object) -> object:
+    def broken(problem: object, stop: object) -> Result:
         raise RefereeError("it was wrong")
 
-    monkeypatch.setitem(SOLVERS, "cocap", broken)  # type: ignore[arg-type]
+    monkeypatch.setitem(SOLVERS, "cocap", Method(broken))
     words = ["gap", "tiny-share", "--planner", "cocap", "--out", str(tmp_path)]
     for _ in range(2):
         assert commands.run(words) == 1
@@ -885,9 +877,10 @@ def test_a_worker_lets_go_of_its_models_and_knows_its_code() -> None:
 
 BAD_PLANNERS = """
 import os, time
-from cocap_opt.run.judging import SOLVERS
-SOLVERS["sleeps"] = lambda problem, stop: time.sleep(1000)
-SOLVERS["dies"] = lambda problem, stop: os._exit(1)
+from cocap_opt.method import Method
+from cocap_opt.run.engine import SOLVERS
+SOLVERS["sleeps"] = Method(lambda problem, stop: time.sleep(1000))
+SOLVERS["dies"] = Method(lambda problem, stop: os._exit(1))
 """
 
 

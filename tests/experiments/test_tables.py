@@ -31,7 +31,7 @@ from cocap_opt.output.trace import Trace
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result
-from cocap_opt.run.judging import Judged
+from cocap_opt.run.judged import Judged
 from cocap_opt.scenarios import load_scene
 
 SOME = st.lists(st.floats(0, 1e6), min_size=5, max_size=30)

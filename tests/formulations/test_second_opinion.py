@@ -22,7 +22,7 @@ from cocap_opt.formulations.certificates import (
 from cocap_opt.formulations.second_opinion import SecondOpinion, TooLargeError, prices
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
-from cocap_opt.run.verification import ProvedBound
+from cocap_opt.run.verified import ProvedBound
 
 
 def assert_same(problem: Problem, file: CertificateFile | ProofFile, swept: Pricing) -> None:

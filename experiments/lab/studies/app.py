@@ -144,7 +144,7 @@ def _others(
     Example: cocap-opt study others greedy_perspectives --limit 30 --out others
     """
     from cocap_opt.experiments.lab.studies.others.others import others
-    from cocap_opt.run.judging import SOLVERS
+    from cocap_opt.run.engine import SOLVERS
 
     _require_positive("--limit", limit)
     Option("--workers").require_cores(workers)

@@ -16,16 +16,17 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection, wait
 from threading import Thread
-from typing import Self
+from typing import Any, Self
 
 from cocap_opt.console.streams import say
 from cocap_opt.console.threads import ONE_THREAD
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.result import BoundMethod, Snapshot
+from cocap_opt.formulations.result import BoundMethod, CertifiedResult, Snapshot
+from cocap_opt.method import START_AND_REPORT, Method
 from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, relative_gap
-from cocap_opt.run.judging import Judged
+from cocap_opt.run.engine import run
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, Stop, TimeLimit, never
 
@@ -185,10 +186,18 @@ def _measured(build: Build, method: BoundMethod, seconds: float) -> Run:
         if not moments or (value, bound) != (moments[-1].value, moments[-1].bound):
             moments.append(Snapshot(value, bound, stop.seconds))
 
-    result = method(problem, stop, None, note)
-    processor = stop.seconds
-    gigabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * BYTES / 1e9
-    judged = Judged.of(str(getattr(method, "__name__", method)), problem, result)
+    spent: list[float] = []
+
+    def measured(*arguments: Any) -> CertifiedResult:  # before the referee's time
+        found = method(*arguments)
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        spent.extend((stop.seconds, peak * BYTES / 1e9))
+        return found
+
+    name = str(getattr(method, "__name__", method))
+    record = Method(measured, takes=START_AND_REPORT)
+    judged = run(problem, record, stop, name=name, report=note)
+    result, (processor, gigabytes) = judged.result, spent
     if result.plan is not None and not judged.valid:
         raise Run.Error("the plan breaks a collision rule")
     return Run(

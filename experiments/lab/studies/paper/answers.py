@@ -17,7 +17,7 @@ from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.experiments.tables.statistics import NONE, Mean
 from cocap_opt.experiments.tables.tables import Table
 from cocap_opt.result import relative_gap
-from cocap_opt.run.judging import is_lazy
+from cocap_opt.run.engine import is_lazy
 from cocap_opt.stop import Limit
 
 SOURCE = "Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695)"

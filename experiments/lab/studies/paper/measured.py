@@ -28,7 +28,8 @@ from cocap_opt.planners.results import result_of
 from cocap_opt.planners.view_search import Compounded, ViewSearch
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
-from cocap_opt.run.judging import Judged, is_lazy
+from cocap_opt.run.engine import is_lazy
+from cocap_opt.run.judged import Judged
 from cocap_opt.stop import Stop, TimeLimit, never
 
 MEASURED = "measured.csv"  # in the folder of the results

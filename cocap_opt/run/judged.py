@@ -1,43 +1,24 @@
-"""Planners, bounds and exact methods by name, run and judged by the referee."""
+"""A method's result with the verdict of the referee, whose word counts."""
 
 import logging
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from cocap_opt.files.documents import PlanFile, problem_digest
-from cocap_opt.formulations import BOUNDS, EXACT
-from cocap_opt.formulations.result import (
-    OPTIMALITY,
-    CertifiedResult,
-    Report,
-    proved_reason,
-    silent,
-)
-from cocap_opt.method import Method
-from cocap_opt.model import compiled
-from cocap_opt.planners import PLANNERS, Planner
+from cocap_opt.formulations.result import CertifiedResult, proved_reason
 from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 from cocap_opt.referee import Verdict, check
-from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
-from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, WorkLimit, never
-from cocap_opt.timing import timed
+from cocap_opt.result import Reason, Result, relative_gap
+from cocap_opt.run.limits import Allowance
+from cocap_opt.stop import Clock
 
 _log = logging.getLogger(__name__)
 
 R = TypeVar("R", bound=Result)
 _R_co = TypeVar("_R_co", bound=Result, covariant=True)
 
-BOUND_METHOD = "branch-and-price"  # of the gap table; at any limit it has a bound
 ROUNDING = 1e-9  # relative, of J and of bounds: both are rounded sums
-
-SOLVERS: Mapping[str, Method[Any]] = {**PLANNERS, **EXACT}
-
-
-def is_lazy(name: str) -> bool:
-    """Returns True for a method of ours that needs no coverage of all states."""
-    return name in PLANNERS and PLANNERS[name].lazy
 
 
 class RefereeError(RuntimeError):
@@ -55,44 +36,17 @@ class RefereeError(RuntimeError):
             raise cls(f"{name}: bound {bound!r} is below J = {reward!r}")
 
 
-class Allowance(NamedTuple):
-    """The limits of one computation, which begin to count with it."""
-
-    seconds: float
-    work: int | None = None  # units of `WorkLimit`; any number if None
-
-    def begin(self, stop: Stop = never) -> Stop:
-        """Returns a stop that is reached with `stop`, or once this allowance is spent."""
-        criteria = [stop, TimeLimit(self.seconds)]
-        if self.work is not None:
-            criteria.append(WorkLimit(self.work))
-        return FirstOf(*criteria)
-
-
-class Awaiting(FirstOf):
-    """Reached with another stop and, from `begin` on, once an allowance is spent.
-
-    What comes before `begin`, as coverage does, is charged to nobody.
-    """
-
-    def __init__(self, stop: Stop, allowance: Allowance) -> None:
-        super().__init__(stop)
-        self._allowance = allowance
-
-    def begin(self) -> None:
-        """Lets the allowance begin to count."""
-        self._criteria = (self._allowance.begin(*self._criteria),)
-
-
-def with_coverage_told(problem: Problem, result: R) -> R:
-    """Returns the result of a method that needs all coverage; says if a limit came before that."""
-    missing = compiled(problem).covered_steps <= problem.horizon
-    return replace(result, in_coverage=True) if result.limit is not None and missing else result
-
-
 def finite(value: float) -> float | None:
     """Returns a number, or None for what JSON cannot hold."""
     return value if math.isfinite(value) else None
+
+
+def below_certificate(result: Result) -> str:
+    """Says that a result claims a lower bound than its certificate does; empty if it does not."""
+    file = result.certificate if isinstance(result, CertifiedResult) else None
+    if file is None or result.bound >= file.proved - ROUNDING * abs(file.proved):
+        return ""
+    return f"bound: the result claims {result.bound!r}, its file {file.proved!r}"
 
 
 class Judged(NamedTuple, Generic[_R_co]):
@@ -111,8 +65,11 @@ class Judged(NamedTuple, Generic[_R_co]):
         Raises
         ------
         RefereeError
-            If the plan cannot be flown, has another J than claimed, or is better than the bound.
+            If the plan cannot be flown, has another J than claimed, or is better than the bound, or
+            the bound is lower than the certificate says.
         """
+        if words := below_certificate(result):
+            raise RefereeError(f"{name}: {words}")
         if result.plan is None:
             return Judged(result, None)
         clock = Clock()
@@ -143,52 +100,11 @@ class Judged(NamedTuple, Generic[_R_co]):
             )
         )
 
-    @classmethod
-    def planned(
-        cls, problem: Problem, name: str, stop: Stop, own: Planner | None = None
-    ) -> "Judged[Result]":
-        """Runs a planner or an exact method, and has its plan judged.
-
-        Parameters
-        ----------
-        own : a planner that is none of ours, which returns results; `name` is what it is called
-        """
-        try:
-            result = timed(own)(problem, stop) if own else SOLVERS[name](problem, stop)
-        except UnsupportedError as error:
-            return Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
-        judged = Judged.of(name, problem, result)
-        if is_lazy(name):
-            views = result.statistics.get("evaluated")
-            return judged._replace(
-                coverage_seconds=0.0, views=None if views is None else int(views)
-            )
-        model = compiled(problem)
-        return judged._replace(coverage_seconds=model.tables.seconds, views=model.covered_views)
-
-    @classmethod
-    def certified(
-        cls,
-        problem: Problem,
-        name: str,
-        stop: Stop,
-        start: Plan | None = None,
-        report: Report = silent,
-        gap: float = OPTIMALITY,
-    ) -> "Judged[CertifiedResult]":
-        """Runs a bound or an exact method, and has its plan judged.
-
-        Raises
-        ------
-        UnsupportedError
-            If the method does not take such problems.
-        """
-        if name in EXACT:
-            result = EXACT[name](problem, stop, start, report, gap)
-        else:
-            result = BOUNDS[name](problem, stop, start, report)
-        judged = Judged.of(name, problem, with_coverage_told(problem, result))
-        return judged._replace(coverage_seconds=compiled(problem).tables.seconds)
+    def answer(self, problem: Problem, method: str) -> _R_co:
+        """Returns the result with the referee's J, and with what is known of its making."""
+        return replace(
+            self.result, value=self.reward, reason=self.reason, problem=problem, method=method
+        )
 
     @property
     def reward(self) -> float:

@@ -16,10 +16,10 @@ from typing import Any
 
 import cloudpickle
 
-from cocap_opt.experiments.sweeps.own_code import OwnCode, OwnCodeError, counted
-from cocap_opt.planners import Planner
+from cocap_opt.method import Method
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
+from cocap_opt.run.own_code import OwnCode, OwnCodeError, counted
 from cocap_opt.stop import LimitReached, Stop
 from cocap_opt.text import meant, shortened
 
@@ -158,18 +158,15 @@ class OwnPlanner:
             call = _received(self.reference, self.code)
         return OwnPlanner(self.name, self.reference, self.code, call)
 
-    def seeded(self, seed: int) -> Planner:
-        """Returns a planner of a problem and a stop, which is handed a seed if it takes one.
-
-        That planner raises OwnPlannerError if it raises, or if what comes back is no result.
-        """
+    @property
+    def method(self) -> Method[Result]:
+        """The record of the planner, which raises OwnPlannerError if the planner raises."""
         call = self.ready().call
         assert call is not None
-        more = {_SEED: seed} if _takes_seed(call) else {}
 
-        def planner(problem: Problem, stop: Stop) -> Result:
+        def planner(problem: Problem, stop: Stop, **seed: int) -> Any:
             try:
-                result = call(problem, stop, **more)
+                return call(problem, stop, **seed)
             except SystemExit as error:
                 raise OwnPlannerError(f"{self.name} has ended its process: {error!r}") from error
             except UnsupportedError:
@@ -181,9 +178,8 @@ class OwnPlanner:
                 ) from error
             except Exception as error:
                 raise OwnPlannerError(f"{self.name} raised {_told(error)}") from error
-            return _required(self.name, result)
 
-        return planner
+        return Method(planner, takes=frozenset({_SEED} if _takes_seed(call) else ()))
 
 
 def _told(error: Exception) -> str:
@@ -193,8 +189,8 @@ def _told(error: Exception) -> str:
     return f"{type(error).__name__}: {error} ({file}, line {where.lineno}, in {where.name})"
 
 
-def _required(name: str, result: object) -> Result:
-    """Returns what a planner has returned, if that is a result."""
+def require_result(name: str, result: object) -> None:
+    """Raises OwnPlannerError, in words, unless what a planner has returned is a result."""
     makes = "a planner returns a Result, such as Result(plan, J, Reason.FINISHED)"
     if not isinstance(result, Result):
         what = "nothing (None)" if result is None else f"a {type(result).__name__}"
@@ -209,7 +205,6 @@ def _required(name: str, result: object) -> Result:
                 f"{name} returned a Result whose {field_name} is a {type(value).__name__}, not a "
                 f"{allowed}; {makes}"
             )
-    return result
 
 
 # -- by name ----------------------------------------------------------------------------------

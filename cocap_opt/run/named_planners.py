@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from importlib.metadata import EntryPoint, entry_points
 
 from cocap_opt.console.streams import say
-from cocap_opt.experiments.sweeps.cells import BOUND
-from cocap_opt.experiments.sweeps.own_planners import OwnPlanner, OwnPlannerError
-from cocap_opt.run.judging import SOLVERS
+from cocap_opt.run.engine import BOUND, SOLVERS
 from cocap_opt.run.options import Option, UsageError
+from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
 from cocap_opt.text import meant
 
 GROUP = "cocap_opt.planners"  # of entry points

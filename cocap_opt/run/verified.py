@@ -20,7 +20,7 @@ from cocap_opt.model import Model
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import relative_gap
-from cocap_opt.run.judging import ROUNDING
+from cocap_opt.run.judged import ROUNDING
 from cocap_opt.stop import Stop, never
 from cocap_opt.text import other_scene
 

@@ -1,0 +1,125 @@
+"""The engine: planners, bounds and exact methods by name, run within limits and judged.
+
+Commands, the Python face, sweeps and studies run all methods here, those of somebody's own as well.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache
+from typing import Any, TypeVar
+
+from cocap_opt.console.progress import Watch
+from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.result import OPTIMALITY, Report, silent
+from cocap_opt.method import Method
+from cocap_opt.model import compiled
+from cocap_opt.planners import PLANNERS
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.result import Result
+from cocap_opt.run.judged import Judged
+from cocap_opt.run.own_planners import require_result
+from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import LimitReached, Stop, TimeLimit, never
+from cocap_opt.timing import timed
+
+R = TypeVar("R", bound=Result)
+
+BOUND = "bound"  # what tables call their bounds, and so the name of no planner
+BOUND_METHOD = "branch-and-price"  # of the gap table; at any limit it has a bound
+# What plans: planners, and exact methods.
+SOLVERS: dict[str, Method[Any]] = {**PLANNERS, **EXACT}
+_SMALL, _WARMING = "tiny-share", 5.0  # a scene, and most seconds, in which a method warms up
+
+
+def method_of(name: str) -> Method[Any]:
+    """Returns the planner, bound or exact method of a name."""
+    return SOLVERS[name] if name in SOLVERS else BOUNDS[name]
+
+
+def is_lazy(name: str) -> bool:
+    """Returns True for a method of a registry that needs no coverage of all states."""
+    return name in PLANNERS and PLANNERS[name].lazy
+
+
+def run(
+    problem: Problem,
+    method: str | Method[R],
+    stop: Stop = never,
+    *,
+    name: str = "",
+    seed: int = 0,
+    start: Plan | None = None,
+    report: Report = silent,
+    gap: float = OPTIMALITY,
+) -> Judged[R]:
+    """Runs a method, and has the referee judge what it returns.
+
+    Parameters
+    ----------
+    method : the name of one in a registry, or the record of one that is in none
+    name : of the method, for messages
+    seed, start, report, gap : for methods that take them
+
+    Raises
+    ------
+    UnsupportedError
+        If the method takes no such problems.
+    OwnPlannerError
+        If a method of somebody's own returns no result.
+    RefereeError
+        If the referee finds another J than the method, or refuses its plan or its bound.
+    """
+    known: Method[R] = method_of(method) if isinstance(method, str) else method
+    name = name or (method if isinstance(method, str) else known.__name__)
+    function = known if isinstance(method, str) else _required(known, name)
+    options: dict[str, Any] = {"start": start, "report": report, "seed": seed, "gap": gap}
+    placed = [options[option] for option in ("start", "report") if option in known.takes]
+    named = {option: options[option] for option in ("seed", "gap") if option in known.takes}
+    result = function(problem, stop, *placed, **named)
+    model = compiled(problem)
+    if "start" in known.takes and result.limit is not None:
+        missing = model.covered_steps <= problem.horizon
+        result = replace(result, in_coverage=True) if missing else result
+    judged = Judged.of(name, problem, result)
+    if known.lazy:
+        views = result.statistics.get("evaluated")
+        return judged._replace(coverage_seconds=0.0, views=None if views is None else int(views))
+    return judged._replace(coverage_seconds=model.tables.seconds, views=model.covered_views)
+
+
+def cover(problem: Problem, method: str, stop: Stop, watch: Watch) -> None:
+    """Computes the coverage that a method needs, and shows how far it is.
+
+    Without it the method would do it by itself, in silence. Where a limit comes first, planners
+    leave time for planning with what there is, and bounds for a bound.
+    """
+    model, progress = compiled(problem), watch.countdown("coverage")
+    if method in EXACT or method in BOUNDS:
+        with suppress(LimitReached):  # the method meets the limit as well
+            model.prepare_all(stop, progress)
+    elif not is_lazy(method):
+        model.covered_by(stop, progress)
+    watch.show(method)
+
+
+@cache
+def warm_up(method: str) -> None:
+    """Lets a method load its libraries, some of which take seconds, before its time begins.
+
+    A process does so once; else who comes first would pay for all that use the same library.
+    """
+    with suppress(Exception):  # if something is wrong, the method itself tells
+        SOLVERS[method](load_scene(_SMALL), TimeLimit(_WARMING))
+
+
+def _required(method: Method[R], name: str) -> Callable[..., R]:
+    """Returns a method of somebody's own, which is timed, and whose results are checked."""
+
+    @timed
+    def call(problem: Problem, *placed: Any, **named: Any) -> R:
+        result = method(problem, *placed, **named)
+        require_result(name, result)
+        return result
+
+    return call
