@@ -12,6 +12,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
 from cocap_opt.run.engine import SOLVERS, run
 from cocap_opt.run.forecast import warn_of_limit
+from cocap_opt.run.judged import Judged
 from cocap_opt.run.limits import Allowance
 from cocap_opt.run.named_planners import own_planners
 from cocap_opt.run.options import Option
@@ -194,7 +195,8 @@ def _answer(
 ) -> R:
     """Runs a method, and returns its result with the referee's J."""
     name = given if isinstance(given, str) else getattr(given, "__name__", type(given).__name__)
-    return run(problem, method, stop, name=name, **options).answer(problem, name)
+    judged: Judged[R] = run(problem, method, stop, name=name, **options)
+    return judged.answer(problem, name)
 
 
 def _limits(problem: Problem, method: object, seconds: float | None, stop: Stop) -> Stop:

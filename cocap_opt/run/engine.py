@@ -44,7 +44,7 @@ def is_lazy(name: str) -> bool:
 
 def run(
     problem: Problem,
-    method: str | Method[R],
+    method: str | Method[Any],
     stop: Stop = never,
     *,
     name: str = "",
@@ -52,7 +52,7 @@ def run(
     start: Plan | None = None,
     report: Report = silent,
     gap: float = OPTIMALITY,
-) -> Judged[R]:
+) -> Judged[Any]:
     """Runs a method, and has the referee judge what it returns.
 
     Parameters
@@ -70,7 +70,7 @@ def run(
     RefereeError
         If the referee finds another J than the method, or refuses its plan or its bound.
     """
-    known: Method[R] = method_of(method) if isinstance(method, str) else method
+    known = method_of(method) if isinstance(method, str) else method
     name = name or (method if isinstance(method, str) else known.__name__)
     function = known if isinstance(method, str) else _required(known, name)
     options: dict[str, Any] = {"start": start, "report": report, "seed": seed, "gap": gap}

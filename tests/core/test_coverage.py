@@ -20,8 +20,8 @@ from cocap_opt.data import FOCAL as FOCAL_RANGE
 from cocap_opt.data import LARGEST, MOST_PIXELS, MOST_WEIGHT, SMALLEST, FloatArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import Model
-from cocap_opt.planners import sequential
 from cocap_opt.planners.joint import joint
+from cocap_opt.planners.sequential import sequential
 from cocap_opt.problem import (
     Actor,
     Camera,

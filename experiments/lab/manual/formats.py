@@ -9,11 +9,9 @@ import msgspec
 
 from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.files.documents import Document, PlanFile, SceneFile, encode, problem_digest
-from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
-from cocap_opt.planners import PLANNERS
+from cocap_opt.run.engine import run
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import never
 
 DOCUMENTS: Mapping[str, type[Document]] = {
     "scene": SceneFile, "plan": PlanFile, "certificate": CertificateFile, "proof": ProofFile,
@@ -114,10 +112,9 @@ def _example(name: str) -> msgspec.Struct:
     if name == "scene":
         return SceneFile.of(problem)
     if name == "certificate":
-        found = BOUNDS["alone"](problem, never).certificate
-        assert found is not None
+        found: CertificateFile = run(problem, "alone").result.certificate
         return found
-    result = PLANNERS["greedy"](problem, never)
+    result = run(problem, "greedy").result
     assert result.plan is not None
     return PlanFile(
         scene=problem.name, digest=problem_digest(problem), planner="greedy", reward=result.value,

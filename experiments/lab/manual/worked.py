@@ -10,7 +10,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.experiments.lab.manual.recorded_tree import RecordedNode, recorded_tree
-from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.certificates import (
     CertificateFile,
     Multipliers,
@@ -29,12 +29,11 @@ from cocap_opt.formulations.explanation import explain
 from cocap_opt.formulations.result import OPTIMALITY, Snapshot
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
-from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Objective, Plan, Problem
 from cocap_opt.result import Result
+from cocap_opt.run.engine import run
 from cocap_opt.run.explained import Explained
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import never
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -45,7 +44,7 @@ SHORT = 2  # steps of the bottleneck on which cone programs are quick
 
 def planned(problem: Problem, planner: str) -> Result:
     """Returns the result of a planner, which finds a plan."""
-    result = PLANNERS[planner](problem, never)
+    result: Result = run(problem, planner).result
     assert result.plan is not None
     return result
 
@@ -80,7 +79,7 @@ def doorway_graph() -> "nx.DiGraph[Any]":
 @cache
 def doorway_bound() -> CertificateFile:
     """Returns the certificate of the root relaxation, which meets the optimum."""
-    file = BOUNDS["column-generation"](doorway(), never).certificate
+    file = run(doorway(), "column-generation").result.certificate
     assert isinstance(file, CertificateFile)
     return file
 
@@ -152,7 +151,7 @@ def bottleneck() -> _Bottleneck:
     """Returns the bottleneck, planned by CoCap and bounded by column generation."""
     problem = load_scene("bottleneck", SEED)
     told: list[Snapshot] = []
-    found = BOUNDS["column-generation"](problem, never, report=told.append)
+    found = run(problem, "column-generation", report=told.append).result
     assert isinstance(found.certificate, CertificateFile)
     plan = planned(problem, "cocap")
     return _Bottleneck(problem, plan, found.bound, found.certificate, tuple(told))
@@ -265,12 +264,13 @@ def compared() -> list[tuple[str, list[float]]]:
         (name, [_bound(name, *both) for both in zip(scenes, starts, strict=True)])
         for name in BOUNDS
     ]
-    optima = [EXACT["branch-and-price"](scene, never).value for scene in scenes]
+    optima = [run(scene, "branch-and-price").reward for scene in scenes]
     return [*rows, ("optimum", optima)]
 
 
 def _bound(name: str, problem: Problem, start: Plan | None) -> float:
-    return BOUNDS[name](problem, never, start=start).bound
+    bound: float = run(problem, name, start=start).result.bound
+    return bound
 
 
 class _Proof(NamedTuple):
@@ -286,7 +286,7 @@ class _Proof(NamedTuple):
 def proof() -> _Proof:
     """Returns a corridor whose pixels add up over time, solved by branch-and-price."""
     problem = load_scene("corridor", 2).replace(objective=Objective(over_time=True))
-    found = EXACT["branch-and-price"](problem, never)
+    found = run(problem, "branch-and-price").result
     assert isinstance(found.certificate, ProofFile)
     leaves = verify(problem, found.certificate, model=compiled(problem)).leaves
     return _Proof(problem, found.value, found.certificate, leaves)

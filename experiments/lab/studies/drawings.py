@@ -31,10 +31,10 @@ from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.output.files import make_folder, save_files
 from cocap_opt.pictures.figures import picture, plan_picture
 from cocap_opt.pictures.rendering import drone_view
-from cocap_opt.planners import PLANNERS, RECOMMENDED
+from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
+from cocap_opt.run.engine import run
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import never
 
 _SUFFIX = ".png"
 _GAPS_OF = ("greedy", "sequential", "sequential-rounds", "cocap", "cocap-vs", RECOMMENDED)
@@ -107,7 +107,7 @@ def _paper() -> list[Row]:
 
 
 def _plan(problem: Problem, planner: str) -> Plan:
-    plan = PLANNERS[planner](problem, never).plan
+    plan: Plan | None = run(problem, planner).result.plan
     assert plan is not None, f"{problem.name}: {planner} has no plan"
     return plan
 

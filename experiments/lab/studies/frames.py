@@ -11,10 +11,9 @@ from typing import Any
 
 from cocap_opt.experiments.lab.studies.pictures import _Browser
 from cocap_opt.output.printing import Listing, Record
-from cocap_opt.planners import PLANNERS
 from cocap_opt.player.player import Player
+from cocap_opt.run.engine import run
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import never
 
 _SIZE = 1400, 900  # px
 _WARM, _MEASURED = 3.0, 6.0  # s, before and while pictures are counted
@@ -40,7 +39,7 @@ def frames(scene: str, planner: str) -> None:
         If there is no browser, or no driver.
     """
     problem = load_scene(scene, 0)
-    plan = PLANNERS[planner](problem, never).plan
+    plan = run(problem, planner).result.plan
     assert plan is not None
     with TemporaryDirectory() as folder:
         page = Path(folder) / "player.html"

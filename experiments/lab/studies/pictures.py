@@ -18,12 +18,10 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.support.wait import WebDriverWait
 
 from cocap_opt.experiments.report.explaining import gaps_of
-from cocap_opt.formulations import BOUNDS
-from cocap_opt.planners import PLANNERS
 from cocap_opt.player.player import Player
 from cocap_opt.problem import Problem
+from cocap_opt.run.engine import run
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import never
 
 PLAYER_IS_READY = "document.documentElement.dataset.ready === 'yes'"
 _SCENE, _STEP, _KEYS = "bottleneck", 6, "ddd"  # of the picture, in which drone 2 is picked
@@ -70,9 +68,9 @@ def write_pictures(folder: Path) -> None:
 
 def _player(problem: Problem) -> Player:
     """Returns the player of two plans, with the certificate of a bound."""
-    plans = {name: PLANNERS[name](problem, never).plan for name in _PLANNERS}
+    plans = {name: run(problem, name).result.plan for name in _PLANNERS}
     shown = {name: plan for name, plan in plans.items() if plan is not None}
-    proof = BOUNDS["column-generation"](problem).certificate
+    proof = run(problem, "column-generation").result.certificate
     assert proof is not None
     gaps = gaps_of(problem, list(shown.values()), proof)
     titled = [(f"{name}.json", plan) for name, plan in shown.items()]

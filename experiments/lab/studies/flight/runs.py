@@ -20,9 +20,10 @@ from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.pace import demands
 from cocap_opt.flight.smooth import smooth
 from cocap_opt.output.files import load_csv
-from cocap_opt.planners import PLANNERS, RECOMMENDED
+from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import SEPARATION, Plan, Problem
 from cocap_opt.referee import check
+from cocap_opt.run.engine import run
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.airframes import AIRFRAMES
 from cocap_opt.stop import TimeLimit
@@ -129,7 +130,7 @@ def flown(scene: str, seed: int, winds: Sequence[float], step: float | None) -> 
     if not problem.rules.separation:
         problem = built(scene, seed, SEPARATION, SEPARATION)
     problem = problem.replace(earth=None)
-    plan = PLANNERS[RECOMMENDED](problem, TimeLimit(_SECONDS)).plan
+    plan = run(problem, RECOMMENDED, TimeLimit(_SECONDS)).result.plan
     if plan is None:
         raise ProblemError(f"{scene} seed {seed}: no plan was found that could be flown")
     try:

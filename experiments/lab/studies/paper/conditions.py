@@ -23,11 +23,11 @@ from cocap_opt.formulations.column_generation.branch_and_price import branch_and
 from cocap_opt.model import compiled
 from cocap_opt.output.files import read_text
 from cocap_opt.output.printing import counted
-from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.constraint_tree import FELL_BACK
 from cocap_opt.problem import Motion, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Result
+from cocap_opt.run.engine import run
 from cocap_opt.scenarios.built_in.parts import SIZE, Room, drones, walker
 from cocap_opt.stop import NO_LIMIT, Limit, TimeLimit, WorkLimit
 
@@ -249,7 +249,7 @@ def _tried(stage: str, corridor: Corridor, seed: int) -> Trial:
     problem = corridor.built(seed)
     compiled(problem).prepare_all()
     results = {
-        name: PLANNERS[planner](problem, WorkLimit(_NODES))
+        name: run(problem, planner, WorkLimit(_NODES)).result
         for name, planner in _PLANNED.items()
         if stage == FRESH or name not in _AT_LAST
     }

@@ -21,10 +21,11 @@ from cocap_opt.output.files import (
 )
 from cocap_opt.output.printing import Listing, print_texts
 from cocap_opt.pictures.figures import picture
-from cocap_opt.planners import PLANNERS, RECOMMENDED
+from cocap_opt.planners import RECOMMENDED
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.problem import CollisionRules, Plan, Problem, Robot
 from cocap_opt.result import Result
+from cocap_opt.run.engine import run
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, Stop, never
 
@@ -147,7 +148,7 @@ def _cocap_lns(
     problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
 ) -> CertifiedResult:
     """The recommended planner in the same form."""
-    return _without_bound(PLANNERS[RECOMMENDED](problem, stop))
+    return _without_bound(run(problem, RECOMMENDED, stop).result)
 
 
 def _without_bound(result: Result) -> CertifiedResult:

@@ -1,0 +1,215 @@
+"""The engine: one room runs all methods, and what it says is the same wherever it is asked."""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+from sources import ROOT, sources
+from test_cli import Run
+from test_sweeps import SETTINGS
+
+import cocap_opt as co
+from cocap_opt.experiments.sweeps.instances import Instance
+from cocap_opt.experiments.sweeps.sweep import sweep
+from cocap_opt.method import START_AND_REPORT, Method
+from cocap_opt.run.engine import SOLVERS, run
+from cocap_opt.run.judged import RefereeError
+
+SCENE = "tiny-share"
+REGISTRIES = {"PLANNERS", "BOUNDS", "EXACT", "SOLVERS"}
+# Studies that time a method alone, without the referee.
+TIMING = {
+    f"cocap_opt.experiments.lab.studies.{name}"
+    for name in ("lazy", "paper.measured", "solvers.comparisons", "speed")
+}
+FIELDS = {field.name for field in fields(Method)} - {"call"}
+
+
+def called(node: ast.expr) -> str:
+    """The name of something, of a module's or not; empty if it has none."""
+    return getattr(node, "id", "") or getattr(node, "attr", "")
+
+
+def methods_taken(source: str) -> Iterator[str]:
+    """Where code takes a method out of a registry, and not only what its record says."""
+    tree = ast.parse(source)
+    only_read = {
+        id(node.value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and node.attr in FIELDS
+    }
+    loops = [n for n in ast.walk(tree) if isinstance(n, ast.For | ast.comprehension)]
+    members = {
+        name.id
+        for loop in loops
+        if isinstance(loop.iter, ast.Call)
+        and isinstance(loop.iter.func, ast.Attribute)
+        and called(loop.iter.func.value) in REGISTRIES
+        for name in ast.walk(loop.target)
+        if isinstance(name, ast.Name)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Subscript) and called(node.value) in REGISTRIES:
+            if id(node) not in only_read:
+                yield f"line {node.lineno}: {ast.unparse(node)}"
+        elif isinstance(node, ast.Call) and called(node.func) in members:
+            yield f"line {node.lineno}: {ast.unparse(node)}"
+
+
+def test_only_the_engine_calls_methods_of_registries() -> None:
+    """Others list them and read their records; the engine runs them, and has them judged."""
+    taken = list(
+        methods_taken("PLANNERS['a'].lazy\nPLANNERS[n](p)\n[f(p) for f in EXACT.values()]")
+    )
+    assert [words.split(":")[0] for words in taken] == ["line 2", "line 3"]
+    found = {
+        name: list(methods_taken(path.read_text(encoding="utf-8")))
+        for name, path in sources().items()
+        if not name.startswith("cocap_opt.run.") and name not in TIMING
+    }
+    assert {name: places for name, places in found.items() if places} == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SOLVERS)
+def test_a_plan_is_worth_the_same_wherever_it_is_made(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """J and the reason of every method: in Python, on the command line, in a sweep of one cell."""
+    problem = co.load(SCENE)
+    found = co.plan(problem, name)
+    told = Run(capsys, "plan", SCENE, "--planner", name, "--json").json
+    (row,) = sweep([Instance(problem, 0, [name], SETTINGS)], None, quiet=True)
+    assert found.plan is not None and found.value == co.check(problem, found).reward
+    expected = [(found.value, str(found.reason))]
+    assert [(told["reward"], told["reason"]), (row.reward, row.reason)] == expected * 2
+    if name in co.EXACT:
+        best = co.solve(problem, name)
+        told = Run(capsys, "solve", SCENE, "--method", name, "--json").json
+        assert (told["reward"], told["reason"]) == (best.value, str(best.reason))
+        assert told["bound"] == best.bound and [(best.value, str(best.reason))] == expected
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", co.BOUNDS)
+def test_a_bound_is_the_same_wherever_it_is_made(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Bound, reason and J of the plan that comes with it, in Python and on the command line."""
+    found = co.bound(co.load(SCENE), name)
+    told = Run(capsys, "bound", SCENE, "--method", name, "--json").json
+    value = None if found.plan is None else found.value
+    assert (told["bound"], told["reason"]) == (found.bound, str(found.reason))
+    assert told["reward"] == value
+    assert (found.value == -float("inf")) == (found.plan is None)
+
+
+def test_values_are_the_referees() -> None:
+    """Also those of methods of somebody's own; one that claims more is told of in words."""
+    problem = co.load(SCENE)
+    honest = co.plan(problem, "greedy")
+
+    def near(problem: co.Problem, stop: co.Stop) -> co.Result:
+        return replace(honest, value=honest.value * (1 + 1e-12))
+
+    def boasting(problem: co.Problem, stop: co.Stop) -> co.Result:
+        return replace(honest, value=honest.value + 1)
+
+    assert co.plan(problem, near).value == co.check(problem, honest).reward
+    with pytest.raises(co.RefereeError, match=r"boasting: claims J = .*, it is "):
+        co.plan(problem, boasting)
+
+    def low(
+        problem: co.Problem, stop: co.Stop, start: object, report: object
+    ) -> co.CertifiedResult:
+        found = co.BOUNDS["alone"](problem, stop)
+        return replace(found, bound=found.bound / 2)
+
+    with pytest.raises(RefereeError, match=r"low: bound: the result claims .*, its file"):
+        co.bound(problem, low)
+
+
+def test_methods_get_what_they_take() -> None:
+    """A record says what its function is handed besides problem and stop."""
+    problem, given = co.load(SCENE), {}
+
+    def everything(
+        problem: co.Problem, stop: co.Stop, start: object, report: object, *, seed: int, gap: float
+    ) -> co.Result:
+        given.update(start=start, report=report, seed=seed, gap=gap)
+        return co.Result.without_plan(co.Reason.FAILED, "it only looks")
+
+    start = co.plan(problem, "greedy").plan
+    method = Method(everything, takes=START_AND_REPORT | {"seed", "gap"})
+    judged = run(problem, method, seed=7, start=start, report=print, gap=0.5)
+    assert given == {"start": start, "report": print, "seed": 7, "gap": 0.5}
+    assert judged.answer(problem, "everything").value == -float("inf")
+
+
+STAYS = '''"""Nobody moves."""
+
+from cocap_opt.problem import Plan
+from cocap_opt.referee import check
+from cocap_opt.result import Reason, Result
+from cocap_opt.stop import never
+
+
+def stays(problem, stop=never):
+    """Lets all drones wait where they are."""
+    plan = Plan.hovering(problem)
+    return Result(plan, check(problem, plan).reward, Reason.FINISHED)
+'''
+AGAIN = '''"""A bound by another name."""
+
+from cocap_opt.formulations.result import silent
+from cocap_opt.formulations.simple_bounds import alone
+from cocap_opt.stop import never
+
+
+def again(problem, stop=never, start=None, report=silent):
+    """Bounds a problem as if every drone were alone."""
+    return alone(problem, stop, start, report)
+'''
+TRIED = """
+import inspect
+import cocap_opt as co
+from cocap_opt.cli.main import main
+from cocap_opt.experiments.lab.studies.paper.planner_table import described_planners_in_markdown
+
+assert "| `stays` | nobody moves | all coverage |" in described_planners_in_markdown()
+assert list(inspect.signature(co.PLANNERS["stays"]).parameters) == ["problem", "stop"]
+problem = co.load("tiny-share")
+assert co.plan(problem, "stays").value <= co.bound(problem, "again").bound
+assert list(co.gap("tiny-share", ["stays"]).planner) == ["stays"]
+for words in ("plan tiny-share --planner stays", "bound tiny-share --method again"):
+    try:
+        main(words.split())
+    except SystemExit as ended:
+        assert not ended.code
+"""
+
+
+@pytest.mark.slow
+def test_a_new_method_is_one_file_and_one_line(tmp_path: Path) -> None:
+    """A planner and a bound, added to a copy: commands, Python, sweeps and tables know them."""
+    copy = shutil.copytree(ROOT, tmp_path / "cocap_opt")
+    planner = 'Method("cocap_opt.planners.stays:stays", "nobody moves")'
+    bound = 'Method("cocap_opt.formulations.again:again", takes=START_AND_REPORT)'
+    for folder, name, text, registry, line in (
+        ("planners", "stays", STAYS, "PLANNERS: ", planner),
+        ("formulations", "again", AGAIN, "BOUNDS: ", bound),
+    ):
+        (copy / folder / f"{name}.py").write_text(text)
+        front = copy / folder / "__init__.py"
+        before, head, after = front.read_text().partition(f"\n{registry}")
+        opened, brace, rest = after.partition("{\n")
+        added = f'        "{name}": {line},\n'
+        front.write_text(before + head + opened + brace + added + rest)
+    environment = os.environ | {"PYTHONPATH": str(tmp_path), "COCAP_OPT_CACHE": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", TRIED], check=True, env=environment, cwd=tmp_path)
