@@ -50,6 +50,13 @@ ORDER = {
     "front": ("api", "cli"),
     "lab": ("stored_results", "benchmark", "studies", "manual", "notebooks"),
 }  # fmt: skip
+# Likewise, of the rooms within a room.
+INNER_ORDER = {
+    "column_generation": (
+        "master", "primal", "search", "step_envelopes", "tree", "column_generation",
+        "branch_and_price",
+    ),
+}  # fmt: skip
 TOLD_ELSEWHERE = {
     "cocap_opt.scenarios.formats",  # FORMATS names its modules without the room
 }
@@ -121,11 +128,27 @@ def test_rooms_are_in_order() -> None:
     assert broken == []
 
 
+def test_rooms_of_column_generation_are_in_order() -> None:
+    """The master knows no plans, plans know no search, and only the tree knows all of these."""
+    room = f"{CORE}.formulations.column_generation"
+    order = INNER_ORDER["column_generation"]
+    inner = within(frozenset(sources()), room) - {room}
+    part = {module: module.removeprefix(f"{room}.").split(".")[0] for module in inner}
+    assert set(part.values()) == set(order)
+    broken = [
+        f"{module} -> {name}"
+        for module in inner
+        for name in sorted(imports(module) & inner)
+        if order.index(part[name]) > order.index(part[module])
+    ]
+    assert broken == []
+
+
 def test_contributing_tells_the_order() -> None:
     """The order of rooms in CONTRIBUTING is the one that is tested."""
     text = (ROOT.parent / "CONTRIBUTING.md").read_text().split("| you look for")[0]
     words = " ".join(text.replace("->", " ").replace(";", " ").split())
-    for order in ORDER.values():
+    for order in (*ORDER.values(), *INNER_ORDER.values()):
         assert " ".join(order) in words
 
 

@@ -1,11 +1,13 @@
 """Column generation and branch-and-price: bounds and proved optima over paths.
 
 The two methods are `column_generation` (the bound at the root) and `branch_and_price` (the
-search tree). Both solve the relaxation of a node (`relaxation`): the restricted master problem
-over the columns found so far (`master`) and pricing (`pricing`) take turns, while `local_search`
-and `diving` make plans of the mixtures that come up. The root's first columns are those of a
-mixture that is raised without a master (`mixture_ascent`); where robots are very many, bound and
-plan come without masters altogether (`large_root`).
+search tree). Their rooms, from the lowest up:
+
+- `master`: paths as columns, their mixtures, the restricted master problem and pricing;
+- `primal`: heuristics that make plans of mixtures and of other plans;
+- `search`: the state that all nodes share;
+- `step_envelopes`: the second stage of the root, which often closes what the relaxation leaves;
+- `tree`: the relaxation of a node, the root, and the nodes below it.
 """
 
-__all__ = ["branch_and_price", "column_generation", "root", "search", "step_envelopes"]
+__all__ = ["branch_and_price", "column_generation", "search", "step_envelopes", "tree"]

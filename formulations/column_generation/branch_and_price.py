@@ -9,7 +9,7 @@ Compare branch-and-cut-and-price for path finding (Lam, Le Bodic, Harabor, Stuck
 """
 
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.column_generation.tree import Tree
+from cocap_opt.formulations.column_generation.tree.tree import Tree
 from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.model import compiled

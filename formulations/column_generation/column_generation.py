@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.model import compiled

@@ -9,12 +9,12 @@ import numpy as np
 
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile, Staged
 from cocap_opt.formulations.certificates.staged import Narrowing
-from cocap_opt.formulations.column_generation.columns import Arc
-from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.local_search import Allowance, LocalSearch
-from cocap_opt.formulations.column_generation.mixture import Mixture
-from cocap_opt.formulations.column_generation.pricing import Pricer
-from cocap_opt.formulations.column_generation.recombination import Recombination
+from cocap_opt.formulations.column_generation.master.columns import Arc
+from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.pricing import Pricer
+from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.primal.local_search import Allowance, LocalSearch
+from cocap_opt.formulations.column_generation.primal.recombination import Recombination
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import (
     OPTIMALITY,

@@ -18,7 +18,7 @@ import numpy as np
 
 from cocap_opt.formulations.certificates import CertificateFile, Multipliers
 from cocap_opt.formulations.column_generation.column_generation import column_generation
-from cocap_opt.formulations.column_generation.root import Root as RootSearch
+from cocap_opt.formulations.column_generation.tree.root import Root as RootSearch
 from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.integer_programs.program import Answer, Call, Program, Solver
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows

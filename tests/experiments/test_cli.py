@@ -28,7 +28,7 @@ from cocap_opt.experiments.tables.gap_table import print_gap_table
 from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.files.documents import SceneFile
 from cocap_opt.formulations import BOUNDS, EXACT
-from cocap_opt.formulations.column_generation import root
+from cocap_opt.formulations.column_generation.tree import root
 from cocap_opt.method import Method
 from cocap_opt.model import compiled
 from cocap_opt.output.printing import print_result

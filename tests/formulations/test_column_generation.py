@@ -17,22 +17,22 @@ from cocap_opt.formulations.certificates.resources import (
     Visit,
     charges_of,
 )
-from cocap_opt.formulations.column_generation import root as root_module
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.branching import ResourceUse
-from cocap_opt.formulations.column_generation.coefficients import Coefficients
 from cocap_opt.formulations.column_generation.column_generation import column_generation
-from cocap_opt.formulations.column_generation.columns import Arc, Column
-from cocap_opt.formulations.column_generation.conic_program import ConicProgram
-from cocap_opt.formulations.column_generation.diving import dive
-from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.local_search import Allowance, LocalSearch
-from cocap_opt.formulations.column_generation.master import Master
-from cocap_opt.formulations.column_generation.mixture import Mixture
-from cocap_opt.formulations.column_generation.pricing import Pricer
-from cocap_opt.formulations.column_generation.relaxation import Relaxation
-from cocap_opt.formulations.column_generation.root import Root
+from cocap_opt.formulations.column_generation.master.coefficients import Coefficients
+from cocap_opt.formulations.column_generation.master.columns import Arc, Column
+from cocap_opt.formulations.column_generation.master.conic_program import ConicProgram
+from cocap_opt.formulations.column_generation.master.master import Master
+from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.pricing import Pricer
+from cocap_opt.formulations.column_generation.master.resource_use import ResourceUse
+from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.primal.local_search import Allowance, LocalSearch
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.tree import root as root_module
+from cocap_opt.formulations.column_generation.tree.diving import dive
+from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
+from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.result import OPTIMALITY, BoundMethod, Snapshot
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep

@@ -10,13 +10,13 @@ from hypothesis import given
 from pool import meetings, problems
 from strategies import Calls, examples
 
-from cocap_opt.formulations.column_generation import local_search
-from cocap_opt.formulations.column_generation.column_pool import ColumnPool
-from cocap_opt.formulations.column_generation.columns import Column
-from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.local_search import Allowance, LocalSearch
-from cocap_opt.formulations.column_generation.mixture import Mixture
-from cocap_opt.formulations.column_generation.mixture_ascent import mixture_ascent
+from cocap_opt.formulations.column_generation.master.columns import Column
+from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.mixture_ascent import mixture_ascent
+from cocap_opt.formulations.column_generation.primal import local_search
+from cocap_opt.formulations.column_generation.primal.column_pool import ColumnPool
+from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.primal.local_search import Allowance, LocalSearch
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import objective

@@ -15,15 +15,15 @@ from strategies import Calls, examples
 from cocap_opt.formulations.certificates import Pricing, verify
 from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.format import MOST_WORK
-from cocap_opt.formulations.column_generation import large_root as large_root_module
-from cocap_opt.formulations.column_generation.alike_cuts import alike_cut, grown_multisets
-from cocap_opt.formulations.column_generation.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.large_root import LargeRoot
-from cocap_opt.formulations.column_generation.mixture_ascent import mixture_ascent, raised
-from cocap_opt.formulations.column_generation.pricing import Priced
-from cocap_opt.formulations.column_generation.ruled_ascent import RuledAscent, _RuledProgram
+from cocap_opt.formulations.column_generation.master.alike_cuts import alike_cut, grown_multisets
+from cocap_opt.formulations.column_generation.master.mixture_ascent import mixture_ascent, raised
+from cocap_opt.formulations.column_generation.master.pricing import Priced
+from cocap_opt.formulations.column_generation.primal.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.tree import large_root as large_root_module
+from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot
+from cocap_opt.formulations.column_generation.tree.ruled_ascent import RuledAscent, _RuledProgram
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled

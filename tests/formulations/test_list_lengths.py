@@ -2,8 +2,11 @@
 
 import pytest
 
-from cocap_opt.formulations.column_generation import list_lengths
-from cocap_opt.formulations.column_generation.list_lengths import LONG_SEARCH, ListLengths
+from cocap_opt.formulations.column_generation.step_envelopes import list_lengths
+from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import (
+    LONG_SEARCH,
+    ListLengths,
+)
 
 
 @pytest.mark.parametrize(("steps", "first"), [(5, 200), (20, 200), (40, 100), (60, 66), (200, 60)])

@@ -10,8 +10,8 @@ from pool import problems
 from strategies import examples
 
 from cocap_opt.formulations.certificates import Pricing
-from cocap_opt.formulations.column_generation.master import Master
-from cocap_opt.formulations.column_generation.mixture_ascent import mixture_ascent
+from cocap_opt.formulations.column_generation.master.master import Master
+from cocap_opt.formulations.column_generation.master.mixture_ascent import mixture_ascent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.model import compiled
 from cocap_opt.problem import Problem

@@ -8,18 +8,18 @@ import pytest
 from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError, compiled_search
 from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
-from cocap_opt.formulations.column_generation import path_trials, step_envelopes
-from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.known_states import Known
-from cocap_opt.formulations.column_generation.list_lengths import ListLengths
-from cocap_opt.formulations.column_generation.path_trials import (
+from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.step_envelopes import envelopes, path_trials
+from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
+from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
+from cocap_opt.formulations.column_generation.step_envelopes.path_trials import (
     FEWEST_NODES,
     FEWEST_PLAIN_NODES,
     SHARES,
     PathTrials,
 )
-from cocap_opt.formulations.column_generation.root import Root
-from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan
@@ -140,9 +140,9 @@ def test_what_trials_for_higher_targets_prove_is_verified(
     """The file says above which J plans were tried, and its bound is that."""
     root = solved_root()
     monkeypatch.setattr(path_trials, "SHARES", (share,))
-    monkeypatch.setattr(step_envelopes, "MOST_ROUNDS", 0)
+    monkeypatch.setattr(envelopes, "MOST_ROUNDS", 0)
     monkeypatch.setattr(PathTrials, "after_stages", lambda *_: False)
-    step_envelopes.step_envelopes(root.search, root.relaxation.best.duals, root.cutoff)
+    envelopes.step_envelopes(root.search, root.relaxation.best.duals, root.cutoff)
     file, bound = root.search.spare, root.relaxation.best.bound
     assert file is not None and root.search.value < file.proved < bound
     above = root.search.value + share * (bound - root.search.value)
@@ -161,7 +161,7 @@ def test_stages_are_repeated_for_a_better_plan() -> None:
     narrowing = search.narrowing(duals)
     assert narrowing is not None
     steps = range(1, search.model.problem.horizon + 1)
-    stages = step_envelopes._Envelopes(
+    stages = envelopes._Envelopes(
         search, narrowing, duals, Known.of(better, steps, search.rng), steps,
         PathTrials(search, is_on=False), ListLengths(len(steps)),
     )  # fmt: skip
@@ -192,11 +192,11 @@ def test_a_better_plan_found_in_a_round_is_the_target_of_the_next(
     search.incumbent = Incumbent.of_plan(search.model, Plan.hovering(search.model.problem))
     targets = []
 
-    def finding(self: step_envelopes._Envelopes, _: object) -> None:
+    def finding(self: envelopes._Envelopes, _: object) -> None:
         targets.append(self.narrowing.target)
         search.offer(better)
 
-    monkeypatch.setattr(step_envelopes._Envelopes, "_pay", finding)
-    step_envelopes.step_envelopes(search, duals, root.cutoff, tries_paths=False)
+    monkeypatch.setattr(envelopes._Envelopes, "_pay", finding)
+    envelopes.step_envelopes(search, duals, root.cutoff, tries_paths=False)
     assert targets[0] < better.value
     assert targets[1] == better.value

@@ -14,9 +14,9 @@ from strategies import Calls, examples, tiny
 
 from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError
 from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
-from cocap_opt.formulations.column_generation import recombination
-from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.recombination import MOST_PLANS, Recombination
+from cocap_opt.formulations.column_generation.primal import recombination
+from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.primal.recombination import MOST_PLANS, Recombination
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Objective, Plan, Problem

@@ -20,8 +20,8 @@ from strategies import Calls, examples, tiny
 
 import cocap_opt as co
 import cocap_opt.formulations.certificates.staged.stages as checker
-import cocap_opt.formulations.column_generation.list_lengths as list_lengths
-import cocap_opt.formulations.column_generation.step_envelopes as envelopes
+import cocap_opt.formulations.column_generation.step_envelopes.envelopes as envelopes
+import cocap_opt.formulations.column_generation.step_envelopes.list_lengths as list_lengths
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import (
     CertificateError,
@@ -52,16 +52,15 @@ from cocap_opt.formulations.certificates.staged.joint_states import Ceiling
 from cocap_opt.formulations.certificates.staged.search import MostProfitable, all_that_count
 from cocap_opt.formulations.certificates.staged.stages import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.columns import Arc
-from cocap_opt.formulations.column_generation.flow_mixture import flow_mixture
-from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.joint_ascent import ascended
-from cocap_opt.formulations.column_generation.known_states import Known
-from cocap_opt.formulations.column_generation.mixture import Mixture
-from cocap_opt.formulations.column_generation.payment_bundle import PaymentBundle
-from cocap_opt.formulations.column_generation.root import Root
+from cocap_opt.formulations.column_generation.master.columns import Arc
+from cocap_opt.formulations.column_generation.master.mixture import Mixture, flow_mixture
+from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
+from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
+from cocap_opt.formulations.column_generation.step_envelopes.joint_ascent import ascended
+from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
+from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PaymentBundle
+from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.explanation import explain
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import OPTIMALITY

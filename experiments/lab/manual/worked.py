@@ -22,9 +22,9 @@ from cocap_opt.formulations.certificates.pricing import Prices
 from cocap_opt.formulations.certificates.staged import Narrowing, best_plan, most_profitable
 from cocap_opt.formulations.certificates.staged.stages import MOST_NODES
 from cocap_opt.formulations.certificates.sweep import plain_sweep
-from cocap_opt.formulations.column_generation.root import Root
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
+from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
+from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.explanation import explain
 from cocap_opt.formulations.result import OPTIMALITY, Snapshot
 from cocap_opt.graph.networks import time_expanded_graph

@@ -23,7 +23,7 @@ from cocap_opt.experiments.lab.studies.growth.points import (
 )
 from cocap_opt.experiments.lab.studies.runs import Run
 from cocap_opt.formulations.column_generation.column_generation import column_generation
-from cocap_opt.formulations.column_generation.root import Root
+from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.output.files import make_folder, save_bytes, save_csv
 from cocap_opt.output.printing import Listing
 from cocap_opt.pictures.figures import picture

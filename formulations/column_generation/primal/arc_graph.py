@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.column_generation.columns import Column
+from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, Path

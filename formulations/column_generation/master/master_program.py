@@ -21,9 +21,12 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates import Decision
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
-from cocap_opt.formulations.column_generation.coefficients import Coefficients
-from cocap_opt.formulations.column_generation.columns import Arc
-from cocap_opt.formulations.column_generation.conic_program import ConicProgram, ConicSolution
+from cocap_opt.formulations.column_generation.master.coefficients import Coefficients
+from cocap_opt.formulations.column_generation.master.columns import Arc
+from cocap_opt.formulations.column_generation.master.conic_program import (
+    ConicProgram,
+    ConicSolution,
+)
 from cocap_opt.formulations.relaxations.duals import Duals, RootRows
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop

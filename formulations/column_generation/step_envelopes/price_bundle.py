@@ -14,9 +14,9 @@ from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates.format import StepPrices
 from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
-from cocap_opt.formulations.column_generation.columns import Arc
-from cocap_opt.formulations.column_generation.known_states import Known
-from cocap_opt.formulations.column_generation.step_master import (
+from cocap_opt.formulations.column_generation.master.columns import Arc
+from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
+from cocap_opt.formulations.column_generation.step_envelopes.step_master import (
     Centre,
     KnownArc,
     KnownHeight,

@@ -59,7 +59,7 @@ def _teams(joint: JointStates, found: Sequence[Sequence[int]]) -> IntArray:
 
 def _compiled(joint: JointStates, starts: Sequence[Sequence[int]]) -> IntArray:
     """Returns what compiled local search makes of joint states and of the greedy one."""
-    from cocap_opt.formulations.column_generation.ascent_kernel import Views, ascend
+    from cocap_opt.formulations.column_generation.step_envelopes.ascent_kernel import Views, ascend
 
     nowhere = [-1] * sum(joint.sizes)
     teams = _teams(joint, [*starts, nowhere])

@@ -9,7 +9,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.resources import Resource
-from cocap_opt.formulations.column_generation.columns import Arc
+from cocap_opt.formulations.column_generation.master.columns import Arc
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model
 

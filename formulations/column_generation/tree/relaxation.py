@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.formulations.certificates import CertificateFile, Decision, certify
-from cocap_opt.formulations.column_generation.columns import Column
-from cocap_opt.formulations.column_generation.master import BEST_ACCURACY, Master, Solution
-from cocap_opt.formulations.column_generation.mixture import Mixture
-from cocap_opt.formulations.column_generation.pricing import Priced
+from cocap_opt.formulations.column_generation.master.columns import Column
+from cocap_opt.formulations.column_generation.master.master import BEST_ACCURACY, Master, Solution
+from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.pricing import Priced
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.separation import loose_view_sums
 

@@ -6,7 +6,7 @@ of a step closes that: robots are paid for states, not for pixels, and a step's 
 height of its highest joint state (`staged.stages`, `staged.joint_states`).
 
 Each round has three parts: the constants of the present payments are lowered by search; states that
-no better plan visits are closed; and a bundle method (`payment_bundle`) finds better payments.
+no better plan visits are closed; and a bundle method (`price_bundle`) finds better payments.
 Joint states are looked for by local search, and only once that finds none above the constants, by
 the exact one.
 
@@ -40,13 +40,13 @@ from cocap_opt.formulations.certificates.staged import (
     compiled_search,
     most_profitable,
 )
-from cocap_opt.formulations.column_generation.columns import Arc, Column
-from cocap_opt.formulations.column_generation.flow_mixture import flow_mixture
-from cocap_opt.formulations.column_generation.known_states import Known
-from cocap_opt.formulations.column_generation.list_lengths import ListLengths
-from cocap_opt.formulations.column_generation.path_trials import PathTrials
-from cocap_opt.formulations.column_generation.payment_bundle import PaymentBundle
+from cocap_opt.formulations.column_generation.master.columns import Arc, Column
+from cocap_opt.formulations.column_generation.master.mixture import flow_mixture
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
+from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
+from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
+from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PaymentBundle
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
 from cocap_opt.problem import COVERAGE_VERSION

@@ -1,7 +1,7 @@
 """Mixtures of columns: what they see, and the collision rules that they break."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple, TypeVar
 
@@ -9,12 +9,15 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.formulations.certificates.resources import Cells, Moves, Swap
-from cocap_opt.formulations.column_generation.columns import Column
+from cocap_opt.formulations.column_generation.master.columns import Arc, Column
 from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import Seen
-from cocap_opt.model import Model
+from cocap_opt.model import Model, Path
 from cocap_opt.problem import Cell, Problem
 
+# In robots: less flow on an arc is none, as solvers that are accurate to 1e-8 leave about as much
+# anywhere. Of a robot ten times as much may be missing, since each of its arcs may lack some.
+LEAST_USE = 1e-7
 _LEAST_SEEN = 1e-7  # of a robot, from which on a column counts in what a mixture sees
 
 
@@ -142,3 +145,52 @@ def _clique(near: BoolArray, first: int, amounts: Sequence[float]) -> list[int]:
             clique.append(k)
             open_ &= near[k]
     return clique
+
+
+def flow_mixture(
+    model: Model, flow: Mapping[Arc, float], known: Mapping[tuple[int, Path], Column] | None = None
+) -> Mixture:
+    """Returns paths of all robots that a flow splits into, the widest of each robot first.
+
+    The amounts of a robot's paths add up to 1, or to less where the flow runs dry.
+
+    Parameters
+    ----------
+    flow : number of robots on each arc
+    known : columns by robot and path, which need not be made again
+    """
+    left: dict[tuple[int, int, int], dict[int, float]] = {}
+    for arc, amount in flow.items():
+        if amount > LEAST_USE:
+            left.setdefault((arc.class_number, arc.t, arc.tail), {})[arc.head] = amount
+    columns: list[Column] = []
+    amounts: list[float] = []
+    for robot in range(len(model.problem.robots)):
+        number, rest = model.classes.index(model.class_of[robot]), 1.0
+        while rest > 10 * LEAST_USE:
+            path, amount = _widest(left, number, model.start(robot), model.problem.horizon)
+            amount = min(rest, amount)
+            if amount <= LEAST_USE:
+                break
+            for t in range(len(path) - 1):
+                left[number, t, path[t]][path[t + 1]] -= amount
+            rest -= amount
+            column = (known or {}).get((robot, path))
+            columns.append(column or Column.of(model, robot, path))
+            amounts.append(amount)
+    return Mixture(columns, np.array(amounts))
+
+
+def _widest(
+    left: Mapping[tuple[int, int, int], Mapping[int, float]], number: int, start: int, horizon: int
+) -> tuple[Path, float]:
+    """Returns a path along the largest flow at each step, and its least; 0 where it runs dry."""
+    path, least = [start], np.inf
+    for t in range(horizon):
+        heads = left.get((number, t, path[-1]), {})
+        if not heads:
+            return (), 0.0
+        head = max(heads, key=lambda one: heads[one])
+        least = min(least, heads[head])
+        path.append(head)
+    return tuple(path), float(least)

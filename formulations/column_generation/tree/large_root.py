@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cocap_opt.formulations.column_generation.arc_search import ArcSearch
-from cocap_opt.formulations.column_generation.columns import Column
-from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.mixture import Mixture
-from cocap_opt.formulations.column_generation.pricing import Priced
-from cocap_opt.formulations.column_generation.ruled_ascent import RuledAscent
+from cocap_opt.formulations.column_generation.master.columns import Column
+from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.pricing import Priced
+from cocap_opt.formulations.column_generation.primal.arc_search import ArcSearch
+from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.tree.ruled_ascent import RuledAscent
 from cocap_opt.model import Model, Path
 
 # Robots times steps, from which on masters take too long: one of field-large's 64 drones and 40

@@ -17,18 +17,18 @@ from scipy import sparse
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
-from cocap_opt.formulations.column_generation.alike_cuts import alike_cut
-from cocap_opt.formulations.column_generation.coefficients import Coefficients
-from cocap_opt.formulations.column_generation.columns import Column
-from cocap_opt.formulations.column_generation.mixture import Mixture
-from cocap_opt.formulations.column_generation.mixture_ascent import (
+from cocap_opt.formulations.column_generation.master.alike_cuts import alike_cut
+from cocap_opt.formulations.column_generation.master.coefficients import Coefficients
+from cocap_opt.formulations.column_generation.master.columns import Column
+from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.mixture_ascent import (
     ROUGH,
     SHARPNESS,
     MixtureProgram,
     joined,
     raised,
 )
-from cocap_opt.formulations.column_generation.pricing import Priced
+from cocap_opt.formulations.column_generation.master.pricing import Priced
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.relaxations.separation import Seen, loose_view_sums

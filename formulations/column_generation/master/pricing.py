@@ -17,7 +17,7 @@ from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Decision
 from cocap_opt.formulations.certificates.resources import Resource, charges_of
-from cocap_opt.formulations.column_generation.columns import Column
+from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED

@@ -18,8 +18,8 @@ from cocap_opt.formulations.certificates.staged import (
     compiled_search,
     may_be_used,
 )
-from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.recombination import LESS_ROOM
+from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.primal.recombination import LESS_ROOM
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.stop import Stop
 

@@ -7,8 +7,12 @@ import numpy as np
 
 from cocap_opt.formulations.certificates.staged import JointStates, compiled_search
 from cocap_opt.formulations.certificates.staged.search import plain_nodes
-from cocap_opt.formulations.column_generation.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.joint_ascent import ascended, heights, that_count
+from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.step_envelopes.joint_ascent import (
+    ascended,
+    heights,
+    that_count,
+)
 from cocap_opt.model import Path
 from cocap_opt.stop import Stop
 

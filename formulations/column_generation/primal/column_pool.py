@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.column_generation.columns import Column
+from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.model import Model, Path
 
 DRAWS = 60  # random roundings of which local search takes up the best

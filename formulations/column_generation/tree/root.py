@@ -6,13 +6,13 @@ from itertools import islice
 import numpy as np
 
 from cocap_opt.formulations.certificates.envelope import Cut
-from cocap_opt.formulations.column_generation.large_root import LargeRoot, is_large
-from cocap_opt.formulations.column_generation.master import Master
-from cocap_opt.formulations.column_generation.mixture import Mixture
-from cocap_opt.formulations.column_generation.mixture_ascent import mixture_ascent
-from cocap_opt.formulations.column_generation.relaxation import MOST_IDLE, Relaxation
+from cocap_opt.formulations.column_generation.master.master import Master
+from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.mixture_ascent import mixture_ascent
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.column_generation.step_envelopes import step_envelopes
+from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
+from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot, is_large
+from cocap_opt.formulations.column_generation.tree.relaxation import MOST_IDLE, Relaxation
 
 ENOUGH = 0.003  # of the bound, to which the first mixture is raised
 ENOUGH_LARGE = 0.015  # likewise, where rules come in before there is any master

@@ -21,9 +21,9 @@ import numpy as np
 from scipy import sparse
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.column_generation.columns import Column
-from cocap_opt.formulations.column_generation.mixture import Mixture
-from cocap_opt.formulations.column_generation.pricing import Priced, Pricer
+from cocap_opt.formulations.column_generation.master.columns import Column
+from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.pricing import Priced, Pricer
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never

@@ -10,7 +10,7 @@ from collections import defaultdict
 from typing import NamedTuple
 
 from cocap_opt.formulations.certificates.resources import Cells, Move, Resource, Visit
-from cocap_opt.formulations.column_generation.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.model import Model
 
 INTEGRAL = 1e-4  # amounts nearer than this to an integer count as integral

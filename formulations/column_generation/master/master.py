@@ -18,10 +18,9 @@ from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates import Decision
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
-from cocap_opt.formulations.column_generation.columns import Arc, Column
-from cocap_opt.formulations.column_generation.flow_mixture import LEAST_USE, flow_mixture
-from cocap_opt.formulations.column_generation.master_program import MasterProgram
-from cocap_opt.formulations.column_generation.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.columns import Arc, Column
+from cocap_opt.formulations.column_generation.master.master_program import MasterProgram
+from cocap_opt.formulations.column_generation.master.mixture import LEAST_USE, Mixture, flow_mixture
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop, never

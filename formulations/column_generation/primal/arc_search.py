@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.formulations.column_generation.arc_graph import ArcGraph
-from cocap_opt.formulations.column_generation.columns import Column
-from cocap_opt.formulations.column_generation.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.master.columns import Column
+from cocap_opt.formulations.column_generation.primal.arc_graph import ArcGraph
+from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop, never
 
