@@ -79,7 +79,7 @@ class Result:
 
     @property
     def ending(self) -> Ending:
-        """How the method ended."""
+        """The end of the method's work, as files of plans tell it."""
         return Ending(self.reason, self.limit, self.in_coverage, self.told)
 
     @property

@@ -133,7 +133,7 @@ class PlanFile(Document, frozen=True, kw_only=True):
 
     @property
     def ending(self) -> Ending:
-        """How the search for the plan ended; older files tell less of it."""
+        """The end of the search for the plan, of which older files tell less."""
         stopped = Reason.FINISHED if self.limit is None else Reason.STOPPED
         return Ending(self.reason or stopped, self.limit, told=self.cut_short)
 

@@ -5,6 +5,18 @@ plan, which large neighbourhood search improves. The search's best responses are
 of each robot, so that it can ask for many; rounds of responses over all states end it. Where
 sequential planning fails, CoCap's tree with a focal list, from a root planned in rounds, goes on
 until it finds a plan, or has proved that there is none.
+
+A neighbourhood is up to eight robots that see much of the same. One of three things happens to it.
+Two that are near each other exchange what is left of their paths, which changes no views: in a
+queue before a narrow passage they change places, and may then find better ways to them. Or one
+takes the best path that it would have alone in the air, and those in its way are planned anew. Or
+some, chosen at random, are planned anew one by one in a random order, each clear of all others; now
+and then the first of these must leave its former path from a random step on, as in CoCap's tree a
+robot must that gives way: otherwise two robots know two ways to share the work, and no third. If
+the plan is nearly as good as before, the neighbourhood settles in rounds of best responses. What
+does not gain in the end is forgotten.
+
+Source: large neighbourhood search, Shaw 1998; for paths of many robots MAPF-LNS, Li et al. 2021.
 """
 
 from collections.abc import Iterator

@@ -69,7 +69,7 @@ Conflict = VertexConflict | SwapConflict | PassConflict
 
 
 class Ending(NamedTuple):
-    """How the search for a plan ended, as its result or its file tells it.
+    """The end of the search for a plan, as its result or its file tells it.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     @property
     def ending(self) -> Ending | None:
-        """How the search for it ended, as the plan's file says; None if nobody says it."""
+        """The end of the search for it, as the plan's file says; None if nobody says it."""
         ending: Ending | None = vars(self).get("_ending")
         return ending
 

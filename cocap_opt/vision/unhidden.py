@@ -67,7 +67,7 @@ class Unhidden(NamedTuple):
 
 
 class UnhiddenViews:
-    """What states would see if hardly anything hid anybody: an upper bound on coverage.
+    """Views of states as if hardly anything hid anybody: an upper bound on coverage.
 
     Several threads may use it.
     """
