@@ -12,7 +12,7 @@ import numpy as np
 from cocap_opt.graph.choke_points import MOST_CELLS, choke_point
 from cocap_opt.graph.encounters import NEAR, Encounters, Outing
 from cocap_opt.graph.motion import Window
-from cocap_opt.problem import Actor, Cell, Motion, Problem, Robot
+from cocap_opt.problem import Actor, Cell, Motion, Robot, SceneData
 from cocap_opt.world.columns import Spans
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
@@ -33,7 +33,7 @@ _WIDEST = 60  # cells around a start in which a pocket that shuts a drone in is 
 _Pose = tuple[float, float, float, float]
 
 
-def warnings(problem: Problem) -> list[str]:
+def warnings(problem: SceneData) -> list[str]:
     """Returns all likely mistakes in a problem, in words, one line each."""
     found = [*_about_heights(problem.height_map)]
     found += [
@@ -60,7 +60,7 @@ def warnings(problem: Problem) -> list[str]:
     return [*found, *_in_the_way(problem), *_shut_in(problem, outings)]
 
 
-def narrow_way(problem: Problem) -> str:
+def narrow_way(problem: SceneData) -> str:
     """Returns where robots must queue at fewer cells than there are of them, in words.
 
     It is no mistake, but it may be why a plan is bad, or why there is none. Empty if there is no
@@ -99,7 +99,7 @@ def _about_heights(height_map: HeightMap) -> Iterator[str]:
         )
 
 
-def _about_mesh(problem: Problem, mesh: Mesh) -> Iterator[str]:
+def _about_mesh(problem: SceneData, mesh: Mesh) -> Iterator[str]:
     """Yields the warnings about the size of a mesh, and about how high above the map it is."""
     low, high = float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max())
     above = low - float(problem.height_map.heights.max())
@@ -123,7 +123,7 @@ def _not_closed(mesh: Mesh) -> str:
     return "is not closed, so that only its surface is solid"
 
 
-def _shut_in(problem: Problem, outings: list[Outing]) -> Iterator[str]:
+def _shut_in(problem: SceneData, outings: list[Outing]) -> Iterator[str]:
     """Yields a warning for each robot that can get nowhere, or to nobody."""
     for i, (robot, outing) in enumerate(zip(problem.robots, outings, strict=True)):
         if not outing.closed:
@@ -138,7 +138,7 @@ def _shut_in(problem: Problem, outings: list[Outing]) -> Iterator[str]:
             )
 
 
-def _around_robots(problem: Problem) -> dict[Motion, Encounters]:
+def _around_robots(problem: SceneData) -> dict[Motion, Encounters]:
     """Returns the places near people around the starts of the robots of each motion."""
     found = {}
     for motion in dict.fromkeys(robot.motion for robot in problem.robots):
@@ -153,14 +153,14 @@ def _around_robots(problem: Problem) -> dict[Motion, Encounters]:
     return found
 
 
-def _below_ground(problem: Problem, mesh: Mesh) -> bool:
+def _below_ground(problem: SceneData, mesh: Mesh) -> bool:
     """Returns True if the part of a mesh that is over the map is wholly below the ground."""
     tops = Workspace(problem.height_map, (mesh,)).columns.high[1:].max(axis=0, initial=-math.inf)
     above = tops > -math.inf
     return bool(above.any() and (tops <= problem.height_map.heights)[above].all())
 
 
-def _in_the_way(problem: Problem) -> Iterator[str]:
+def _in_the_way(problem: SceneData) -> Iterator[str]:
     """Yields a warning for each robot that can fly into a person, which no rule forbids."""
     if problem.airspace.people_aside:
         return
@@ -175,7 +175,7 @@ def _in_the_way(problem: Problem) -> Iterator[str]:
                 break
 
 
-def _height_within(problem: Problem, robot: Robot, actor: Actor) -> float | None:
+def _height_within(problem: SceneData, robot: Robot, actor: Actor) -> float | None:
     """Returns the height above an actor's feet (m) at which a robot can fly into it, or None."""
     for x, y, z, _ in actor.poses[: problem.horizon + 1].tolist():
         cell = problem.height_map.cell_of(x, y)
@@ -187,7 +187,7 @@ def _height_within(problem: Problem, robot: Robot, actor: Actor) -> float | None
     return None
 
 
-def _about(problem: Problem, actor: Actor) -> Iterator[str]:
+def _about(problem: SceneData, actor: Actor) -> Iterator[str]:
     """Yields the warnings about an actor."""
     poses = actor.poses[: problem.horizon + 1]
     if not _HEIGHTS[0] <= actor.shape.height <= _HEIGHTS[1]:
@@ -257,7 +257,7 @@ def _mesh_spans(meshes: tuple[Mesh, ...], x: float, y: float) -> list[tuple[floa
     return found
 
 
-def _floats(problem: Problem, actor: Actor, pose: _Pose) -> float:
+def _floats(problem: SceneData, actor: Actor, pose: _Pose) -> float:
     """Returns how far (m) an actor's feet are above all matter below; 0 if it stands on some."""
     x, y, z, _ = pose
     if not _on_map(problem.height_map, x, y):

@@ -160,7 +160,7 @@ def _decode_array(kind: type, value: Any) -> Any:
 
 
 def encode(content: msgspec.Struct) -> bytes:
-    """One JSON line per top-level field, so that files can be read and compared."""
+    """Returns JSON with one line per top-level field, so that files can be read and compared."""
     text = msgspec.json.encode(content, enc_hook=_encode_array)
     return msgspec.json.format(text, indent=1) + b"\n"
 

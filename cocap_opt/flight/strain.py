@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.problem import Limits, Motion, Problem, Robot
+from cocap_opt.problem import Limits, Motion, Robot, SceneData
 from cocap_opt.problem.robot import ROUNDING, rounded_up
 
 RATE, ACCELERATION = 15 / 8, 10 / math.sqrt(3)  # of rests at both ends
@@ -55,7 +55,7 @@ class Strain(NamedTuple):
         return RATE * self.reach / self.limit
 
 
-def sufficient_straight_step(problem: Problem) -> float:
+def sufficient_straight_step(problem: SceneData) -> float:
     """Returns the seconds of a step with which straight flights of any plan keep all rates.
 
     They move evenly, so a step must last as long as the longest move does at its limit.
@@ -65,7 +65,7 @@ def sufficient_straight_step(problem: Problem) -> float:
     return rounded_up(max(steps, default=0.0))
 
 
-def sufficient_step(problem: Problem, shortened: bool) -> float:
+def sufficient_step(problem: SceneData, shortened: bool) -> float:
     """Returns the seconds of a step with which smooth flights of any plan keep all limits.
 
     Parameters
@@ -80,7 +80,7 @@ def sufficient_step(problem: Problem, shortened: bool) -> float:
     return rounded_up(max(steps, default=0.0))
 
 
-def strains(problem: Problem) -> list[str]:
+def strains(problem: SceneData) -> list[str]:
     """Returns which drones may be refused a smooth flight, in words, one line for each kind.
 
     It is no proof that a plan cannot be flown: smooth flights are checked as they are.
@@ -94,7 +94,7 @@ def strains(problem: Problem) -> list[str]:
     return [f"{_who(who)} {told}" for told, who in words if told]
 
 
-def _strains(problem: Problem, robot: Robot) -> Iterator[Strain]:
+def _strains(problem: SceneData, robot: Robot) -> Iterator[Strain]:
     """Yields the strain of each kind of which a limit is known."""
     motion, tilts = robot.motion, robot.camera.tilts
     rise = _highest_move(problem, motion)
@@ -112,7 +112,7 @@ def _strains(problem: Problem, robot: Robot) -> Iterator[Strain]:
             yield Strain(kind, reach, limit)
 
 
-def _words(problem: Problem, robot: Robot) -> str:
+def _words(problem: SceneData, robot: Robot) -> str:
     """Says what smooth flights may ask of a drone beyond its limits, and what would do."""
     step = problem.step or 0.0
     beyond = [
@@ -153,7 +153,7 @@ def _ask(strain: Strain, step: float) -> str:
     return f"{kind} {strain.most(step) * scale:.3g} {unit} (limit {strain.limit * scale:.3g})"
 
 
-def steep_ground(problem: Problem, robot: Robot, kind: str, is_smooth: bool) -> str:
+def steep_ground(problem: SceneData, robot: Robot, kind: str, is_smooth: bool) -> str:
     """Names the ground as the cause of a climb or a descent that is too fast, and a way out.
 
     Nothing where layers do not follow the ground, or where their own distance asks for too much.
@@ -192,7 +192,7 @@ def _who(drones: list[int]) -> str:
     return f"drones {', '.join(most)} and {last}" if most else f"drone {last}"
 
 
-def longest_move(problem: Problem, motion: Motion) -> float:
+def longest_move(problem: SceneData, motion: Motion) -> float:
     """Returns the length (m) in space of the longest move of a motion.
 
     It may be one that nobody makes: down where the layer is the lowest, or into a wall. Layers
@@ -201,12 +201,12 @@ def longest_move(problem: Problem, motion: Motion) -> float:
     return max(math.hypot(aside, rise) for aside, rise in _moves(problem, motion))
 
 
-def _highest_move(problem: Problem, motion: Motion) -> float:
+def _highest_move(problem: SceneData, motion: Motion) -> float:
     """Returns the height (m) by which a motion's moves lead up or down at most."""
     return max(rise for _, rise in _moves(problem, motion))
 
 
-def _moves(problem: Problem, motion: Motion) -> Iterator[tuple[float, float]]:
+def _moves(problem: SceneData, motion: Motion) -> Iterator[tuple[float, float]]:
     """Yields the length (m) of moves seen from above, and the most by which they rise or fall."""
     edge, ground = problem.height_map.resolution, problem.height_map.datum
     climb = motion.largest_climb

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from cocap_opt.graph.motion import Window
 from cocap_opt.graph.networks import place_graph
-from cocap_opt.problem import Cell, Motion, Problem
+from cocap_opt.problem import Cell, Motion, SceneData
 
 if TYPE_CHECKING:
     from cocap_opt.graph.networks import Graph
@@ -54,7 +54,7 @@ class ChokePoint(NamedTuple):
 
 
 def choke_point(
-    problem: Problem, wanted: Collection[Cell], most: int = MOST_CELLS
+    problem: SceneData, wanted: Collection[Cell], most: int = MOST_CELLS
 ) -> ChokePoint | None:
     """Returns the cells, fewer than drones want to pass, behind which most wanted cells lie.
 
@@ -113,7 +113,7 @@ class _Routes:
         self._residual = build_residual_network(self._auxiliary, "capacity")
 
     @classmethod
-    def of(cls, problem: Problem, most: int) -> _Routes | None:
+    def of(cls, problem: SceneData, most: int) -> _Routes | None:
         """Returns the ways of all drones; None if more than `most` cells are in reach."""
         import networkx as nx  # a fifth of a second, which few commands need
 
@@ -157,7 +157,7 @@ class _Routes:
         return ChokePoint(tuple(sorted(cut)), len(drones), len(behind), len(wanted))
 
 
-def _window(problem: Problem, motion: Motion) -> Window:
+def _window(problem: SceneData, motion: Motion) -> Window:
     """Returns the cells that drones of one motion can reach."""
     starts = [(r.start.x, r.start.y) for r in problem.robots if r.motion == motion]
     return Window.around(starts, motion.radius * problem.horizon, problem.workspace)

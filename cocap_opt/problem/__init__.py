@@ -19,7 +19,7 @@ from cocap_opt.problem.plan import (
 from cocap_opt.problem.problem import Problem
 from cocap_opt.problem.robot import Limits, Robot
 from cocap_opt.problem.rules import NO_RULES, PAPER_RULES, SEPARATION, CollisionRules
-from cocap_opt.problem.scene import Earth
+from cocap_opt.problem.scene import Earth, SceneData
 from cocap_opt.problem.shapes import Cuboid, Prism, Shape, TriangulatedCuboid
 
 __all__ = [
@@ -46,6 +46,7 @@ __all__ = [
     "Prism",
     "Problem",
     "Robot",
+    "SceneData",
     "Shape",
     "State",
     "SwapConflict",

@@ -14,7 +14,7 @@ from embreex.rtcore import EmbreeDevice
 from embreex.rtcore_scene import EmbreeScene
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.problem import Problem, Shape
+from cocap_opt.problem import SceneData, Shape
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.candidates import Candidates
 from cocap_opt.vision.projection import dot
@@ -128,7 +128,7 @@ class FaceGeometry:
     mesh : the meshes that are not convex, which only rays meet; None if there are none
     """
 
-    def __init__(self, problem: Problem, lowest_eye: float | None = None) -> None:
+    def __init__(self, problem: SceneData, lowest_eye: float | None = None) -> None:
         self.problem = problem
         width, depth = problem.height_map.shape
         x, y = problem.height_map.centre(width // 2, depth // 2)
@@ -151,7 +151,7 @@ class FaceGeometry:
         self.between = lru_cache(maxsize=_KEPT)(self._between)
 
     @staticmethod
-    def is_sampled(problem: Problem) -> bool:
+    def is_sampled(problem: SceneData) -> bool:
         """Returns True where rays sample a part of the coverage: past meshes not convex."""
         return any(Bodies.of_mesh(mesh, np.zeros(3)) is None for mesh in problem.meshes)
 
