@@ -124,6 +124,8 @@ def _nothing(tree: "ConstraintTree") -> None:
 class ConstraintTree:
     """Makes the nodes of a constraint tree, and holds those that are not expanded yet.
 
+    The numbers beside the code are those of Alg. 1 in `cocap`.
+
     Parameters
     ----------
     nobody : team of which nobody is planned yet, or the first robots are
@@ -155,16 +157,17 @@ class ConstraintTree:
     def root(self) -> Node | None:
         """Node of every robot's best path given the earlier ones; None where one has no path."""
         clock = Clock()
-        for team in self._plan_root(self._root, self._responses):
+        for team in self._plan_root(self._root, self._responses):  # 2
             self._root = team
         if not self._root.is_whole:
             return None
         self.root_seconds = clock.seconds
-        return Node(self._root, (NO_CHARGES,) * self._root.size, self._root.value)
+        unconstrained = (NO_CHARGES,) * self._root.size  # 1
+        return Node(self._root, unconstrained, self._root.value)  # 3
 
     def first_conflict(self, node: Node) -> Conflict | None:
         """Earliest conflict of a node's plan, of the first robots."""
-        return next(iter(node.conflicts), None)
+        return next(iter(node.conflicts), None)  # 7
 
     def child(self, node: Node, conflict: Conflict, robot: int) -> Node | None:
         """Node in which a robot of the conflict gives way; None where that leaves it no path.
@@ -174,13 +177,13 @@ class ConstraintTree:
         self._before_child(self)
         self._stop.begin_work()
         which = conflict.robots.index(robot)
-        charges = forbid(self._model, conflict, which, node.constraints[robot])
-        single = self._responses.charged(node.team, robot, charges)
+        charges = forbid(self._model, conflict, which, node.constraints[robot])  # 11
+        single = self._responses.charged(node.team, robot, charges)  # 12
         if single.path is None:
             return None
         team = node.team.with_path(robot, single)
         constraints = (*node.constraints[:robot], charges, *node.constraints[robot + 1 :])
-        return Node(team, constraints, team.value, node.depth + 1)
+        return Node(team, constraints, team.value, node.depth + 1)  # 13
 
     @property
     def team(self) -> PlannedTeam:
