@@ -4,9 +4,8 @@ import logging
 import re
 from collections.abc import Collection, Iterator, Sequence
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -23,20 +22,17 @@ from cocap_opt.cli.options import (
 )
 from cocap_opt.data import FieldError, ProblemError
 from cocap_opt.files.documents import FileError
+from cocap_opt.missions import FORMATS, Writer
 from cocap_opt.output.files import PlanReader, check_output, save_files
 from cocap_opt.output.printing import Listing, Record, print_result
 from cocap_opt.problem import Plan
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.stop import Interrupt
 
-if TYPE_CHECKING:
-    from cocap_opt.missions import Writer
-
 _log = logging.getLogger(__name__)
 
 Autopilot = Literal["px4", "ardupilot"]
 _OPTIONS = "every", "smooth", "start"
-_EARTHLY = ".geojson", ".kml", ".plan", ".waypoints"  # which have latitudes and longitudes
 _PLACES = "earth.crs", "earth.origin"
 _MANY, _FEW = 12, 6  # drones of a table that is cut, and rows that it keeps
 
@@ -94,14 +90,12 @@ def _fly(
 
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """
-    from cocap_opt.missions import DATED, WRITERS  # matplotlib is slow to import
-
-    suffix = Option("-o").ending(output, tuple(WRITERS))
+    suffix = Option("-o").ending(output, tuple(FORMATS))
     assert output is not None
-    begins = None if start is None else _start(start, suffix, suffix in DATED)
+    begins = None if start is None else _start(start, suffix, FORMATS[suffix].has_dates)
     if every is not None and not Option("--every").require_seconds(every) > 0:
         raise UsageError("--every: must be more than 0 seconds")
-    if local and suffix in _EARTHLY:
+    if local and FORMATS[suffix].on_earth:
         raise UsageError(f"--local: must be left out for {suffix}, which has places on the Earth")
     write = _writer(suffix, autopilot, items)
     check_output(output, scene, plan)
@@ -136,27 +130,21 @@ def _fly(
     return 0
 
 
-def _writer(suffix: str, autopilot: str | None, items: int | None) -> "Writer":
-    """Returns what writes files of an ending, for an autopilot and its board."""
-    from cocap_opt.missions import FOR_AUTOPILOTS, WRITERS
-
-    known = FOR_AUTOPILOTS.get(suffix)
-    if known is None:
+def _writer(suffix: str, autopilot: str | None, items: int | None) -> Writer:
+    """Returns the function that writes files of an ending, for an autopilot and its board."""
+    autopilots = FORMATS[suffix].autopilots
+    if not autopilots:
         for name, value in (("--autopilot", autopilot), ("--items", items)):
             if value is not None:
                 raise UsageError(f"{name}: must be left out for {suffix}, which holds no mission")
-        return WRITERS[suffix]
-    if autopilot is not None and autopilot not in known:
-        others = " or ".join(known)
+    elif autopilot is not None and autopilot not in autopilots:
+        others = " or ".join(autopilots)
         raise UsageError(
             f"--autopilot: must be {others} for {suffix}, not {autopilot}; .plan is for both"
         )
-    write = known[autopilot or next(iter(known))]
-    if items is None:
-        return write
-    if not items > 0:
+    if items is not None and not items > 0:
         raise UsageError("--items: must be more than 0")
-    return partial(write, most=items)
+    return FORMATS[suffix].writer(autopilot, items)
 
 
 def _require_motion(path: Path, plan: Plan, cut_short: str, hovering: bool) -> None:
@@ -219,7 +207,9 @@ def _in_words(
     if field == "crs":  # something of the scene is where its system is not defined
         return FileError(f"{scene}: earth.{error}")
     if field in _PLACES:
-        way_out = "" if suffix in _EARTHLY else "; --local leaves latitudes and longitudes out"
+        way_out = (
+            "" if FORMATS[suffix].on_earth else "; --local leaves latitudes and longitudes out"
+        )
         return FileError(f"{scene}: {error}{way_out}")
     return FileError(f"{plan}: {error}")
 

@@ -1,32 +1,69 @@
-"""Files of flights that others read, by the ending of their names."""
+"""Files of flights that others read. To add a format: one module, and one line below.
 
-from cocap_opt.missions.crazyflie import crazyflie
-from cocap_opt.missions.export import Export, MissionWriter, Writer
-from cocap_opt.missions.geojson import geojson
-from cocap_opt.missions.gltf import gltf
-from cocap_opt.missions.kml import kml
-from cocap_opt.missions.qgroundcontrol import ardupilot_plan, px4_plan
-from cocap_opt.missions.sheet import sheet
-from cocap_opt.missions.skybrush import skybrush
-from cocap_opt.missions.table import table
-from cocap_opt.missions.waypoint_list import waypoint_list
+A format's module has a function `write(flight, every)` that returns an `Export`, as `Writer` says;
+one of missions for autopilots has `write(flight, every, autopilot)`. It is imported when a file of
+its kind is asked for, so that nobody waits for matplotlib who does not draw.
+"""
 
-WRITERS: dict[str, Writer] = {
-    ".csv": table,
-    ".geojson": geojson,
-    ".kml": kml,
-    ".glb": gltf,
-    ".pdf": sheet,
-    ".plan": px4_plan,
-    ".waypoints": waypoint_list,
-    ".skyc": skybrush,
-    ".crazyflie.csv": crazyflie,
+from collections.abc import Iterator
+from functools import partial
+from importlib import import_module
+from typing import NamedTuple
+
+from cocap_opt.missions.export import Export, Writer
+
+__all__ = ["FORMATS", "Export", "MissionFormat", "Writer", "endings_for"]
+
+
+class MissionFormat(NamedTuple):
+    """A kind of file that flights are written to.
+
+    Attributes
+    ----------
+    module : that writes it; a name that begins with a dot is one of this room
+    on_earth : True: it has latitudes and longitudes, and needs a scene that says where it is
+    has_dates : True: its times are dates, not only seconds
+    autopilots : names of those that its missions are for, the usual one first; empty: it is no
+        mission of items
+    """
+
+    module: str
+    on_earth: bool = False
+    has_dates: bool = False
+    autopilots: tuple[str, ...] = ()
+
+    def writer(self, autopilot: str | None = None, items: int | None = None) -> Writer:
+        """Returns the function that writes it.
+
+        Parameters
+        ----------
+        autopilot : one of `autopilots`; None: the usual one
+        items : that the autopilot's board holds; None: as many as usual
+        """
+        write = import_module(self.module, __name__).write
+        if not self.autopilots:
+            found: Writer = write
+            return found
+        from cocap_opt.missions.autopilots import AUTOPILOTS
+
+        pilot = AUTOPILOTS[autopilot or self.autopilots[0]]
+        return partial(write, autopilot=pilot if items is None else pilot.holding(items))
+
+
+FORMATS: dict[str, MissionFormat] = {  # by the ending of their names
+    ".csv": MissionFormat(".table"),
+    ".geojson": MissionFormat(".geojson", on_earth=True, has_dates=True),
+    ".kml": MissionFormat(".kml", on_earth=True, has_dates=True),
+    ".glb": MissionFormat(".gltf"),
+    ".pdf": MissionFormat(".sheet", has_dates=True),
+    ".plan": MissionFormat(".qgroundcontrol", on_earth=True, autopilots=("px4", "ardupilot")),
+    ".waypoints": MissionFormat(".waypoint_list", on_earth=True, autopilots=("ardupilot",)),
+    ".skyc": MissionFormat(".skybrush"),
+    ".crazyflie.csv": MissionFormat(".crazyflie"),
 }
-# Writers of missions by the autopilot that they are for, the usual one first.
-FOR_AUTOPILOTS: dict[str, dict[str, MissionWriter]] = {
-    ".plan": {"px4": px4_plan, "ardupilot": ardupilot_plan},
-    ".waypoints": {"ardupilot": waypoint_list},
-}
-DATED = ".geojson", ".kml", ".pdf"  # those that hold dates, not seconds alone
 
-__all__ = ["DATED", "FOR_AUTOPILOTS", "WRITERS", "Export", "MissionWriter", "Writer"]
+
+def endings_for(autopilot: str) -> Iterator[str]:
+    """Yields the endings of an autopilot's missions, those that are usually for it first."""
+    found = (ending for ending in FORMATS if autopilot in FORMATS[ending].autopilots)
+    yield from sorted(found, key=lambda ending: FORMATS[ending].autopilots.index(autopilot))

@@ -98,7 +98,6 @@ class Autopilot(NamedTuple):
     Attributes
     ----------
     name : in names of files, and of the option
-    endings : of the files that it has
     title : its own name
     number : MAV_AUTOPILOT
     turns_by_command : True: a waypoint's yaw has no effect, MAV_CMD_CONDITION_YAW has
@@ -113,7 +112,6 @@ class Autopilot(NamedTuple):
     """
 
     name: str
-    endings: tuple[str, ...]
     title: str
     number: int
     turns_by_command: bool
@@ -270,13 +268,13 @@ class _Mission:
 
 
 PX4 = Autopilot(
-    "px4", (".plan",), "PX4", 12, False, 1.5, "MPC_TKO_SPEED",
+    "px4", "PX4", 12, False, 1.5, "MPC_TKO_SPEED",
     _px4_pace, 0, 500, "since 1.13 and on most boards", "GF_MAX_VER_DIST",
     "for PX4 with its usual MPC_Z_V_AUTO_UP 3, MPC_Z_V_AUTO_DN 1.5 and MPC_YAWRAUTO_MAX 45; an "
     "ArduPilot would fly its climbs too fast or too slowly, and refuse to command its gimbal so",
 )  # fmt: skip
 ARDUPILOT = Autopilot(
-    "ardupilot", (".waypoints", ".plan"), "ArduPilot", 3, True, 2.5, "WPNAV_SPEED_UP",
+    "ardupilot", "ArduPilot", 3, True, 2.5, "WPNAV_SPEED_UP",
     _ardupilot_pace, 1, 718, "on boards with 16 kB of storage", "FENCE_ALT_MAX",
     "for ArduPilot (a PX4 would take each speed for the one over ground): set WP_YAW_BEHAVIOR to "
     "0, so that it looks where the plan does, and WPNAV_RADIUS to what corners may be cut by; it "

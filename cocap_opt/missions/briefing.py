@@ -15,6 +15,7 @@ from cocap_opt.flight.changes import (
 )
 from cocap_opt.flight.flights import Flight, cells_below
 from cocap_opt.flight.safety import nearest_drones, nearest_people
+from cocap_opt.missions import endings_for
 from cocap_opt.missions.autopilots import AUTOPILOTS
 from cocap_opt.missions.routes import (
     RISE,
@@ -270,7 +271,9 @@ def _missions(flight: Flight) -> Iterator[Section]:
     lines = ["A mission flies on the autopilot that its file names, and on no other:"]
     found = routes(flight, flight.geodesy)
     for autopilot in AUTOPILOTS.values():
-        names = " or ".join(f"*.{autopilot.name}.*{ending}" for ending in autopilot.endings)
+        names = " or ".join(
+            f"*.{autopilot.name}.*{ending}" for ending in endings_for(autopilot.name)
+        )
         lines.append(f"- {names}: {autopilot.note}.")
         lines += (f"  {words}." for words in lateness(autopilot, found))
     yield Section("Missions of waypoints", lines)

@@ -34,7 +34,7 @@ _NOTES = (
 )
 
 
-def crazyflie(flight: Flight, every: float | None) -> Export:
+def write(flight: Flight, every: float | None) -> Export:
     """Returns the polynomials of each drone.
 
     Raises

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from cocap_opt.data import FieldError
 from cocap_opt.flight.flights import Flight
@@ -29,13 +29,6 @@ class Export(NamedTuple):
 # Takes the flights and the seconds between rows or points, None for what is usual. It raises
 # ProblemError, one line, where the format cannot hold these flights.
 Writer = Callable[[Flight, float | None], Export]
-
-
-class MissionWriter(Protocol):
-    """A writer of missions for an autopilot."""
-
-    def __call__(self, flight: Flight, every: float | None, most: int = ...) -> Export:
-        """Returns the missions, which have at most so many items each."""
 
 
 def require_nothing_else(every: float | None, words: str) -> None:

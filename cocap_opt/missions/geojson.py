@@ -37,7 +37,7 @@ _THIRD = "above_ellipsoid"
 _Feature = dict[str, Any]
 
 
-def geojson(flight: Flight, every: float | None) -> Export:
+def write(flight: Flight, every: float | None) -> Export:
     """Returns tracks, a point a step, footprints and people's walks as a FeatureCollection."""
     writer = _Writer(flight)
     features = b",\n".join(map(msgspec.json.encode, writer.features(every)))

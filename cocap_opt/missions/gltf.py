@@ -31,7 +31,7 @@ _DARK = "#222222"
 _ZONE = "#8a4fbf"
 
 
-def gltf(flight: Flight, every: float | None) -> Export:
+def write(flight: Flight, every: float | None) -> Export:
     """Returns the terrain, drones with cameras, and people, moving by one clock.
 
     Raises

@@ -40,7 +40,7 @@ ElementTree.register_namespace("", _KML)
 ElementTree.register_namespace("gx", _GX)
 
 
-def kml(flight: Flight, every: float | None) -> Export:
+def write(flight: Flight, every: float | None) -> Export:
     """Returns the tracks of drones and people and the cameras' footprints, with their times."""
     drones, people = drone_tracks(flight, every), walks(flight)
     mode = _Heights.of(drones[0])

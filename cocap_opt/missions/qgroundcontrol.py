@@ -8,7 +8,7 @@ import json
 from typing import Any
 
 from cocap_opt.flight.flights import Flight
-from cocap_opt.missions.autopilots import ARDUPILOT, PX4, Autopilot
+from cocap_opt.missions.autopilots import Autopilot
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.items import Item
 from cocap_opt.missions.waypoints import Mission, waypoint_mission
@@ -18,17 +18,9 @@ _QUADROTOR = 2  # MAV_TYPE
 _ABOVE_TAKEOFF = 1  # QGroundControl's altitude mode
 
 
-def px4_plan(flight: Flight, every: float | None, most: int = PX4.most) -> Export:
+def write(flight: Flight, every: float | None, autopilot: Autopilot) -> Export:
     """Returns a plan for each drone, of a straight flight in a scene with a place on the Earth."""
-    return _plan(flight, every, PX4.holding(most))
 
-
-def ardupilot_plan(flight: Flight, every: float | None, most: int = ARDUPILOT.most) -> Export:
-    """Returns the same for ArduPilot."""
-    return _plan(flight, every, ARDUPILOT.holding(most))
-
-
-def _plan(flight: Flight, every: float | None, autopilot: Autopilot) -> Export:
     def written(mission: Mission) -> bytes:
         return _document(mission, autopilot)
 

@@ -34,7 +34,7 @@ _MARKS = 11  # of a drone's way, with times
 Line = tuple[str, bool]  # and true for a title
 
 
-def sheet(flight: Flight, every: float | None) -> Export:
+def write(flight: Flight, every: float | None) -> Export:
     """Returns pages with a map, tables of times and places, distances, and what was not checked."""
     sections = [list(_lines(section)) for section in briefing(flight, every)]
     first, top = _first_page(flight)

@@ -37,7 +37,7 @@ _SHORTEST = 2e-3  # s, of a curve
 _DIGITS = 5
 
 
-def skybrush(flight: Flight, every: float | None) -> Export:
+def write(flight: Flight, every: float | None) -> Export:
     """Returns a show of a flight, straight or smooth."""
     require_nothing_else(every, "a show has curves, not moments")
     problem = flight.flown.problem

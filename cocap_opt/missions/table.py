@@ -10,7 +10,7 @@ from cocap_opt.missions.export import Export
 _DIGITS = {"latitude": 9, "longitude": 9}  # others have 6
 
 
-def table(flight: Flight, every: float | None) -> Export:
+def write(flight: Flight, every: float | None) -> Export:
     """Returns the columns of flights as CSV."""
     columns = flight.columns(every)
     formats = ["%d" if k == "drone" else f"%.{_DIGITS.get(k, 6)}f" for k in columns]

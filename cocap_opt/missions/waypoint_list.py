@@ -7,7 +7,7 @@ Source: "Mission Plain-Text File Format", https://mavlink.io/en/file_formats/
 """
 
 from cocap_opt.flight.flights import Flight
-from cocap_opt.missions.autopilots import ARDUPILOT
+from cocap_opt.missions.autopilots import Autopilot
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.items import Command, Item
 from cocap_opt.missions.waypoints import Mission, waypoint_mission
@@ -16,9 +16,9 @@ _HEADER = "QGC WPL 110"
 _ABSOLUTE = 0  # MAV_FRAME_GLOBAL
 
 
-def waypoint_list(flight: Flight, every: float | None, most: int = ARDUPILOT.most) -> Export:
+def write(flight: Flight, every: float | None, autopilot: Autopilot) -> Export:
     """Returns a list for each drone, of a straight flight in a scene with a place on the Earth."""
-    return waypoint_mission(flight, every, ARDUPILOT.holding(most), _text, has_fence=False)
+    return waypoint_mission(flight, every, autopilot, _text, has_fence=False)
 
 
 def _text(mission: Mission) -> bytes:

@@ -2,6 +2,8 @@ import io
 import os
 import re
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,7 @@ from cocap_opt.cli import fly_command
 from cocap_opt.data import FieldError
 from cocap_opt.flight import flights
 from cocap_opt.flight.safety import Danger
-from cocap_opt.missions import WRITERS, Export
+from cocap_opt.missions import FORMATS, Export, MissionFormat, table
 
 RECIPE = """
 steps = 4
@@ -227,10 +229,43 @@ def test_errors_name_what_is_to_be_changed(
         def refuse(flight: flights.Flight, every: float | None, field: str = field) -> Export:
             raise FieldError(field, "is odd")
 
-        monkeypatch.setitem(WRITERS, ".csv", refuse)
+        monkeypatch.setattr(table, "write", refuse)
         run = Run(capsys, "fly", *files, "-o", tmp_path / "flight.csv")
         assert run.code == 2
         assert run.err.strip().endswith(words)
+
+
+def test_a_new_format_is_one_module_and_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A registered format is written, named in messages, and asked only what its line promises."""
+    (tmp_path / "places_format.py").write_text(
+        "from cocap_opt.missions import Export\n"
+        "def write(flight, every):\n"
+        "    return Export({'': flight.columns(every)['x'].tobytes()}, ('only x is in it',))\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setitem(FORMATS, ".places.txt", MissionFormat("places_format"))
+    plan, out = tmp_path / "plan.json", tmp_path / "flight.places.txt"
+    co.save(plan, co.plan(co.load("tiny-queue"), "sequential"))
+    run = Run(capsys, "fly", "tiny-queue", plan, "-o", out, "--step", 4, "--hovering")
+    assert run.code == 0 and out.read_bytes()
+    assert "only x is in it" in run.out
+    run = Run(capsys, "fly", "tiny-queue", plan, "-o", tmp_path / "flight.odd")
+    assert run.code == 2 and ".places.txt" in run.err
+    for option, value in (("--start", "2026-05-01T10:00:00Z"), ("--autopilot", "px4")):
+        run = Run(capsys, "fly", "tiny-queue", plan, "-o", out, "--hovering", option, value)
+        assert run.code == 2 and f"{option}: must be left out for .places.txt" in run.err
+
+
+def test_formats_are_imported_when_they_are_asked_for() -> None:
+    """Knowing the formats loads none of their modules, nor matplotlib."""
+    code = (
+        "import sys, cocap_opt.missions as m; assert m.FORMATS; "
+        "assert 'matplotlib' not in sys.modules; "
+        "assert not any(f'cocap_opt.missions{f.module}' in sys.modules for f in m.FORMATS.values())"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_a_step_that_is_too_short_for_a_show_is_named_by_its_option(

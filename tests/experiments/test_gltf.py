@@ -15,7 +15,7 @@ from strategies import examples
 import cocap_opt as co
 from cocap_opt.data import ProblemError
 from cocap_opt.flight.flights import Flight
-from cocap_opt.missions import WRITERS
+from cocap_opt.missions import FORMATS
 from cocap_opt.missions import relief as relief_module
 from cocap_opt.missions.gltf import ERROR, ERROR_OF_ANGLES
 from cocap_opt.missions.relief import Relief
@@ -47,7 +47,7 @@ def scene(step: float = 0.5) -> tuple[co.Problem, co.Plan]:
 
 def written(flight: Flight) -> bytes:
     """The .glb file of a flight."""
-    return WRITERS[".glb"](flight, None).files[""]
+    return FORMATS[".glb"].writer()(flight, None).files[""]
 
 
 class Played:
@@ -177,7 +177,7 @@ def test_what_a_clock_or_a_file_cannot_hold_is_refused() -> None:
         with pytest.raises(ProblemError, match=words):
             written(quick)
     with pytest.raises(ProblemError, match="every: must be left out"):
-        WRITERS[".glb"](flight, 0.5)
+        FORMATS[".glb"].writer()(flight, 0.5)
 
 
 def test_full_turns_of_people_are_none() -> None:
@@ -196,9 +196,9 @@ def test_full_turns_of_people_are_none() -> None:
 def test_a_map_that_is_thinned_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """The notes say how large its cells are, here and there; else they do not speak of it."""
     flight = Flight.of(*scene(), False)
-    assert len(WRITERS[".glb"](flight, None).notes) == 1
+    assert len(FORMATS[".glb"].writer()(flight, None).notes) == 1
     monkeypatch.setattr(relief_module, "MOST_RECTANGLES", 8)
-    _, note = WRITERS[".glb"](flight, None).notes
+    _, note = FORMATS[".glb"].writer()(flight, None).notes
     assert re.search("64 x 64 cells as one, .* with 4 x 4, as high as the highest", note)
 
 

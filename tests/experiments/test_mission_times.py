@@ -22,7 +22,7 @@ from test_cli import Run
 import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.flights import Flight
-from cocap_opt.missions import FOR_AUTOPILOTS, WRITERS, Export
+from cocap_opt.missions import FORMATS, Export
 from cocap_opt.missions.autopilots import AUTOPILOTS
 from cocap_opt.missions.items import Item
 from cocap_opt.missions.routes import Leg, Route, routes
@@ -231,7 +231,7 @@ layers = [4, 6]
 def test_legs_that_cannot_be_flown_in_time_are_said() -> None:
     """Which legs, by how much, by which parameter; they are among the warnings."""
     hasty = flight_of(WAYS["climbs on its way"], 0.5)
-    export = WRITERS[".plan"](hasty, None)
+    export = FORMATS[".plan"].writer()(hasty, None)
     assert re.search(
         r"NOT IN TIME: drone 0, step 2 to 3: its height changes by 2 m, which takes PX4 1.33 s by "
         r"MPC_Z_V_AUTO_DN 1.5 m/s, not 0.50 s; drone 0, step 1 to 2.* up to 1.00 s late at the end",
@@ -239,9 +239,9 @@ def test_legs_that_cannot_be_flown_in_time_are_said() -> None:
     )
     assert export.warnings[0] in export.notes
     assert export.facts["late"] == pytest.approx(2 / 1.5 - 0.5 + 2 / 3 - 0.5, abs=0.01)
-    other = WRITERS[".waypoints"](hasty, None)
+    other = FORMATS[".waypoints"].writer()(hasty, None)
     assert other.facts["late"] == 0 and "NOT IN TIME" not in said(other)
-    calm = WRITERS[".plan"](flight_of(WAYS["climbs on its way"]), None)
+    calm = FORMATS[".plan"].writer()(flight_of(WAYS["climbs on its way"]), None)
     assert calm.facts["late"] == 0 and calm.warnings == ()
 
 
@@ -267,7 +267,7 @@ def test_a_warning_comes_before_the_files(
 def test_waits_before_a_leg_are_said_beside_the_delay_tolerance() -> None:
     """PX4 goes straight up at its own speed; how far it is behind the plan is told."""
     flight = flight_of(WAYS["straight up"])
-    export = WRITERS[".plan"](flight, None)
+    export = FORMATS[".plan"].writer()(flight, None)
     assert "up to 3.67 s behind the plan" in said(export)
     assert "TOO LATE" not in said(export)
     walk = np.column_stack([[9.6, 10.0, 10.8, 11.7], np.full(4, 7.0), np.zeros((4, 2))])
@@ -277,12 +277,12 @@ def test_waits_before_a_leg_are_said_beside_the_delay_tolerance() -> None:
             actors=(co.Actor(poses=walk),),
             airspace=Airspace(people_aside=aside),
         )
-        found = WRITERS[".plan"](beside, None)
+        found = FORMATS[".plan"].writer()(beside, None)
         told = found.facts["delay_tolerance_to_people"]
         assert (told == "unlimited" or float(told or 0) > 3.67) == bears
         assert ("TOO LATE: " in said(found)) != bears
         assert [words[:8] for words in found.warnings] == ([] if bears else ["TOO LATE"])
-    assert "behind the plan" not in said(WRITERS[".waypoints"](flight, None))
+    assert "behind the plan" not in said(FORMATS[".waypoints"].writer()(flight, None))
 
 
 def test_too_many_items_are_refused_with_what_to_do() -> None:
@@ -291,16 +291,16 @@ def test_too_many_items_are_refused_with_what_to_do() -> None:
     zigzag = tuple((3 + k % 2, 3, k % 2, k % 2 * 2, k % 2) for k in range(steps + 1))
     flight = flight_of(zigzag)
     for ending, name, holds in ((".plan", "px4", 500), (".waypoints", "ardupilot", 718)):
-        write = FOR_AUTOPILOTS[ending][name]
+        board = partial(FORMATS[ending].writer, name)
         home = int(name == "ardupilot")
         count = len(AUTOPILOTS[name].items(route_of(flight))) + home
         assert count > holds
         words = rf"{count} items, more than the {holds} that .*PX4 500, ArduPilot 718"
         with pytest.raises(ProblemError, match=words):
-            write(flight, None)
-        assert write(flight, None, count).facts["items"] == count - home
+            board()(flight, None)
+        assert board(count)(flight, None).facts["items"] == count - home
         with pytest.raises(ProblemError, match="plan fewer steps, longer ones, or parts"):
-            write(flight, None, count - 1)
+            board(count - 1)(flight, None)
 
 
 def test_a_battery_lasts_for_the_way_up_and_the_wait_too() -> None:
@@ -313,11 +313,11 @@ def test_a_battery_lasts_for_the_way_up_and_the_wait_too() -> None:
         problem = flight.flown.problem.replace(robots=(own,))
         limited = Flight.of(problem, Plan(paths=(path,)), False)
         if fits:
-            WRITERS[".plan"](limited, None)
+            FORMATS[".plan"].writer()(limited, None)
             continue
         for ending in (".plan", ".waypoints"):
             with pytest.raises(ProblemError, match=r"it is 26 s in the air, 14 s of them .* 25.9"):
-                WRITERS[ending](limited, None)
+                FORMATS[ending].writer()(limited, None)
 
 
 def test_the_autopilot_is_chosen_and_named(

@@ -20,7 +20,7 @@ import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.delays import bearable_delay, bearable_delay_of_people
 from cocap_opt.flight.flights import Flight
-from cocap_opt.missions import WRITERS, Export
+from cocap_opt.missions import FORMATS, Export
 from cocap_opt.problem import CollisionRules, Earth, Plan, Problem, State
 
 pyproj = pytest.importorskip("pyproj")
@@ -68,7 +68,7 @@ def flown(crs: str | None = "EPSG:25830", smooth: bool = False) -> Flight:
 
 def written(ending: str, flight: Flight) -> list[bytes]:
     """The files of a flight, drone by drone."""
-    return list(WRITERS[ending](flight, None).files.values())
+    return list(FORMATS[ending].writer()(flight, None).files.values())
 
 
 def told_moments(ending: str, content: bytes, folder: Path) -> list[Moment]:
@@ -117,7 +117,7 @@ def test_files_of_waypoints_say_that_drones_keep_no_common_clock() -> None:
     """Their names and notes say so, with the difference in time that the separation bears."""
     flight = flown()
     for ending in (".plan", ".waypoints"):
-        mission = WRITERS[ending](flight, None)
+        mission = FORMATS[ending].writer()(flight, None)
         assert list(mission.files) == [
             f"{NAMES[ending]}.no-common-clock.drone{i}" for i in range(3)
         ]
@@ -130,10 +130,10 @@ def test_files_of_waypoints_say_that_drones_keep_no_common_clock() -> None:
         (CollisionRules(separation=1.0), "the scene's separation 1 m holds however late"),
     ):
         found = Flight.of(*scene(rules=rules), False)
-        assert words in said(WRITERS[".plan"](found, None))
+        assert words in said(FORMATS[".plan"].writer()(found, None))
     alone, plan = scene()
     alone = alone.replace(robots=alone.robots[:1])
-    mission = WRITERS[".plan"](Flight.of(alone, Plan(paths=plan.paths[:1]), False), None)
+    mission = FORMATS[".plan"].writer()(Flight.of(alone, Plan(paths=plan.paths[:1]), False), None)
     assert "common clock" not in said(mission)
     assert mission.facts["delay_tolerance"] is mission.facts["delay_tolerance_to_people"] is None
 
@@ -149,7 +149,7 @@ def test_files_of_waypoints_say_what_late_drones_are_to_people() -> None:
         airspace = co.Airspace(people_aside=aside)
         problem, plan = scene(actors=(co.Actor(poses=walk),), airspace=airspace)
         flight = Flight.of(problem, plan, False)
-        mission = WRITERS[".plan"](flight, None)
+        mission = FORMATS[".plan"].writer()(flight, None)
         assert words in said(mission)
         told = mission.facts["delay_tolerance_to_people"]
         if isinstance(told, float):
@@ -158,7 +158,7 @@ def test_files_of_waypoints_say_what_late_drones_are_to_people() -> None:
         else:
             assert told == shown
         assert "give people their signal 15.5 s after starting the missions" in said(mission)
-    assert "signal" not in said(WRITERS[".plan"](flown(), None))
+    assert "signal" not in said(FORMATS[".plan"].writer()(flown(), None))
 
 
 def test_drones_begin_their_flights_together(tmp_path: Path) -> None:
@@ -191,7 +191,7 @@ def test_homes_are_above_the_sea_or_unknown() -> None:
         assert [plan["plannedHomePosition"][2] for plan in plans] == homes
         lists = [content.splitlines()[1].split() for content in written(".waypoints", flight)]
         assert [float(row[10]) for row in lists] == [home or 0.0 for home in homes]
-        assert ("above the sea is not known" in said(WRITERS[".plan"](flight, None))) == (
+        assert ("above the sea is not known" in said(FORMATS[".plan"].writer()(flight, None))) == (
             heights != "sea"
         )
         assert plans[0]["items"][0]["params"][6] == 5.0
@@ -278,7 +278,7 @@ def test_flights_that_a_format_cannot_hold_are_refused() -> None:
         (".crazyflie.csv", long, None, "drone 0 needs 32 polynomials, .* holds 31"),
     ):
         with pytest.raises(ProblemError, match=words) as caught:
-            WRITERS[ending](flight, every)
+            FORMATS[ending].writer()(flight, every)
         assert "\n" not in str(caught.value)
 
 
@@ -290,12 +290,12 @@ def test_a_show_names_the_step_that_all_of_it_needs() -> None:
     for paths in ((turning, *staying), (turning[:1] * 9, *staying)):
         hasty = problem.replace(step=0.001)
         with pytest.raises(ProblemError, match="step: must be at least") as caught:
-            WRITERS[".skyc"](Flight.of(hasty, Plan(paths=paths), True), None)
+            FORMATS[".skyc"].writer()(Flight.of(hasty, Plan(paths=paths), True), None)
         (least,) = re.findall(r"at least (\S+) s", str(caught.value))
         for step, fits in ((float(least), True), (float(least) - 0.001, False)):
             flight = Flight.of(problem.replace(step=step), Plan(paths=paths), True)
             with nullcontext() if fits else pytest.raises(ProblemError):
-                WRITERS[".skyc"](flight, None)
+                FORMATS[".skyc"].writer()(flight, None)
 
 
 RECIPE = """

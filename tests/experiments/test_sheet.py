@@ -17,7 +17,7 @@ from test_gltf import scene
 import cocap_opt as co
 from cocap_opt.data import ProblemError
 from cocap_opt.flight.flights import Flight
-from cocap_opt.missions import WRITERS
+from cocap_opt.missions import FORMATS
 from cocap_opt.missions.briefing import briefing
 from cocap_opt.problem import Limits
 from cocap_opt.scenarios.airframes import AIRFRAMES
@@ -258,7 +258,7 @@ def test_the_sheet_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         "2026-05-01 10:00:00+02:00, which is 2026-05-01 08:00:00 UTC"
         in text_of(flight._replace(start=start))["Flight"][1]
     )
-    assert WRITERS[".pdf"](flight._replace(start=start), None).files[""] == page
+    assert FORMATS[".pdf"].writer()(flight._replace(start=start), None).files[""] == page
     (box,) = set(re.findall(rb"/MediaBox \[([\d. ]+)\]", page))
     assert [float(side) for side in box.split()] == pytest.approx([0, 0, 595.28, 841.89], abs=0.01)
     ax = Figure().add_subplot()

@@ -14,7 +14,7 @@ from test_missions import SYSTEMS, said, scene
 import cocap_opt as co
 from cocap_opt.data import LARGEST
 from cocap_opt.flight.flights import Flight
-from cocap_opt.missions import FOR_AUTOPILOTS, WRITERS
+from cocap_opt.missions import FORMATS
 from cocap_opt.missions.zones import zones
 from cocap_opt.output.heights import over_datum
 from cocap_opt.problem import Airspace
@@ -54,7 +54,7 @@ def require_boxes(polygons: list[Any], crs: str) -> None:
 @pytest.mark.parametrize("name", ["px4", "ardupilot"])
 def test_zones_are_the_geofence_of_plans(name: str, crs: str) -> None:
     """Each drone's file has them all as polygons to stay out of."""
-    mission = FOR_AUTOPILOTS[".plan"][name](flight_with(*BOXES, crs=crs), None)
+    mission = FORMATS[".plan"].writer(name)(flight_with(*BOXES, crs=crs), None)
     assert len(mission.files) == 3
     for content in mission.files.values():
         read_plan(content, 12 if name == "px4" else 3)
@@ -65,7 +65,7 @@ def test_zones_are_the_geofence_of_plans(name: str, crs: str) -> None:
 
 def test_a_zone_that_a_drone_passes_below_is_no_fence() -> None:
     """An autopilot would refuse the mission, for its fences have no heights; the note says it."""
-    mission = WRITERS[".plan"](flight_with(*BOXES, OVER), None)
+    mission = FORMATS[".plan"].writer()(flight_with(*BOXES, OVER), None)
     for content in mission.files.values():
         fence = json.loads(content)["geoFence"]["polygons"]
         require_boxes([[point[::-1] for point in one["polygon"]] for one in fence], "EPSG:25830")
@@ -74,15 +74,15 @@ def test_a_zone_that_a_drone_passes_below_is_no_fence() -> None:
 
 def test_files_that_hold_no_fence_or_ceiling_say_so() -> None:
     """The crew reads what it must set itself, and above what."""
-    listed = WRITERS[".waypoints"](flight_with(*BOXES, ceiling=9.5), None)
+    listed = FORMATS[".waypoints"].writer()(flight_with(*BOXES, ceiling=9.5), None)
     assert "no-fly zones are not in these files, which hold no fence" in said(listed)
     assert "the ceiling, 9.5 m above z = 0 of the map, is not in these files" in said(listed)
     words = "FENCE_ALT_MAX of ArduPilot, which is above the take-off, to 7 m or less"
     assert words in said(listed)  # a drone takes off from a roof
-    planned = WRITERS[".plan"](flight_with(ceiling=9.5), None)
+    planned = FORMATS[".plan"].writer()(flight_with(ceiling=9.5), None)
     assert "GF_MAX_VER_DIST of PX4" in said(planned) and "no-fly" not in said(planned)
     for ending in (".plan", ".waypoints"):
-        free = said(WRITERS[ending](flight_with(), None))
+        free = said(FORMATS[ending].writer()(flight_with(), None))
         assert "fence" not in free and "ceiling" not in free
 
 
@@ -104,14 +104,14 @@ def test_tracks_say_what_the_ceiling_is_above() -> None:
     """GeoJSON and KML have it in their notes."""
     for ending in (".geojson", ".kml"):
         assert "the ceiling is 9.5 m above z = 0" in said(
-            WRITERS[ending](flight_with(ceiling=9.5), None)
+            FORMATS[ending].writer()(flight_with(ceiling=9.5), None)
         )
 
 
 def test_zones_and_ends_are_in_geojson() -> None:
     """Polygons with their heights, and points for take-offs and landings."""
     flight = flight_with(*BOXES)
-    features = json.loads(WRITERS[".geojson"](flight, None).files[""])["features"]
+    features = json.loads(FORMATS[".geojson"].writer()(flight, None).files[""])["features"]
     of_kind = {
         kind: [f for f in features if f["properties"]["kind"] == kind]
         for kind in ("no-fly zone", "take-off", "landing", "step")
@@ -138,7 +138,7 @@ def test_zones_and_ends_are_in_geojson() -> None:
 
 def test_zones_and_ends_are_in_kml() -> None:
     """Zones with a top above the sea stand on the ground up to it; others lie on the ground."""
-    root = ElementTree.fromstring(WRITERS[".kml"](flight_with(*BOXES), None).files[""])
+    root = ElementTree.fromstring(FORMATS[".kml"].writer()(flight_with(*BOXES), None).files[""])
     folders = {f.findtext(f"{KML}name"): f for f in root.iter(f"{KML}Folder")}
     places = list(folders["no-fly zones"].iter(f"{KML}Placemark"))
     assert [place.findtext(f"{KML}name") for place in places] == [
