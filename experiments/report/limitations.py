@@ -1,30 +1,39 @@
 """Limitations of the results of a sweep, derived from the results themselves."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.experiments.sweeps.run_file import RunFile
 from cocap_opt.experiments.tables.rows import SAMPLED_COVERAGE, Row
 from cocap_opt.experiments.tables.statistics import ENOUGH
 from cocap_opt.planners import PLANNERS
+from cocap_opt.problem import CollisionRules
 
 _ALWAYS = (
     "Rewards are those of the coverage model: the area of a face's projection clipped to the "
     "image, less what columns, convex meshes and other people hide of it. Bounds and optima hold "
     "for these numbers; what a real camera would see is not measured.",
     "People and obstacles are as given, and known beforehand: nobody avoids a drone, and no drone "
-    "is late. Two drones that cross diagonally between two steps are not in conflict.",
+    "is late.",
     "Certificates cover the rounding of the bound's arithmetic, not that of the coverage.",
 )
 
 
-def limitations(rows: Sequence[Row], run: RunFile) -> list[str]:
-    """Returns sentences, first those that hold for these results only."""
+def limitations(
+    rows: Sequence[Row], run: RunFile, rules: Mapping[str, CollisionRules]
+) -> list[str]:
+    """Returns sentences, first those that hold for these results only.
+
+    Parameters
+    ----------
+    rules : of the scenes whose files are there, by their names in the rows
+    """
     return [
         *_of_coverage(rows),
         *_of_seeds(rows),
         *_of_bounds(rows),
         *_of_plans(rows),
+        *_of_rules(rules),
         *_of_times(run),
         *_ALWAYS,
     ]
@@ -89,6 +98,24 @@ def _of_plans(rows: Sequence[Row]) -> Iterator[str]:
     failed = sum(row.reason in FAILED for row in rows)
     if failed:
         yield f"{failed} of {len(rows)} runs failed; they are listed."
+
+
+def _of_rules(rules: Mapping[str, CollisionRules]) -> Iterator[str]:
+    """Yields which drones are in conflict between steps, by the rules of the scenes."""
+    for rule in dict.fromkeys(rules.values()):
+        scenes = ", ".join(scene for scene in rules if rules[scene] == rule)
+        if rule.none:
+            yield f"In {scenes} no rule keeps drones apart, and none are in conflict."
+        elif rule.separation:
+            yield (
+                f"In {scenes} drones keep a {rule} at every moment: two that come nearer on "
+                "their way from step to step, as where they cross, are in conflict, too."
+            )
+        else:
+            yield (
+                f"In {scenes} the collision rule is {rule}, which looks at cells and steps: two "
+                "drones that cross diagonally between two steps are not in conflict."
+            )
 
 
 def _of_times(run: RunFile) -> Iterator[str]:

@@ -32,7 +32,7 @@ from cocap_opt.output.trace import Trace
 from cocap_opt.pictures.figures import picture
 from cocap_opt.player.pages import PageFile
 from cocap_opt.player.player import Player
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import CollisionRules, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.explained import SHOWN, Explained
 from cocap_opt.run.explained_words import costliest
@@ -65,7 +65,9 @@ def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, p
         "Search for the bounds": _searches(folder, rows),
         "Plans": _plans(folder, rows, players),
         "What failed": _failures(rows),
-        "Limitations": _list([*limitations(rows, run), *_absent(folder, rows)]),
+        "Limitations": _list(
+            [*limitations(rows, run, _rules(folder, rows)), *_absent(folder, rows)]
+        ),
         "How it was made": _settings(rows, run),
     }
     shown = {title: text for title, text in sections.items() if text}
@@ -279,6 +281,14 @@ def _absent(folder: Path, rows: Sequence[Row]) -> list[str]:
     if scenes:
         sentences.append(f"{scenes} of {len(first)} scene files are not in the folder.")
     return sentences
+
+
+def _rules(folder: Path, rows: Sequence[Row]) -> dict[str, CollisionRules]:
+    """Returns the collision rules of each scene whose file is in the folder."""
+    files = {row.scene: folder / Paths(row).scene for row in rows}
+    return {
+        scene: load_scene(str(path), 0).rules for scene, path in files.items() if path.is_file()
+    }
 
 
 def _settings(rows: Sequence[Row], run: RunFile) -> str:

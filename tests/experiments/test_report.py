@@ -7,11 +7,14 @@ from browser import value
 from result_rows import row
 from selenium.webdriver.support.wait import WebDriverWait
 
+import cocap_opt as co
 from cocap_opt.cli import commands
 from cocap_opt.experiments.lab.studies.pictures import PLAYER_IS_READY, _Browser
 from cocap_opt.experiments.report.limitations import limitations
-from cocap_opt.experiments.report.report import _telling_pair, _telling_seed
+from cocap_opt.experiments.report.report import _rules, _telling_pair, _telling_seed
 from cocap_opt.experiments.sweeps.run_file import Run, RunFile
+from cocap_opt.experiments.tables.layout import Paths
+from cocap_opt.problem import NO_RULES, CollisionRules
 
 SWEEP = ("gap", "tiny-queue", "bottleneck", "--time-limit", "0.5", "--seeds", "0",
          "--planner", "greedy", "--planner", "cocap", "--planner", "sequential")  # fmt: skip
@@ -156,11 +159,43 @@ def test_limitations_are_those_of_the_results() -> None:
     )  # fmt: skip
     fine = [row("cocap", seed, 99.0) for seed in range(9)]
     assert not any("not proved" in words or "have no plan" in words
-                   for words in limitations(fine, run))  # fmt: skip
-    assert any("by this process, 2 processes" in words for words in limitations(fine, run))
+                   for words in limitations(fine, run, {}))  # fmt: skip
+    assert any("by this process, 2 processes" in words for words in limitations(fine, run, {}))
     rows = [*fine, row("cocap", 9, 90.0, bound_reason="stopped"),
             row("cocap", 10, None, reason="died")]  # fmt: skip
-    text = "\n".join(limitations(rows, run))
+    text = "\n".join(limitations(rows, run, {}))
     assert "1 of 11 bounds are not proved" in text
     assert "1 of 11 runs of cocap have no plan" in text and "1 of 11 runs failed" in text
-    assert "one seed" in "\n".join(limitations([row("cocap", 0, 99.0)], run))
+    assert "one seed" in "\n".join(limitations([row("cocap", 0, 99.0)], run, {}))
+
+
+def test_limitations_say_which_crossings_are_conflicts() -> None:
+    """By each scene's rules: cells and steps alone, or a separation at every moment, or none."""
+    run = RunFile(code="", runs=[Run.now(["a"], [0], "this process")])
+    papers, apart = CollisionRules(), CollisionRules(separation=2.0)
+    rules = {"a": papers, "b": apart, "c": papers, "d": NO_RULES}
+    told = {words[:8]: words for words in limitations([row("cocap", 0, 99.0)], run, rules)}
+    assert "vertex+swap" in told["In a, c "] and "are not in conflict" in told["In a, c "]
+    assert "separation 2 m at every moment" in told["In b dro"]
+    assert "not in conflict" not in told["In b dro"]
+    assert "no rule" in told["In d no "]
+    only = "\n".join(limitations([row("cocap", 0, 99.0)], run, {"b": apart}))
+    assert "diagonally" not in only and "are in conflict, too" in only
+
+
+@pytest.mark.parametrize(
+    ("rules", "words"),
+    [(CollisionRules(), "diagonally"), (CollisionRules(separation=0.9), "at every moment")],
+    ids=str,
+)
+def test_the_rules_of_a_report_are_read_from_its_scenes(
+    tmp_path: Path, rules: CollisionRules, words: str
+) -> None:
+    """The page says of a scene's own file, with a separation and without, which rule it has."""
+    found = row("cocap", 0, 99.0)
+    scene = tmp_path / Paths(found).scene
+    scene.parent.mkdir(parents=True, exist_ok=True)
+    co.save(scene, co.load("tiny-queue").replace(rules=rules))
+    run = RunFile(code="", runs=[Run.now(["a"], [0], "this process")])
+    assert _rules(tmp_path, [found]) == {found.scene: rules}
+    assert any(words in told for told in limitations([found], run, _rules(tmp_path, [found])))
