@@ -38,7 +38,7 @@ from cocap_opt.formulations.certificates import (
     ProofFile,
     Staged,
 )
-from cocap_opt.formulations.certificates.pricing import Prices
+from cocap_opt.formulations.certificates.pricing import CertificatePrices
 from cocap_opt.formulations.certificates.resources import PathCells, Resource
 from cocap_opt.formulations.certificates.sweep import values_to_go
 from cocap_opt.graph.charges import Charges
@@ -161,7 +161,7 @@ def explain(
     position, certificate, decisions = _numbers(file, node)
     is_staged = isinstance(file, CertificateFile) and isinstance(file.certificate, Staged)
     pricing = Pricing.of(model, certificate, decisions)
-    prices = Prices.of(model, certificate, decisions)
+    prices = CertificatePrices.of(model, certificate, decisions)
     is_lone = node is None and not is_staged
     largest = pricing.bound if is_lone else file.proved if proved is None else proved
     terms = (
@@ -208,7 +208,7 @@ def _numbers(
 # -- paths --------------------------------------------------------------------------------
 
 
-def _path_terms(prices: Prices, plan: Plan, paths: Sequence[Path]) -> Iterator[Term]:
+def _path_terms(prices: CertificatePrices, plan: Plan, paths: Sequence[Path]) -> Iterator[Term]:
     """Yields what each robot loses by leaving each step as it does."""
     model = prices.model
     losses: dict[int, list[float]] = {}
@@ -257,7 +257,7 @@ def _reward_of_move(objective: Objective, a: State, b: State) -> float:
 # -- faces --------------------------------------------------------------------------------
 
 
-def _face_terms(prices: Prices, paths: Sequence[Path]) -> Iterator[Term]:
+def _face_terms(prices: CertificatePrices, paths: Sequence[Path]) -> Iterator[Term]:
     """Yields what the certificate pays for each face at each step beyond the reward for it."""
     model, problem = prices.model, prices.model.problem
     weights, paid = problem.view_sum_weights, prices.pixels.constants.copy()

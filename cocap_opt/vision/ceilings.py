@@ -18,7 +18,7 @@ _AT_ONCE = 200_000  # orientations times places times actors, for the processor'
 _SLACK = 1e-7  # m, much more than the rounding of coordinates
 
 
-class Ceiling(NamedTuple):
+class ViewCeiling(NamedTuple):
     """An upper bound on what the states at some places see at one step, if nothing hides anybody.
 
     The sums are over all faces, each with a weight w of its own.
@@ -29,7 +29,7 @@ class Ceiling(NamedTuple):
     visible: BoolArray  # [F] true where one of the states may see the face
 
     @classmethod
-    def joined(cls, parts: "list[Ceiling]") -> "Ceiling":
+    def joined(cls, parts: "list[ViewCeiling]") -> "ViewCeiling":
         """Returns the ceiling of all places from those of some each."""
         if len(parts) == 1:
             return parts[0]
@@ -40,13 +40,13 @@ class Ceiling(NamedTuple):
         )
 
     @classmethod
-    def nothing(cls, n_orientations: int, n_places: int, n_faces: int) -> "Ceiling":
+    def nothing(cls, n_orientations: int, n_places: int, n_faces: int) -> "ViewCeiling":
         """Returns the ceiling of places from which nothing is seen."""
         none = np.zeros((n_orientations, n_places))
         return cls(none, none, np.zeros(n_faces, dtype=bool))
 
 
-def ceiling(views: Views, t: int, places: IntArray, weights: FloatArray) -> Ceiling:
+def ceiling(views: Views, t: int, places: IntArray, weights: FloatArray) -> ViewCeiling:
     """Returns an upper bound on what all states at places [n] see at step t.
 
     It costs much less than coverage, since nothing is clipped.
@@ -56,14 +56,14 @@ def ceiling(views: Views, t: int, places: IntArray, weights: FloatArray) -> Ceil
     weights : [F] of the faces
     """
     if not views.n_faces or not len(places):
-        return Ceiling.nothing(views.graph.n_orientations, len(places), views.n_faces)
+        return ViewCeiling.nothing(views.graph.n_orientations, len(places), views.n_faces)
     if isinstance(views, PinholeViews):
         return _of_pinhole(views, t, places, weights)
     assert isinstance(views, ConeViews)
     return _of_cone(views, t, places, weights)
 
 
-def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArray) -> Ceiling:
+def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArray) -> ViewCeiling:
     """Returns an upper bound on what all states at places [n] see at step t.
 
     The image of a face of area A, whose plane the eye is h before, has
@@ -106,15 +106,15 @@ def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArr
         roots = np.sqrt(pixels * of_actors[actor])
         at, size = orientation * len(chunk) + place, (len(views.axes), len(chunk))
         visible = in_view.any(axis=0)[:, owners] & turned
-        parts.append(Ceiling(
+        parts.append(ViewCeiling(
             np.bincount(at, roots, math.prod(size)).reshape(size).astype(np.float64),
             np.bincount(at, pixels, math.prod(size)).reshape(size).astype(np.float64),
             visible.any(axis=0),
         ))  # fmt: skip
-    return Ceiling.joined(parts)
+    return ViewCeiling.joined(parts)
 
 
-def _of_cone(views: ConeViews, t: int, places: IntArray, weights: FloatArray) -> Ceiling:
+def _of_cone(views: ConeViews, t: int, places: IntArray, weights: FloatArray) -> ViewCeiling:
     """Returns an upper bound on what all states at places [n] see at step t.
 
     All of the level way to a face counts as ahead.
@@ -136,8 +136,8 @@ def _of_cone(views: ConeViews, t: int, places: IntArray, weights: FloatArray) ->
         )
         noticed = np.asarray(detected.any(axis=0))
         visible = np.any(noticed[:, owners] & (seen > 0), axis=0)
-        parts.append(Ceiling(roots, pixels, visible))
-    return Ceiling.joined(parts)
+        parts.append(ViewCeiling(roots, pixels, visible))
+    return ViewCeiling.joined(parts)
 
 
 def _by_actor(values: FloatArray, owners: IntArray, n_actors: int) -> FloatArray:

@@ -92,7 +92,7 @@ class Pricing(NamedTuple):
         LimitReached
             At a limit.
         """
-        prices = Prices.of(model, certificate, decisions, stop)
+        prices = CertificatePrices.of(model, certificate, decisions, stop)
         pixels, resources = prices.pixels, prices.resources
         total = pixels.constant + resources.constant
         magnitude = pixels.magnitude + resources.magnitude
@@ -153,7 +153,7 @@ class Pricing(NamedTuple):
         return worst._replace(leaves=tuple(bounds))
 
 
-class Prices(NamedTuple):
+class CertificatePrices(NamedTuple):
     """The prices that a certificate puts on pixels and resources: all that its bound is made of."""
 
     model: Model
@@ -167,7 +167,7 @@ class Prices(NamedTuple):
         certificate: Certificate,
         decisions: Sequence[Decision] = (),
         stop: Stop = never,
-    ) -> "Prices":
+    ) -> "CertificatePrices":
         """Returns the prices of a certificate; raises what `Pricing.of` does."""
         if isinstance(certificate, Multipliers):
             pixels = _prices_by_multipliers(model, certificate, stop)

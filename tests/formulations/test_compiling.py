@@ -3,12 +3,11 @@
 import os
 from pathlib import Path
 
-import pytest
+from cocap_opt.formulations.certificates.staged import compiled_search
 
 
 def test_what_was_kept_of_an_earlier_source_is_removed(tmp_path: Path) -> None:
     """Of the same function alone: it may name a class that is no longer there."""
-    compiling = pytest.importorskip("cocap_opt.formulations.certificates.staged.compiling")
     changed = Path(__file__).stat().st_mtime
     stem = __name__.rpartition(".")[2]
 
@@ -23,7 +22,7 @@ def test_what_was_kept_of_an_earlier_source_is_removed(tmp_path: Path) -> None:
     for name, age in ages.items():
         (tmp_path / name).touch()
         os.utime(tmp_path / name, (changed + age, changed + age))
-    compiling._forget_what_is_older(tmp_path, function)
+    compiled_search._forget_what_is_older(tmp_path, function)
     assert {file.name for file in tmp_path.iterdir()} == {
         f"{own}-2.py311.nbi", f"{stem}.other-1.py311.nbi",
     }  # fmt: skip

@@ -390,11 +390,13 @@ def test_plain_verification_compiles_nothing_and_finds_the_same(
     model = some_model(problem, rng)
     staged = random_staged(model, 0.5 * max(optimum(problem).value, 0.0), rng)
 
+    from cocap_opt.formulations.certificates.staged import search_kernel
+
     def refuse(*_: object) -> None:
         raise AssertionError("compiled")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiled_search.CompiledSearch, "of", refuse)
+        patch.setattr(search_kernel.CompiledSearch, "of", refuse)
         for is_loaded in (False, True):
             patch.setattr(compiled_search, "is_loaded", lambda loaded=is_loaded: loaded)
             patch.setattr(plain_search, "PLAIN_NODES", 0)
@@ -612,14 +614,16 @@ def open_narrowing(horizon: int) -> Narrowing:
 @pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
 def test_one_long_search_for_what_follows_looks_at_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     """However many nodes the first joint state takes, limits are looked at between some of them."""
-    follow, nodes = compiled_search.CompiledSearch.follow, list[int]()
+    from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
 
-    def noted(self: compiled_search.CompiledSearch, *arguments: object) -> object:
+    follow, nodes = CompiledSearch.follow, list[int]()
+
+    def noted(self: CompiledSearch, *arguments: object) -> object:
         found = follow(self, *arguments)
         nodes.append(self.nodes)
         return found
 
-    monkeypatch.setattr(compiled_search.CompiledSearch, "follow", noted)
+    monkeypatch.setattr(CompiledSearch, "follow", noted)
     monkeypatch.setattr(joint_paths, "PLAIN_NODES", -1)
     monkeypatch.setattr(joint_paths, "_NODES_AT_ONCE", 500)
     with pytest.raises(LimitReached):

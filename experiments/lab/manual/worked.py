@@ -18,7 +18,7 @@ from cocap_opt.formulations.certificates import (
     Staged,
     verify,
 )
-from cocap_opt.formulations.certificates.pricing import Prices
+from cocap_opt.formulations.certificates.pricing import CertificatePrices
 from cocap_opt.formulations.certificates.staged import Narrowing, best_plan, most_profitable
 from cocap_opt.formulations.certificates.staged.stages import MOST_NODES
 from cocap_opt.formulations.certificates.sweep import plain_sweep
@@ -95,7 +95,7 @@ class _BoundParts(NamedTuple):
     def of(cls, problem: Problem, multipliers: Multipliers) -> "_BoundParts":
         """Returns the parts of the bound that multipliers prove."""
         model = compiled(problem)
-        prices = Prices.of(model, multipliers)
+        prices = CertificatePrices.of(model, multipliers)
         best = [0.0] * len(problem.robots)
         for number, one in enumerate(model.classes):
             values = plain_sweep(problem, one, prices.rewards(number), prices.charges(number))

@@ -8,9 +8,8 @@ storey (`cocap_opt.formulations.certificates`), in this order:
 2. `joint_states`, `search`: the search for the most profitable joint state of a step.
 3. `joint_paths`: at the end the paths of all robots together that are left are explored.
 4. `stages`: what a file's stages do, one after the other, and which numbers are refused.
-5. `compiled_search` repeats the searches of `search` and `joint_paths`, faster, and is held to
-   them by tests; `search_kernel` has its steps, and `compiling` asks numba to compile them. Plain
-   verification uses none of the three.
+5. `search_kernel` repeats the searches of `search` and `joint_paths`, faster, and is held to them
+   by tests; `compiled_search` asks numba to compile it. Plain verification does without both.
 """
 
 from cocap_opt.formulations.certificates.staged.joint_paths import best_plan, may_be_used

@@ -183,7 +183,9 @@ class Following:
         self, joint: JointStates, choices: Choices, floors: FloatArray, tail: int, stop: Stop
     ) -> Iterator[Moved]:
         """Yields what compiled searches find, from one of the joint states on."""
-        running = compiled_search.CompiledSearch.of(joint, -np.inf, _NODES_AT_ONCE)
+        from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
+
+        running = CompiledSearch.of(joint, -np.inf, _NODES_AT_ONCE)
         lists = (choices.first, choices.positions, choices.lists)
         least = floors - joint.margin
         n_found = 0  # from the joint state whose search was interrupted

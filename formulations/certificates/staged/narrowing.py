@@ -48,7 +48,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.format import CertificateError, Multipliers, StepPrices
 from cocap_opt.formulations.certificates.pricing import (
     UNIT_ROUNDOFF,
-    Prices,
+    CertificatePrices,
     Pricing,
     rounding_factor,
 )
@@ -138,7 +138,7 @@ class Narrowing:
     target: float
     constants: FloatArray
     rewards: list[FloatArray]
-    _prices: Prices
+    _prices: CertificatePrices
     _row_steps: tuple[tuple[int, float], ...]  # step and multiplier of each row
     _charges: list[Charges]
     _sweeps: _Sweeps
@@ -162,7 +162,7 @@ class Narrowing:
             raise CertificateError("certificate: where pixels add up over time, there are no steps")
         if not math.isfinite(target):
             raise CertificateError("certificate.target: must be finite")
-        prices = Prices.of(model, multipliers, stop=stop)
+        prices = CertificatePrices.of(model, multipliers, stop=stop)
         constants = prices.pixels.constants.reshape(model.problem.horizon + 1, model.n_faces)
         classes = range(len(model.classes))
         rewards = [prices.rewards(number) for number in classes]

@@ -12,10 +12,10 @@ Ceilings bound the worth less charges, too: states of much slack are soon too ma
 are worth.
 
 Two searches do the same: the plain one, which is here and is written to be read, and the compiled
-one (`compiled_search`), which takes over where searches are long, unless it is not wanted.
+one (`search_kernel`), which takes over where searches are long, unless it is not wanted.
 """
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.staged import compiled_search
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.stop import Stop, never
+
+if TYPE_CHECKING:
+    from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
 
 PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
 _LARGE, _FEW_NODES = 5, 100  # likewise, of teams of so many robots, whose searches are long
@@ -97,7 +100,7 @@ def plain_nodes(joint: JointStates) -> int:
 
 def _searched(
     joint: JointStates, least: float, most_nodes: int, stop: Stop, plain: bool
-) -> "_PlainSearch | compiled_search.CompiledSearch":
+) -> "_PlainSearch | CompiledSearch":
     """Returns a search that has ended; a long one is begun again, compiled, where it can be.
 
     Once the compiled search has been loaded, which takes longer than most searches, all are
@@ -119,9 +122,11 @@ def _searched(
 
 def _run_compiled(
     joint: JointStates, least: float, most_nodes: int, stop: Stop
-) -> compiled_search.CompiledSearch:
+) -> "CompiledSearch":
     """Returns a compiled search that has ended."""
-    search = compiled_search.CompiledSearch.of(joint, least)
+    from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
+
+    search = CompiledSearch.of(joint, least)
     for done in range(0, most_nodes, AT_ONCE):
         stop.check()
         if search.advance(min(AT_ONCE, most_nodes - done)):

@@ -1,17 +1,19 @@
-"""The steps of the compiled search, one function each; only imported where numba is installed.
+"""The compiled searches of joint states, step by step; only imported where numba is installed.
 
 A node of the tree is a partial joint state. The search goes down into a child, up again, and
 keeps of each depth what it needs to go on there, in arrays that are made once. There are no
 slices and no sorting by NumPy, with which numba would compile for ten seconds instead of two.
 """
 
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates.staged.compiling import compiled
+from cocap_opt.formulations.certificates.staged.compiled_search import compiled
+from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 
 # What each entry of `Memory.progress` is; the depth is -1 where no search is going on.
 DEPTH, IS_NEW, IS_DONE, FOUND, NODES = range(5)
@@ -298,3 +300,116 @@ def follow(
             break
         tail += 1
     return tail
+
+
+@dataclass(eq=False)
+class CompiledSearch:
+    """A search that has been begun.
+
+    Attributes
+    ----------
+    data : the arrays that it reads
+    memory : the arrays that it writes
+    best : largest profit found, at first the least one wanted
+    floor : least worth, less charges, of a joint state that counts
+    """
+
+    data: Inputs
+    memory: Memory
+    best: float
+    floor: float
+
+    @classmethod
+    def of(cls, joint: JointStates, least: float, most_found: int = 0) -> "CompiledSearch":
+        """Returns a search at its beginning.
+
+        Parameters
+        ----------
+        least : profits up to here do not matter
+        most_found : if not 0, the search is for `follow`, which collects up to so many in a call
+        """
+        bounds, classes = joint.bounds, np.repeat(np.arange(len(joint.sizes)), joint.sizes)
+        data = Inputs(
+            *joint.sparse,
+            joint.weights,
+            joint.price,
+            joint.charge,
+            joint.class_of,
+            classes,
+            counts=np.array([
+                np.bincount(classes[d:], minlength=len(joint.sizes))
+                for d in range(len(classes) + 1)
+            ]),
+            conflict=joint.conflict,
+            raised=np.array([bound.raised for bound in bounds]).reshape(
+                len(bounds), len(joint.class_of)
+            ),
+            is_limit=np.arange(len(bounds)) >= len(joint.ceilings),
+        )  # fmt: skip
+        profits = np.array([bound.profit for bound in bounds])
+        return cls(data, _beginning(data, profits, most_found), least, joint.floor - joint.margin)
+
+    @property
+    def positions(self) -> tuple[int, ...]:
+        """Positions of the states of the joint state that has it; none if none has more."""
+        found = self.memory.chosen[1]
+        return tuple(found.tolist()) if found[0] >= 0 else ()
+
+    def advance(self, nodes: int) -> bool:
+        """Goes on for so many nodes; returns True once all is done."""
+        self.best = float(advance(self.data, self.memory, self.best, self.floor, nodes))
+        return bool(self.memory.progress[IS_DONE])
+
+    def follow(
+        self,
+        choices: tuple[IntArray, IntArray, IntArray],
+        floors: FloatArray,
+        tails: tuple[int, int],
+        nodes: int,
+    ) -> tuple[int, IntArray, IntArray]:
+        """Collects the joint states that follow each of some; goes on where it was interrupted.
+
+        Parameters
+        ----------
+        choices : first entry of each list of states [K+1], positions of the states of all lists,
+            and the number of each robot's list [L, R]
+        floors : [L] of each joint state before: least worth, less charges, of one that follows,
+            rounding included
+        tails : number of the first joint state before, and after the last
+        nodes : after which it is interrupted, or after as many as may be collected
+
+        Returns
+        -------
+        The number of the first joint state that is not done, and of those that were collected the
+        numbers of the ones that they follow [M] and the positions of their states [M, R].
+        """
+        nodes = min(nodes, len(self.memory.collected))  # each collects one joint state at most
+        arrays = MoveLists(*choices, floors)
+        found = np.zeros(len(self.memory.collected), dtype=np.int64)
+        tail = int(follow(self.data, self.memory, arrays, *tails, nodes, found))
+        n = int(self.memory.progress[FOUND])
+        return tail, found[:n], self.memory.collected[:n].copy()
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes of the tree so far, or of the last call of `follow`."""
+        return int(self.memory.progress[NODES])
+
+
+def _beginning(data: Inputs, profits: FloatArray, most_found: int) -> Memory:
+    """Returns the memory of a search whose root is its next node, or that `follow` begins."""
+    depths, n_classes = data.counts.shape
+    robots, n, n_faces = depths - 1, len(data.class_of), len(data.weights)
+    return Memory(
+        progress=np.array([-1 if most_found else 0, 1, 0, 0, 0]),
+        states=np.tile(np.arange(n), (depths, 1)),
+        numbers=np.tile([n, 0], (depths, 1)),
+        child=np.zeros(depths, dtype=np.int64),
+        values=np.zeros((3, depths, n)),
+        seen=np.zeros((2, depths, n_faces)),
+        profits=np.zeros((2, depths)),
+        below=np.tile(profits, (depths, 1)),
+        largest=np.zeros((2, n_classes)),
+        chosen=np.full((2, robots), -1),
+        collected=np.zeros((most_found, robots), dtype=np.int64),
+    )
