@@ -79,7 +79,9 @@ def test_failed_trials_are_made_again_once_more_is_allowed_or_less_is_open(
     assert len(ending.allowed) == 1
     assert not trials.after_stages(narrowing, 2, 100 * fewest)
     assert len(ending.allowed) == 2 and ending.allowed[1] > 2 * fewest
-    constants = narrowing.constants - 0.5 * narrowing.room / len(narrowing.constants)
+    constants = narrowing.constants - 0.5 * narrowing.room_above(narrowing.target) / len(
+        narrowing.constants
+    )
     narrowing = replace(narrowing, constants=constants)
     assert not trials.after_stages(narrowing, 3, 100 * fewest)
     assert len(ending.allowed) == 3

@@ -5,10 +5,11 @@ plans above the target may visit. A plan is worth at most
 
     value before + F(s) + sum_i future_i(s_i) + rest(t),
 
-where `narrowing` says what robots can get later; s is explored only where that is above the target.
-The bound less this sum is what all steps up to t have lost together, so that there are soon few
-joint states, where (*) of `narrowing` asks each step alone. Of the ways to one joint state only the
-best goes on; robots of one class are exchangeable there. Where none is left, no plan is better.
+where `future` is what robots can get later at the prices; s is explored only where that is above
+the target. The bound less this sum is what all steps up to t have lost together, so that there are
+soon few joint states, where (*) of `narrowing` asks each step alone. Of the ways to one joint state
+only the best goes on; robots of one class are exchangeable there. Where none is left, no plan is
+better.
 
 Robots are apart in these searches: which of them goes where is part of what is searched. A search
 has the bounds of that for the most profitable joint state (`search`), and takes all that count.
@@ -21,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.staged import compiled_search
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
@@ -290,7 +292,7 @@ class _Team:
         )
         values = np.zeros(1)
         if is_open and self._model.problem.first_step == 0:
-            joint = self._narrowing.apart(self._numbers.tolist(), 0, list(placed.T))
+            joint = self._apart(self._numbers.tolist(), 0, list(placed.T))
             values[0] = joint.worth(range(len(self._numbers)))
         every = _Reached(values, placed, np.zeros(1, dtype=np.int64))
         return every if is_open else every.nothing
@@ -313,8 +315,8 @@ class _Team:
         if sum(map(len, choices.states)) > MOST_CHOICES:
             raise NotEndedError
         numbers = self._numbers[choices.robots].tolist()
-        joint = self._narrowing.apart(numbers, t, choices.states)
-        floors = self._matters - self._narrowing.rest(t) - before.values
+        joint = self._apart(numbers, t, choices.states)
+        floors = self._matters - self._rest(t) - before.values
         reached, waiting = before.nothing, []
         for tails, heads in following.found(joint, choices, floors, stop):
             waiting.append(self._reached(joint, choices.robots, before, tails, heads))
@@ -323,6 +325,49 @@ class _Team:
                 if len(reached.values) > MOST_REACHED:
                     raise NotEndedError
         return self._best([reached, *waiting])
+
+    def _rest(self, t: int) -> float:
+        """Returns what later constants and rows add to the worth so far and `_future`, in J.
+
+        A plan above the target whose steps up to t are worth F is worth at most F, this, and the
+        sum of what all robots can get from their states at t on.
+        """
+        later = float(self._narrowing.constants[t + 1 :].sum())
+        # Rows charge at most their multipliers at the step itself, which this sum holds.
+        rows = self._narrowing.row_multipliers
+        return later + exact_sum(multiplier for step, multiplier in rows if step >= t)
+
+    def _future(self, number: int, t: int, states: IntArray) -> FloatArray:
+        """Returns what robots of a class can get for later steps [n], in units of J.
+
+        Parameters
+        ----------
+        states : [n] where they are at step t
+        """
+        to_go, rewards = self._narrowing.to_go[number], self._narrowing.rewards[number]
+        future: FloatArray = to_go[t, states] - rewards[t, states]
+        return future
+
+    def _apart(self, numbers: Sequence[int], t: int, states: Sequence[IntArray]) -> JointStates:
+        """Returns the joint states of robots apart; what they are charged is `_future`, negated.
+
+        So worth less charges is what the step and the later prices can bring, and the present
+        prices are one limit of it.
+
+        Parameters
+        ----------
+        numbers : of each robot, its class
+        states : of each robot, some of the states that are left at the step
+        """
+        charge = [-self._future(number, t, at) for number, at in zip(numbers, states, strict=True)]
+        raised = [
+            future - self._narrowing.rewards[number][t, at]
+            for number, at, future in zip(numbers, states, charge, strict=True)
+        ]
+        limit = self._narrowing.ceiling_of(self._narrowing.ceiling(t), np.concatenate(raised))
+        return JointStates.of(
+            self._model, t, states, charge, charge, -np.inf, limits=(limit,), apart=numbers
+        )
 
     def _reached(
         self, joint: JointStates, robots: IntArray, before: _Reached, tails: IntArray,

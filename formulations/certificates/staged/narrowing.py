@@ -132,6 +132,7 @@ class Narrowing:
     target : J: plans that are not above it need not be bounded
     constants : [T+1] K_t; infinite where prices are new
     rewards : of each class, the prices of states [T+1, S], which its robots get for being there
+    row_multipliers : the step and the multiplier of each row
     """
 
     model: Model
@@ -139,7 +140,7 @@ class Narrowing:
     constants: FloatArray
     rewards: list[FloatArray]
     _prices: CertificatePrices
-    _row_steps: tuple[tuple[int, float], ...]  # step and multiplier of each row
+    row_multipliers: tuple[tuple[int, float], ...]
     _charges: list[Charges]
     _sweeps: _Sweeps
     _closing: _Closing
@@ -188,6 +189,11 @@ class Narrowing:
         return self._sweeps.slack
 
     @property
+    def to_go(self) -> list[FloatArray]:
+        """The value of the best path from each state [T+1, S] of a class on."""
+        return self._sweeps.to_go
+
+    @property
     def bound(self) -> float:
         """B, which no plan above the target exceeds, but for rounding."""
         return float(self.constants.sum()) + self._prices.resources.constant + self._sweeps.worth
@@ -223,13 +229,8 @@ class Narrowing:
         """Returns the bound on all plans if none above the target exceeds `most`."""
         return max(self.target, math.nextafter(most + self.rounding, math.inf))
 
-    @property
-    def room(self) -> float:
-        """The right side of (*), rounding included."""
-        return self.room_above(self.target)
-
     def room_above(self, target: float) -> float:
-        """Returns the right side of (*) for another target."""
+        """Returns the right side of (*) for a target, rounding included."""
         return self.bound + 2 * self.rounding - target
 
     @property
@@ -248,27 +249,6 @@ class Narrowing:
             for left in per_step
         )
 
-    def rest(self, t: int) -> float:
-        """Returns what later constants and rows add to the worth so far and `future`, in J.
-
-        A plan above the target whose steps up to t are worth F is worth at most F, this, and the
-        sum of what all robots can get from their states at t on.
-        """
-        later = float(self.constants[t + 1 :].sum())
-        # Rows charge at most their multipliers at the step itself, which this sum holds.
-        return later + exact_sum(multiplier for step, multiplier in self._row_steps if step >= t)
-
-    def future(self, number: int, t: int, states: IntArray) -> FloatArray:
-        """Returns what robots of a class can get for later steps [n], in units of J.
-
-        Parameters
-        ----------
-        states : [n] where they are at step t
-        """
-        to_go = self._sweeps.to_go[number]
-        future: FloatArray = to_go[t, states] - self.rewards[number][t, states]
-        return future
-
     def charges(self, number: int) -> Charges:
         """Returns what the robots of a class are charged by rows."""
         return self._charges[number]
@@ -284,12 +264,14 @@ class Narrowing:
             If a step has new prices and no constant yet.
         """
         self._require_finite()
-        room = self.room
+        room = self.room_above(self.target)
         left = [
             is_left & (slack <= room) for is_left, slack in zip(self.left, self.slack, strict=True)
         ]
         after = replace(self, _sweeps=_Sweeps.of(self.model, self._charges, self.rewards, left))
-        return replace(after, _closing=after._closed_now(after.constants - after.room))
+        return replace(
+            after, _closing=after._closed_now(after.constants - after.room_above(after.target))
+        )
 
     def above(self, target: float, among: Sequence[BoolArray] | None = None) -> "Narrowing":
         """Returns the narrowing for a target that is not lower, for which more states are closed.
@@ -384,7 +366,7 @@ class Narrowing:
     def joint_states_of(self, t: int, states: Sequence[IntArray]) -> JointStates:
         """Returns the joint states of some of the states that are left to each class at a step."""
         ceilings = tuple(
-            self._ceiling_of(earlier.constant, np.concatenate(self._raised(t, earlier, states)))
+            self.ceiling_of(earlier.constant, np.concatenate(self._raised(t, earlier, states)))
             for earlier in self._earlier[t]
         )
         price, charge, slack = (
@@ -393,30 +375,9 @@ class Narrowing:
         )
         # What the slacks in (*) say of joint states, as K_t - h_t is not negative.
         constant = float(self._closing.constants[t])
-        limit = self._ceiling_of(constant + self._rounding(abs(constant)), np.concatenate(slack))
+        limit = self.ceiling_of(constant + self._rounding(abs(constant)), np.concatenate(slack))
         floor = float(self._closing.floors[t])
         return JointStates.of(self.model, t, states, price, charge, floor, ceilings, (limit,))
-
-    def apart(self, numbers: Sequence[int], t: int, states: Sequence[IntArray]) -> JointStates:
-        """Returns the joint states of robots apart; what they are charged is `future`, negated.
-
-        So worth less charges is what the step and the later prices can bring, and the present
-        prices are one limit of it.
-
-        Parameters
-        ----------
-        numbers : of each robot, its class
-        states : of each robot, some of the states that are left at the step
-        """
-        charge = [-self.future(number, t, at) for number, at in zip(numbers, states, strict=True)]
-        raised = [
-            future - self.rewards[number][t, at]
-            for number, at, future in zip(numbers, states, charge, strict=True)
-        ]
-        limit = self._ceiling_of(self.ceiling(t), np.concatenate(raised))
-        return JointStates.of(
-            self.model, t, states, charge, charge, -np.inf, limits=(limit,), apart=numbers
-        )
 
     def ceiling(self, t: int) -> float:
         """Returns the ceiling that the present constant of a step is to later prices."""
@@ -447,7 +408,7 @@ class Narrowing:
             for now, was, at in zip(self.rewards, earlier.rewards, states, strict=True)
         ]
 
-    def _ceiling_of(self, constant: float, raised: FloatArray) -> Ceiling:
+    def ceiling_of(self, constant: float, raised: FloatArray) -> Ceiling:
         """Returns a ceiling, rounding of the search included."""
         magnitude = abs(constant) + len(self.model.problem.robots) * np.abs(raised)
         rounding = float(self._rounding_of_sums(magnitude).max(initial=0.0))
