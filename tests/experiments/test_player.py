@@ -544,7 +544,7 @@ def test_obstacles_beside_the_action_are_shown_wholly(player: Any) -> None:
     house, off = (9, 2, 0, 14, 2, 7, 9, 8, 0), (21, 2, 0, 24, 2, 7)
     wide = 8, 2, 0, 80, 2, 7, 8, 9, 0
     given = json.dumps([{"vertices": vertices} for vertices in (house, off, wide)])
-    folder = ROOT / "experiments" / "report" / "page"
+    folder = ROOT / "cocap_opt" / "player" / "page"
     scripts = ((folder / f"{name}.js").read_text("utf-8") for name in ("geometry", "camera"))
     call = f"return beside({given}, [0, 0, 0], [10, 10, 5])"
     found = value(player, f"(() => {{ {' '.join(scripts)}\n{call} }})()")
@@ -679,7 +679,7 @@ def test_the_camera_turns_zooms_and_looks_down(player: Any) -> None:
 @pytest.mark.slow
 def test_numbers_of_crowded_drones_stay_near_them(player: Any) -> None:
     """They are apart, cover no name, and are left out where there is no room near the drone."""
-    script = (ROOT / "experiments" / "report" / "page" / "labels.js").read_text()
+    script = (ROOT / "cocap_opt" / "player" / "page" / "labels.js").read_text()
     crowd = "const put = []; for (let i = 0; i < 64; i++) {"
     crowd += "const place = freePlace(5, 7, put, []); if (place) put.push(place); }"
     places = player.execute_script(f"{script}; {crowd} return put")
@@ -835,7 +835,7 @@ def test_a_drones_picture_is_what_the_renderer_sees(player: Any, tmp_path: Path)
 @pytest.mark.slow
 def test_view_cones_end_where_something_stands(player: Any) -> None:
     """Rays meet ground, walls, meshes and what fine meshes fill, and go on above them."""
-    folder = ROOT / "experiments" / "report" / "page"
+    folder = ROOT / "cocap_opt" / "player" / "page"
     script = "".join((folder / name).read_text() for name in ("geometry.js", "rays.js"))
     scene = {
         "terrain": {"cell": 2, "cells": [5, 1], "heights": [0, 0, 0, 5, 0]},
