@@ -16,7 +16,7 @@ from cocap_opt.text import printable, shortened
 _TAKEN = (*SOLVERS, BOUND)  # names that mean something else in the table
 
 
-class _Given(NamedTuple):
+class _GivenPlan(NamedTuple):
     """The plan of a file, and the digest of the problem that it is for."""
 
     plan: Plan | PlanFile  # of a foreign file the plan alone
@@ -69,16 +69,16 @@ class GivenPlans(NamedTuple):
         return self.plans.get(problem_digest(problem), {}) if self.plans else {}
 
 
-def _of_one(paths: Sequence[Path], problems: Problems) -> tuple[list[_Given], Problems]:
+def _of_one(paths: Sequence[Path], problems: Problems) -> tuple[list[_GivenPlan], Problems]:
     """Reads plans for one problem, which may be foreign ones for a variant of it."""
     ((key, own),) = problems.items()
     plans = PlanReader(key[0], own).plans(paths)
     problem = plans[0].problem if plans else own
     digest = problem_digest(problem)
-    return [_Given(one.file or one.plan, digest) for one in plans], {key: problem}
+    return [_GivenPlan(one.file or one.plan, digest) for one in plans], {key: problem}
 
 
-def _of_several(paths: Sequence[Path], problems: Problems) -> tuple[list[_Given], Problems]:
+def _of_several(paths: Sequence[Path], problems: Problems) -> tuple[list[_GivenPlan], Problems]:
     """Reads plan files, each for that of several problems whose digest it has."""
     readers = {
         problem_digest(problem): PlanReader(scene, problem)
@@ -87,7 +87,7 @@ def _of_several(paths: Sequence[Path], problems: Problems) -> tuple[list[_Given]
     return [_matched(path, readers) for path in paths], problems
 
 
-def _matched(path: Path, readers: Mapping[str, PlanReader]) -> _Given:
+def _matched(path: Path, readers: Mapping[str, PlanReader]) -> _GivenPlan:
     """Reads the plan file of one of the problems, whose readers are by digest."""
     content = next(iter(readers.values())).claim(path)
     if isinstance(content, Plan):
@@ -100,10 +100,10 @@ def _matched(path: Path, readers: Mapping[str, PlanReader]) -> _Given:
             "another seed, content, rules or objective than those of this command"
         )
     readers[content.digest].flown(path, content)
-    return _Given(content, content.digest)
+    return _GivenPlan(content, content.digest)
 
 
-def _names(titles: Sequence[str], given: Sequence[_Given]) -> list[str]:
+def _names(titles: Sequence[str], given: Sequence[_GivenPlan]) -> list[str]:
     """Returns the names of plans: their planners' where these are free, with or without files'."""
     digests: dict[str, list[str]] = {}
     for one in given:

@@ -21,7 +21,7 @@ from cocap_opt.world import HeightMap
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-class Track(NamedTuple):
+class EarthTrack(NamedTuple):
     """Where a drone or a person is at some moments [n].
 
     Attributes
@@ -115,7 +115,7 @@ def geodesy_of(flight: Flight) -> Geodesy:
     return flight.geodesy
 
 
-def drone_tracks(flight: Flight, every: float | None = None) -> list[Track]:
+def drone_tracks(flight: Flight, every: float | None = None) -> list[EarthTrack]:
     """Returns the track of each drone.
 
     Parameters
@@ -129,7 +129,7 @@ def drone_tracks(flight: Flight, every: float | None = None) -> list[Track]:
     tracks = []
     for i in range(len(flight.flown.pieces)):
         own = columns["drone"] == i
-        tracks.append(Track(
+        tracks.append(EarthTrack(
             columns["t"][own], columns["longitude"][own], columns["latitude"][own],
             {name: values[own] for name, values in columns.items() if name.startswith("above_")},
             {"yaw": yaw[own], "pitch": columns["pitch"][own]},
@@ -137,7 +137,7 @@ def drone_tracks(flight: Flight, every: float | None = None) -> list[Track]:
     return tracks
 
 
-def walks(flight: Flight) -> list[Track]:
+def walks(flight: Flight) -> list[EarthTrack]:
     """Returns the track of each person's feet, a point a step."""
     geodesy, problem = geodesy_of(flight), flight.flown.problem
     t = _times(flight)
@@ -149,7 +149,7 @@ def walks(flight: Flight) -> list[Track]:
         if problem.earth is not None and problem.earth.heights is not None:
             heights[f"above_{problem.earth.heights}"] = z + problem.earth.base
         angles = {"yaw": geodesy.compass(x, y, yaw)}
-        tracks.append(Track(t, longitude, latitude, heights, angles))
+        tracks.append(EarthTrack(t, longitude, latitude, heights, angles))
     return tracks
 
 
@@ -207,7 +207,7 @@ def rings_of(corners: FloatArray) -> list[FloatArray]:
     return rings
 
 
-class Clock(NamedTuple):
+class FlightClock(NamedTuple):
     """Dates and times of a flight."""
 
     start: datetime

@@ -15,8 +15,8 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.earth_tracks import (
-    Clock,
-    Track,
+    EarthTrack,
+    FlightClock,
     caveats,
     colour_of,
     drone_tracks,
@@ -39,7 +39,7 @@ _Feature = dict[str, Any]
 
 def write(flight: Flight, every: float | None) -> Export:
     """Returns tracks, a point a step, footprints and people's walks as a FeatureCollection."""
-    writer = _Writer(flight)
+    writer = _Features(flight)
     features = b",\n".join(map(msgspec.json.encode, writer.features(every)))
     name = msgspec.json.encode(flight.flown.problem.name)
     notes = (*writer.notes(), *caveats(flight, every))
@@ -48,7 +48,7 @@ def write(flight: Flight, every: float | None) -> Export:
     return Export({"": text + features + b"\n]}\n"}, notes)
 
 
-class _Writer:
+class _Features:
     """Makes features of a flight."""
 
     def __init__(self, flight: Flight) -> None:
@@ -57,7 +57,7 @@ class _Writer:
         geodesy = geodesy_of(flight)
         on_ellipsoid = earth is not None and earth.heights == "ellipsoid"
         self._has_third = on_ellipsoid and geodesy.is_on_wgs_84
-        self._clock = Clock.of(flight)
+        self._clock = FlightClock.of(flight)
 
     def notes(self) -> Iterator[str]:
         if self._has_third:
@@ -82,14 +82,14 @@ class _Writer:
         yield from self._zones()
         yield from self._ends()
 
-    def _positions(self, track: Track) -> list[list[float]]:
+    def _positions(self, track: EarthTrack) -> list[list[float]]:
         columns = [track.longitude.round(_DEGREES), track.latitude.round(_DEGREES)]
         if self._has_third:
             columns.append(track.heights[_THIRD].round(_METRES))
         positions: list[list[float]] = np.column_stack(columns).tolist()
         return positions
 
-    def _line(self, track: Track, properties: dict[str, Any]) -> _Feature:
+    def _line(self, track: EarthTrack, properties: dict[str, Any]) -> _Feature:
         """Returns a line, or two on both sides of the antimeridian, with a time for each point."""
         parts = track.parts()
         values = [
@@ -103,7 +103,7 @@ class _Writer:
         nested = {name: [one[name] for one in values] for name in values[0]}
         return _feature("MultiLineString", lines, {**properties, **nested})
 
-    def _points(self, track: Track, drone: int) -> Iterator[_Feature]:
+    def _points(self, track: EarthTrack, drone: int) -> Iterator[_Feature]:
         values = {**_rounded(track.angles, _ANGLE), **_rounded(track.heights, _METRES)}
         for step, position in enumerate(self._positions(track)):
             t = float(track.t[step])

@@ -42,7 +42,7 @@ def write(flight: Flight, every: float | None) -> Export:
     """
     if every is not None:
         raise FieldError("every", "must be left out for .glb, whose moments follow from its error")
-    scene = _Scene(flight.flown)
+    scene = _Animation(flight.flown)
     scene.add_ground()
     scene.add_solids()
     scene.add_drones()
@@ -50,7 +50,7 @@ def write(flight: Flight, every: float | None) -> Export:
     return Export({"": scene.content()}, tuple(scene.notes()))
 
 
-class _Scene:
+class _Animation:
     """A glTF document of flights."""
 
     def __init__(self, flown: Trajectory) -> None:

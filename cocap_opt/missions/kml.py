@@ -15,9 +15,9 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.earth_tracks import (
-    Clock,
+    EarthTrack,
+    FlightClock,
     Footprint,
-    Track,
     caveats,
     colour_of,
     drone_tracks,
@@ -45,7 +45,7 @@ def write(flight: Flight, every: float | None) -> Export:
     drones, people = drone_tracks(flight, every), walks(flight)
     mode = _Heights.of(drones[0])
     notes = (mode.words, "yaw of the file is clockwise from true north", *caveats(flight, every))
-    writer = _Writer(Clock.of(flight), mode, flight.flown.step)
+    writer = _Placemarks(FlightClock.of(flight), mode, flight.flown.step)
     root = ElementTree.Element(f"{{{_KML}}}kml")
     document = _add(root, "Document")
     _add(document, "name", flight.flown.problem.name)
@@ -80,7 +80,7 @@ class _Heights(NamedTuple):
     words: str
 
     @classmethod
-    def of(cls, track: Track) -> "_Heights":
+    def of(cls, track: EarthTrack) -> "_Heights":
         if "above_sea" in track.heights:
             return cls("above_sea", "absolute", "altitudes are above the sea")
         if "above_ground" in track.heights:
@@ -93,14 +93,14 @@ class _Heights(NamedTuple):
         return cls("above_surface", "relativeToGround", words)
 
 
-class _Writer(NamedTuple):
+class _Placemarks(NamedTuple):
     """Adds the parts of a flight to a document."""
 
-    clock: Clock
+    clock: FlightClock
     heights: _Heights
     step: float
 
-    def add_view(self, document: ElementTree.Element, drones: list[Track]) -> None:
+    def add_view(self, document: ElementTree.Element, drones: list[EarthTrack]) -> None:
         """Adds from where viewers look first: above all drones, at the times of their flights."""
         first = drones[0]
         longitude = np.concatenate([track.longitude for track in drones])
@@ -115,7 +115,9 @@ class _Writer(NamedTuple):
         _add(view, "tilt", "45")
         _add(view, "range", f"{_RANGE * size + _NEAREST:.1f}")
 
-    def add_track(self, folder: ElementTree.Element, name: str, style: str, track: Track) -> None:
+    def add_track(
+        self, folder: ElementTree.Element, name: str, style: str, track: EarthTrack
+    ) -> None:
         """Adds a drone's or a person's track."""
         place = _add(folder, "Placemark")
         _add(place, "name", name)

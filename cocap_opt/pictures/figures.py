@@ -55,7 +55,7 @@ def robot_colour(robot: int) -> tuple[float, float, float, float]:
     return to_rgba(pictures.DRONE_COLOURS[robot % len(pictures.DRONE_COLOURS)])
 
 
-class Frame(NamedTuple):
+class MapFrame(NamedTuple):
     """The part of a map that is drawn, from its lower to its upper corner (m)."""
 
     low: FloatArray
@@ -80,7 +80,7 @@ class Frame(NamedTuple):
         return width, depth
 
 
-def draw_plan(ax: Axes, problem: Problem, plan: Plan, t: int, frame: Frame) -> Axes:
+def draw_plan(ax: Axes, problem: Problem, plan: Plan, t: int, frame: MapFrame) -> Axes:
     """Draws the terrain from above, and drones and people at step t with their ways so far."""
     _draw_terrain(ax, problem)
     _draw_robots(ax, problem, plan, t, VIEW_LENGTH * max(frame.size))
@@ -187,7 +187,7 @@ def _draw_reward(ax: Axes, verdict: Verdict, t: int) -> Axes:
 
 def _plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figure:
     """Draws the top view at step t above the reward per step."""
-    frame = Frame.of(problem, [plan])
+    frame = MapFrame.of(problem, [plan])
     width, depth = frame.size
     height = min(max(5.0 * depth / width, 2.5), 9.0)
     figure = new_figure(5.6, height + 1.7)
@@ -201,7 +201,7 @@ def _plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figu
 
 def _strip_figure(problem: Problem, plan: Plan, verdict: Verdict, steps: Sequence[int]) -> Figure:
     """Draws top views at several steps, row by row."""
-    frame = Frame.of(problem, [plan])
+    frame = MapFrame.of(problem, [plan])
     width, depth = frame.size
     rows = math.ceil(len(steps) / _COLUMNS)
     columns = math.ceil(len(steps) / rows)

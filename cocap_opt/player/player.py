@@ -15,8 +15,8 @@ from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.output.files import save_bytes
 from cocap_opt.output.heights import over_datum
 from cocap_opt.player.pages import PageFile
-from cocap_opt.player.player_plan import PlanData, digits
-from cocap_opt.player.player_scene import SceneData
+from cocap_opt.player.player_plan import PlayerPlan, digits
+from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.problem import Cone, Plan, Problem
 
 _SCRIPTS = (
@@ -76,12 +76,12 @@ class Player:
     def data(self) -> Data:
         """Returns all data that the player draws, as one JSON object.
 
-        Lengths are in m, angles in rad, positions those of `SceneData`; each plan is as
-        `PlanData` has it. Gaps are shares of the bound.
+        Lengths are in m, angles in rad, positions those of `PlayerScene`; each plan is as
+        `PlayerPlan` has it. Gaps are shares of the bound.
         """
-        problem, scene = self._problem, SceneData(self._problem)
+        problem, scene = self._problem, PlayerScene(self._problem)
         plans = [
-            PlanData(scene, self._judged, plan, gap)
+            PlayerPlan(scene, self._judged, plan, gap)
             for (_, plan), gap in zip(self._plans, self._gaps, strict=True)
         ]
         shown: list[Data] = [

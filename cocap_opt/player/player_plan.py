@@ -17,7 +17,7 @@ from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
 from cocap_opt.output.conflicts import told_conflict
-from cocap_opt.player.player_scene import SceneData
+from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.problem import Conflict, Plan, Problem, Robot, State, VertexConflict
 from cocap_opt.referee import check
 
@@ -29,7 +29,7 @@ _ROUNDING = 1e-6  # of distances
 Data = dict[str, Any]
 
 
-class PlanData:
+class PlayerPlan:
     """A plan of a scene, as JSON values.
 
     Parameters
@@ -39,7 +39,7 @@ class PlanData:
     """
 
     def __init__(
-        self, scene: SceneData, judged: Problem, plan: Plan, gap: Explanation | None
+        self, scene: PlayerScene, judged: Problem, plan: Plan, gap: Explanation | None
     ) -> None:
         self._scene, self._problem, self._judged = scene, scene.problem, judged
         self._plan, self._gap = plan, gap

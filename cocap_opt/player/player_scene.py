@@ -33,7 +33,7 @@ _SKY = 4.0  # m, above the highest flight, up to which closed airspace is drawn
 Data = dict[str, Any]
 
 
-class SceneData:
+class PlayerScene:
     """A scene in the player's coordinates, as JSON values."""
 
     def __init__(self, problem: Problem) -> None:

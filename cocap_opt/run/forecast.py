@@ -108,7 +108,7 @@ def about(seconds: float) -> str:
     return duration(seconds) if seconds < 1 else f"about {duration(seconds)}"
 
 
-def doubts(forecast: Forecast, seconds: float, option: str, recipe: "Tried | None") -> str:
+def doubts(forecast: Forecast, seconds: float, option: str, recipe: "RecipeTrial | None") -> str:
     """Returns why a limit will not do and what would, in one line; empty if it will.
 
     Parameters
@@ -130,7 +130,7 @@ def doubts(forecast: Forecast, seconds: float, option: str, recipe: "Tried | Non
     return f"{forecast.words}, {problem}{way_out}"
 
 
-class Tried(NamedTuple):
+class RecipeTrial(NamedTuple):
     """A recipe of which changes are tried: the coverage of each is sampled, too."""
 
     path: Path
@@ -254,7 +254,7 @@ def warn_of_limit(
         return
     words, whose = "", problem.name if seed is None else f"{problem.name}, seed {seed}"
     if math.isfinite(seconds):
-        recipe = Tried.of(scene, seed or 0, problem)
+        recipe = RecipeTrial.of(scene, seed or 0, problem)
         words = doubts(forecast, seconds, option, recipe)
     elif forecast.seconds > _LONG:
         words = f"{forecast.words}; Ctrl-C or {option.removesuffix(' =')} ends it early"

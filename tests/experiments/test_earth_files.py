@@ -19,7 +19,7 @@ from strategies import examples
 from test_cli import Run
 
 import cocap_opt as co
-from cocap_opt.missions.earth_tracks import Track
+from cocap_opt.missions.earth_tracks import EarthTrack
 
 RECIPE = """
 steps = 4
@@ -223,7 +223,7 @@ def test_tracks_that_are_cut_stay_whole(steps: list[float], first: float) -> Non
     along = first + np.cumsum([0.0, *steps])
     longitude = (along + 180) % 360 - 180
     t = np.arange(len(along), dtype=np.float64)
-    parts = Track(t, longitude, -t, {"above_sea": 2 * t}, {"yaw": (350 + 5 * t) % 360}).parts()
+    parts = EarthTrack(t, longitude, -t, {"above_sea": 2 * t}, {"yaw": (350 + 5 * t) % 360}).parts()
     assert parts[0].t[0] == 0 and parts[-1].t[-1] == t[-1]
     for part in parts:
         assert len(part.t) >= 2

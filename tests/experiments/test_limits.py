@@ -18,7 +18,7 @@ from cocap_opt.model.coverage_tables import CoverageTables
 from cocap_opt.player.player import Player
 from cocap_opt.problem import Ending, Plan
 from cocap_opt.run import forecast
-from cocap_opt.run.forecast import Forecast, Tried, doubts, duration
+from cocap_opt.run.forecast import Forecast, RecipeTrial, doubts, duration
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.recipe.lighter import lighter
 from cocap_opt.stop import Limit, Reason
@@ -185,7 +185,7 @@ def test_changes_that_fit_alone_are_the_mildest_of_their_kind(
         return Forecast(CoverageEstimate(1, 100.0 * model.reachable_views / views))
 
     monkeypatch.setattr(Forecast, "of", counted)
-    now, tried = Forecast(CoverageEstimate(1, 100.0)), Tried(town, 0, load_scene(str(town)))
+    now, tried = Forecast(CoverageEstimate(1, 100.0)), RecipeTrial(town, 0, load_scene(str(town)))
     words = [change.words for change, _ in tried.that_fit(now, 120.0)]
     assert "layers = [6, 9] in [drones.motion]" in words
     assert "headings = 4 in [drones.motion]" in words

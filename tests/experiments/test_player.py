@@ -24,8 +24,8 @@ from cocap_opt.pictures.figures import robot_colour
 from cocap_opt.planners import PLANNERS
 from cocap_opt.player import player_scene
 from cocap_opt.player.player import Player
-from cocap_opt.player.player_plan import PlanData
-from cocap_opt.player.player_scene import SceneData
+from cocap_opt.player.player_plan import PlayerPlan
+from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.problem import (
     Actor,
     Airspace,
@@ -61,7 +61,7 @@ def planned(problem: Problem, *names: str) -> list[tuple[str, Any]]:
 
 def seen_by(problem: Problem, plan: Plan) -> Any:
     """Coverage [T+1, F] that faces are coloured by."""
-    return PlanData(SceneData(problem), problem, plan, None).seen
+    return PlayerPlan(PlayerScene(problem), problem, plan, None).seen
 
 
 def told(page: str) -> dict[str, Any]:
@@ -249,7 +249,7 @@ def test_what_only_the_clearance_forbids_blocks() -> None:
     ]
     for robots, kind in ((wide, "2"), ((wide[0], near.robots[1]), "1")):
         problem = near.replace(robots=tuple(robots))
-        assert player_scene.SceneData(problem).terrain()["kinds"][3 * 5 + 1] == kind
+        assert player_scene.PlayerScene(problem).terrain()["kinds"][3 * 5 + 1] == kind
         blocked = player_scene._blocked_cells(problem, problem.workspace)
         assert (blocked[3, 1], blocked[2, 2], blocked[5, 4]) == (kind == "2", True, False)
 
@@ -310,7 +310,7 @@ def test_people_off_the_map_are_in_the_picture() -> None:
     problem = load_scene("tiny-hidden", 0)  # 3 x 3 m
     for x, right in ((2.5, 3), (5.0, 9), (3000.0, 10)):
         actor = problem.actors[0].replace(poses=np.array(3 * [[x, 1.5, 0.0, 0.0]]))
-        scene = player_scene.SceneData(problem.replace(actors=(actor,)))
+        scene = player_scene.PlayerScene(problem.replace(actors=(actor,)))
         _, high = scene.scope([])["scope"]
         assert high[:2] == [right, 3]
 
@@ -761,7 +761,7 @@ def test_a_picked_drone_shows_what_it_sees_and_is_followed(player: Any) -> None:
     player.find_elements(By.CLASS_NAME, "chip")[2].click()
     press(player, "f")
     assert value(player, eye) != first
-    colour = player_scene.SceneData(load_scene("bottleneck", 0)).drone(2)["colour"]
+    colour = player_scene.PlayerScene(load_scene("bottleneck", 0)).drone(2)["colour"]
     (plan, _) = told(player.page_source)["plans"]
     for step in (4, 9):
         player.go_to(step)

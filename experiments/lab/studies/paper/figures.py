@@ -18,7 +18,7 @@ from cocap_opt.experiments.lab.studies.paper.conditions import (
 from cocap_opt.experiments.lab.studies.paper.curves import Curves
 from cocap_opt.experiments.lab.studies.paper.giving_way import Encounter
 from cocap_opt.experiments.tables.statistics import Mean
-from cocap_opt.pictures.figures import Frame, draw_plan
+from cocap_opt.pictures.figures import MapFrame, draw_plan
 from cocap_opt.pictures.style import (
     AMBER,
     BLUE,
@@ -174,7 +174,7 @@ def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str,
     ----------
     plans : by planner
     """
-    frame = Frame.of(problem, plans.values())
+    frame = MapFrame.of(problem, plans.values())
     width, depth = frame.size
     height = 1.2 + 4.0 * depth / width
     figure = new_figure(4.6 * len(plans), height)
