@@ -40,8 +40,9 @@ def _table(
         str | None,
         Parameter(
             name="--format",
-            help=f"one of {', '.join(DOCUMENTS)}; if not given, as the file's ending says, "
-            "markdown in a pipe, plain text on a terminal",
+            choices=tuple(DOCUMENTS),
+            help="if not given, as the file's ending says, markdown in a pipe, plain text on a "
+            "terminal",
         ),
     ] = None,
     scene: OfScenes = None,
@@ -74,8 +75,6 @@ def _table(
 
 def _format(style: str | None, output: Path | None) -> str:
     """Returns the format of tables: the one that is named, or the one of the file's ending."""
-    if style is not None:
-        Option("--format").require_one_of(style, DOCUMENTS)
     if output is None:
         return style or _PIPED
     endings = {

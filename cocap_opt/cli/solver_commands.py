@@ -117,7 +117,9 @@ def _bound(
     scene: Scene,
     /,
     *,
-    method: Annotated[str, Parameter(help=f"one of {', '.join(BOUNDS)}")] = "column-generation",
+    method: Annotated[
+        str, Parameter(choices=tuple(BOUNDS), help="how the bound is found")
+    ] = "column-generation",
     seed: Seed = 0,
     start: _Start = None,
     free: Free = False,
@@ -130,7 +132,6 @@ def _bound(
 
     Example: cocap-opt bound corridor --seed 0 -o certificate.json
     """
-    Option("--method").require_one_of(method, BOUNDS)
     allowance = budget.allowance
     _check_outputs({"-o": output, "--trace": trace}, scene, start)
     task = _Task.read(scene, seed, free, start)
@@ -149,7 +150,11 @@ def _solve(
     /,
     *,
     method: Annotated[
-        str, Parameter(help=f"one of {', '.join(_SOLVE_METHODS)} (bound and plan at the root)")
+        str,
+        Parameter(
+            choices=_SOLVE_METHODS,
+            help=f"how it is solved; {AT_THE_ROOT}: bound and plan at the root only",
+        ),
     ] = "branch-and-price",
     seed: Seed = 0,
     gap: Annotated[
@@ -172,7 +177,6 @@ def _solve(
 
     Example: cocap-opt solve corridor --seed 0 -o plan.json --certificate proof.json
     """
-    Option("--method").require_one_of(method, _SOLVE_METHODS)
     gap = Option("--gap").require_share(gap)
     if gap and method not in EXACT:
         raise UsageError(f"--gap: {method} stops at the root at any gap; leave the option out")

@@ -915,6 +915,17 @@ def test_a_gap_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert (alone.code, "certificate or a proof" in alone.err) == (2, True)
 
 
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_knows_the_allowed_values(
+    shell: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A shell offers methods of bounds, exact methods, and formats of tables."""
+    run = Run(capsys, "completion", shell)
+    assert run.code == 0
+    for word in (*BOUNDS, *EXACT, "latex"):
+        assert word in run.out
+
+
 def test_progress_is_a_plain_line_now_and_then(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -954,6 +965,8 @@ WRONG = [
     (["solve", "corridor", "--method", "guess"], "--method"),
     (["solve", "corridor", "--method", "alone"], "--method"),
     (["solve", "corridor", "--method", "brute-force"], "at most"),
+    (["bound", "corridor", "--method", "envelop"], 'Did you mean "envelope"?'),
+    (["table", "results", "--format", "htm"], '"markdown", "latex", "html"'),
     (["solve", "corridor", "--gap", "-0.1"], "--gap"),
     (["solve", "corridor", "--gap", "nan"], "--gap"),
     (["solve", "corridor", "--gap", "1"], "--gap"),

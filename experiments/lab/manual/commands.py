@@ -48,7 +48,9 @@ def _command(called: str, command: App) -> str:
 def _row(argument: Argument) -> str:
     """Returns the line of an option in the table."""
     names = ", ".join(f"`{name}`" for name in argument.names)
-    meaning = (argument.parameter.help or "").replace("|", "\\|")
+    choices = argument.get_choices()
+    words = [argument.parameter.help, f"one of {', '.join(choices)}" if choices else ""]
+    meaning = "; ".join(filter(None, words)).replace("|", "\\|")
     return f"| {names} | {meaning} | {_default(argument)} |"
 
 
