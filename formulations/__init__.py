@@ -27,12 +27,12 @@ def _bound(call: str, made_of: str, scenes: str, promises: str = "") -> "Method[
 
 
 def _exact(
-    call: str, made_of: str, scenes: str, certified: bool = True
+    call: str, made_of: str, scenes: str, promises: str, certified: bool = True
 ) -> "Method[CertifiedResult]":
     return Method(
         f"cocap_opt.formulations.{call}",
         made_of,
-        "the proved optimum" if certified else "the optimum, without a certificate",
+        promises,
         scenes,
         START_AND_REPORT | {"gap"},
         obeys_rules=True,
@@ -42,7 +42,8 @@ def _exact(
     )
 
 
-_ANY, _FEW, _TINY = "any size", "a few steps", "tiny"
+_ANY, _FEW, _TINY = "any size", "a few steps", "tiny scenes"
+_BY_ITS_WORD = "the optimum, certified as far as a relaxation's bound goes"
 _INTEGER = "an integer program, refined until its plan's true J meets the bound, with"
 
 BOUNDS: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
@@ -72,20 +73,28 @@ BOUNDS: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
 EXACT: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
     {
         "brute-force": _exact(
-            "brute_force:brute_force", "all plans, one by one", _TINY, certified=False
+            "brute_force:brute_force",
+            "all plans, one by one",
+            _TINY,
+            "the optimum, without a certificate",
+            certified=False,
         ),
         "branch-and-price": _exact(
             "column_generation.branch_and_price:branch_and_price",
             "a tree over column generation",
             _ANY,
+            "the optimum, with a proof",
         ),
-        "highs": _exact("integer_programs.mathopt:highs", f"{_INTEGER} HiGHS", _FEW),
-        "scip": _exact("integer_programs.mathopt:scip", f"{_INTEGER} SCIP", _FEW),
-        "cp-sat": _exact("integer_programs.cp_sat:cp_sat", f"{_INTEGER} CP-SAT", _FEW),
+        "highs": _exact("integer_programs.mathopt:highs", f"{_INTEGER} HiGHS", _FEW, _BY_ITS_WORD),
+        "scip": _exact("integer_programs.mathopt:scip", f"{_INTEGER} SCIP", _FEW, _BY_ITS_WORD),
+        "cp-sat": _exact(
+            "integer_programs.cp_sat:cp_sat", f"{_INTEGER} CP-SAT", _FEW, _BY_ITS_WORD
+        ),
         "scip-nonlinear": _exact(
             "integer_programs.scip_nonlinear:scip_nonlinear",
             "nonlinear integer program with SCIP; needs PySCIPOpt",
             _FEW,
+            _BY_ITS_WORD,
         ),
     }
 )

@@ -56,11 +56,11 @@ def explain(
 
     from cocap_opt.run.explained import Explained
 
-    own = plan_for(problem, plan, "explained")
+    flown = plan_for(problem, plan, "explained")
     file = required_bound(plan if certificate is None else certificate)
-    require_flown("plan", judge_plan(problem, own))
+    require_flown("plan", judge_plan(problem, flown))
     proved = ProvedBound.of(Model(problem, use_cache=False), file)
-    explained = Explained.of(Verified.of(problem, own, bounds=[proved]))
+    explained = Explained.of(Verified.of(problem, flown, bounds=[proved]))
     if explained is None:
         raise ValueError("certificate: it proves that there is no plan, so there is no gap")
     frame = DataFrame(explained.records)
@@ -99,14 +99,14 @@ def replans(problem: Problem, plan: Plan | Result | None) -> "pd.DataFrame":
 
     from cocap_opt.coordination.best_response import replans as replanned
 
-    own = plan_for(problem, plan, "replaced")
-    verdict = judge_plan(problem, own)
+    flown = plan_for(problem, plan, "replaced")
+    verdict = judge_plan(problem, flown)
     require_flown("plan", verdict)
-    found = sorted(replanned(compiled(problem), own), key=lambda one: -one.gain)
+    found = sorted(replanned(compiled(problem), flown), key=lambda replan: -replan.gain)
     value = verdict.reward
     return DataFrame({
-        "robot": [one.robot for one in found],
-        "gain": [one.gain for one in found],
-        "share": [one.gain / value if value > 0 else 0.0 for one in found],
-        "plan": [one.plan for one in found],
+        "robot": [replan.robot for replan in found],
+        "gain": [replan.gain for replan in found],
+        "share": [replan.gain / value if value > 0 else 0.0 for replan in found],
+        "plan": [replan.plan for replan in found],
     })  # fmt: skip

@@ -160,13 +160,13 @@ _DOCUMENTS: dict[type, type[Document]] = {
 def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     if problem is None:
         raise ValueError("problem: a plan is written with the problem that it is for")
-    own = plan_for(problem, content, "written", "content")
-    verdict = judge_plan(problem, own)
+    flown = plan_for(problem, content, "written", "content")
+    verdict = judge_plan(problem, flown)
     require_flown("plan", verdict)
     file = PlanFile(
         scene=problem.name, digest=problem_digest(problem), planner="",
         cut_short=content.cut_short, coverage_version=COVERAGE_VERSION,
-        reward=verdict.reward, plan=own,
+        reward=verdict.reward, plan=flown,
     )  # fmt: skip
     if not isinstance(content, Result):
         return file

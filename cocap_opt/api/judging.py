@@ -106,7 +106,9 @@ def verify(
     for claim in given:
         if isinstance(claim, Result):
             _require_consistent(claim)
-    values = [one.value for one in given if isinstance(one, Result) and one.plan is not None]
+    values = [
+        claim.value for claim in given if isinstance(claim, Result) and claim.plan is not None
+    ]
     verified = Verified.of(
         problem, plans[0] if plans else None, values=values, bounds=proved, plain=plain
     )

@@ -88,7 +88,7 @@ def gap(
     settings = Settings(
         time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit, kept=kept
     )
-    own = _own(planners or (), out is not None, workers is not None)
+    foreign = _own(planners or (), out is not None, workers is not None)
     names = None if planners is None else [_name(planner) for planner in planners]
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
     if hired.workers is not None:
@@ -99,7 +99,9 @@ def gap(
     problems = [(problem, seed) for (_, seed), problem in named.problems.items()]
     problems += [(scene, 0) for scene in given if isinstance(scene, Problem)]
     _require_told_apart([(problem.name, seed) for problem, seed in problems])
-    instances = [Instance(problem, seed, names, settings, own=own) for problem, seed in problems]
+    instances = [
+        Instance(problem, seed, names, settings, own=foreign) for problem, seed in problems
+    ]
     folder = None if out is None else Path(out)
     rows = sweep(instances, folder, hired, is_same=named.is_same, quiet=True)
     return DataFrame(Row.records(rows))
@@ -128,11 +130,11 @@ def _own(planners: Sequence[str | Planner], kept: bool, sent: bool) -> "dict[str
             raise ValueError(f"planners: must be names or functions, not {planner!r}")
     _require_free([_name(planner) for planner in planners], functions)
     names = [planner for planner in planners if isinstance(planner, str)]
-    own = own_planners(Option("planners"), names)
+    foreign = own_planners(Option("planners"), names)
     try:
         for call in functions:
-            own[_name(call)] = OwnPlanner.of_function(call, _name(call), kept)
-        return {name: one.to_be_sent() if sent else one for name, one in own.items()}
+            foreign[_name(call)] = OwnPlanner.of_function(call, _name(call), kept)
+        return {name: each.to_be_sent() if sent else each for name, each in foreign.items()}
     except OwnPlannerError as error:
         raise ValueError(f"planners: {error}") from error
 

@@ -110,8 +110,8 @@ class Explained:
             "terms": terms,
             "leaf": leaf and {"node": leaf.node, "bound": leaf.bound, "leaves": list(self.leaves)},
             "replans": [
-                {"robot": one.robot, "gain": one.gain, "share": found.share(one.gain)}
-                for one in self.replans
+                {"robot": replan.robot, "gain": replan.gain, "share": found.share(replan.gain)}
+                for replan in self.replans
             ],
         }
 

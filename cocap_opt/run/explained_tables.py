@@ -101,7 +101,7 @@ def _grid(
         _table(
             title if part is parts[0] else "",
             [noun, *head[part]],
-            [[name, *own[part]] for name, own in cells],
+            [[name, *amounts[part]] for name, amounts in cells],
             width,
             note if part is parts[-1] else "",
         )

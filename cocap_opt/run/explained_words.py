@@ -36,8 +36,8 @@ def explained_sentences(explained: Explained) -> list[str]:
 def _costly(explained: Explained) -> list[Term]:
     """Returns the terms that are worth a sentence, the largest first."""
     terms = explained.explanation.of_kind("path", "face", "row", "decision")
-    some = [term for term in terms if explained.explanation.share(term.amount) >= SHOWN]
-    return sorted(some, key=lambda term: -term.amount)
+    shown = [term for term in terms if explained.explanation.share(term.amount) >= SHOWN]
+    return sorted(shown, key=lambda term: -term.amount)
 
 
 def costliest(explained: Explained) -> str:
@@ -112,12 +112,12 @@ def _told_queue(explained: Explained) -> Iterable[str]:
 
 def _told_replans(explained: Explained) -> Iterable[str]:
     found = explained.explanation
-    gaining = [one for one in explained.replans if found.share(one.gain) >= SHOWN]
-    gaining.sort(key=lambda one: -one.gain)
-    for one in gaining[:_TOLD]:
+    gaining = [replan for replan in explained.replans if found.share(replan.gain) >= SHOWN]
+    gaining.sort(key=lambda replan: -replan.gain)
+    for replan in gaining[:_TOLD]:
         yield (
-            f"planned again past the others, drone {one.robot} would gain "
-            f"{_amount(explained, one.gain)}"
+            f"planned again past the others, drone {replan.robot} would gain "
+            f"{_amount(explained, replan.gain)}"
         )
     if len(gaining) > _TOLD:
         yield f"{counted(len(gaining) - _TOLD, 'more drone')} would gain less, each alone"

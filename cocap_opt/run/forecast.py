@@ -159,9 +159,9 @@ class RecipeTrial(NamedTuple):
         alone = [[change for change in kind if expected(change)] for kind in kinds]
         found = [self._first(changes, seconds) for changes in alone]
         if not any(found):
-            together = (Change.all_of(some) for some in _combined(kinds))
+            together = (Change.all_of(changes) for changes in _combined(kinds))
             found = [self._first(list(filter(expected, together)), seconds)]
-        return [one for one in found if one is not None]
+        return [tried for tried in found if tried is not None]
 
     def _first(
         self, changes: "Sequence[Change]", seconds: float
@@ -180,9 +180,9 @@ class RecipeTrial(NamedTuple):
 
 def _combined(kinds: "Sequence[Sequence[Change]]") -> "Iterator[list[Change]]":
     """Yields changes of several kinds together, milder ones and fewer kinds first."""
-    some = [kind for kind in kinds if kind]
-    for level in range(max(map(len, some), default=0)):
-        chosen = [kind[min(level, len(kind) - 1)] for kind in some]
+    given = [kind for kind in kinds if kind]
+    for level in range(max(map(len, given), default=0)):
+        chosen = [kind[min(level, len(kind) - 1)] for kind in given]
         for count in range(2, len(chosen) + 1):
             yield chosen[:count]
 

@@ -50,10 +50,10 @@ def _offered() -> dict[str, list[EntryPoint]]:
         offered = list(entry_points(group=GROUP))
     except Exception:  # of a package whose record is damaged
         return found
-    for one in offered:
-        others = found.setdefault(one.name, [])
-        if one.value not in [other.value for other in others]:
-            others.append(one)
+    for point in offered:
+        others = found.setdefault(point.name, [])
+        if point.value not in [other.value for other in others]:
+            others.append(point)
     return found
 
 
@@ -70,7 +70,7 @@ def _reference(option: Option, name: str, offered: dict[str, list[EntryPoint]]) 
         words = f"must be one of {', '.join(known)}, or module:function, not {name!r}"
         raise UsageError(f"{option.name}: {words}{meant(name, known)}")
     if several[1:]:
-        who = ", ".join(f"{_package(one)} ({one.value})" for one in several)
+        who = ", ".join(f"{_package(point)} ({point.value})" for point in several)
         words = f"several packages offer {name!r}: {who}; name one as module:function"
         raise UsageError(f"{option.name}: {words}")
     value = several[0].value.partition("[")[0].strip()
@@ -82,9 +82,9 @@ def _reference(option: Option, name: str, offered: dict[str, list[EntryPoint]]) 
 
 def _tell_taken(name: str, offered: dict[str, list[EntryPoint]]) -> None:
     """Says that a package offers a planner under a name that is taken."""
-    for one in offered.get(name, []):
-        say(f"{name} is cocap-opt's own; that of {_package(one)} is {one.value}")
+    for point in offered.get(name, []):
+        say(f"{name} is cocap-opt's own; that of {_package(point)} is {point.value}")
 
 
-def _package(one: EntryPoint) -> str:
-    return "a package" if one.dist is None else str(one.dist.name)
+def _package(point: EntryPoint) -> str:
+    return "a package" if point.dist is None else str(point.dist.name)

@@ -65,9 +65,9 @@ class OwnCode(NamedTuple):
         top = Path(file).stem if name == "__main__" else name.partition(".")[0]
         root = Path(file).resolve().parents[0 if name == "__main__" else _depth(module)]
         roots, foreign = _collected(root, top)
-        files = {path: content for own in roots.values() for path, content in own.items()}
-        for folder, own in roots.items():
-            _require_current_files(folder, own)
+        files = {path: content for found in roots.values() for path, content in found.items()}
+        for folder, found in roots.items():
+            _require_current_files(folder, found)
         digest = hashlib.sha256()
         for path in sorted(files):
             digest.update(f"\n# {path}\n".encode() + counted(path, files[path]))
@@ -195,8 +195,8 @@ def _require_current_files(root: Path, paths: Iterable[str]) -> None:
     for path in paths:
         name = path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
         module, file = sys.modules.get(name), root / path
-        own = getattr(module, "__file__", None)
-        if module is not None and own is not None and Path(own).resolve() == file.resolve():
+        home = getattr(module, "__file__", None)
+        if module is not None and home is not None and Path(home).resolve() == file.resolve():
             _require_current(module, file)
 
 
@@ -208,28 +208,28 @@ def _require_current(module: ModuleType, file: Path) -> None:
         known = set(_codes(compile(file.read_bytes(), str(file), "exec", dont_inherit=True)))
     except (SyntaxError, ValueError):
         known = set()
-    for one in _functions(module):
-        is_from_it = Path(one.__code__.co_filename).resolve() == file.resolve()
-        if is_from_it and one.__code__ not in known:
+    for function in _functions(module):
+        is_from_it = Path(function.__code__.co_filename).resolve() == file.resolve()
+        if is_from_it and function.__code__ not in known:
             raise OwnCodeError(
-                f"{file} has changed since it was imported ({one.__name__} is another); begin "
+                f"{file} has changed since it was imported ({function.__name__} is another); begin "
                 "Python anew, or reload it"
             )
 
 
 def _functions(module: ModuleType) -> Iterator[FunctionType]:
     """Yields the functions of a module and of its classes."""
-    own = [one for one in vars(module).values() if _is_of(one, module)]
-    for holder in (module, *(one for one in own if isinstance(one, type))):
-        for one in vars(holder).values():
-            function = getattr(one, "__func__", one)  # of class methods and static ones
+    members = [value for value in vars(module).values() if _is_of(value, module)]
+    for holder in (module, *(value for value in members if isinstance(value, type))):
+        for value in vars(holder).values():
+            function = getattr(value, "__func__", value)  # of class methods and static ones
             if isinstance(function, FunctionType) and _is_of(function, module):
                 yield function
 
 
-def _is_of(one: object, module: ModuleType) -> bool:
+def _is_of(value: object, module: ModuleType) -> bool:
     """Returns True if something is defined in a module."""
-    return getattr(one, "__module__", None) == module.__name__
+    return getattr(value, "__module__", None) == module.__name__
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

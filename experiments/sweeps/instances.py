@@ -10,8 +10,7 @@ import msgspec
 from msgspec import UNSET
 
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, RULES, Cell, CellFile, Status, Store
-from cocap_opt.experiments.sweeps.start import BoundStart
-from cocap_opt.experiments.sweeps.work import Task
+from cocap_opt.experiments.sweeps.work import BoundStart, Task
 from cocap_opt.experiments.tables.rows import OWN_STARTS, BoundColumns, PlannedRow, Row
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations.result import OPTIMALITY
@@ -116,19 +115,19 @@ class Instance:
 
     def cell(self, planner: str) -> Cell:
         """Returns the cell that a planner has, or would have, with the settings of the command."""
-        settings, own = self._settings, self._own.get(planner)
+        settings, foreign = self._settings, self._own.get(planner)
         return self._cell(
             planner, settings.time_limit, settings.work_limit, rendered=settings.rendered,
-            own="" if own is None else own.digest,
+            own="" if foreign is None else foreign.digest,
         )  # fmt: skip
 
     def earlier_cells(self, row: Row) -> list[Cell]:
         """Returns the cells that an earlier row may be made of, with the limits of that row."""
         if row.planner is None or row.time_limit is None:
             return []
-        limits, own = (row.time_limit, row.work_limit), row.planner_digest or ""
+        limits, digest = (row.time_limit, row.work_limit), row.planner_digest or ""
         return [
-            self._cell(row.planner, *limits, rendered=rendered, own=own)
+            self._cell(row.planner, *limits, rendered=rendered, own=digest)
             for rendered in (True, False)
         ]
 

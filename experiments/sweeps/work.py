@@ -1,5 +1,6 @@
 """The work of one cell: a planner, or the bound, and the referee after it. Runs anywhere."""
 
+import hashlib
 import math
 import platform
 from collections.abc import Callable, Mapping, Sequence
@@ -11,9 +12,8 @@ import msgspec
 
 from cocap_opt.console.progress import Watch
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
-from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.tables.rows import BoundColumns, PlannedRow
-from cocap_opt.files.documents import PlanFile, encode, problem_digest
+from cocap_opt.files.documents import PlanFile, decode_document, encode, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report
 from cocap_opt.model import compiled, compiled_anew
@@ -25,6 +25,64 @@ from cocap_opt.run.judged import Judged, RefereeError
 from cocap_opt.run.limits import Allowance, Awaiting
 from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
 from cocap_opt.stop import Clock, Stop, never
+
+
+class BoundStart(NamedTuple):
+    """The best plans, and the lowest bound that a planner has proved itself."""
+
+    plan: Plan | None = None  # the best of all
+    valid: Plan | None = None  # the best of those that obey the rules
+    certificate: bytes = b""  # its file's content; empty where there is none
+    seconds: float = 0.0  # in which that was proved
+
+    @classmethod
+    def of(cls, contents: Sequence[CellFile]) -> "BoundStart":
+        """Returns the start that planners' cells give; their names and order do not matter."""
+        certificate, seconds = _lowest_bound(contents)
+        valid = [content for content in contents if content.row and content.row.valid]
+        return BoundStart(_best_plan(contents), _best_plan(valid), certificate, seconds)
+
+    @property
+    def proof(self) -> CertificateFile | ProofFile | None:
+        """The certificate or the proof of the lowest bound, if there is one."""
+        return _decoded(self.certificate, "a planner's proof") if self.certificate else None
+
+    @property
+    def digest(self) -> str:
+        """Digest of the plans and the proof, on which a bound depends."""
+        content = msgspec.json.encode((self.plan, self.valid)) + self.certificate
+        return hashlib.sha256(content).hexdigest()
+
+
+def _decoded(content: bytes, name: str) -> CertificateFile | ProofFile:
+    """Returns the certificate or the proof in a file's content."""
+    kinds: tuple[type[CertificateFile | ProofFile], ...] = (CertificateFile, ProofFile)
+    return decode_document(content, name, *kinds)
+
+
+def _best_plan(contents: Sequence[CellFile]) -> Plan | None:
+    ranked = [
+        (-content.row.reward, encode(content.plan.plan), content.plan.plan)
+        for content in contents
+        if content.plan is not None and content.row is not None and content.row.reward is not None
+    ]
+    return min(ranked, key=lambda entry: entry[:2])[2] if ranked else None
+
+
+def _lowest_bound(contents: Sequence[CellFile]) -> tuple[bytes, float]:
+    ranked = []
+    for content in contents:
+        if OWN in content.certificates and content.row is not None:
+            file = content.certificate(OWN)
+            ranked.append(
+                (
+                    _decoded(file, content.cell.words).proved,
+                    file,
+                    content.row.seconds or 0.0,
+                )
+            )
+    return min(ranked)[1:] if ranked else (b"", 0.0)
+
 
 _NO_START = BoundStart()
 _WITHOUT_RULES, _WITH_RULES = "without rules", "with rules"  # names of the two searches
@@ -110,13 +168,13 @@ def _planned(
     if cell.rendered:
         columns = {**columns, "reward_rendered": _rendered_reward(problem, judged)}
     judged.warn(problem, cell.seed, cell.planner)
-    own = judged.result.certificate if isinstance(judged.result, CertifiedResult) else None
+    file = judged.result.certificate if isinstance(judged.result, CertifiedResult) else None
     return CellFile(
         cell=cell,
         status=Status.FINISHED,
         row=PlannedRow.of_planner(problem, cell.seed, cell.planner, judged, **columns),
         plan=judged.plan_file(problem, cell.planner, allowance),
-        certificates=_encoded({OWN: own}),
+        certificates=_encoded({OWN: file}),
     )
 
 
@@ -171,10 +229,10 @@ def _start_plans(problem: Problem, start: BoundStart) -> list[Judged[Any]]:
     plans = [
         Judged.of_plan(problem, plan) for plan in (start.plan, start.valid) if plan is not None
     ]
-    if (own := start.proof) is None:
+    if (file := start.proof) is None:
         return plans
     proved = CertifiedResult(
-        None, -math.inf, Reason.FINISHED, bound=own.proved, seconds=start.seconds, certificate=own
+        None, -math.inf, Reason.FINISHED, bound=file.proved, seconds=start.seconds, certificate=file
     )
     return [*plans, Judged(proved, None)]
 
@@ -222,7 +280,7 @@ class _Bounds:
         known.append(self._of_all_plans(free.result))
         bound = min((b for b in known if b.certificate), key=_bound_of, default=known[-1])
         judged = (*self._plans, Judged.of(BOUND_METHOD, self._problem, free.result))
-        best = _best([one for one in judged if one.valid])
+        best = _best([plan for plan in judged if plan.valid])
         if relative_gap(best.reward, bound.bound) > OPTIMALITY and bound.bound >= 0:
             found = self._run(self._problem, best, _WITH_RULES)
             best = _best([best, found])

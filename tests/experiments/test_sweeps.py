@@ -41,9 +41,8 @@ from cocap_opt.experiments.sweeps.folder import only_writer
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.experiments.sweeps.run_file import RunFile
-from cocap_opt.experiments.sweeps.start import BoundStart
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
-from cocap_opt.experiments.sweeps.work import Task
+from cocap_opt.experiments.sweeps.work import BoundStart, Task
 from cocap_opt.experiments.tables import rows as rows_module
 from cocap_opt.experiments.tables.layout import FOLDERS, Paths
 from cocap_opt.experiments.tables.rows import Row

@@ -1,9 +1,12 @@
 """Lists that are made from the code: columns, built-in scenes, formats, cameras, airframes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache, partial
 
 from cocap_opt.experiments.tables.rows import COLUMNS
+from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.result import CertifiedResult
+from cocap_opt.method import Method
 from cocap_opt.output.known_scenes import known_scenes
 from cocap_opt.output.printing import Listing, Record
 from cocap_opt.scenarios.recipe.recipe import EXAMPLE
@@ -16,6 +19,15 @@ def _columns() -> str:
         {"column": name, "type": column.kind.__name__, "unit": column.unit,
          "meaning": column.meaning}
         for name, column in COLUMNS.items()
+    ]  # fmt: skip
+    return Listing("", rows).markdown
+
+
+def _methods(registry: Mapping[str, Method[CertifiedResult]]) -> str:
+    rows = [
+        {"method": name, "made of": method.made_of, "takes": method.scenes,
+         "promises": method.promises}
+        for name, method in registry.items()
     ]  # fmt: skip
     return Listing("", rows).markdown
 
@@ -44,6 +56,8 @@ def _all_known() -> dict[str, list[Record]]:
 
 LISTS: dict[str, Callable[[], str]] = {
     "columns": _columns,
+    "bounds_described": partial(_methods, BOUNDS),
+    "exact_described": partial(_methods, EXACT),
     "recipe": _recipe,
     **{
         kind: partial(_known, kind)
