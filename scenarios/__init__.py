@@ -15,9 +15,9 @@ from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.scenarios.built_in import bottleneck, bridge, corridor, field, passage, tiny
-from cocap_opt.scenarios.foreign import JSON, WKT, kind_of
 from cocap_opt.scenarios.formats import conventions, hughes, movingai
 from cocap_opt.scenarios.formats.options import NOTHING, Options
+from cocap_opt.scenarios.kinds import JSON, WKT, kind_of
 from cocap_opt.text import meant
 
 __all__ = ["FORMATS", "NOTHING", "SCENES", "has_seed", "load_scene", "read_foreign_plan",

@@ -1,17 +1,212 @@
-"""Kinds of texts that a recipe names and that are no scenes themselves, told by all their content.
+"""Kinds of files, told by their first bytes or, of texts, by all of them; ways to convert each.
 
-`cocap_opt.scenarios.foreign` tells files of any kind by their first bytes.
+A file's name may say anything; its first bytes do not. Whoever reads a file that a user names calls
+`require`, or `cocap_opt.scenarios.text.read_text`, with the kinds that it can read.
+
+`kind_of_text` tells kinds of JSON apart, which only all of a text shows.
+
+Source of the bytes: the specification of each format, or its own writers' files.
 """
 
 import re
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import msgspec
 
-GEOJSON, WKT, CITYJSON, GROUND_PLAN = "GeoJSON", "WKT", "CityJSON", "a ground plan in JSON"
+from cocap_opt.data import ProblemError
 
-_GEOMETRIES = (
+BEGIN = 4096  # bytes that are looked at
+
+_PEOPLE = "write its people as a table with the columns id, time, x and y"
+_GPSBABEL = "gpsbabel writes it as .gpx, which [[tracks]] reads"
+_MESH = "for [[mesh]] of a recipe, if it is .obj, .glb, .gltf, .stl, .ply or .off"
+_TO_MESH = "Blender writes it as .glb, for [[mesh]] of a recipe"
+_MAP = "a map, for [map] of a recipe"
+_TO_MAP = "gdal_translate writes heights as .tif, for [map] of a recipe"
+_WALLS = "ogr2ogr -f GeoJSON writes its polygons for [[walls]] of a recipe"
+_UNPACK = "unpack it, and name the file that is in it"
+_PICTURE = "a picture has no heights or positions that could be read"
+_TO_CSV = "(..).to_csv(.., index=False) writes it as CSV"
+_RASTERISES = "CloudCompare rasterises it to a .tif, for [map] of a recipe"
+_IN_A_RECIPE = "of a recipe, of which `cocap-opt recipe` prints an example"
+_FILM = "a film has no positions: track its people, and write a table with id, time, x and y"
+
+
+class Kind(NamedTuple):
+    """A kind of files."""
+
+    name: str  # as in "is NAME"
+    way_out: str  # where it belongs, or how to convert it
+
+
+GPX = Kind("GPX", "the ways of people, for [[tracks]] of a recipe")
+SQLITE = Kind("an SQLite database", "as JuPedSim writes them, they are people, for [[tracks]] of a "
+              "recipe; write those of others as tables")  # fmt: skip
+JSON = Kind("JSON", "walls in JSON or GeoJSON are for [[walls]] of a recipe; people are a table "
+            "with the columns id, time, x and y")  # fmt: skip
+WKT = Kind("WKT", f"name it under [[walls]] {_IN_A_RECIPE}")
+GEOJSON = Kind("GeoJSON", f"name it under [[walls]] {_IN_A_RECIPE}")
+GROUND_PLAN = Kind("a ground plan in JSON", f"name it under [[walls]] {_IN_A_RECIPE}")
+CITYJSON = Kind("CityJSON", "write its buildings as .obj, as cjio does, and name that under "
+                f"[[mesh]] {_IN_A_RECIPE}")  # fmt: skip
+TIFF = Kind("a TIFF", _MAP)
+ESRI_ASCII = Kind("an ESRI ASCII grid", _MAP)
+NUMPY = Kind("a NumPy array", f"numpy.savetxt writes text: {_PEOPLE}")
+GLB = Kind("a binary glTF", f"a mesh, {_MESH}")
+PLY = Kind("a PLY", f"a mesh, {_MESH}")
+OFF = Kind("an OFF", f"a mesh, {_MESH}")
+STL = Kind("an STL", f"a mesh, {_MESH}")
+
+_JSON_LINES = Kind("JSON lines (as of TrajNet++)", f"read each line as JSON, and {_PEOPLE}; in "
+                   "TrajNet++ p is an id, and f a frame")  # fmt: skip
+_ZIP = Kind("a ZIP archive", _UNPACK)
+_KMZ = Kind("a KMZ", f"unzip it; it holds KML: {_GPSBABEL}")
+_MESH_ARCHIVE = Kind("a 3MF or USDZ", _TO_MESH)
+_EXCEL = Kind("an Excel or other Office file", "save its table as CSV in UTF-8")
+_OPEN_DOCUMENT = Kind("an OpenDocument file", "save its table as CSV in UTF-8")
+_NPZ = Kind("an archive of NumPy arrays", f"numpy.savetxt writes one as text: {_PEOPLE}")
+_GEOPACKAGE = Kind("a GeoPackage", _WALLS)
+_ROS_2 = Kind("a bag of ROS 2", f"ros2 bag and rosbags read it: {_PEOPLE}")
+
+_POSTGRES = Kind("a dump of PostgreSQL", f"restore it, and {_PEOPLE}")
+_ACCESS = Kind("an Access database", f"save its table as CSV: {_PEOPLE}")
+_NETCDF = Kind("NetCDF", _TO_MAP)
+_SURFER = Kind("a grid of Surfer", _TO_MAP)
+_PICKLE = Kind("a Python pickle", f"it is never opened, for it may run code: {_PEOPLE}")
+_PCAP = Kind("a capture of a network (PCAP)", _PEOPLE)
+_FBX = Kind("an FBX", _TO_MESH)
+_USD = Kind("USD", _TO_MESH)
+_VTK = Kind("a VTK file", "meshio or ParaView writes it as .ply, for [[mesh]]")
+
+Marks = dict[bytes | tuple[int, bytes], Kind]  # bytes at the very beginning, or at a place
+
+# A text may begin with the same letters, as with the id PAR1, so that these have to be binary.
+_BINARY: Marks = {
+    # databases and tables
+    b"SQLite format 3\0": SQLITE,
+    b"\x89HDF\r\n\x1a\n": Kind("HDF5", "write its dataset of trajectories as text, with the "
+                               "columns id frame x y; if it is NetCDF, gdal_translate writes its "
+                               "heights as .tif"),
+    (8, b"DUCK"): Kind("a DuckDB database", f"its COPY writes CSV: {_PEOPLE}"),
+    (4, b"Standard Jet DB"): _ACCESS,
+    (4, b"Standard ACE DB"): _ACCESS,
+    b"PGDMP": _POSTGRES,
+    b"PAR1": Kind("Parquet", f"pandas.read_parquet{_TO_CSV}"),
+    b"ARROW1": Kind("an Arrow or Feather file", f"pandas.read_feather{_TO_CSV}"),
+    b"FEA1": Kind("a Feather file", f"pandas.read_feather{_TO_CSV}"),
+    b"ORC": Kind("ORC", f"pandas.read_orc{_TO_CSV}"),
+    b"Obj\x01": Kind("Avro", _PEOPLE),
+    b"\x93NUMPY": NUMPY,
+    b"\x80\x02": _PICKLE,
+    b"\x80\x03": _PICKLE,
+    b"\x80\x04": _PICKLE,
+    b"\x80\x05": _PICKLE,
+    b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1": Kind("an old Excel or Word file",
+                                              "save its table as CSV in UTF-8"),
+    # archives
+    b"PK\x03\x04": _ZIP,
+    b"PK\x05\x06": Kind("an empty ZIP archive", "nothing is in it"),
+    b"\x1f\x8b": Kind("packed with gzip", "gunzip unpacks it"),
+    b"BZh": Kind("packed with bzip2", "bunzip2 unpacks it"),
+    b"\xfd7zXZ\0": Kind("packed with xz", "unxz unpacks it"),
+    b"\x28\xb5\x2f\xfd": Kind("packed with Zstandard", "unzstd unpacks it"),
+    b"\x04\x22\x4d\x18": Kind("packed with LZ4", "unlz4 unpacks it"),
+    b"7z\xbc\xaf\x27\x1c": Kind("a 7z archive", _UNPACK),
+    b"Rar!\x1a\x07": Kind("a RAR archive", _UNPACK),
+    (257, b"ustar"): Kind("a tar archive", _UNPACK),
+    # pictures and films
+    b"\x89PNG\r\n\x1a\n": Kind("a PNG", _PICTURE),
+    b"\xff\xd8\xff": Kind("a JPEG", _PICTURE),
+    b"GIF8": Kind("a GIF", _PICTURE),
+    (8, b"WEBP"): Kind("a WebP", _PICTURE),
+    (8, b"AVI "): Kind("an AVI", _FILM),
+    (4, b"ftyp"): Kind("a film or a picture of a phone (MP4, MOV or HEIC)", _FILM),
+    b"\x1a\x45\xdf\xa3": Kind("a film (Matroska or WebM)", _FILM),
+    # maps
+    b"II*\0": TIFF,
+    b"MM\0*": TIFF,
+    b"II+\0": TIFF,
+    b"MM\0+": TIFF,
+    b"\x00\x00\x00\x0cjP  ": Kind("a JPEG 2000", _TO_MAP),
+    b"CDF\x01": _NETCDF,
+    b"CDF\x02": _NETCDF,
+    b"CDF\x05": _NETCDF,
+    b"GRIB": Kind("GRIB", _TO_MAP),
+    b"EHFA_HEADER_TAG": Kind("an ERDAS Imagine raster", _TO_MAP),
+    b"DSBB": _SURFER,
+    b"DSRB": _SURFER,
+    b"LASF": Kind("a point cloud (LAS or LAZ)", f"PDAL or {_RASTERISES}"),
+    b"ASTM-E57": Kind("a point cloud (E57)", _RASTERISES),
+    b"AC10": Kind("a DWG drawing", "save it as DXF; " + _WALLS),
+    b"\x00\x00\x27\x0a": Kind("a shapefile", _WALLS),
+    b"fgb\x03": Kind("FlatGeobuf", _WALLS),
+    # meshes
+    b"glTF": GLB,
+    b"Kaydara FBX Binary": _FBX,
+    b"BLENDER": Kind("a Blender file", _TO_MESH),
+    b"PXR-USDC": _USD,
+    b"DRACO": Kind("a Draco mesh", "draco_decoder writes it as .obj or .ply, for [[mesh]]"),
+    # recordings
+    b"\x89MCAP0\r\n": Kind("an MCAP bag", f"the mcap library reads it: {_PEOPLE}"),
+    b"\xd4\xc3\xb2\xa1": _PCAP,
+    b"\xa1\xb2\xc3\xd4": _PCAP,
+    b"\x4d\x3c\xb2\xa1": _PCAP,
+    b"\x0a\x0d\x0d\x0a": _PCAP,
+    b"ULog\x01\x12\x35": Kind("a log of PX4", f"ulog2csv writes its topics as CSV: {_PEOPLE}"),
+    b"\xa3\x95\x80": Kind("a log of ArduPilot", f"mavlogdump.py writes it as CSV: {_PEOPLE}"),
+    b"\xb5\x62": Kind("a log of a u-blox receiver", "RTKLIB or " + _GPSBABEL),
+    (8, b".FIT"): Kind("FIT, of a sports watch", _GPSBABEL),
+}  # fmt: skip
+
+_TEXTS: Marks = {  # or what begins with as many letters as no other text does
+    b"-- PostgreSQL database dump": _POSTGRES,
+    b"--\n-- PostgreSQL database dump": _POSTGRES,
+    b"-- MySQL dump": Kind("a dump of MySQL", f"restore it, and {_PEOPLE}"),
+    b"MATLAB 5.0 MAT-file": Kind("a MATLAB file", "writematrix in MATLAB, or scipy.io.loadmat: "
+                                 f"{_PEOPLE}"),
+    b"{\\rtf": Kind("rich text", "save it as plain text in UTF-8"),
+    b"%PDF": Kind("a PDF", "it has pages, no heights or positions: ask for the data behind it"),
+    b"DSAA\n": _SURFER,
+    b"DSAA\r": _SURFER,
+    b"# .PCD": Kind("a point cloud (PCD)", _RASTERISES),
+    b"ply\n": PLY,
+    b"ply\r": PLY,
+    b"; FBX": _FBX,
+    b"#usda": _USD,
+    b"# vtk DataFile": _VTK,
+    b"ISO-10303-21": Kind("STEP or IFC", "IfcConvert or FreeCAD writes it as .glb or .obj, for "
+                          "[[mesh]] of a recipe"),
+    b"#ROSBAG V": Kind("a bag of ROS", f"rostopic echo -p or rosbags reads it: {_PEOPLE}"),
+    b"HIERARCHY": Kind("BVH", f"motion capture of a skeleton: {_PEOPLE}, of its root"),
+    b"PathFileType": Kind("TRC, of motion capture",
+                          f"{_PEOPLE}, of one marker a person; the axis upwards is left out"),
+    b"Format Version,": Kind("a CSV of OptiTrack Motive",
+                             f"{_PEOPLE}, of one body or marker a person"),
+    b"NO_OF_FRAMES": Kind("a table of Qualisys", f"{_PEOPLE}, of one marker a person"),
+    b"version https://git-lfs": Kind("a pointer of Git LFS, not the file", "git lfs pull gets it"),
+}  # fmt: skip
+
+_ROOTS = {  # of XML, by their names without a prefix, in small letters
+    "gpx": GPX,
+    "kml": Kind("KML", _GPSBABEL + "; " + _WALLS),
+    "trainingcenterdatabase": Kind("TCX, of a sports watch", _GPSBABEL),
+    "collada": Kind("COLLADA", _TO_MESH),
+    "x3d": Kind("X3D", _TO_MESH),
+    "vtkfile": _VTK,
+    "osm": Kind("OpenStreetMap's XML", "osmtogeojson writes its polygons for [[walls]]"),
+    "citymodel": Kind("CityGML", "citygml-tools to-cityjson and cjio write it as .obj, for "
+                      "[[mesh]]"),
+    "featurecollection": Kind("GML", _WALLS),
+    "svg": Kind("an SVG picture", _PICTURE),
+    "html": Kind("HTML, a web page in place of the file", "load the file again"),
+    "fcd-export": Kind("XML of SUMO", "its xml2csv.py writes a table; name its columns"),
+    "geometry": Kind("a ground plan in XML", "write it as JSON or WKT, for [[walls]]"),
+}  # fmt: skip
+_XML = Kind("XML", f"write a ground plan as JSON or WKT, for [[walls]]; {_PEOPLE}, for [[tracks]]")
+
+_GEOMETRIES = (  # of GeoJSON; those from the third on are of WKT, too
     "FeatureCollection", "Feature", "GeometryCollection", "Polygon", "MultiPolygon", "LineString",
     "MultiLineString", "Point", "MultiPoint",
 )  # fmt: skip
@@ -21,27 +216,36 @@ _WKT = re.compile(
     r"\s*(?:Z|M|ZM)?\s*(?:\(|EMPTY)",
     re.IGNORECASE,
 )
-
-_IN_A_RECIPE = "of a recipe, of which `cocap-opt recipe` prints an example"
 _ANY = msgspec.json.Decoder(float_hook=str)  # of numbers that are too large, too
-_WALLS = f"name it under [[walls]] {_IN_A_RECIPE}"
-WAYS_OUT: Mapping[str, str] = {  # what to do with a file that is named as a scene
-    GEOJSON: _WALLS,
-    WKT: _WALLS,
-    GROUND_PLAN: _WALLS,
-    CITYJSON: f"write its buildings as .obj, as cjio does, and name that under [[mesh]] "
-    f"{_IN_A_RECIPE}",
-}
+
+_CONTROL = re.compile(rb"[\0-\x08\x0e-\x1f]")  # bytes that no text has
+_MARKUP = re.compile(rb"\s*(?:<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[.*?\]\s*)?>)", re.DOTALL)
+_ELEMENT = re.compile(rb"\s*<(?:[A-Za-z_][\w.-]*:)?([A-Za-z_][\w.-]*)[\s/>]")
+_JSON = re.compile(rb"\s*(?:\{\s*[\"}]|\[[\s\[{]*(?:[\"\]}]|-?\d|true\b|false\b|null\b))")
+_NMEA = re.compile(rb"\s*\$(?:G[PNLABQ]|BD|P)[A-Z]{3},")
+_DXF = re.compile(rb"\s*(?:999\s.*\s)?0\s+SECTION\s")
+_MESH_WORDS = re.compile(
+    rb"\s*(?:(?P<off>(?:ST)?C?N?OFF(?: BINARY)?)\s|(?P<stl>solid\b[^\n]*\s+facet\b))"
+)
+_GRID = re.compile(rb"\s*ncols\s+\d", re.IGNORECASE)
 
 
-def is_wkt(text: str) -> bool:
-    """Returns True if a text begins as WKT does."""
-    return _WKT.match(text) is not None
+def kind_of(path: Path) -> Kind | None:
+    """Returns the kind of a file by its first bytes; None if it is of none that is known.
+
+    A file that cannot be opened has none, and whoever reads it says why.
+    """
+    try:
+        with path.open("rb") as file:
+            begin = file.read(BEGIN)
+    except (OSError, ValueError):
+        return None
+    return next((kind for look in _LOOKS if (kind := look(begin))), None)
 
 
-def kind_of_text(text: str) -> str | None:
-    """Returns the kind of a text, one of those in `WAYS_OUT`, or None if it is no such text."""
-    if is_wkt(text):
+def kind_of_text(text: str) -> Kind | None:
+    """Returns WKT, GEOJSON, CITYJSON or GROUND_PLAN if a whole text is one of them, else None."""
+    if _WKT.match(text):
         return WKT
     try:
         content: Any = _ANY.decode(text)
@@ -53,6 +257,106 @@ def kind_of_text(text: str) -> str | None:
         return CITYJSON
     if content.get("type") in _GEOMETRIES:
         return GEOJSON
-    plans = content.values()
-    is_plan = all(isinstance(plan, dict) and "walkable" in plan for plan in plans)
-    return GROUND_PLAN if plans and is_plan else None
+    is_plan = all(isinstance(plan, dict) and "walkable" in plan for plan in content.values())
+    return GROUND_PLAN if content and is_plan else None
+
+
+def require(path: Path, takes: Collection[Kind] = ()) -> None:
+    """Raises a ProblemError that names the kind of a file, if it is none that the caller reads.
+
+    Parameters
+    ----------
+    takes : kinds that the caller reads; a file of no known kind is the caller's matter
+    """
+    kind = kind_of(path)
+    if kind is not None and kind not in takes:
+        raise ProblemError(f"is {kind.name}; {kind.way_out}")
+
+
+def _by_bytes(begin: bytes) -> Kind | None:
+    marks = _TEXTS if _CONTROL.search(begin) is None else _BINARY | _TEXTS
+    for mark, kind in marks.items():
+        at, magic = (0, mark) if isinstance(mark, bytes) else mark
+        if begin[at : at + len(magic)] == magic:
+            return _closer(kind, begin)
+    if begin[:1] < b"\t" and begin[1:2] == b"P":  # its parameters' block, and 80
+        return Kind("C3D, of motion capture", f"{_PEOPLE}, of one marker a person, as ezc3d does")
+    if begin[:2] == b"BM" and begin[14:18] in (b"\x28\0\0\0", b"\x7c\0\0\0", b"\x6c\0\0\0"):
+        return Kind("a BMP", _PICTURE)
+    return None
+
+
+def _closer(kind: Kind, begin: bytes) -> Kind:
+    """Returns what a database or an archive is, by what stands first in it."""
+    if kind is SQLITE:
+        if begin[68:70] == b"GP":  # its application's number: GPKG, GP10
+            return _GEOPACKAGE
+        return _ROS_2 if re.search(rb"CREATE TABLE\s+topics\b", begin) else SQLITE
+    if kind is not _ZIP:
+        return kind
+    first = begin[30 : 30 + int.from_bytes(begin[26:28], "little")]
+    if first.endswith(b".kml"):
+        return _KMZ
+    if first.endswith(b".npy"):
+        return _NPZ
+    if first.endswith((b".usdc", b".usda", b".usd", b".model")) or b"3D/" in begin:
+        return _MESH_ARCHIVE
+    if first.startswith((b"[Content_Types]", b"_rels/", b"xl/", b"docProps/")):
+        return _EXCEL
+    is_document = first == b"mimetype" and b"opendocument" in begin[38:120]
+    return _OPEN_DOCUMENT if is_document else _ZIP
+
+
+def _by_root(begin: bytes) -> Kind | None:
+    """Returns the kind of XML, by its first element."""
+    text = _in_utf8(begin)
+    if re.match(rb"\s*<!DOCTYPE\s+html\b", text, re.IGNORECASE):
+        return _ROOTS["html"]
+    at = 0
+    while found := _MARKUP.match(text, at):
+        at = found.end()
+    if root := _ELEMENT.match(text, at):
+        return _ROOTS.get(root[1].decode().lower(), _XML)
+    return _XML if text.lstrip().startswith((b"<?xml", b"<!DOCTYPE")) else None
+
+
+def _by_words(begin: bytes) -> Kind | None:
+    """Returns the kind of a text that begins with words or braces of its own."""
+    text = _in_utf8(begin)
+    if _JSON.match(text):
+        lines = text.split(b"\n")
+        several = len(lines) > 1 and lines[1].lstrip()[:1] == lines[0].lstrip()[:1]
+        return _JSON_LINES if several and _is_json(lines[0]) else JSON
+    if _WKT.match(text.decode("utf-8", "replace")):
+        return WKT
+    if _NMEA.match(text):
+        return Kind("NMEA, the log of a GPS receiver", _GPSBABEL)
+    if _DXF.match(text):
+        return Kind("a DXF drawing", _WALLS)
+    if _GRID.match(text):
+        return ESRI_ASCII
+    if re.search(rb"^HFDTE", text, re.MULTILINE):
+        return Kind("IGC, the log of a glider", _GPSBABEL)
+    if re.search(rb"^endheader\s*$", text, re.MULTILINE | re.IGNORECASE):
+        return Kind("a table of OpenSim (MOT or STO)", f"{_PEOPLE}, without its header")
+    if mesh := _MESH_WORDS.match(text):
+        return OFF if mesh["off"] else STL
+    return None
+
+
+_LOOKS: tuple[Callable[[bytes], Kind | None], ...] = (_by_bytes, _by_root, _by_words)
+
+
+def _in_utf8(begin: bytes) -> bytes:
+    """Returns the beginning of a text in UTF-8, without a byte order mark."""
+    if begin.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return begin.decode("utf-16", "replace").encode()
+    return begin.removeprefix(b"\xef\xbb\xbf")
+
+
+def _is_json(line: bytes) -> bool:
+    try:
+        msgspec.json.decode(line)
+    except (msgspec.MsgspecError, RecursionError):
+        return False
+    return True

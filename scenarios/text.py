@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element, ParseError
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import unreadable
 from cocap_opt.files.messages import no_text
-from cocap_opt.scenarios.foreign import Kind, require
+from cocap_opt.scenarios.kinds import Kind, require
 from cocap_opt.text import unread
 
 _UTF_16 = codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE

@@ -5,12 +5,3 @@ format has options; and `read_plan(path, problem)`, which returns one path of st
 where plans of its format can be read. Readers raise a ProblemError of one line that names the file.
 They are listed in `cocap_opt.scenarios.FORMATS` and imported when a file needs them.
 """
-
-__all__ = [
-    "conventions",
-    "greedy_perspectives",
-    "hughes",
-    "movingai",
-    "options",
-    "own",
-]

@@ -53,8 +53,8 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
-from cocap_opt.scenarios.foreign import JSON
 from cocap_opt.scenarios.formats.options import NO_YES, NOTHING, Options
+from cocap_opt.scenarios.kinds import JSON
 from cocap_opt.scenarios.text import integer, naming, number, read_table, read_text
 from cocap_opt.text import printable
 from cocap_opt.vision.faces import FaceGeometry

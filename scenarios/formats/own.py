@@ -10,8 +10,7 @@ import msgspec
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import SceneFile
 from cocap_opt.problem import Problem
-from cocap_opt.scenarios.foreign import JSON, WKT
-from cocap_opt.scenarios.kinds import WAYS_OUT, kind_of_text
+from cocap_opt.scenarios.kinds import JSON, WKT, kind_of_text
 from cocap_opt.scenarios.text import naming, read_text
 
 
@@ -31,7 +30,7 @@ def read(path: Path, seed: int = 0) -> Problem:
 def _require_own(text: str) -> None:
     """Raises a ProblemError if a text is sound JSON, but no document of this project."""
     if kind := kind_of_text(text):
-        raise ProblemError(f"is {kind}, which is no scene: {WAYS_OUT[kind]}")
+        raise ProblemError(f"is {kind.name}, which is no scene: {kind.way_out}")
     try:
         content = msgspec.json.decode(text)
     except (msgspec.MsgspecError, RecursionError):

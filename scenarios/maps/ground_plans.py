@@ -21,7 +21,7 @@ from cocap_opt.data import LARGEST, ProblemError
 from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
 from cocap_opt.scenarios.earth.place import FARTHEST, NOWHERE, Projection
-from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WAYS_OUT, WKT, kind_of_text
+from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WKT, Kind, kind_of_text
 from cocap_opt.scenarios.maps.building_heights import STOREY, Extent, extent
 from cocap_opt.scenarios.maps.geojson import Found, read_geojson
 from cocap_opt.scenarios.maps.plan_systems import Stated, in_metres
@@ -104,7 +104,7 @@ def ground_plan(
         )
     kind = kind_of_text(text)
     if kind == CITYJSON:
-        raise ProblemError(f"is CityJSON: {WAYS_OUT[CITYJSON]}")
+        raise ProblemError(f"is {CITYJSON.name}: {CITYJSON.way_out}")
     if kind in (GEOJSON, WKT):
         return _of_polygons(text, kind, name, unit, meaning, projection)
     own = _named(text, name)
@@ -175,7 +175,7 @@ def _refuse_other_json(text: str) -> None:
 
 def _of_polygons(
     text: str,
-    kind: str,
+    kind: Kind,
     name: str | None,
     unit: str | None,
     meaning: Meaning | None,
@@ -183,11 +183,11 @@ def _of_polygons(
 ) -> GroundPlan:
     """Returns the ground plan of GeoJSON or WKT, all of whose polygons mean the same."""
     if name is not None:
-        raise ProblemError(f"name: must be left out where the file is {kind}")
+        raise ProblemError(f"name: must be left out where the file is {kind.name}")
     if meaning is None:
         raise ProblemError(
             f'polygons: must be "obstacles" or "walkable", whose holes are obstacles, for the '
-            f"file is {kind} and does not say it"
+            f"file is {kind.name} and does not say it"
         )
     found, others, stated = _found(text, kind)
     if not found:
@@ -220,7 +220,7 @@ def _of_polygons(
     return GroundPlan(outside, tuple(holes), notes=tuple(notes))
 
 
-def _found(text: str, kind: str) -> tuple[Sequence[Found], Counter[str], Stated]:
+def _found(text: str, kind: Kind) -> tuple[Sequence[Found], Counter[str], Stated]:
     """Returns the polygons of GeoJSON or WKT, what else it holds, and the system that it states."""
     if kind == GEOJSON:
         content = read_geojson(text)
@@ -232,8 +232,10 @@ def _found(text: str, kind: str) -> tuple[Sequence[Found], Counter[str], Stated]
             geometry = shapely.force_2d(shapely.from_wkt(plain))
     except (shapely.errors.ShapelyError, NotImplementedError) as error:
         if "closed" in str(error):
-            raise ProblemError(f"{kind}: rings must end at the point where they begin") from error
-        raise ProblemError(f"cannot be read as {kind}, which is such as {_SOUND}") from error
+            raise ProblemError(
+                f"{kind.name}: rings must end at the point where they begin"
+            ) from error
+        raise ProblemError(f"cannot be read as {kind.name}, which is such as {_SOUND}") from error
     parts = [part for part in _parts(geometry) if not part.is_empty]
     others = Counter(part.geom_type for part in parts if not isinstance(part, Polygon))
     polygons = [

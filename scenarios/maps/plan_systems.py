@@ -17,7 +17,7 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.earth.place import FARTHEST, Projection
 from cocap_opt.scenarios.earth.systems import same_system, short_name, utm
 from cocap_opt.scenarios.earth.units import NeedsPyprojError, Units, units_of
-from cocap_opt.scenarios.kinds import GEOJSON
+from cocap_opt.scenarios.kinds import GEOJSON, Kind
 from cocap_opt.scenarios.maps.geotiff import wkt_of_code
 from cocap_opt.scenarios.tables import PER_METRE
 
@@ -69,7 +69,11 @@ class Stated(NamedTuple):
 
 
 def in_metres(
-    polygons: Sequence[Polygon], kind: str, stated: Stated, unit: str | None, projection: Projection
+    polygons: Sequence[Polygon],
+    kind: Kind,
+    stated: Stated,
+    unit: str | None,
+    projection: Projection,
 ) -> list[Polygon | None]:
     """Returns polygons in m of the scene; None in place of those that are far from it.
 

@@ -18,7 +18,7 @@ from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.earth.beside import beside
 from cocap_opt.scenarios.earth.lengths import metres_of_heights
 from cocap_opt.scenarios.earth.units import require_true
-from cocap_opt.scenarios.foreign import ESRI_ASCII, TIFF, require
+from cocap_opt.scenarios.kinds import ESRI_ASCII, TIFF, require
 from cocap_opt.scenarios.maps import geotiff
 from cocap_opt.scenarios.maps.raster import Layout, Raster, Window
 from cocap_opt.scenarios.tables import Unit

@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.earth.place import NOWHERE, Projection
-from cocap_opt.scenarios.foreign import JSON, WKT
+from cocap_opt.scenarios.kinds import JSON, WKT
 from cocap_opt.scenarios.maps.building_heights import Extent
 from cocap_opt.scenarios.maps.ground_plans import GroundPlan, Meaning, ground_plan
 from cocap_opt.scenarios.tables import (

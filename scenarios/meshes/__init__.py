@@ -1,1 +1,128 @@
-"""Meshes: solids that a height map cannot hold, in files of several formats."""
+"""Meshes in files: bridges and other solids that a height map cannot hold.
+
+Each reader reads all that a file declares, or refuses it and says why. To add a format: one module
+with a function `read_..(path)` that returns `Faces`, and one line in `FORMATS`.
+
+There is a reader of our own for each format, for libraries leave out in silence what they do not
+know: trimesh 5.2 sparse accessors, strips beside faces and negative numbers of vertices, assimp 5
+strips and indented lines; plyfile 1.1 takes lists of length -3, and bytes after the last row.
+"""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import LARGEST, FloatArray, IntArray, ProblemError
+from cocap_opt.scenarios.kinds import GLB, JSON, OFF, PLY, STL, Kind, require
+from cocap_opt.scenarios.meshes.faces import Faces
+from cocap_opt.scenarios.meshes.gltf import read_gltf
+from cocap_opt.scenarios.meshes.obj import read_obj
+from cocap_opt.scenarios.meshes.off import read_off
+from cocap_opt.scenarios.meshes.ply import read_ply
+from cocap_opt.scenarios.meshes.stl import read_stl
+from cocap_opt.scenarios.tables import PER_METRE, Coordinate, Table, Unit
+from cocap_opt.scenarios.text import naming
+from cocap_opt.text import unread
+from cocap_opt.world.workspace import Mesh
+
+
+class MeshFormat(NamedTuple):
+    """A format of mesh files."""
+
+    read: Callable[[Path], Faces]
+    up: Literal["y", "z"] = "z"  # axis that is upwards, z as in surveys
+    kind: Kind | None = None  # that its first bytes tell; None: none
+
+
+FORMATS: dict[str, MeshFormat] = {  # by the ending of the name
+    ".obj": MeshFormat(read_obj),
+    ".glb": MeshFormat(read_gltf, "y", GLB),
+    ".gltf": MeshFormat(read_gltf, "y", JSON),
+    ".stl": MeshFormat(read_stl, kind=STL),
+    ".ply": MeshFormat(read_ply, kind=PLY),
+    ".off": MeshFormat(read_off, kind=OFF),
+}
+
+
+class MeshTable(Table):
+    """One of the tables `mesh` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
+
+    file: str
+    unit: Unit = "m"  # of its coordinates
+    up: Literal["y", "z"] | None = None  # axis that is upwards; None: y for glTF, z for others
+    turn: Coordinate = 0.0  # degrees about its origin, counter-clockwise seen from above
+    at: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)  # m, where its origin lies
+
+    def mesh(self, folder: Path) -> Mesh:
+        """Reads all geometry of the file as one mesh; vertices at the same place become one.
+
+        Raises
+        ------
+        ProblemError
+            If the file cannot be read whole or holds no triangles; one line, naming the file.
+        """
+        path = folder / self.file
+        with naming(path):
+            require(path, [known.kind for known in FORMATS.values() if known.kind])
+            found = FORMATS.get(path.suffix.lower())
+            if found is None:
+                raise ProblemError(f"must be named {', '.join(FORMATS)}")
+            vertices, triangles = read_mesh(path, PER_METRE[self.unit])
+            if (self.up or found.up) == "y":
+                vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
+            turn = math.radians(self.turn)
+            return Mesh(vertices=_placed(vertices, turn, self.at), triangles=triangles)
+
+
+def _placed(vertices: FloatArray, turn: float, at: tuple[float, float, float]) -> FloatArray:
+    """Returns the vertices turned by `turn` rad about the z axis, and shifted by `at`."""
+    c, s = math.cos(turn), math.sin(turn)
+    x, y, z = vertices.T
+    placed: FloatArray = np.column_stack([c * x - s * y, s * x + c * y, z]) + np.array(at)
+    return placed
+
+
+def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]:
+    """Reads the vertices [V, 3] (m) and the triangles [M, 3] of a file.
+
+    Vertices at the same place become one. Left out are triangles with two equal corners, and
+    vertices that no triangle has.
+
+    Parameters
+    ----------
+    path : regular file, whose ending names its format
+    per_metre : units of the file in a metre
+
+    Raises
+    ------
+    ProblemError
+        If the file cannot be read whole, or holds no triangles; one line.
+    """
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused below
+            faces = FORMATS[path.suffix.lower()].read(path)
+    except OSError as error:
+        raise ProblemError(unread(error)) from error
+    faces = faces._replace(vertices=faces.vertices / per_metre)
+    _require_sound(faces)
+    welded = faces.welded()
+    triangles = welded.triangles()
+    if not len(triangles):
+        raise ProblemError("must hold at least one triangle that is no line or point")
+    used, corners = np.unique(triangles, return_inverse=True)
+    return welded.vertices[used], corners.reshape(-1, 3)
+
+
+def _require_sound(faces: Faces) -> None:
+    """Raises a ProblemError if corners are no numbers of vertices, or vertices no places."""
+    last = len(faces.vertices) - 1
+    wrong = (faces.corners < 0) | (faces.corners > last)
+    if wrong.any():
+        raise ProblemError(f"faces: must name vertices 0..{last}, not {faces.corners[wrong][0]}")
+    if not np.isfinite(faces.vertices).all():
+        raise ProblemError("vertices: must be finite numbers x, y, z, not NaN or infinite")
+    if len(faces.vertices) and np.abs(faces.vertices).max() > LARGEST:
+        raise ProblemError(f"vertices: must be within +-{LARGEST:g} m")

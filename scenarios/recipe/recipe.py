@@ -18,10 +18,10 @@ from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Actor, Earth, Objective, Problem, Robot
 from cocap_opt.scenarios.earth.place import EarthTable, Projection, require_likely
-from cocap_opt.scenarios.foreign import JSON
+from cocap_opt.scenarios.kinds import JSON
 from cocap_opt.scenarios.maps.terrain import MapTable, Terrain
 from cocap_opt.scenarios.maps.walls import WallsTable
-from cocap_opt.scenarios.meshes.table import MeshTable
+from cocap_opt.scenarios.meshes import MeshTable
 from cocap_opt.scenarios.recipe.airspace import AirspaceTable, NoFlyTable
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings, say_moved
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable

@@ -10,55 +10,55 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import NamedTuple
 from urllib.parse import quote
 
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.scenarios.earth.place import Projection
+from cocap_opt.scenarios.tracks.columns import settled
+from cocap_opt.scenarios.tracks.layout import settled_rate
+from cocap_opt.scenarios.tracks.table import Form, TrackTable, require_numbers
 
-DATABASE_COLUMNS = {"id": "id", "frame": "frame", "x": "pos_x", "y": "pos_y"}  # by role
+_COLUMNS = {"id": "id", "frame": "frame", "x": "pos_x", "y": "pos_y"}  # by role
 _TABLE = "trajectory_data"
 _NEWEST = 2  # version of the format
 
 
-class Database(NamedTuple):
-    """The rows of a database, and what it says of them."""
+def read_database(path: Path, form: Form, projection: Projection) -> TrackTable:
+    """Reads the trajectories of a database, which stays as it is.
 
-    values: dict[str, FloatArray]  # role -> [n]
-    rates: set[float]  # frames per second; none where it states none
-    unit: str = "m"
+    Raises
+    ------
+    ProblemError
+        If it is damaged, no database of JuPedSim, of a newer version than is known, or has a row
+        that is not of numbers.
+    """
+    form.require_left_out("a database of JuPedSim", "columns", "delimiter", "time_unit")
+    with _opened(path) as connection:
+        tables = dict(connection.execute("select name, type from sqlite_master").fetchall())
+        if tables.get(_TABLE) != "table":  # a view may run for ever
+            raise ProblemError(
+                f"must have the table {_TABLE}, as databases of JuPedSim do, not only "
+                f"{', '.join(sorted(map(str, tables))[:5]) or 'none'}"
+            )
+        _require_known_version(connection, tables)
+        found = {row[1] for row in connection.execute(f"pragma table_info({_TABLE})")}
+        for column in _COLUMNS.values():
+            if column not in found:
+                raise ProblemError(f"{_TABLE}: must have the column {column}")
+        columns = ", ".join(_COLUMNS.values())
+        values = _values(connection.execute(f"select {columns} from {_TABLE}").fetchall())
+        rates = _stated(connection, tables, "fps")
+    require_numbers(values, _where)
+    rate = settled_rate(rates, form.fps)
+    unit = settled("unit", {"m"}, form.unit)
+    return TrackTable.of(values, None, _where, unit, rate)
 
-    @classmethod
-    def read(cls, path: Path) -> "Database":
-        """Reads the trajectories of a database, which stays as it is.
 
-        Raises
-        ------
-        ProblemError
-            If it is damaged, no database of JuPedSim, of a newer version than is known, or has a
-            row that is not of numbers.
-        """
-        with _opened(path) as connection:
-            tables = dict(connection.execute("select name, type from sqlite_master").fetchall())
-            if tables.get(_TABLE) != "table":  # a view may run for ever
-                raise ProblemError(
-                    f"must have the table {_TABLE}, as databases of JuPedSim do, not only "
-                    f"{', '.join(sorted(map(str, tables))[:5]) or 'none'}"
-                )
-            _require_known_version(connection, tables)
-            found = {row[1] for row in connection.execute(f"pragma table_info({_TABLE})")}
-            for column in DATABASE_COLUMNS.values():
-                if column not in found:
-                    raise ProblemError(f"{_TABLE}: must have the column {column}")
-            columns = ", ".join(DATABASE_COLUMNS.values())
-            rows = connection.execute(f"select {columns} from {_TABLE}").fetchall()
-            return cls(_values(rows), _rates(connection, tables))
-
-    @staticmethod
-    def where(row: int) -> str:
-        """Names a row."""
-        return f"{_TABLE}, row {row + 1}"
+def _where(row: int) -> str:
+    """Names a row."""
+    return f"{_TABLE}, row {row + 1}"
 
 
 @contextmanager
@@ -77,12 +77,12 @@ def _values(rows: list[tuple[object, ...]]) -> dict[str, FloatArray]:
     if not rows:
         raise ProblemError(f"{_TABLE}: must hold at least one row")
     for k, row in enumerate(rows):
-        for name, value in zip(DATABASE_COLUMNS.values(), row, strict=True):
+        for name, value in zip(_COLUMNS.values(), row, strict=True):
             if not isinstance(value, int | float):
                 what = "nothing" if value is None else repr(value)[:40]
-                raise ProblemError(f"{Database.where(k)}, {name}: must be a number, not {what}")
+                raise ProblemError(f"{_where(k)}, {name}: must be a number, not {what}")
     table = np.array(rows, dtype=np.float64)
-    return dict(zip(DATABASE_COLUMNS, table.T, strict=True))
+    return dict(zip(_COLUMNS, table.T, strict=True))
 
 
 def _require_known_version(connection: sqlite3.Connection, tables: dict[str, str]) -> None:
@@ -93,11 +93,6 @@ def _require_known_version(connection: sqlite3.Connection, tables: dict[str, str
                 f"metadata, version: must be 1..{_NEWEST}, the formats of JuPedSim that are known, "
                 f"not {version:g}; write its people as a table with the columns id, frame, x and y"
             )
-
-
-def _rates(connection: sqlite3.Connection, tables: dict[str, str]) -> set[float]:
-    """Returns the frame rate that the database states, if it does."""
-    return _stated(connection, tables, "fps")
 
 
 def _stated(connection: sqlite3.Connection, tables: dict[str, str], key: str) -> set[float]:

@@ -16,45 +16,15 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.data import ProblemError
+from cocap_opt.scenarios.earth.place import Projection
 from cocap_opt.scenarios.text import plain_number, xml_root
+from cocap_opt.scenarios.tracks.columns import settled
+from cocap_opt.scenarios.tracks.table import Form, TrackTable
 from cocap_opt.scenarios.tracks.times import Times, moment_of, nanoseconds_of
 from cocap_opt.text import unread
 
 _OTHERS = {"rte": "route", "wpt": "waypoint"}  # that have no times, or are no ways
-
-
-class Gpx(NamedTuple):
-    """The points of all tracks of a file, in its order."""
-
-    ids: list[str]  # [n] names of people
-    times: Times  # [n]
-    degrees: FloatArray  # [n, 2] latitude and longitude, WGS 84
-    segments: IntArray  # [n] numbers of segments
-    places: list[str]  # [n] names of points, for messages
-
-    @classmethod
-    def read(cls, path: Path) -> "Gpx":
-        """Reads all tracks of a file.
-
-        Raises
-        ------
-        ProblemError
-            If the file is no sound XML, declares entities, has no track, or a point has no time or
-            place; one line, without the file's name.
-        """
-        root = _root(path)
-        points = _distinct(_points(root, path.stem))
-        if not points:
-            raise ProblemError(f"must have a track (trk) of points with times{_instead(root)}")
-        _require_one_place_at_a_time(points)
-        return cls(
-            ids=[point.person for point in points],
-            times=Times.since_first([point.nanoseconds for point in points], is_universal=True),
-            degrees=np.array([(point.latitude, point.longitude) for point in points]),
-            segments=np.array([point.segment for point in points]),
-            places=[point.place for point in points],
-        )
 
 
 class _Point(NamedTuple):
@@ -64,6 +34,36 @@ class _Point(NamedTuple):
     nanoseconds: int
     latitude: float
     longitude: float
+
+
+def read_gpx(path: Path, form: Form, projection: Projection) -> TrackTable:
+    """Reads all tracks of a file.
+
+    Raises
+    ------
+    ProblemError
+        If the file is no sound XML, declares entities, has no track, or a point has no time or
+        place; one line, without the file's name.
+    """
+    form.require_left_out("GPX", "columns", "delimiter", "time_unit", "fps")
+    root = _root(path)
+    points = _distinct(_points(root, path.stem))
+    if not points:
+        raise ProblemError(f"must have a track (trk) of points with times{_instead(root)}")
+    _require_one_place_at_a_time(points)
+    times = Times.since_first([point.nanoseconds for point in points], is_universal=True)
+    latitude, longitude = np.array([(point.latitude, point.longitude) for point in points]).T
+    return TrackTable(
+        ids=np.array([point.person for point in points]),
+        times=times.seconds,
+        points=projection.metres(latitude, longitude),
+        heights=None,
+        where=lambda row: points[row].place,
+        unit=settled("unit", {"m"}, form.unit),
+        rate=None,
+        clock=times.clock,
+        segments=np.array([point.segment for point in points]),
+    )
 
 
 def _root(path: Path) -> Element:

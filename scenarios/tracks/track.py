@@ -26,9 +26,13 @@ import numpy as np
 from cocap_opt.data import LARGEST, MOST_STEPS, BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.problem import Actor, Prism, Shape
 from cocap_opt.scenarios.earth.place import NOWHERE, Projection
+from cocap_opt.scenarios.kinds import GPX, SQLITE, Kind, kind_of
 from cocap_opt.scenarios.tables import TimeUnit, Unit
 from cocap_opt.scenarios.text import naming
+from cocap_opt.scenarios.tracks.database import read_database
+from cocap_opt.scenarios.tracks.gpx import read_gpx
 from cocap_opt.scenarios.tracks.table import Form, TrackTable
+from cocap_opt.scenarios.tracks.text import read_text_table
 from cocap_opt.scenarios.tracks.times import Clock
 from cocap_opt.scenarios.tracks.warnings import HEIGHTS, track_warnings
 
@@ -40,6 +44,13 @@ MOST_GAP = 1.0  # s, between frames
 MOST_GAP_GPX = 10.0  # s, between points of a segment
 LEAST_HEIGHT = HEIGHTS[0]  # m, of a head; what is lower is the height of the floor, or of a box
 SLACK = 1e-6  # s, by which rounding may shift times
+
+
+READERS: dict[Kind | str, Callable[[Path, Form, Projection], TrackTable]] = {
+    # by what the first bytes tell, or else by the ending of the name; all others are text
+    SQLITE: read_database,
+    GPX: read_gpx,
+}
 
 
 class Track(NamedTuple):
@@ -73,7 +84,7 @@ class Track(NamedTuple):
         Parameters
         ----------
         path
-            A text file, a database or GPX; `cocap_opt.scenarios.tracks.table` says how the
+            A text file, a database or GPX; `cocap_opt.scenarios.tracks.text` says how the
             lines of text look.
         columns
             Names of all its columns: id, frame or time, x, y and, if there, z; others are not
@@ -101,7 +112,12 @@ class Track(NamedTuple):
         """
         with naming(path):
             form = Form(columns, unit, fps, delimiter, time_unit)
-            table = TrackTable.read(path, form, projection)
+            form.require_allowed()
+            kind = kind_of(path)
+            read = READERS.get(kind) if kind else None
+            table = (read or READERS.get(path.suffix.lower(), read_text_table))(
+                path, form, projection
+            )
             tracks = _tracks(table, gap)
         for warning in track_warnings(table):
             log.warning("%s: %s", path, warning)

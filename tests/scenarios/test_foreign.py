@@ -16,7 +16,7 @@ from PIL import Image
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.scenarios import load_scene
-from cocap_opt.scenarios.foreign import (
+from cocap_opt.scenarios.kinds import (
     ESRI_ASCII,
     GLB,
     GPX,

@@ -16,7 +16,8 @@ from cocap_opt.flight.earth import Geodesy
 from cocap_opt.problem import Earth
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.earth.place import Projection
-from cocap_opt.scenarios.tracks.gpx import Gpx
+from cocap_opt.scenarios.tracks.gpx import read_gpx
+from cocap_opt.scenarios.tracks.table import Form
 from cocap_opt.scenarios.tracks.track import Track
 
 EARTH = Earth(crs="EPSG:32633", origin=(52.4010, 13.0590))
@@ -317,6 +318,7 @@ def test_a_long_way_between_points_is_said_with_the_way_out(tmp_path: Path) -> N
 def test_an_empty_segment_is_nothing(tmp_path: Path) -> None:
     """Recorders write a segment even where no point follows."""
     (tmp_path / "ada.gpx").write_text(gpx("<trkseg></trkseg>" + walk(range(2)) + "<trkseg/>"))
-    found = Gpx.read(tmp_path / "ada.gpx")
-    assert found.segments.tolist() == [2, 2] and found.places[0] == "track 1, segment 2, point 1"
-    assert math.isclose(found.times.seconds[1], 1.0)
+    found = read_gpx(tmp_path / "ada.gpx", Form(), PLACE)
+    assert found.segments is not None and found.segments.tolist() == [2, 2]
+    assert found.where(0) == "track 1, segment 2, point 1"
+    assert math.isclose(found.times[1], 1.0)

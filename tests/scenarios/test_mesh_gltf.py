@@ -14,7 +14,7 @@ import trimesh
 from glb import Model, model
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.meshes.table import MeshTable
+from cocap_opt.scenarios.meshes import MeshTable
 from cocap_opt.world.workspace import Mesh
 
 Change = Callable[[Model], Any]

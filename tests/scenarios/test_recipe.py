@@ -34,7 +34,7 @@ from cocap_opt.referee import check
 from cocap_opt.scenarios import SCENES, load_scene
 from cocap_opt.scenarios.earth.place import Projection
 from cocap_opt.scenarios.maps.walls import WallsTable
-from cocap_opt.scenarios.meshes.table import MeshTable
+from cocap_opt.scenarios.meshes import MeshTable
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings
 from cocap_opt.scenarios.recipe.recipe import EXAMPLE, read
 from cocap_opt.scenarios.tables import Table

@@ -177,7 +177,7 @@ def test_scenes_are_the_same_in_every_process() -> None:
         "from cocap_opt.scenarios import FORMATS, SCENES\n"
         "assert any(kind.options.allowed for kind in FORMATS.values())\n"
         "assert not {'yaml', 'rasterio', 'shapely'} & set(sys.modules)\n"
-        "assert 'cocap_opt.scenarios.meshes.table' not in sys.modules\n"
+        "assert 'cocap_opt.scenarios.meshes' not in sys.modules\n"
         "print(*(problem_digest(build(3)) for build in SCENES.values()))"
     )
     run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

@@ -1,0 +1,271 @@
+"""Reader of tracked people in text files.
+
+Fields are separated by blanks, commas or semicolons; `#` begins a comment; numbers have decimal
+points; ids may be words. Before the rows may stand a line of names, and comments that state the
+columns, their unit and the frame rate, as PeTrack and JuPedSim write them:
+
+    # framerate: 25 fps
+    # id frame x/m y/m z/m
+
+A row of units may stand below the names, as Pathfinder writes it.
+"""
+
+import io
+import logging
+import math
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.scenarios.earth.place import Projection
+from cocap_opt.scenarios.tables import PER_METRE
+from cocap_opt.scenarios.text import read_text
+from cocap_opt.scenarios.tracks.columns import Name, Places, places_of, settled
+from cocap_opt.scenarios.tracks.layout import Layout, fields_of, is_number, require_values
+from cocap_opt.scenarios.tracks.table import Form, TrackTable, Values, require_numbers
+from cocap_opt.scenarios.tracks.times import (
+    A_DATE,
+    Clock,
+    is_date,
+    times_of_dates,
+    times_of_numbers,
+)
+
+log = logging.getLogger(__name__)
+
+HEADS = 0.9, 2.5  # m, the median of what is called a height; names such as z promise less
+_FAR_CLEARER = 10.0  # times farther apart are the rows of one id in the wrong order of columns
+_FASTEST = 12.0  # m/s, of people
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
+
+
+def read_text_table(path: Path, form: Form, projection: Projection) -> TrackTable:
+    """Reads the rows of a text file.
+
+    Raises
+    ------
+    ProblemError
+        If something is missing, not allowed, or stated otherwise by the file; one line, without
+        the file's name.
+    """
+    text = read_text(path)
+    layout = Layout.of(text, form.delimiter)
+    names = layout.names(form.columns)
+    with _in_guessed_order(form.columns is None and layout.names_nothing()):
+        return _of_layout(text, layout, names, form, projection)
+
+
+def _of_layout(
+    text: str, layout: Layout, names: Sequence[str], form: Form, projection: Projection
+) -> TrackTable:
+    places = places_of(names, "columns" if form.columns else "header")
+    is_in_degrees = "latitude" in places
+    default = "m" if is_in_degrees and not form.unit else form.unit
+    unit = settled("unit", layout.units(names), default)
+    time_unit = _time_unit(layout, names, places, form.time_unit)
+    rate = layout.rate(places, form.fps)
+    stamps = None
+    if rate is not None:
+        form.require_left_out("frames, whose rate is fps", "time_unit")
+        with suppress(ProblemError):  # what is not used may be anything
+            if "time" in places:
+                stamps = _values(text, layout, places, len(names), time_unit)[0]["time"]
+        places.pop("time", None)
+    if "time" in places and is_date(layout.row[places["time"]]):
+        form.require_left_out("dates", "time_unit")
+    values, words, clock = _values(text, layout, places, len(names), time_unit)
+
+    def where(row: int) -> str:
+        return f"line {next(islice(_row_lines(text, layout), row, None))[0]}"
+
+    require_numbers(values, where)
+    if is_in_degrees:
+        points = projection.metres(values.pop("latitude"), values.pop("longitude"))
+        values["x"], values["y"] = PER_METRE[unit] * points.T
+    if form.columns is None and layout.names_nothing():
+        values = _in_likely_order(values, PER_METRE[unit], 1.0 if rate is None else rate)
+    table = TrackTable.of(values, words, where, unit, rate)._replace(clock=clock, stamps=stamps)
+    if "z" in places and names[places["z"]].strip().lower().startswith("height"):
+        _require_heads(table, names)
+    return table
+
+
+def _values(
+    text: str, layout: Layout, places: Places, count: int, time_unit: str | None
+) -> tuple[Values, NDArray[np.str_] | None, Clock | None]:
+    """Returns the columns with times in seconds, the ids where they are words, and the clock."""
+    if "time" not in places:
+        return *_numbers_of(text, layout, places, count), None
+
+    def texts() -> Iterator[tuple[int, str]]:
+        return _column_of(text, layout, places["time"], count)
+
+    if is_date(layout.row[places["time"]]):
+        times = times_of_dates(texts())
+        others = {role: place for role, place in places.items() if role != "time"}
+        values, words = _numbers_of(text, layout, others, count)
+    else:
+        values, words = _numbers_of(text, layout, places, count)
+        ids = values["id"] if words is None else None
+        times = times_of_numbers(values["time"], ids, time_unit, texts)
+    return values | {"time": times.seconds}, words, times.clock
+
+
+def _time_unit(
+    layout: Layout, names: Sequence[str], places: Places, given: str | None
+) -> str | None:
+    """Returns the unit of times that the file or the caller states; None if neither does."""
+    stated = layout.time_units(names, places["time"]) if "time" in places else set()
+    return settled("time_unit", stated, given) if stated or given else None
+
+
+def _require_heads(table: TrackTable, names: Sequence[str]) -> None:
+    """Raises a ProblemError if a column called height is hardly one of heads above the floor."""
+    heights = table.heights
+    if heights is None or not (heights > 0).any():
+        return
+    median = float(np.median(heights[heights > 0]))
+    if HEADS[0] <= median <= HEADS[1]:
+        return
+    kept = ", ".join(
+        f'"{"-" if Name.of(name).role == "z" else Name.of(name).role or "-"}"' for name in names
+    )
+    raise ProblemError(
+        f"height: must be that of heads above the floor, {HEADS[0]:g}..{HEADS[1]:g} m, not "
+        f"{median:.3g} m, its median: is it that of boxes, or is the unit {table.unit} right? "
+        f"columns = [{kept}] in [[tracks]] leaves it out"
+    )
+
+
+@contextmanager
+def _in_guessed_order(is_guessed: bool) -> Iterator[None]:
+    """Says in errors that nothing names the columns, where that is so."""
+    try:
+        yield
+    except ProblemError as error:
+        if not is_guessed or str(error).startswith("columns"):
+            raise
+        raise ProblemError(
+            f"{error}; the file has no header, so that its columns are read as id, frame, x, y: "
+            'columns = ["id", "time", "x", "y"] would have times there'
+        ) from error
+
+
+# -- rows
+
+
+def _numbers_of(
+    text: str, layout: Layout, places: Places, count: int
+) -> tuple[Values, NDArray[np.str_] | None]:
+    """Returns the numbers of columns, by their places, and the ids where they are words."""
+    words = not is_number(layout.row[places["id"]])
+    if not words:
+        try:
+            # This is a hundred times faster than the loop, and refuses all but plain numbers.
+            table = np.loadtxt(
+                io.StringIO(text), delimiter=layout.delimiter, skiprows=layout.first - 1, ndmin=2
+            )
+            return {role: table[:, place] for role, place in places.items()}, None
+        except ValueError:
+            pass  # the loop reads it, or names the line that is wrong
+    columns = {role: place for role, place in places.items() if not (words and role == "id")}
+    rows = _rows(text, layout, count)
+    numbers = (_number(row[k], line, role) for line, row in rows for role, k in columns.items())
+    table = np.fromiter(numbers, np.float64).reshape(-1, len(columns))
+    values = dict(zip(columns, table.T, strict=True))
+    if not words:
+        return values, None
+    return values, np.array(
+        [_word(field, line) for line, field in _column_of(text, layout, places["id"], count)]
+    )
+
+
+def _column_of(text: str, layout: Layout, place: int, count: int) -> Iterator[tuple[int, str]]:
+    """Yields the fields of a column as they stand, each with the number of its line."""
+    return ((line, row[place]) for line, row in _rows(text, layout, count))
+
+
+def _row_lines(text: str, layout: Layout) -> Iterator[tuple[int, str]]:
+    """Yields the lines that are rows, without comments, each with its number."""
+    for line, raw in enumerate(io.StringIO(text), start=1):
+        content = raw.partition("#")[0]
+        if line >= layout.first and content.strip():
+            yield line, content
+
+
+def _rows(text: str, layout: Layout, count: int) -> Iterator[tuple[int, list[str]]]:
+    for line, content in _row_lines(text, layout):
+        row = fields_of(content, layout.delimiter)
+        require_values(line, count, row, layout.delimiter)
+        yield line, row
+
+
+def _number(text: str, line: int, role: str) -> float:
+    if is_number(text):
+        return float(text)
+    if _DECIMAL_COMMA.fullmatch(text):
+        raise ProblemError(
+            f"line {line}, {role}: must have a decimal point, not a comma: {text[:40]!r}"
+        )
+    allowed = f"seconds, or {A_DATE}" if role == "time" else "a number"
+    raise ProblemError(f"line {line}, {role}: must be {allowed}, not {text[:40]!r}")
+
+
+def _word(text: str, line: int) -> str:
+    if not text:
+        raise ProblemError(f"line {line}, id: must not be empty")
+    return text
+
+
+# -- the order of the columns id and frame in files that do not name them
+
+
+def _in_likely_order(values: Values, metre: float, fps: float) -> Values:
+    """Returns the columns with id and frame in the order that the rows tell.
+
+    Of one id, rows that follow in time are near each other and no faster than people are; rows of
+    different people at one frame are not.
+
+    Parameters
+    ----------
+    metre : one metre in the unit of the file
+
+    Raises
+    ------
+    ProblemError
+        If both orders fit.
+    """
+    if "frame" not in values or "id" not in values:
+        return values
+    points = np.column_stack([values["x"], values["y"]]) / metre
+    orders = [("id", "frame"), ("frame", "id")]
+    (own, speed), (other, swapped) = (_pace(values[a], values[b], points) for a, b in orders)
+    if own * _FAR_CLEARER <= other or speed * fps <= _FASTEST < swapped * fps:
+        return values
+    if other * _FAR_CLEARER <= own or swapped * fps <= _FASTEST < speed * fps:
+        log.warning("nothing names its columns; by how people move they are frame id x y")
+        return values | {"id": values["frame"], "frame": values["id"]}
+    raise ProblemError(
+        "columns: must be given, for nothing names them and the rows fit both readings: "
+        'columns = ["id", "frame", "x", "y"] or ["frame", "id", "x", "y"], with "z" if it is there'
+    )
+
+
+def _pace(ids: FloatArray, frames: FloatArray, points: FloatArray) -> tuple[float, float]:
+    """Returns the median way (m) between rows of one id that follow in time, and that per frame.
+
+    Both are infinite if no id has two rows.
+    """
+    order = np.lexsort([frames, ids])
+    same = np.flatnonzero((np.diff(ids[order]) == 0) & (np.diff(frames[order]) > 0))
+    if not len(same):
+        return math.inf, math.inf
+    ways = np.diff(points[order], axis=0)[same]
+    lengths = np.hypot(ways[:, 0], ways[:, 1])
+    return float(np.median(lengths)), float(np.median(lengths / np.diff(frames[order])[same]))
