@@ -195,10 +195,10 @@ def scene_of_plan(name_or_path: str, problem: Problem, plan: Plan) -> Problem:
     if kind.own_starts is None:
         return problem
     try:
-        own = kind.read(path, 0, kind.own_starts)
+        stated = kind.read(path, 0, kind.own_starts)
     except ProblemError:  # the starts in the file itself cannot be used
         return problem
-    return own if starts == _starts(own) else problem
+    return stated if starts == _starts(stated) else problem
 
 
 def read_foreign_plan(path: Path, problem: Problem) -> Plan | None:

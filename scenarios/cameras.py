@@ -34,7 +34,9 @@ CAMERAS: dict[str, Camera] = {
 
 def camera_name(camera: AnyCamera) -> str | None:
     """Returns the name of a camera, whatever its tilts; None if it is none of these."""
-    known = (name for name, own in CAMERAS.items() if own.replace(tilts=camera.tilts) == camera)
+    known = (
+        name for name, listed in CAMERAS.items() if listed.replace(tilts=camera.tilts) == camera
+    )
     return next(known, None)
 
 

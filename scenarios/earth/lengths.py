@@ -109,5 +109,5 @@ def _short(metres: float) -> str | None:
     return min(found, key=lambda unit: abs(metres * PER_METRE[unit] - 1), default=None)
 
 
-def _same(one: float, other: float) -> bool:
-    return math.isclose(one, other, rel_tol=_SAME_UNIT)
+def _same(metres: float, other: float) -> bool:
+    return math.isclose(metres, other, rel_tol=_SAME_UNIT)

@@ -8,10 +8,10 @@ def short_name(crs: str) -> str:
     return crs.split('"')[1] if crs.count('"') > 1 else crs[:_SHOWN]
 
 
-def same_system(one: str, other: str) -> bool:
+def same_system(crs: str, other: str) -> bool:
     """Returns True if two texts mean the same reference system."""
-    one, other = (text.strip().partition("+")[0] for text in (one, other))  # heights left out
-    if one.upper() == other.upper():
+    crs, other = (text.strip().partition("+")[0] for text in (crs, other))  # heights left out
+    if crs.upper() == other.upper():
         return True
     try:
         import rasterio
@@ -21,7 +21,7 @@ def same_system(one: str, other: str) -> bool:
         return False
     try:
         with rasterio.Env():  # which keeps GDAL from printing
-            return bool(CRS.from_user_input(one) == CRS.from_user_input(other))
+            return bool(CRS.from_user_input(crs) == CRS.from_user_input(other))
     except CRSError:
         return False
 

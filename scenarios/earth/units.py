@@ -76,11 +76,13 @@ def units_of(text: str) -> Units:
     is_wkt, is_proj4, code = _WKT.match(text), _PROJ4.match(text), _CODE.fullmatch(text)
     if not (is_wkt or is_proj4 or code):
         raise ProblemError(f"{_DAMAGED}: {text[:40]!r}")
-    own = _of_wkt(text) if is_wkt else None  # which refuses WKT without units; pyproj takes metres
-    found = _by_pyproj(f"{code[1]}:{code[2]}" if code else text) or own
+    written = (
+        _of_wkt(text) if is_wkt else None
+    )  # which refuses WKT without units; pyproj takes metres
+    found = _by_pyproj(f"{code[1]}:{code[2]}" if code else text) or written
     if found is not None:
         # PROJ leaves out what stands below the first of several systems.
-        beside = own.heights if own is not None else None
+        beside = written.heights if written is not None else None
         return found if found.heights else found._replace(heights=beside)
     if code:
         raise NeedsPyprojError(f"{text[:40]}: {_NEEDED}")
@@ -340,8 +342,8 @@ def _counts_down(node: _Node) -> bool:
 
 def _units(node: _Node) -> list[Stated]:
     """Returns the units of the axes, in their order, or the one of all."""
-    own = [unit for axis in node.nodes("AXIS") for unit in axis.nodes(*_LENGTH)]
-    return [_unit(unit) for unit in own or node.nodes(*_LENGTH)]
+    of_axes = [unit for axis in node.nodes("AXIS") for unit in axis.nodes(*_LENGTH)]
+    return [_unit(unit) for unit in of_axes or node.nodes(*_LENGTH)]
 
 
 def _unit(node: _Node) -> Stated:

@@ -239,7 +239,7 @@ class PeerResults(NamedTuple):
             If a value is no number, or the rows are not those of the steps in order; one line,
             naming the file.
         """
-        reported, own = "reported_view_reward", "own_tilt_view_reward"
+        reported, by_own_tilts = "reported_view_reward", "own_tilt_view_reward"
         last = self.problem.horizon
         with naming(path):
             rows = read_table(path, ("t", reported))
@@ -248,7 +248,7 @@ class PeerResults(NamedTuple):
                 rows = rows[:-1]
             elif steps != list(range(last + 1)):
                 raise ProblemError(f"t: must be the steps 0..{last}, one row each, in order")
-            own_tilt = _numbers(rows, own) if own in rows[0][1] else None
+            own_tilt = _numbers(rows, by_own_tilts) if by_own_tilts in rows[0][1] else None
             return _Reported(_numbers(rows, reported), own_tilt)
 
     def coverage(self, path: Path) -> dict[tuple[int, State], FloatArray]:

@@ -97,9 +97,9 @@ def _known(properties: Mapping[str, Any], field: str) -> dict[str, _Given]:
     return found
 
 
-def _is_same(one: Any, other: Any) -> bool:
+def _is_same(value: Any, other: Any) -> bool:
     """Returns True if two values are the same, or the same length: 9, "9" and "9 m"."""
-    return one == other or _metres(one) == _metres(other)
+    return value == other or _metres(value) == _metres(other)
 
 
 def _flat(properties: Mapping[str, Any], field: str) -> list[tuple[str, Any]]:

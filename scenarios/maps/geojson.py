@@ -108,11 +108,11 @@ def read_geojson(text: str) -> Content:
 
 def _system(content: Any) -> Any:
     """Returns the member `crs`, which any object may have in GeoJSON 2008, or UNSET."""
-    inside = [(one, one.geometry) for _, one in _features(content)]
+    inside = [(feature, feature.geometry) for _, feature in _features(content)]
     stated = [
-        one.crs
-        for one in (content, *(part for pair in inside for part in pair))
-        if one is not None and one.crs is not msgspec.UNSET
+        member.crs
+        for member in (content, *(part for pair in inside for part in pair))
+        if member is not None and member.crs is not msgspec.UNSET
     ]
     if any(crs != stated[0] for crs in stated):
         raise ProblemError("crs: must be the same in all of the file")
@@ -123,7 +123,7 @@ def _features(content: Any) -> Iterator[tuple[str, _Feature]]:
     """Yields the features, each with the words before the names of its fields."""
     match content:
         case _FeatureCollection():
-            yield from ((f"features[{k}].", one) for k, one in enumerate(content.features))
+            yield from ((f"features[{k}].", feature) for k, feature in enumerate(content.features))
         case _Feature():
             yield "", content
         case _:

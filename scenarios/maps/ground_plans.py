@@ -53,8 +53,8 @@ class GroundPlan(NamedTuple):
         """Says why an obstacle or a border of this number has no height of its own."""
         if k >= len(self.properties):
             return "the file has none"
-        own = self.properties[k] or "none"
-        return f"polygon {k + 1} has no property `height` of metres, but {own}"
+        listed = self.properties[k] or "none"
+        return f"polygon {k + 1} has no property `height` of metres, but {listed}"
 
 
 class _Plan(msgspec.Struct):
@@ -66,12 +66,12 @@ class _Plan(msgspec.Struct):
 
     def settled_unit(self, stated: str | None) -> str:
         """Returns the unit that the file states, or else the recipe."""
-        own = self.unit.split()[-1:]
-        if own and own[0] not in PER_METRE:
+        last = self.unit.split()[-1:]
+        if last and last[0] not in PER_METRE:
             raise ProblemError(f"unit: must be {', '.join(PER_METRE)}, not {self.unit!r}")
-        if own and stated and own[0] != stated:
-            raise ProblemError(f"unit: is {own[0]!r} in the file, but {stated!r} in the recipe")
-        return (own or [stated or "m"])[0]
+        if last and stated and last[0] != stated:
+            raise ProblemError(f"unit: is {last[0]!r} in the file, but {stated!r} in the recipe")
+        return (last or [stated or "m"])[0]
 
 
 def ground_plan(
@@ -107,15 +107,15 @@ def ground_plan(
         raise ProblemError(f"is {CITYJSON.name}: {CITYJSON.way_out}")
     if kind in (GEOJSON, WKT):
         return _of_polygons(text, kind, name, unit, meaning, projection)
-    own = _named(text, name)
+    plan = _named(text, name)
     if meaning is not None:
         raise ProblemError("polygons: must be left out where the file says which are obstacles")
-    per_metre = PER_METRE[own.settled_unit(unit)]
+    per_metre = PER_METRE[plan.settled_unit(unit)]
     obstacles = (
         sound(Polygon(np.array(ring) / per_metre), f"obstacles[{k}]")
-        for k, ring in enumerate(own.obstacles)
+        for k, ring in enumerate(plan.obstacles)
     )
-    walkable = sound(Polygon(np.array(own.walkable) / per_metre), "walkable")
+    walkable = sound(Polygon(np.array(plan.walkable) / per_metre), "walkable")
     return GroundPlan((walkable,), tuple(obstacles))
 
 
@@ -193,27 +193,29 @@ def _of_polygons(
     if not found:
         held = f", but has {_counted(others)}" if others else ""
         raise ProblemError(f"must hold at least one polygon{held}")
-    _require_points([one.polygon for one in found])
-    placed = in_metres([one.polygon for one in found], kind, stated, unit, projection)
+    _require_points([item.polygon for item in found])
+    placed = in_metres([item.polygon for item in found], kind, stated, unit, projection)
     whole = [
         None if part is None else sound(part, f"polygon {k}")
         for k, part in enumerate(placed, start=1)
     ]
     notes = list(_left_out(whole, others))
     kept = [
-        (one, polygon)
-        for one, polygon in zip(found, whole, strict=True)
+        (item, polygon)
+        for item, polygon in zip(found, whole, strict=True)
         if polygon is not None and polygon.area > 0
     ]
     if not kept:
         raise ProblemError(f"must hold at least one polygon with an area; {'; '.join(notes)}")
     polygons = tuple(polygon for _, polygon in kept)
     if meaning == "obstacles":
-        own = [extent(one.properties, f"{one.field}properties") for one, _ in kept]
-        if counted := sum(one.is_counted for one in own):
-            notes.append(f"{counted} of {len(own)} heights are of storeys, {STOREY:g} m for each")
-        shown = tuple(_shown(one.properties) for one, _ in kept) if kind == GEOJSON else ()
-        return GroundPlan((), polygons, tuple(own), shown, tuple(notes))
+        extents = [extent(item.properties, f"{item.field}properties") for item, _ in kept]
+        if counted := sum(item.is_counted for item in extents):
+            notes.append(
+                f"{counted} of {len(extents)} heights are of storeys, {STOREY:g} m for each"
+            )
+        shown = tuple(_shown(item.properties) for item, _ in kept) if kind == GEOJSON else ()
+        return GroundPlan((), polygons, tuple(extents), shown, tuple(notes))
     parts = [part for polygon in polygons for part in _polygons(polygon)]
     holes = [Polygon(ring) for part in parts for ring in part.interiors]
     outside = tuple(Polygon(part.exterior) for part in parts)
@@ -224,7 +226,9 @@ def _found(text: str, kind: Kind) -> tuple[Sequence[Found], Counter[str], Stated
     """Returns the polygons of GeoJSON or WKT, what else it holds, and the system that it states."""
     if kind == GEOJSON:
         content = read_geojson(text)
-        found = [one._replace(polygon=_without_flat_holes(one.polygon)) for one in content.polygons]
+        found = [
+            item._replace(polygon=_without_flat_holes(item.polygon)) for item in content.polygons
+        ]
         return found, content.others, Stated.by_crs(content.crs)
     stated, plain = Stated.by_srid(text)
     try:

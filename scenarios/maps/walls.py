@@ -75,23 +75,23 @@ class WallsTable(Table):
                 )
             extents = [*plan.extents, *[Extent()] * (len(areas) - len(plan.extents))]
             walls = [
-                extruded(area, base + self._top(own, k, plan), base + own.bottom)
-                for k, (area, own) in enumerate(zip(areas, extents, strict=True))
+                extruded(area, base + self._top(extent, k, plan), base + extent.bottom)
+                for k, (area, extent) in enumerate(zip(areas, extents, strict=True))
             ]
         for note in plan.notes:
             log.warning("%s: %s", self.file, note)
         return [wall.replace(vertices=wall.vertices + np.array([*self.at, 0.0])) for wall in walls]
 
-    def _top(self, own: Extent, k: int, plan: GroundPlan) -> float:
+    def _top(self, extent: Extent, k: int, plan: GroundPlan) -> float:
         """Returns the top (m above the foot) of the wall of this number, or that of the table."""
-        if own.top is not None:
-            return own.top
+        if extent.top is not None:
+            return extent.top
         if self.height is None:
             raise ProblemError(f"height: must be given in [[walls]], for {plan.told(k)}")
-        if not own.bottom < self.height:
+        if not extent.bottom < self.height:
             raise ProblemError(
-                f"height: must be above {own.bottom:g} m, where polygon {k + 1} begins, which has "
-                f"no top of its own, not {self.height:g}"
+                f"height: must be above {extent.bottom:g} m, where polygon {k + 1} begins, which "
+                f"has no top of its own, not {self.height:g}"
             )
         return self.height
 

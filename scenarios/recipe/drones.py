@@ -213,17 +213,17 @@ class DronesTable(Table):
         """Returns the cells [X, Y] out of some from which a drone comes near somebody."""
         if self.near is None:
             return free & self._can_meet(around)
-        height_map, some = around.height_map, np.zeros_like(free)
+        height_map, near_people = around.height_map, np.zeros_like(free)
         reach = math.ceil(self.near / height_map.resolution)
         for actor in around.actors:
             cell = height_map.cell_of(*actor.poses[0, :2].tolist())
             window = Window.around([cell], reach, around.workspace)
-            window.of(some)[...] = window.of(free)
+            window.of(near_people)[...] = window.of(free)
         # Mostly all of them do without leaving the surroundings of people, which is quick to see.
         found = self._can_meet(around, self.near + NEAR)
-        if not found[some].all():
+        if not found[near_people].all():
             found = self._can_meet(around)
-        return some & found
+        return near_people & found
 
     def _candidates(self, around: Surroundings, rng: np.random.Generator) -> list[State]:
         """Returns free cells near someone in random order, with headings to the nearest actor."""
@@ -330,9 +330,9 @@ def _crowded(
     state: State, motion: Motion, rules: CollisionRules, height_map: HeightMap, team: list[Robot]
 ) -> bool:
     """Returns True if a start breaks a collision rule with a start of the team."""
-    own = state.x, state.y, motion.layers[state.layer]
+    cell = state.x, state.y, motion.layers[state.layer]
     starts = [(r.start.x, r.start.y, r.motion.layers[r.start.layer]) for r in team]
-    return any(bool(rules.too_near(np.array(height_map.way(own, other)))) for other in starts)
+    return any(bool(rules.too_near(np.array(height_map.way(cell, other)))) for other in starts)
 
 
 def _beside(state: State, motion: Motion, around: Surroundings) -> bool:

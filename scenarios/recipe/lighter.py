@@ -46,8 +46,8 @@ class Change(NamedTuple):
         """Returns several changes as one."""
         fields: dict[str, tuple[str, ...]] = {}
         for change in changes:
-            for table, own in change.fields.items():
-                fields[table] = fields.get(table, ()) + own
+            for table, words in change.fields.items():
+                fields[table] = fields.get(table, ()) + words
         return cls(
             fields,
             math.prod(change.share for change in changes),
@@ -58,8 +58,8 @@ class Change(NamedTuple):
     @property
     def words(self) -> str:
         """Its fields, and the tables that they are in; each table is named once."""
-        own = (f"{', '.join(fields)} in {table}" for table, fields in self.fields.items())
-        return " and ".join(own) + (f" ({self.note})" if self.note else "")
+        by_table = (f"{', '.join(fields)} in {table}" for table, fields in self.fields.items())
+        return " and ".join(by_table) + (f" ({self.note})" if self.note else "")
 
     def scene(self, path: Path, seed: int) -> Problem:
         """Reads a recipe with this change; a ProblemError says why it does not fit the rest."""
@@ -135,8 +135,8 @@ def _resolutions(recipe: Recipe, problem: Problem) -> Iterator[Change]:
         change = Change.all_of(
             [_of_map(f"resolution = {edge:g}", times**-2, resolution=edge), *slower]
         )
-        own = [table.motion.radius for table in recipe.drones]
-        ratios = (round(radius / times) * times / radius for radius in own if radius)
+        radii_now = [table.motion.radius for table in recipe.drones]
+        ratios = (round(radius / times) * times / radius for radius in radii_now if radius)
         farther = max(ratios, default=1.0)
         if farther > 1:
             note = f"drones then fly up to {farther:.2g} times as far in a step"

@@ -133,7 +133,7 @@ class TracksTable(Table):
             most = max(most, len(there))
         when = "at no time" if wished is None else f"not from {wished:.12g} s on"
         self._require_dense(candidates)
-        shown = candidates if self.ids else [one for one in candidates if len(one.spans()) > 1]
+        shown = candidates if self.ids else [who for who in candidates if len(who.spans()) > 1]
         shown = shown or sorted(candidates, key=lambda track: track.times[0] - track.times[-1])
         who = "; ".join(f"{track.id} is there {track.presence()}" for track in shown[:4])
         self._require_lasting(candidates, wanted, step, steps, wished, who)
@@ -148,11 +148,11 @@ class TracksTable(Table):
         if begin <= first + SLACK:
             return
         late = next((track for track in tracks if not _is_there(track, first, seconds)), tracks[0])
-        own = f", at their {begin:.12g} s" if abs(first) > SLACK else ""
+        when = f", at their {begin:.12g} s" if abs(first) > SLACK else ""
         log.warning(
             "%s: step 0 is %.6g s into the tracks%s, because %d people are there for %.6g s only "
             "from then on; %s is there %s; begin names another time",
-            self._named, begin - first, own, wanted, seconds, late.id, late.presence(),
+            self._named, begin - first, when, wanted, seconds, late.id, late.presence(),
         )  # fmt: skip
 
     def _require_lasting(

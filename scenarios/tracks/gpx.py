@@ -109,8 +109,8 @@ def _require_one_place_at_a_time(points: Iterable[_Point]) -> None:
     for part in segments.values():
         part.sort(key=lambda point: point.nanoseconds)
     in_time = sorted(segments.items(), key=lambda item: (item[0][0], item[1][0].nanoseconds))
-    for ((person, _), one), ((other, _), another) in pairwise(in_time):
-        first, last = another[0], one[-1]
+    for ((person, _), earlier), ((other, _), later) in pairwise(in_time):
+        first, last = later[0], earlier[-1]
         if person == other and first.nanoseconds < last.nanoseconds:
             raise ProblemError(
                 f"{first.place}: is earlier than {last.place}, so that two segments of {person} "

@@ -245,10 +245,10 @@ def _in_likely_order(values: Values, metre: float, fps: float) -> Values:
         return values
     points = np.column_stack([values["x"], values["y"]]) / metre
     orders = [("id", "frame"), ("frame", "id")]
-    (own, speed), (other, swapped) = (_pace(values[a], values[b], points) for a, b in orders)
-    if own * _FAR_CLEARER <= other or speed * fps <= _FASTEST < swapped * fps:
+    (usual, speed), (other, swapped) = (_pace(values[a], values[b], points) for a, b in orders)
+    if usual * _FAR_CLEARER <= other or speed * fps <= _FASTEST < swapped * fps:
         return values
-    if other * _FAR_CLEARER <= own or swapped * fps <= _FASTEST < speed * fps:
+    if other * _FAR_CLEARER <= usual or swapped * fps <= _FASTEST < speed * fps:
         log.warning("nothing names its columns; by how people move they are frame id x y")
         return values | {"id": values["frame"], "frame": values["id"]}
     raise ProblemError(
