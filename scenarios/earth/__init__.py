@@ -1,1 +1,50 @@
-"""The Earth: reference systems, units, and the place of a scene on it."""
+"""The Earth: reference systems by name, their units, and the place of a scene.
+
+Here are the names of systems, and if two texts mean the same one.
+"""
+
+_SHOWN = 60  # letters of a system in a message
+
+
+def short_name(crs: str) -> str:
+    """Returns a code as it is, and of WKT the name in it."""
+    return crs.split('"')[1] if crs.count('"') > 1 else crs[:_SHOWN]
+
+
+def same_system(crs: str, other: str) -> bool:
+    """Returns True if two texts mean the same reference system."""
+    crs, other = (text.strip().partition("+")[0] for text in (crs, other))  # heights left out
+    if crs.upper() == other.upper():
+        return True
+    try:
+        import rasterio
+        from rasterio.crs import CRS
+        from rasterio.errors import CRSError
+    except ImportError:
+        return False
+    try:
+        with rasterio.Env():  # which keeps GDAL from printing
+            return bool(CRS.from_user_input(crs) == CRS.from_user_input(other))
+    except CRSError:
+        return False
+
+
+def utm(longitude: float, latitude: float) -> str:
+    """Returns the code of the system of UTM in metres for a place, in degrees."""
+    zone = min(int((longitude + 180) // 6) + 1, 60)
+    return f"EPSG:{(32700 if latitude < 0 else 32600) + zone}"
+
+
+def wkt_of_code(code: int) -> str | None:
+    """Returns the WKT of an EPSG code; None if rasterio is not installed or knows no such code."""
+    try:
+        import rasterio
+        from rasterio.crs import CRS
+        from rasterio.errors import CRSError
+    except ImportError:
+        return None
+    try:
+        with rasterio.Env():  # which keeps GDAL from printing
+            return str(CRS.from_epsg(code).to_wkt())
+    except CRSError:
+        return None

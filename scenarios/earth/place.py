@@ -10,7 +10,7 @@ from msgspec import Meta
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.earth import Geodesy, Place, is_meant_for
 from cocap_opt.problem import Earth
-from cocap_opt.scenarios.earth.systems import same_system, short_name, utm
+from cocap_opt.scenarios.earth import same_system, short_name, utm
 from cocap_opt.scenarios.tables import Coordinate, Table
 from cocap_opt.scenarios.text import rectangle
 from cocap_opt.world.workspace import HeightMap

@@ -16,8 +16,8 @@ import numpy as np
 
 from cocap_opt.data import ProblemError
 from cocap_opt.flight.earth import STRETCH
+from cocap_opt.scenarios.earth import utm
 from cocap_opt.scenarios.earth.lengths import Stated, stated_length
-from cocap_opt.scenarios.earth.systems import utm
 
 WEB_MERCATOR = "Pseudo-Mercator", "Pseudo Mercator", "Mercator_Auxiliary_Sphere", "webmerc"
 _CODE = re.compile(

@@ -12,8 +12,8 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.flight.earth import STRETCH
+from cocap_opt.scenarios.earth import utm
 from cocap_opt.scenarios.earth.lengths import Stated, metres_of_heights, stated_heights, unknown
-from cocap_opt.scenarios.earth.systems import utm
 from cocap_opt.scenarios.earth.units import units_of
 from cocap_opt.scenarios.maps.raster import SLIVER, Layout, Raster, Window
 from cocap_opt.scenarios.tables import Unit
@@ -167,21 +167,6 @@ def _refuse_stretched(dataset: Any) -> None:
         f"at latitude {latitude:.1f}; make them true by: gdalwarp -t_srs {zone} {name} "
         f"utm-{name}"
     )
-
-
-def wkt_of_code(code: int) -> str | None:
-    """Returns the WKT of an EPSG code; None if rasterio is not installed or knows no such code."""
-    try:
-        import rasterio
-        from rasterio.crs import CRS
-        from rasterio.errors import CRSError
-    except ImportError:
-        return None
-    try:
-        with rasterio.Env():  # which keeps GDAL from printing
-            return str(CRS.from_epsg(code).to_wkt())
-    except CRSError:
-        return None
 
 
 def _on_earth(crs: Any, x: list[float], y: list[float]) -> tuple[FloatArray, FloatArray]:

@@ -14,11 +14,10 @@ import shapely
 from shapely import LineString, Point, Polygon
 
 from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.scenarios.earth import same_system, short_name, utm, wkt_of_code
 from cocap_opt.scenarios.earth.place import FARTHEST, Projection
-from cocap_opt.scenarios.earth.systems import same_system, short_name, utm
 from cocap_opt.scenarios.earth.units import NeedsPyprojError, Units, units_of
 from cocap_opt.scenarios.kinds import GEOJSON, Kind
-from cocap_opt.scenarios.maps.geotiff import wkt_of_code
 from cocap_opt.scenarios.tables import PER_METRE
 
 DEGREES = ("4326", "CRS84")  # names of systems of longitude and latitude that become metres

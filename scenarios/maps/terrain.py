@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.earth.systems import same_system, short_name
+from cocap_opt.scenarios.earth import same_system, short_name
 from cocap_opt.scenarios.maps.raster import Raster
 from cocap_opt.scenarios.maps.raster_files import read_raster
 from cocap_opt.scenarios.maps.resample import Grid, refuse_too_many

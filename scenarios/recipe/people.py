@@ -22,9 +22,8 @@ from cocap_opt.scenarios.tables import (
     TimeUnit,
     Unit,
 )
-from cocap_opt.scenarios.tracks.clocks import on_one_clock
 from cocap_opt.scenarios.tracks.times import SINCE_1970, Clock, likely_unit
-from cocap_opt.scenarios.tracks.track import BODY, MOST_GAP, SLACK, STILL, Track
+from cocap_opt.scenarios.tracks.track import BODY, MOST_GAP, SLACK, STILL, Track, on_one_clock
 
 log = logging.getLogger(__name__)
 

@@ -22,10 +22,9 @@ from cocap_opt.scenarios.kinds import JSON
 from cocap_opt.scenarios.maps.terrain import MapTable, Terrain
 from cocap_opt.scenarios.maps.walls import WallsTable
 from cocap_opt.scenarios.meshes import MeshTable
-from cocap_opt.scenarios.recipe.airspace import AirspaceTable, NoFlyTable
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings, say_moved
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
-from cocap_opt.scenarios.recipe.rules import RulesTable
+from cocap_opt.scenarios.recipe.rules import AirspaceTable, NoFlyTable, RulesTable
 from cocap_opt.scenarios.tables import Flight, Table
 from cocap_opt.scenarios.text import naming, read_text, rectangle
 from cocap_opt.scenarios.tracks.times import Clock

@@ -1,7 +1,61 @@
-"""The table of a recipe that says how far drones keep from each other."""
+"""The tables of a recipe that say where drones may not be, though nothing is there."""
 
-from cocap_opt.problem import SEPARATION, CollisionRules
-from cocap_opt.scenarios.tables import Size, Table
+from shapely import Polygon
+
+from cocap_opt.data import LARGEST, ProblemError
+from cocap_opt.problem import SEPARATION, Airspace, CollisionRules
+from cocap_opt.scenarios.maps.ground_plans import sound
+from cocap_opt.scenarios.maps.walls import extruded
+from cocap_opt.scenarios.tables import Coordinate, Point, Size, Table
+from cocap_opt.scenarios.text import naming
+from cocap_opt.world.workspace import Mesh
+
+
+class NoFlyTable(Table):
+    """One of the tables `no_fly`: a polygon that no drone enters between two altitudes."""
+
+    polygon: list[Point]
+    bottom: Coordinate = -LARGEST  # m, altitude
+    top: Coordinate = LARGEST  # m, altitude
+
+    def zone(self) -> Mesh:
+        """Returns the zone as a solid.
+
+        Raises
+        ------
+        ProblemError
+            If the polygon has fewer than three corners or crosses itself, or nothing is between
+            bottom and top.
+        """
+        if len(self.polygon) < 3:
+            raise ProblemError(f"polygon: must have at least 3 corners, not {len(self.polygon)}")
+        area = sound(Polygon(self.polygon), "polygon")
+        if not self.bottom < self.top:
+            raise ProblemError(f"top: must be above bottom, {self.bottom:g} m, not {self.top:g}")
+        return extruded(area, self.top, self.bottom)
+
+
+class AirspaceTable(Table):
+    """The table `airspace`: the ceiling, and the distance that drones keep from people."""
+
+    ceiling: Coordinate | None = None  # m, as layers are; None: there is none
+    people: Size = 0.0  # m, seen from above
+    over_people: Size | None = None  # m above heads from which on they may; None: they may not
+
+    def airspace(self, zones: tuple[NoFlyTable, ...]) -> Airspace:
+        """Returns the limits of where drones may fly."""
+        solids = []
+        for k, table in enumerate(zones):
+            with naming(f"no_fly[{k}]"):
+                solids.append(table.zone())
+        if self.over_people is not None and not self.people:
+            raise ProblemError("airspace: over_people: must be left out where people is 0")
+        return Airspace(
+            no_fly=tuple(solids),
+            ceiling=self.ceiling,
+            people_aside=self.people,
+            people_above=self.over_people,
+        )
 
 
 class RulesTable(Table):
