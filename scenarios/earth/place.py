@@ -26,7 +26,7 @@ _EQUATOR = 0.5  # degrees from it, where maps seldom are and wrong coordinates o
 log = logging.getLogger(__name__)
 
 
-class Projection(NamedTuple):
+class MapProjection(NamedTuple):
     """The way from latitudes and longitudes of files to coordinates of the scene.
 
     Attributes
@@ -82,7 +82,7 @@ class Projection(NamedTuple):
         return Geodesy(self.earth, self.point)
 
 
-NOWHERE = Projection()
+NOWHERE = MapProjection()
 
 
 def _wanted_place(latitude: FloatArray, longitude: FloatArray) -> str:

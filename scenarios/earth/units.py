@@ -276,15 +276,15 @@ def _of_proj4_unit(fields: dict[str, str], name: str, factor: str) -> Stated | N
 # WKT
 
 
-class _Node(NamedTuple):
+class _Keyword(NamedTuple):
     """A keyword of WKT with what is in its brackets: texts, numbers as texts, and nodes."""
 
     keyword: str
-    content: "list[str | _Node]"
+    content: "list[str | _Keyword]"
 
-    def nodes(self, *keywords: str) -> "list[_Node]":
+    def nodes(self, *keywords: str) -> "list[_Keyword]":
         """Returns the nodes in it that have one of these keywords, or all."""
-        nodes = [part for part in self.content if isinstance(part, _Node)]
+        nodes = [part for part in self.content if isinstance(part, _Keyword)]
         return [node for node in nodes if not keywords or node.keyword in keywords]
 
 
@@ -321,7 +321,7 @@ def _of_wkt(text: str) -> Units:
     return Units(across[0], upwards or third)
 
 
-def _systems(nodes: "list[_Node]") -> Iterator[_Node]:
+def _systems(nodes: "list[_Keyword]") -> Iterator[_Keyword]:
     for node in nodes:
         if node.keyword in _AROUND:
             yield from _systems(node.nodes())
@@ -329,7 +329,7 @@ def _systems(nodes: "list[_Node]") -> Iterator[_Node]:
             yield node
 
 
-def _counts_down(node: _Node) -> bool:
+def _counts_down(node: _Keyword) -> bool:
     """Returns True for a vertical system of depths, by its axis or Esri's parameter Direction."""
     axes = [word for axis in node.nodes("AXIS") for word in axis.content[1:2]]
     parameters = [parameter.content[:2] for parameter in node.nodes("PARAMETER")]
@@ -340,13 +340,13 @@ def _counts_down(node: _Node) -> bool:
     )
 
 
-def _units(node: _Node) -> list[Stated]:
+def _units(node: _Keyword) -> list[Stated]:
     """Returns the units of the axes, in their order, or the one of all."""
     of_axes = [unit for axis in node.nodes("AXIS") for unit in axis.nodes(*_LENGTH)]
     return [_unit(unit) for unit in of_axes or node.nodes(*_LENGTH)]
 
 
-def _unit(node: _Node) -> Stated:
+def _unit(node: _Keyword) -> Stated:
     name, factor, *_ = [*[part for part in node.content if isinstance(part, str)], "", ""]
     try:
         metres = float(factor)
@@ -355,7 +355,7 @@ def _unit(node: _Node) -> Stated:
     return _consistent(Stated(name, metres))
 
 
-def _nodes(text: str) -> list[_Node]:
+def _nodes(text: str) -> list[_Keyword]:
     """Returns the nodes of WKT, of which all brackets must close.
 
     Raises
@@ -363,12 +363,12 @@ def _nodes(text: str) -> list[_Node]:
     ProblemError
         If it is cut off or is none.
     """
-    whole = _Node("", [])
+    whole = _Keyword("", [])
     stack, position, word = [whole], 0, ""
     while found := _TOKEN.match(text, position):
         position, token = found.end(), found[1]
         if token in "[(":
-            node = _Node(word.upper(), [])
+            node = _Keyword(word.upper(), [])
             stack[-1].content[-1:] = [node]
             stack.append(node)
         elif token in "])":

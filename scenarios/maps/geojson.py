@@ -68,7 +68,7 @@ class _FeatureCollection(_Object, tag="FeatureCollection"):
     features: list[_Feature]
 
 
-class Found(NamedTuple):
+class FoundPolygon(NamedTuple):
     """A polygon in GeoJSON, with coordinates as they are there."""
 
     polygon: Polygon
@@ -79,7 +79,7 @@ class Found(NamedTuple):
 class Content(NamedTuple):
     """The content of a file of GeoJSON."""
 
-    polygons: tuple[Found, ...]
+    polygons: tuple[FoundPolygon, ...]
     others: Counter[str]  # kinds of geometries that are no polygons
     crs: Any  # as GeoJSON 2008 has it; msgspec.UNSET: it has none
 
@@ -99,7 +99,7 @@ def read_geojson(text: str) -> Content:
         raise ProblemError(f"GeoJSON: {in_words(error, text, kind)}") from error
     others: Counter[str] = Counter()
     polygons = [
-        Found(polygon, field, feature.properties or {})
+        FoundPolygon(polygon, field, feature.properties or {})
         for field, feature in _features(content)
         for polygon in _polygons(feature.geometry, f"{field}geometry", others)
     ]

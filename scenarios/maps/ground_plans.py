@@ -20,11 +20,11 @@ from shapely.geometry.base import BaseGeometry
 from cocap_opt.data import LARGEST, ProblemError
 from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
-from cocap_opt.scenarios.earth.place import FARTHEST, NOWHERE, Projection
+from cocap_opt.scenarios.earth.place import FARTHEST, NOWHERE, MapProjection
 from cocap_opt.scenarios.kinds import CITYJSON, GEOJSON, WKT, Kind, kind_of_text
 from cocap_opt.scenarios.maps.building_heights import STOREY, Extent, extent
-from cocap_opt.scenarios.maps.geojson import Found, read_geojson
-from cocap_opt.scenarios.maps.plan_systems import Stated, in_metres
+from cocap_opt.scenarios.maps.geojson import FoundPolygon, read_geojson
+from cocap_opt.scenarios.maps.plan_systems import StatedSystem, in_metres
 from cocap_opt.scenarios.tables import PER_METRE, Point
 
 Ring = Annotated[list[Point], Meta(min_length=3)]
@@ -79,7 +79,7 @@ def ground_plan(
     name: str | None,
     unit: str | None,
     meaning: Meaning | None,
-    projection: Projection = NOWHERE,
+    projection: MapProjection = NOWHERE,
 ) -> GroundPlan:
     """Reads a ground plan.
 
@@ -179,7 +179,7 @@ def _of_polygons(
     name: str | None,
     unit: str | None,
     meaning: Meaning | None,
-    projection: Projection,
+    projection: MapProjection,
 ) -> GroundPlan:
     """Returns the ground plan of GeoJSON or WKT, all of whose polygons mean the same."""
     if name is not None:
@@ -222,15 +222,15 @@ def _of_polygons(
     return GroundPlan(outside, tuple(holes), notes=tuple(notes))
 
 
-def _found(text: str, kind: Kind) -> tuple[Sequence[Found], Counter[str], Stated]:
+def _found(text: str, kind: Kind) -> tuple[Sequence[FoundPolygon], Counter[str], StatedSystem]:
     """Returns the polygons of GeoJSON or WKT, what else it holds, and the system that it states."""
     if kind == GEOJSON:
         content = read_geojson(text)
         found = [
             item._replace(polygon=_without_flat_holes(item.polygon)) for item in content.polygons
         ]
-        return found, content.others, Stated.by_crs(content.crs)
-    stated, plain = Stated.by_srid(text)
+        return found, content.others, StatedSystem.by_crs(content.crs)
+    stated, plain = StatedSystem.by_srid(text)
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused later
             geometry = shapely.force_2d(shapely.from_wkt(plain))
@@ -243,7 +243,9 @@ def _found(text: str, kind: Kind) -> tuple[Sequence[Found], Counter[str], Stated
     parts = [part for part in _parts(geometry) if not part.is_empty]
     others = Counter(part.geom_type for part in parts if not isinstance(part, Polygon))
     polygons = [
-        Found(_without_flat_holes(part), "", {}) for part in parts if isinstance(part, Polygon)
+        FoundPolygon(_without_flat_holes(part), "", {})
+        for part in parts
+        if isinstance(part, Polygon)
     ]
     return polygons, others, stated
 

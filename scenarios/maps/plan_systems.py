@@ -15,7 +15,7 @@ from shapely import LineString, Point, Polygon
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.earth import same_system, short_name, utm, wkt_of_code
-from cocap_opt.scenarios.earth.place import FARTHEST, Projection
+from cocap_opt.scenarios.earth.place import FARTHEST, MapProjection
 from cocap_opt.scenarios.earth.units import NeedsPyprojError, Units, units_of
 from cocap_opt.scenarios.kinds import GEOJSON, Kind
 from cocap_opt.scenarios.tables import PER_METRE
@@ -32,7 +32,7 @@ _LONGEST = 0.01  # degrees, of an edge; straight on the map it is then to 3 cm u
 _SAME_UNIT = 1e-5  # relative
 
 
-class Stated(NamedTuple):
+class StatedSystem(NamedTuple):
     """The reference system that a file of GeoJSON or WKT states, if it does."""
 
     field: str
@@ -41,7 +41,7 @@ class Stated(NamedTuple):
     is_null: bool = False  # GeoJSON 2008 says so that nobody knows it
 
     @classmethod
-    def by_srid(cls, text: str) -> tuple["Stated", str]:
+    def by_srid(cls, text: str) -> tuple["StatedSystem", str]:
         """Returns what WKT says, and the rest of it."""
         found = _SYSTEM.match(text)
         if found is None:
@@ -49,7 +49,7 @@ class Stated(NamedTuple):
         return cls("SRID", code=int(found[1][:_DIGITS]) or None), text[found.end() :]
 
     @classmethod
-    def by_crs(cls, crs: Any) -> "Stated":
+    def by_crs(cls, crs: Any) -> "StatedSystem":
         """Returns what the member `crs` of GeoJSON says."""
         name = "" if crs is msgspec.UNSET or crs is None else str(crs)
         found = _NAMED_SYSTEM.search(name)
@@ -70,9 +70,9 @@ class Stated(NamedTuple):
 def in_metres(
     polygons: Sequence[Polygon],
     kind: Kind,
-    stated: Stated,
+    stated: StatedSystem,
     unit: str | None,
-    projection: Projection,
+    projection: MapProjection,
 ) -> list[Polygon | None]:
     """Returns polygons in m of the scene; None in place of those that are far from it.
 
@@ -121,7 +121,7 @@ def _require_degrees(polygons: Sequence[Polygon]) -> None:
         )
 
 
-def _may_be_degrees(polygons: Sequence[Polygon], projection: Projection) -> bool:
+def _may_be_degrees(polygons: Sequence[Polygon], projection: MapProjection) -> bool:
     """Returns True if coordinates of WKT lie where degrees do, and are hardly metres."""
     points = shapely.get_coordinates(polygons)
     if (np.abs(points) > (_MOST_EAST, _MOST_NORTH)).any():
@@ -137,7 +137,7 @@ def _may_be_degrees(polygons: Sequence[Polygon], projection: Projection) -> bool
 
 
 def _of_degrees(
-    polygons: Sequence[Polygon], projection: Projection, hint: str
+    polygons: Sequence[Polygon], projection: MapProjection, hint: str
 ) -> list[Polygon | None]:
     """Returns polygons of longitudes and latitudes in m; None in place of those far away.
 
@@ -158,7 +158,7 @@ def _of_degrees(
     raise AssertionError("points that are near the map make no polygon far from it")
 
 
-def _is_near(polygon: Polygon, projection: Projection) -> bool:
+def _is_near(polygon: Polygon, projection: MapProjection) -> bool:
     if not np.isfinite(shapely.get_coordinates(polygon)).all():
         return False
     area = polygon if shapely.is_valid(polygon) else shapely.make_valid(polygon)
@@ -196,7 +196,7 @@ def _cut(ring: FloatArray) -> FloatArray:
 
 
 def _require_system(
-    stated: Stated, polygons: Sequence[Polygon], unit: str | None, projection: Projection
+    stated: StatedSystem, polygons: Sequence[Polygon], unit: str | None, projection: MapProjection
 ) -> None:
     """Raises a ProblemError if a file states a system without metres, or not the scene's."""
     field, code = stated.field, stated.code

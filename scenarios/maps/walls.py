@@ -9,7 +9,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.earth.place import NOWHERE, Projection
+from cocap_opt.scenarios.earth.place import NOWHERE, MapProjection
 from cocap_opt.scenarios.kinds import JSON, WKT
 from cocap_opt.scenarios.maps.building_heights import Extent
 from cocap_opt.scenarios.maps.ground_plans import GroundPlan, Meaning, ground_plan
@@ -44,7 +44,9 @@ class WallsTable(Table):
     at: Point = (0.0, 0.0)  # m, where the plan's origin comes to lie
     base: Coordinate | None = None  # m, altitude of the walls' foot; None: the lowest ground
 
-    def meshes(self, folder: Path, lowest: float, projection: Projection = NOWHERE) -> list[Mesh]:
+    def meshes(
+        self, folder: Path, lowest: float, projection: MapProjection = NOWHERE
+    ) -> list[Mesh]:
         """Reads the ground plan and returns its walls.
 
         Parameters

@@ -1,7 +1,7 @@
 """Meshes in files: bridges and other solids that a height map cannot hold.
 
 Each reader reads all that a file declares, or refuses it and says why. To add a format: one module
-with a function `read_..(path)` that returns `Faces`, and one line in `FORMATS`.
+with a function `read_..(path)` that returns `MeshFaces`, and one line in `FORMATS`.
 
 There is a reader of our own for each format, for libraries leave out in silence what they do not
 know: trimesh 5.2 sparse accessors, strips beside faces and negative numbers of vertices, assimp 5
@@ -17,7 +17,7 @@ import numpy as np
 
 from cocap_opt.data import LARGEST, FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.kinds import GLB, JSON, OFF, PLY, STL, Kind, require
-from cocap_opt.scenarios.meshes.faces import Faces
+from cocap_opt.scenarios.meshes.faces import MeshFaces
 from cocap_opt.scenarios.meshes.gltf import read_gltf
 from cocap_opt.scenarios.meshes.obj import read_obj
 from cocap_opt.scenarios.meshes.off import read_off
@@ -32,7 +32,7 @@ from cocap_opt.world.workspace import Mesh
 class MeshFormat(NamedTuple):
     """A format of mesh files."""
 
-    read: Callable[[Path], Faces]
+    read: Callable[[Path], MeshFaces]
     up: Literal["y", "z"] = "z"  # axis that is upwards, z as in surveys
     kind: Kind | None = None  # that its first bytes tell; None: none
 
@@ -116,7 +116,7 @@ def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]
     return welded.vertices[used], corners.reshape(-1, 3)
 
 
-def _require_sound(faces: Faces) -> None:
+def _require_sound(faces: MeshFaces) -> None:
     """Raises a ProblemError if corners are no numbers of vertices, or vertices no places."""
     last = len(faces.vertices) - 1
     wrong = (faces.corners < 0) | (faces.corners > last)

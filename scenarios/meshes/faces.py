@@ -15,7 +15,7 @@ from cocap_opt.world.triangles import close, equal_rows, firsts
 _FLAT = 1e-9  # share of a face's size squared; less is no area
 
 
-class Faces(NamedTuple):
+class MeshFaces(NamedTuple):
     """The faces of a mesh file by the numbers of their vertices, face after face."""
 
     vertices: FloatArray  # [V, 3]
@@ -64,7 +64,7 @@ class Faces(NamedTuple):
     def triangles(self) -> IntArray:
         """Cuts the faces into triangles [M, 3], which have all corners and edges of the faces.
 
-        Faces of fewer than three corners are points and lines, and are left out.
+        MeshFaces of fewer than three corners are points and lines, and are left out.
 
         Raises
         ------

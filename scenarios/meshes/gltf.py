@@ -27,7 +27,7 @@ from cocap_opt.scenarios.meshes.accessors import (
     item,
     needs,
 )
-from cocap_opt.scenarios.meshes.faces import Faces, fan, strip
+from cocap_opt.scenarios.meshes.faces import MeshFaces, fan, strip
 from cocap_opt.world.workspace import MOST_TRIANGLES
 
 INSTANCED = "EXT_mesh_gpu_instancing"
@@ -101,7 +101,7 @@ class _Instancing(msgspec.Struct, rename="camel"):
     attributes: dict[str, Index]
 
 
-def read_gltf(path: Path) -> Faces:
+def read_gltf(path: Path) -> MeshFaces:
     """Reads all triangles that the scene of a file places, whether it is JSON or GLB.
 
     Raises
@@ -125,7 +125,7 @@ def read_gltf(path: Path) -> Faces:
             size += len(given)
             require(size <= MOST_TRIANGLES, "triangles", f"must be at most {MOST_TRIANGLES}")
     reader.say_left_out()
-    return Faces.of_triangles(np.concatenate(vertices), np.concatenate(triangles))
+    return MeshFaces.of_triangles(np.concatenate(vertices), np.concatenate(triangles))
 
 
 def _parts(content: bytes) -> tuple[bytes, bytes | None]:

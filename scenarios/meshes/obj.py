@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.meshes.faces import Faces
+from cocap_opt.scenarios.meshes.faces import MeshFaces
 from cocap_opt.scenarios.meshes.text import lines, numbers
 
 # Statements that give no geometry: names, groups, materials, texture and display.
@@ -30,7 +30,7 @@ _COORDINATES = (3, 4, 6, 7)  # x y z, then a weight, or a colour, or a colour an
 _log = logging.getLogger(__name__)
 
 
-def read_obj(path: Path) -> Faces:
+def read_obj(path: Path) -> MeshFaces:
     """Reads all faces of a file.
 
     Raises
@@ -61,7 +61,7 @@ def read_obj(path: Path) -> Faces:
             raise ProblemError(f"line {number}: must be a statement of OBJ, not {name[:20]!r}")
     if left := ", ".join(f"{count} {_DRAWN[name]}" for name, count in drawn.items() if count):
         _log.warning("%s: %s are no surfaces and are left out", path, left)
-    return Faces.of_lists(np.array(vertices, dtype=np.float64), faces)
+    return MeshFaces.of_lists(np.array(vertices, dtype=np.float64), faces)
 
 
 def _statements(path: Path) -> Iterator[tuple[int, str]]:

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.meshes.faces import Faces
+from cocap_opt.scenarios.meshes.faces import MeshFaces
 from cocap_opt.scenarios.meshes.text import lines, numbers, whole
 
 _BINARY = re.compile(rb"\s*\w*OFF\s+BINARY\b")
 _HEADER = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF\b")
 
 
-def read_off(path: Path) -> Faces:
+def read_off(path: Path) -> MeshFaces:
     """Reads all faces of a file; colours, normals and texture are left out.
 
     Raises
@@ -51,7 +51,7 @@ def read_off(path: Path) -> Faces:
             f"declares, not {len(rows)} rows"
         )
     places = [_vertex(row, line, header) for line, row in rows[:vertices]]
-    return Faces.of_lists(
+    return MeshFaces.of_lists(
         np.array(places, dtype=np.float64), [_face(row, line) for line, row in rows[vertices:]]
     )
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.meshes.faces import Faces, strip
+from cocap_opt.scenarios.meshes.faces import MeshFaces, strip
 from cocap_opt.scenarios.meshes.text import numbers
 
 _TYPES = {
@@ -56,7 +56,7 @@ class _Element(NamedTuple):
 Columns = dict[str, Sequence[Any]]  # of each property its numbers, or its lists of numbers
 
 
-def read_ply(path: Path) -> Faces:
+def read_ply(path: Path) -> MeshFaces:
     """Reads all faces and triangle strips of a file.
 
     Raises
@@ -90,7 +90,7 @@ def read_ply(path: Path) -> Faces:
             _log.warning("%s: element %s is left out", path, element.name)
     if len(places) != 1:
         raise ProblemError(f"must have one element vertex, not {len(places)}")
-    return Faces.of_lists(places[0], faces)
+    return MeshFaces.of_lists(places[0], faces)
 
 
 def _places(element: _Element, columns: Columns) -> FloatArray:

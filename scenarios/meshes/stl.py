@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.meshes.faces import Faces
+from cocap_opt.scenarios.meshes.faces import MeshFaces
 from cocap_opt.scenarios.meshes.text import lines, numbers
 
 _HEAD = 84  # bytes before the triangles of a binary file; its number of triangles is the last 4
@@ -22,7 +22,7 @@ _NEXT = {  # what may follow
 }  # fmt: skip
 
 
-def read_stl(path: Path) -> Faces:
+def read_stl(path: Path) -> MeshFaces:
     """Reads all triangles of all solids of a file.
 
     A file is binary if it has just the length that its number of triangles makes; it may begin
@@ -39,7 +39,7 @@ def read_stl(path: Path) -> Faces:
     if len(content) >= _HEAD and len(content) == length:
         corners = np.frombuffer(content, _TRIANGLE, offset=_HEAD)["corners"]
         places = corners.reshape(-1, 3).astype(np.float64)
-        return Faces.of_triangles(places, np.arange(len(places)))
+        return MeshFaces.of_triangles(places, np.arange(len(places)))
     if content.lstrip()[:5].lower() == b"solid" and b"\0" not in content:
         return _read_text(path)
     if len(content) < _HEAD:
@@ -50,7 +50,7 @@ def read_stl(path: Path) -> Faces:
     )
 
 
-def _read_text(path: Path) -> Faces:
+def _read_text(path: Path) -> MeshFaces:
     places: list[list[float]] = []
     ends: list[int] = [0]  # numbers of places at which loops end
     last = "endsolid"
@@ -69,7 +69,7 @@ def _read_text(path: Path) -> Faces:
     if last != "endsolid":
         raise ProblemError("ends before its `endsolid`: it is cut off")
     vertices = np.array(places, dtype=np.float64).reshape(-1, 3)
-    return Faces(vertices, np.diff(ends), np.arange(len(vertices)))
+    return MeshFaces(vertices, np.diff(ends), np.arange(len(vertices)))
 
 
 def _statements(line: str, number: int) -> Iterator[tuple[str, list[str]]]:

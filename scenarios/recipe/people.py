@@ -10,7 +10,7 @@ from msgspec import Meta
 
 from cocap_opt.data import LARGEST, FloatArray, ProblemError
 from cocap_opt.problem import Actor, Shape
-from cocap_opt.scenarios.earth.place import Projection
+from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.maps.terrain import Terrain
 from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE, pace_warning
 from cocap_opt.scenarios.tables import (
@@ -22,7 +22,7 @@ from cocap_opt.scenarios.tables import (
     TimeUnit,
     Unit,
 )
-from cocap_opt.scenarios.tracks.times import SINCE_1970, Clock, likely_unit
+from cocap_opt.scenarios.tracks.times import SINCE_1970, Epoch, likely_unit
 from cocap_opt.scenarios.tracks.track import BODY, MOST_GAP, SLACK, STILL, Track, on_one_clock
 
 log = logging.getLogger(__name__)
@@ -50,8 +50,8 @@ class TracksTable(Table):
     still: Size = STILL
 
     def actors(
-        self, folder: Path, terrain: Terrain, step: float, steps: int, projection: Projection
-    ) -> tuple[list[Actor], Clock | None]:
+        self, folder: Path, terrain: Terrain, step: float, steps: int, projection: MapProjection
+    ) -> tuple[list[Actor], Epoch | None]:
         """Reads the people of the files who are there at all steps, standing on the ground.
 
         Returns them, and the moment of step 0 where times are dates.
@@ -91,7 +91,7 @@ class TracksTable(Table):
     def _named(self) -> str:
         return ", ".join(self._files)
 
-    def _tracks(self, folder: Path, projection: Projection) -> list[Track]:
+    def _tracks(self, folder: Path, projection: MapProjection) -> list[Track]:
         """Returns the tracks of all files."""
         if len(set(self._files)) < len(self._files):
             raise ProblemError("file: must be files that differ")

@@ -17,7 +17,7 @@ from msgspec import Meta
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Actor, Earth, Objective, Problem, Robot
-from cocap_opt.scenarios.earth.place import EarthTable, Projection, require_likely
+from cocap_opt.scenarios.earth.place import EarthTable, MapProjection, require_likely
 from cocap_opt.scenarios.kinds import JSON
 from cocap_opt.scenarios.maps.terrain import MapTable, Terrain
 from cocap_opt.scenarios.maps.walls import WallsTable
@@ -27,7 +27,7 @@ from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import AirspaceTable, NoFlyTable, RulesTable
 from cocap_opt.scenarios.tables import Flight, Table
 from cocap_opt.scenarios.text import naming, read_text, rectangle
-from cocap_opt.scenarios.tracks.times import Clock
+from cocap_opt.scenarios.tracks.times import Epoch
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 log = logging.getLogger(__name__)
@@ -206,7 +206,7 @@ def read(
         with naming("map"):
             terrain = recipe.map.terrain(path.parent, recipe.flight)
         earth = _earth(recipe, terrain)
-        projection = Projection(earth, terrain.height_map.centre(0, 0))
+        projection = MapProjection(earth, terrain.height_map.centre(0, 0))
         solid = tuple(_meshes(recipe, path.parent, terrain, projection))
         actors = tuple(_actors(recipe, path.parent, terrain, projection))
         with naming("rules"):
@@ -291,7 +291,7 @@ def _earth(recipe: Recipe, terrain: Terrain) -> Earth | None:
 
 
 def _meshes(
-    recipe: Recipe, folder: Path, terrain: Terrain, projection: Projection
+    recipe: Recipe, folder: Path, terrain: Terrain, projection: MapProjection
 ) -> Iterator[Mesh]:
     for k, given in enumerate(recipe.mesh):
         with naming(f"mesh[{k}]"):
@@ -330,7 +330,7 @@ def _require_on_map(
         )
 
 
-def _say_moments(begins: dict[int, Clock]) -> None:
+def _say_moments(begins: dict[int, Epoch]) -> None:
     """Warns if tables of dated tracks begin at moments that differ, by number of the table."""
     for k, begin in list(begins.items())[1:]:
         first = next(iter(begins))
@@ -344,9 +344,9 @@ def _say_moments(begins: dict[int, Clock]) -> None:
 
 
 def _actors(
-    recipe: Recipe, folder: Path, terrain: Terrain, projection: Projection
+    recipe: Recipe, folder: Path, terrain: Terrain, projection: MapProjection
 ) -> Iterator[Actor]:
-    begins: dict[int, Clock] = {}
+    begins: dict[int, Epoch] = {}
     for k, given in enumerate(recipe.tracks):
         with naming(f"tracks[{k}]"):
             actors, begin = given.actors(folder, terrain, recipe.step, recipe.steps, projection)

@@ -15,7 +15,7 @@ from urllib.parse import quote
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.earth.place import Projection
+from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.tracks.columns import settled
 from cocap_opt.scenarios.tracks.layout import settled_rate
 from cocap_opt.scenarios.tracks.table import Form, TrackTable, require_numbers
@@ -25,7 +25,7 @@ _TABLE = "trajectory_data"
 _NEWEST = 2  # version of the format
 
 
-def read_database(path: Path, form: Form, projection: Projection) -> TrackTable:
+def read_database(path: Path, form: Form, projection: MapProjection) -> TrackTable:
     """Reads the trajectories of a database, which stays as it is.
 
     Raises

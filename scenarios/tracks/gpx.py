@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.earth.place import Projection
+from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.text import plain_number, xml_root
 from cocap_opt.scenarios.tracks.columns import settled
 from cocap_opt.scenarios.tracks.table import Form, TrackTable
@@ -27,7 +27,7 @@ from cocap_opt.text import unread
 _OTHERS = {"rte": "route", "wpt": "waypoint"}  # that have no times, or are no ways
 
 
-class _Point(NamedTuple):
+class _TrackPoint(NamedTuple):
     person: str
     place: str
     segment: int
@@ -36,7 +36,7 @@ class _Point(NamedTuple):
     longitude: float
 
 
-def read_gpx(path: Path, form: Form, projection: Projection) -> TrackTable:
+def read_gpx(path: Path, form: Form, projection: MapProjection) -> TrackTable:
     """Reads all tracks of a file.
 
     Raises
@@ -74,7 +74,7 @@ def _root(path: Path) -> Element:
     return xml_root(content, "GPX")
 
 
-def _points(root: Element, stem: str) -> Iterator[_Point]:
+def _points(root: Element, stem: str) -> Iterator[_TrackPoint]:
     tracks = [track for track in _children(root, "trk") if _has_points(track)]
     names = _names(tracks, stem)
     segment = 0
@@ -83,27 +83,27 @@ def _points(root: Element, stem: str) -> Iterator[_Point]:
             segment += 1
             for p, point in enumerate(_children(part, "trkpt"), start=1):
                 place = f"track {k}, segment {s}, point {p}"
-                yield _Point(
+                yield _TrackPoint(
                     name, place, segment, _moment(point, place),
                     _degrees(point, "lat", 90, place), _degrees(point, "lon", 180, place),
                 )  # fmt: skip
 
 
-def _distinct(points: Iterable[_Point]) -> list[_Point]:
+def _distinct(points: Iterable[_TrackPoint]) -> list[_TrackPoint]:
     """Returns points without those that say again where somebody was at a moment.
 
     Receivers write the last point once more where a segment begins.
     """
-    found: dict[tuple[object, ...], _Point] = {}
+    found: dict[tuple[object, ...], _TrackPoint] = {}
     for point in points:
         said = point.person, point.nanoseconds, point.latitude, point.longitude
         found.setdefault(said, point)
     return list(found.values())
 
 
-def _require_one_place_at_a_time(points: Iterable[_Point]) -> None:
+def _require_one_place_at_a_time(points: Iterable[_TrackPoint]) -> None:
     """Raises a ProblemError if a segment of somebody begins before another one has ended."""
-    segments: dict[tuple[str, int], list[_Point]] = {}
+    segments: dict[tuple[str, int], list[_TrackPoint]] = {}
     for point in points:
         segments.setdefault((point.person, point.segment), []).append(point)
     for part in segments.values():

@@ -54,7 +54,7 @@ _PLAIN_NUMBER = re.compile(
 )
 
 
-class Layout(NamedTuple):
+class TextLayout(NamedTuple):
     """The form of a file: its comments, header and units, and the first row."""
 
     comments: list[str]  # before the first row, without #
@@ -65,7 +65,7 @@ class Layout(NamedTuple):
     delimiter: str | None  # None: blanks
 
     @classmethod
-    def of(cls, text: str, delimiter: str | None) -> "Layout":
+    def of(cls, text: str, delimiter: str | None) -> "TextLayout":
         """Returns the form of a text; without a delimiter as in the first row.
 
         Raises

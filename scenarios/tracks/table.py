@@ -13,7 +13,7 @@ from cocap_opt.data import LARGEST, FloatArray, IntArray, ProblemError
 from cocap_opt.scenarios.tables import PER_METRE
 from cocap_opt.scenarios.tracks.columns import PER_SECOND
 from cocap_opt.scenarios.tracks.layout import check_rate
-from cocap_opt.scenarios.tracks.times import Clock
+from cocap_opt.scenarios.tracks.times import Epoch
 
 Values = dict[str, FloatArray]  # role -> [n]; ids that are words are kept apart
 DELIMITERS = (" ", "\t", ",", ";")
@@ -61,7 +61,7 @@ class TrackTable(NamedTuple):
     where: Callable[[int], str]  # names a row's place, such as "line 7"; slow, for messages
     unit: str  # of the file
     rate: float | None  # frames/s; None: the file has times
-    clock: Clock | None = None  # of times that are dates
+    clock: Epoch | None = None  # of times that are dates
     segments: IntArray | None = None  # [n] numbers of parts between which nothing was recorded
     stamps: FloatArray | None = None  # [n] s, of a column of times where frames are used instead
 

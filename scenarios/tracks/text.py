@@ -23,15 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.earth.place import Projection
+from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.tables import PER_METRE
 from cocap_opt.scenarios.text import read_text
 from cocap_opt.scenarios.tracks.columns import Name, Places, places_of, settled
-from cocap_opt.scenarios.tracks.layout import Layout, fields_of, is_number, require_values
+from cocap_opt.scenarios.tracks.layout import TextLayout, fields_of, is_number, require_values
 from cocap_opt.scenarios.tracks.table import Form, TrackTable, Values, require_numbers
 from cocap_opt.scenarios.tracks.times import (
     A_DATE,
-    Clock,
+    Epoch,
     is_date,
     times_of_dates,
     times_of_numbers,
@@ -45,7 +45,7 @@ _FASTEST = 12.0  # m/s, of people
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
 
 
-def read_text_table(path: Path, form: Form, projection: Projection) -> TrackTable:
+def read_text_table(path: Path, form: Form, projection: MapProjection) -> TrackTable:
     """Reads the rows of a text file.
 
     Raises
@@ -55,14 +55,14 @@ def read_text_table(path: Path, form: Form, projection: Projection) -> TrackTabl
         the file's name.
     """
     text = read_text(path)
-    layout = Layout.of(text, form.delimiter)
+    layout = TextLayout.of(text, form.delimiter)
     names = layout.names(form.columns)
     with _in_guessed_order(form.columns is None and layout.names_nothing()):
         return _of_layout(text, layout, names, form, projection)
 
 
 def _of_layout(
-    text: str, layout: Layout, names: Sequence[str], form: Form, projection: Projection
+    text: str, layout: TextLayout, names: Sequence[str], form: Form, projection: MapProjection
 ) -> TrackTable:
     places = places_of(names, "columns" if form.columns else "header")
     is_in_degrees = "latitude" in places
@@ -97,8 +97,8 @@ def _of_layout(
 
 
 def _values(
-    text: str, layout: Layout, places: Places, count: int, time_unit: str | None
-) -> tuple[Values, NDArray[np.str_] | None, Clock | None]:
+    text: str, layout: TextLayout, places: Places, count: int, time_unit: str | None
+) -> tuple[Values, NDArray[np.str_] | None, Epoch | None]:
     """Returns the columns with times in seconds, the ids where they are words, and the clock."""
     if "time" not in places:
         return *_numbers_of(text, layout, places, count), None
@@ -118,7 +118,7 @@ def _values(
 
 
 def _time_unit(
-    layout: Layout, names: Sequence[str], places: Places, given: str | None
+    layout: TextLayout, names: Sequence[str], places: Places, given: str | None
 ) -> str | None:
     """Returns the unit of times that the file or the caller states; None if neither does."""
     stated = layout.time_units(names, places["time"]) if "time" in places else set()
@@ -161,7 +161,7 @@ def _in_guessed_order(is_guessed: bool) -> Iterator[None]:
 
 
 def _numbers_of(
-    text: str, layout: Layout, places: Places, count: int
+    text: str, layout: TextLayout, places: Places, count: int
 ) -> tuple[Values, NDArray[np.str_] | None]:
     """Returns the numbers of columns, by their places, and the ids where they are words."""
     words = not is_number(layout.row[places["id"]])
@@ -186,12 +186,12 @@ def _numbers_of(
     )
 
 
-def _column_of(text: str, layout: Layout, place: int, count: int) -> Iterator[tuple[int, str]]:
+def _column_of(text: str, layout: TextLayout, place: int, count: int) -> Iterator[tuple[int, str]]:
     """Yields the fields of a column as they stand, each with the number of its line."""
     return ((line, row[place]) for line, row in _rows(text, layout, count))
 
 
-def _row_lines(text: str, layout: Layout) -> Iterator[tuple[int, str]]:
+def _row_lines(text: str, layout: TextLayout) -> Iterator[tuple[int, str]]:
     """Yields the lines that are rows, without comments, each with its number."""
     for line, raw in enumerate(io.StringIO(text), start=1):
         content = raw.partition("#")[0]
@@ -199,7 +199,7 @@ def _row_lines(text: str, layout: Layout) -> Iterator[tuple[int, str]]:
             yield line, content
 
 
-def _rows(text: str, layout: Layout, count: int) -> Iterator[tuple[int, list[str]]]:
+def _rows(text: str, layout: TextLayout, count: int) -> Iterator[tuple[int, list[str]]]:
     for line, content in _row_lines(text, layout):
         row = fields_of(content, layout.delimiter)
         require_values(line, count, row, layout.delimiter)

@@ -1,7 +1,7 @@
 """The column of times of tracks, in seconds: numbers in any unit, and dates.
 
 Dates, and numbers that count since 1970, tell when something was. They count from the first of
-them, and `Clock` says when that is, so that files can be put on one clock. They are read as whole
+them, and `Epoch` says when that is, so that files can be put on one clock. They are read as whole
 nanoseconds, since a double has no digits left for parts of a microsecond since 1970.
 """
 
@@ -27,13 +27,13 @@ _NANO = 10**9
 _LIKELY = 0.002, 2.0  # s, between the rows of a person
 
 
-class Clock(NamedTuple):
+class Epoch(NamedTuple):
     """The moment of second 0."""
 
     nanoseconds: int  # since 1970
     is_universal: bool  # False: by a clock of the place, whose difference to UTC nobody says
 
-    def later(self, seconds: float) -> "Clock":
+    def later(self, seconds: float) -> "Epoch":
         """Returns the clock whose second 0 is so many seconds later."""
         return self._replace(nanoseconds=self.nanoseconds + round(seconds * _NANO))
 
@@ -46,14 +46,14 @@ class Times(NamedTuple):
     """The times of rows."""
 
     seconds: FloatArray  # [n]
-    clock: Clock | None  # None: the file's own, which tells no date
+    clock: Epoch | None  # None: the file's own, which tells no date
 
     @classmethod
     def since_first(cls, nanoseconds: Sequence[int], is_universal: bool) -> "Times":
         """Returns the times of moments, in ns since 1970, counted from the first of them."""
         moments = np.array(nanoseconds, dtype=np.int64)
         first = int(moments.min())
-        return cls((moments - first) / _NANO, Clock(first, is_universal))
+        return cls((moments - first) / _NANO, Epoch(first, is_universal))
 
 
 def is_date(text: str) -> bool:

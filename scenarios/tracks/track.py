@@ -26,7 +26,7 @@ import numpy as np
 
 from cocap_opt.data import LARGEST, MOST_STEPS, BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.problem import Actor, Prism, Shape
-from cocap_opt.scenarios.earth.place import NOWHERE, Projection
+from cocap_opt.scenarios.earth.place import NOWHERE, MapProjection
 from cocap_opt.scenarios.kinds import GPX, SQLITE, Kind, kind_of
 from cocap_opt.scenarios.tables import TimeUnit, Unit
 from cocap_opt.scenarios.text import naming
@@ -34,7 +34,7 @@ from cocap_opt.scenarios.tracks.database import read_database
 from cocap_opt.scenarios.tracks.gpx import read_gpx
 from cocap_opt.scenarios.tracks.table import Form, TrackTable
 from cocap_opt.scenarios.tracks.text import read_text_table
-from cocap_opt.scenarios.tracks.times import Clock
+from cocap_opt.scenarios.tracks.times import Epoch
 from cocap_opt.scenarios.tracks.warnings import HEIGHTS, track_warnings
 
 log = logging.getLogger(__name__)
@@ -48,7 +48,7 @@ _NANO = 10**9
 SLACK = 1e-6  # s, by which rounding may shift times
 
 
-READERS: dict[Kind | str, Callable[[Path, Form, Projection], TrackTable]] = {
+READERS: dict[Kind | str, Callable[[Path, Form, MapProjection], TrackTable]] = {
     # by what the first bytes tell, or else by the ending of the name; all others are text
     SQLITE: read_database,
     GPX: read_gpx,
@@ -63,7 +63,7 @@ class Track(NamedTuple):
     points: FloatArray  # [n, 2] m, x and y
     height: float | None  # m, of the head above the floor; None where the file has none
     gaps: BoolArray | None = None  # [n-1] where nobody knows the way; None: by `MOST_GAP`
-    clock: Clock | None = None  # that tells when 0 s is; None: a clock of the file's own
+    clock: Epoch | None = None  # that tells when 0 s is; None: a clock of the file's own
 
     @classmethod
     def read_all(
@@ -76,7 +76,7 @@ class Track(NamedTuple):
         delimiter: str | None = None,
         time_unit: TimeUnit | None = None,
         gap: float | None = None,
-        projection: Projection = NOWHERE,
+        projection: MapProjection = NOWHERE,
     ) -> list["Track"]:
         """Reads the tracks of a file, in the order of their ids; rows may have any order.
 
@@ -359,7 +359,7 @@ def _shifted(track: Track, first: int) -> Track:
     return track._replace(times=times, clock=track.clock._replace(nanoseconds=first))
 
 
-def _require_comparable(clocks: dict[str, Clock | None]) -> None:
+def _require_comparable(clocks: dict[str, Epoch | None]) -> None:
     kinds: dict[str, str] = {}
     for name, clock in clocks.items():
         kind = "numbers" if clock is None else "dates"

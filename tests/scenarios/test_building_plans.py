@@ -11,7 +11,7 @@ import pytest
 from cocap_opt.data import ProblemError
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.problem import Earth
-from cocap_opt.scenarios.earth.place import Projection
+from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.maps.building_heights import extent
 from cocap_opt.scenarios.maps.ground_plans import sound
 from cocap_opt.scenarios.maps.walls import WallsTable, extruded
@@ -21,13 +21,13 @@ from cocap_opt.world.workspace import Mesh
 pyproj = pytest.importorskip("pyproj")
 
 PLACE = (52.4010, 13.0590)  # latitude and longitude of x = 0, y = 0
-HERE = Projection(Earth(crs="EPSG:32633", origin=PLACE))
-FIJI = Projection(Earth(crs="EPSG:32701", origin=(-16.8, 180.0)))
+HERE = MapProjection(Earth(crs="EPSG:32633", origin=PLACE))
+FIJI = MapProjection(Earth(crs="EPSG:32701", origin=(-16.8, 180.0)))
 EMPTY = {"type": "Polygon", "coordinates": []}
 
 
 def ring(
-    x: float, y: float, wide: float = 10.0, deep: float = 10.0, at: Projection = HERE
+    x: float, y: float, wide: float = 10.0, deep: float = 10.0, at: MapProjection = HERE
 ) -> list[list[float]]:
     """The corners of a rectangle (m) of the scene in longitudes and latitudes, from -180 to 180."""
     assert at.earth is not None and at.earth.origin is not None
@@ -54,7 +54,7 @@ def collection(*features: Any, **members: Any) -> dict[str, Any]:
 
 
 def walls(
-    folder: Path, content: Any, at: Projection = HERE, name: str = "plan", **fields: Any
+    folder: Path, content: Any, at: MapProjection = HERE, name: str = "plan", **fields: Any
 ) -> list[Mesh]:
     """Read a plan of obstacles, 8 m high where it does not say it."""
     (folder / name).write_text(content if isinstance(content, str) else json.dumps(content))
@@ -196,7 +196,7 @@ def test_lengths_in_geojson_have_to_be_said(tmp_path: Path) -> None:
     """By the recipe or by `crs`, as GeoJSON 2008 had it; else a way out is named."""
     square = [[10.0, 10.0], [20, 10], [20, 20], [10, 20], [10, 10]]
     plan: dict[str, Any] = {"type": "Polygon", "coordinates": [square]}
-    nowhere = Projection()
+    nowhere = MapProjection()
     assert boxes(walls(tmp_path, plan, nowhere, unit="m"))[0][3] == 20
     assert boxes(walls(tmp_path, plan, nowhere, unit="cm"))[0][3] == 0.2
     assert boxes(walls(tmp_path, plan, nowhere, unit="us-ft"))[0][3] == 6.096
@@ -240,16 +240,16 @@ def test_systems_of_plans_in_feet_are_not_taken_for_metres(
     feet, metres = f"SRID=2238;{text}", f"SRID=25833;{text}"
     for unit in (None, "m", "cm"):
         with pytest.raises(ProblemError, match=r"SRID: must be of .* not 2238, US survey foot"):
-            walls(tmp_path, feet, Projection(), unit=unit)
-    high = boxes(walls(tmp_path, feet, Projection(), unit="us-ft"))[0][3]
+            walls(tmp_path, feet, MapProjection(), unit=unit)
+    high = boxes(walls(tmp_path, feet, MapProjection(), unit="us-ft"))[0][3]
     assert high == pytest.approx(2000010 * 1200 / 3937, abs=1e-3)
-    assert boxes(walls(tmp_path, metres, Projection()))[0][3] == 2000010
+    assert boxes(walls(tmp_path, metres, MapProjection()))[0][3] == 2000010
     monkeypatch.setitem(sys.modules, "pyproj", None)
-    assert boxes(walls(tmp_path, metres, Projection()))[0][3] == 2000010  # rasterio knows it
+    assert boxes(walls(tmp_path, metres, MapProjection()))[0][3] == 2000010  # rasterio knows it
     monkeypatch.setitem(sys.modules, "rasterio", None)
     with pytest.raises(ProblemError, match=r"SRID: EPSG:25833: .* pip install 'cocap-opt\[earth"):
-        walls(tmp_path, metres, Projection())
-    assert boxes(walls(tmp_path, metres, Projection(), unit="m"))[0][3] == 2000010
+        walls(tmp_path, metres, MapProjection())
+    assert boxes(walls(tmp_path, metres, MapProjection(), unit="m"))[0][3] == 2000010
 
 
 def test_wkt_that_may_be_degrees_is_asked_about(tmp_path: Path) -> None:
@@ -290,7 +290,7 @@ def test_plans_across_180_degrees_are_read(tmp_path: Path) -> None:
     both = np.concatenate([part.vertices for part in walls(tmp_path, content, FIJI)])
     np.testing.assert_allclose([*both.min(axis=0), *both.max(axis=0)], box, atol=0.2)
     with pytest.raises(ProblemError, match=r"must have \[earth\] .* longitude = 17\d\.") as error:
-        walls(tmp_path, {"type": "Polygon", "coordinates": [whole]}, Projection())
+        walls(tmp_path, {"type": "Polygon", "coordinates": [whole]}, MapProjection())
     assert "EPSG:32760" in str(error.value)
     pole = [[0, -80], [90, -80], [180, -80], [-90, -80], [0, -80]]
     with pytest.raises(ProblemError, match="must not go around a pole"):

@@ -12,8 +12,8 @@ from cocap_opt import scenarios
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import meshes
-from cocap_opt.scenarios.earth.place import Projection
-from cocap_opt.scenarios.meshes.faces import Faces
+from cocap_opt.scenarios.earth.place import MapProjection
+from cocap_opt.scenarios.meshes.faces import MeshFaces
 from cocap_opt.scenarios.recipe.recipe import read
 from cocap_opt.scenarios.tracks import track
 from cocap_opt.scenarios.tracks.table import Form, TrackTable
@@ -60,11 +60,11 @@ def test_a_scene_format_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_a_mesh_format_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A function that returns `Faces`, and one entry in `FORMATS`, make a file a mesh."""
+    """A function that returns `MeshFaces`, and one entry in `FORMATS`, make a file a mesh."""
 
-    def read_corners(path: Path) -> Faces:
+    def read_corners(path: Path) -> MeshFaces:
         sides = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
-        return Faces.of_triangles(np.loadtxt(path), sides)
+        return MeshFaces.of_triangles(np.loadtxt(path), sides)
 
     (tmp_path / "tent.corners").write_text("5 5 0\n8 5 0\n5 8 0\n5 5 3\n")
     part = '[[mesh]]\nfile = "tent.corners"\n'
@@ -78,7 +78,7 @@ def test_a_mesh_format_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_a_track_format_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A function that returns a `TrackTable`, and one entry in `READERS`, make a file tracks."""
 
-    def read_points(path: Path, form: Form, projection: Projection) -> TrackTable:
+    def read_points(path: Path, form: Form, projection: MapProjection) -> TrackTable:
         form.require_left_out("points", "fps")
         x, y = np.loadtxt(path).T
         seconds = np.arange(len(x), dtype=float)

@@ -32,7 +32,7 @@ from cocap_opt.problem import (
 )
 from cocap_opt.referee import check
 from cocap_opt.scenarios import SCENES, load_scene
-from cocap_opt.scenarios.earth.place import Projection
+from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.maps.walls import WallsTable
 from cocap_opt.scenarios.meshes import MeshTable
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings
@@ -719,7 +719,7 @@ def test_walls_are_in_the_system_of_the_scene(
     plan = {"type": "Polygon", "crs": crs, "coordinates": [ring]}
     (tmp_path / "walls.geojson").write_text(json.dumps(plan))
     table = WallsTable(file="walls.geojson", height=2.0, polygons="obstacles")
-    projection = Projection(None if scene is None else Earth(crs=scene))
+    projection = MapProjection(None if scene is None else Earth(crs=scene))
     if not words:
         assert len(table.meshes(tmp_path, 0.0, projection)) == 1
         return
