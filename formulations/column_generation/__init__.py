@@ -3,6 +3,7 @@
 The two methods are `column_generation` (the bound at the root) and `branch_and_price` (the
 search tree). Their rooms, from the lowest up:
 
+- `parameters`: every number that guides the search, documented;
 - `master`: paths as columns, their mixtures, the restricted master problem and pricing;
 - `primal`: heuristics that make plans of mixtures and of other plans;
 - `search`: the state that all nodes share;
@@ -10,4 +11,11 @@ search tree). Their rooms, from the lowest up:
 - `tree`: the relaxation of a node, the root, and the nodes below it.
 """
 
-__all__ = ["branch_and_price", "column_generation", "search", "step_envelopes", "tree"]
+__all__ = [
+    "branch_and_price",
+    "column_generation",
+    "parameters",
+    "search",
+    "step_envelopes",
+    "tree",
+]

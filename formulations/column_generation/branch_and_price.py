@@ -8,6 +8,7 @@ tree merely prove less. The bookkeeping is in `tree`.
 Compare branch-and-cut-and-price for path finding (Lam, Le Bodic, Harabor, Stuckey, BCP-MAPF).
 """
 
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS, Parameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree.tree import Tree
 from cocap_opt.formulations.early_bound import early_bound
@@ -27,15 +28,17 @@ def branch_and_price(
     start: Plan | None = None,
     report: Report = silent,
     gap: float = OPTIMALITY,
+    parameters: Parameters = DEFAULTS,
 ) -> CertifiedResult:
     """Returns the best plan, and the proof that none is better by more than the relative gap.
 
-    At a limit, the best plan and the bound so far, with their proof.
+    At a limit, the best plan and the bound so far, with their proof. The parameters guide the
+    search; whatever they are, the bound holds.
     """
     model = compiled(problem)
     try:
         model.prepare_all(stop)
-        search = Search(model, stop, report, Clock())
+        search = Search(model, stop, report, Clock(), parameters=parameters)
     except LimitReached as reached:
         stopped = CertifiedResult.of_start(problem, start, reached.limit)
         return stopped.with_bound_of(early_bound(problem, reached.limit))

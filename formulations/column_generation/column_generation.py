@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS, Parameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.early_bound import early_bound
@@ -21,12 +22,14 @@ def column_generation(
     start: Plan | None = None,
     report: Report = silent,
     solve_root: Callable[[Root], None] = Root.solve,
+    parameters: Parameters = DEFAULTS,
 ) -> CertifiedResult:
     """Returns the bound of the relaxation with all cuts at the root, and the best plan found.
 
     Parameters
     ----------
     solve_root : `Root.solve`, or `Root.solve_aggregated` to leave robots of a class together
+    parameters : that guide the search; whatever they are, the bound holds
 
     Returns
     -------
@@ -37,7 +40,7 @@ def column_generation(
     model = compiled(problem)
     try:
         model.prepare_all(stop)
-        search = Search(model, stop, report, Clock())
+        search = Search(model, stop, report, Clock(), parameters=parameters)
     except LimitReached as reached:
         stopped = CertifiedResult.of_start(problem, start, reached.limit)
         return stopped.with_bound_of(early_bound(problem, reached.limit))

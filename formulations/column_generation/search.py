@@ -12,6 +12,7 @@ from cocap_opt.formulations.certificates.staged import Narrowing
 from cocap_opt.formulations.column_generation.master.columns import Arc
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.pricing import Pricer
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS, Parameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.primal.local_search import Allowance, LocalSearch
 from cocap_opt.formulations.column_generation.primal.recombination import Recombination
@@ -29,16 +30,6 @@ from cocap_opt.problem import Plan
 from cocap_opt.result import Reason, relative_gap
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 
-EXACT = 2e-8  # of what all robots see alone: no solver is more accurate than that
-# Best responses that local search may ask for, the first plan's own included: at first, for each
-# robot; and for every iteration of a relaxation as many as half of the robots and some for each
-# class, which take about a quarter of its time (field-long 0.2, measured).
-FIRST_RESPONSES = 2
-RESPONSES_PER_CLASS = 4
-MOST_STATES = 10_000_000  # of all steps and classes, which sweeps go through
-OFTEN = 1.0  # seconds after which it is told that the search goes on
-INFEASIBLE = 1e-6  # of what all robots see alone: a bound so far below 0 proves it
-
 
 @dataclass
 class Search:
@@ -52,6 +43,7 @@ class Search:
     spare : proves the lowest bound besides that of the relaxation that is pursued: by step
         envelopes, or of a relaxation that was given up
     lowest : the lowest bound that was reported
+    parameters : that guide the search
     recombination : of the plans that local search has found
     pricer : prices multipliers for the model
     local_search : improves plans of the model
@@ -71,17 +63,20 @@ class Search:
     columns: int = 0
     spare: CertificateFile | None = None
     lowest: float = np.inf
-    recombination: Recombination = field(default_factory=Recombination)
+    parameters: Parameters = DEFAULTS
 
     def __post_init__(self) -> None:
         """Compiles the parts of the model that pricing needs, and prices; raises LimitReached."""
         self._nodes, self._told = 0, 0.0
+        self.recombination = Recombination(self.parameters.recombination)
         self.pricer = Pricer(self.model, self.stop)
-        self.allowance = Allowance(FIRST_RESPONSES * len(self.model.problem.robots))
+        self.allowance = Allowance(
+            self.parameters.search.first_responses * len(self.model.problem.robots)
+        )
         self.rng = np.random.default_rng(0)
         self.local_search = LocalSearch(
             self.model, self.stop, self.allowance, self.rng, self.report_again,
-            found=self.recombination.add,
+            found=self.recombination.add, parameters=self.parameters.local_search,
         )  # fmt: skip
         self.largest = self.model.largest_roots()
         self.weights = self.model.problem.view_sum_weights
@@ -101,8 +96,8 @@ class Search:
         J >= 0, so that a bound clearly below 0 proves that there is no plan.
         """
         if self.incumbent is None:
-            return -INFEASIBLE * self.scale
-        return self.value + max(gap * self.value, EXACT / 2 * self.scale)
+            return -self.parameters.search.infeasible * self.scale
+        return self.value + max(gap * self.value, self.parameters.search.exact / 2 * self.scale)
 
     def offer(self, candidate: Incumbent | None) -> None:
         """Makes a candidate the incumbent if it is better."""
@@ -140,7 +135,7 @@ class Search:
 
     def report_again(self) -> None:
         """Reports that the search goes on, if nothing was told for a while."""
-        if self.clock.seconds - self._told > OFTEN:
+        if self.clock.seconds - self._told > self.parameters.search.report_seconds:
             self.report(self.snapshot(np.inf, self._nodes))
 
     def look_for_plans(self, mixture: Mixture, arcs: Collection[Arc]) -> None:
@@ -150,7 +145,7 @@ class Search:
     def narrowing(self, duals: Duals) -> Narrowing | None:
         """Returns where better plans can be, by multipliers.
 
-        None without an incumbent, where pixels add up over time, or with more than MOST_STATES.
+        None without an incumbent, where pixels add up over time, or with too many states.
 
         Raises
         ------
@@ -159,7 +154,7 @@ class Search:
         """
         model = self.model
         states = sum(robot_class.graph.n_states for robot_class in model.classes)
-        too_many = states * (model.problem.horizon + 1) > MOST_STATES
+        too_many = states * (model.problem.horizon + 1) > self.parameters.search.most_states
         if self.incumbent is None or model.problem.objective.over_time or too_many:
             return None
         return Narrowing.of(model, duals.certificate(model), self.value, self.stop).closed()
@@ -194,7 +189,9 @@ class Search:
 
     def allow_responses(self, times: int = 1) -> None:
         """Allows local search what belongs to an iteration of a relaxation, or several times it."""
-        each = len(self.model.problem.robots) / 2 + RESPONSES_PER_CLASS * len(self.model.classes)
+        each = len(
+            self.model.problem.robots
+        ) / 2 + self.parameters.search.responses_per_class * len(self.model.classes)
         self.allowance.left = max(self.allowance.left, 0.0) + times * each
 
     def perturb(self, arcs: Collection[Arc]) -> None:
@@ -207,8 +204,10 @@ class Search:
         model = self.model.disaggregated()
         incumbent = None if self.incumbent is None else self.incumbent.in_model(model)
         # Robots of one class share their states; so what was tried need not hold of single ones.
-        kept = self.columns, self.spare, self.lowest, Recombination(dict(self.recombination.values))
-        return Search(model, self.stop, self.report, self.clock, incumbent, *kept)
+        kept = self.columns, self.spare, self.lowest, self.parameters
+        search = Search(model, self.stop, self.report, self.clock, incumbent, *kept)
+        search.recombination.values.update(self.recombination.values)
+        return search
 
     def result(
         self,
@@ -231,7 +230,10 @@ class Search:
             statistics = {**statistics, **_staged_statistics(self.spare)}
         plan = None if self.incumbent is None else self.model.plan(self.incumbent.paths)
         reached = relative_gap(self.value, file.proved)
-        if reached <= OPTIMALITY or file.proved - self.value <= EXACT * self.scale:
+        if (
+            reached <= OPTIMALITY
+            or file.proved - self.value <= self.parameters.search.exact * self.scale
+        ):
             reason = Reason.OPTIMAL
         elif file.proved < 0:  # J >= 0
             reason = Reason.INFEASIBLE

@@ -19,9 +19,9 @@ from cocap_opt.formulations.column_generation.branch_and_price import branch_and
 from cocap_opt.formulations.column_generation.master.alike_cuts import alike_cut, grown_multisets
 from cocap_opt.formulations.column_generation.master.mixture_ascent import mixture_ascent, raised
 from cocap_opt.formulations.column_generation.master.pricing import Priced
+from cocap_opt.formulations.column_generation.parameters import LargeRootParameters, Parameters
 from cocap_opt.formulations.column_generation.primal.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.column_generation.tree import large_root as large_root_module
 from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot
 from cocap_opt.formulations.column_generation.tree.ruled_ascent import RuledAscent, _RuledProgram
 from cocap_opt.formulations.relaxations.separation import Seen
@@ -31,6 +31,8 @@ from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, LimitReached
+
+AS_LARGE = Parameters(large_root=LargeRootParameters(many_robot_steps=0))  # no masters
 
 some_problems = st.one_of(meetings(), problems(robots=[1, 2, 3]))
 numbers = st.floats(0.05, 1.0)
@@ -213,10 +215,9 @@ def test_a_limit_without_masters_leaves_the_bound_and_the_plan_so_far(
         bounds.append(self.ascent.best.bound)
 
     told = LargeRoot._tell
-    monkeypatch.setattr(large_root_module, "MANY_ROBOT_STEPS", 0)
     monkeypatch.setattr(LargeRoot, "_tell", noted)
     monkeypatch.setattr(owner, name, limited)
-    result = branch_and_price(problem)
+    result = branch_and_price(problem, parameters=AS_LARGE)
     assert result.limit is Limit.WORK
     assert result.certificate is not None
     assert verify(problem, result.certificate).bound == result.bound
@@ -249,9 +250,7 @@ def test_moves_before_a_limit_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
 @given(some_problems)
 def test_optima_are_the_same_without_masters_at_first(problem: Problem) -> None:
     """Branch-and-price that treats a small scene as a large one proves the same optimum."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(large_root_module, "MANY_ROBOT_STEPS", 0)
-        result = branch_and_price(problem)
+    result = branch_and_price(problem, parameters=AS_LARGE)
     best = optimum(problem).value
     assert result.value == pytest.approx(best, rel=1e-6, abs=1e-6)
     assert result.bound >= best * (1 - 1e-9) - 1e-9

@@ -8,17 +8,18 @@ import pytest
 from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError, compiled_search
 from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
+from cocap_opt.formulations.column_generation.parameters import (
+    DEFAULTS,
+    EnvelopeParameters,
+    Parameters,
+    TrialParameters,
+)
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import envelopes, path_trials
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
-from cocap_opt.formulations.column_generation.step_envelopes.path_trials import (
-    FEWEST_NODES,
-    FEWEST_PLAIN_NODES,
-    SHARES,
-    PathTrials,
-)
+from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
@@ -72,7 +73,7 @@ def test_failed_trials_are_made_again_once_more_is_allowed_or_less_is_open(
     """Not otherwise, as they would fail again."""
     ending = Ending(np.inf)
     monkeypatch.setattr(path_trials, "best_plan", ending)
-    fewest = path_trials._fewest_nodes(trials.search.stop)
+    fewest = trials._fewest_nodes()
     assert not trials.after_stages(narrowing, 0, 0)
     assert ending.allowed == [fewest]
     assert not trials.after_stages(narrowing, 1, 4 * fewest)
@@ -97,7 +98,7 @@ def test_trials_are_short_where_there_is_no_time_to_compile(
     monkeypatch.setattr(compiled_search, "is_loaded", lambda: False)
     trials.search.stop = TimeLimit(1.0)
     assert not trials.after_stages(narrowing, 0, 0)
-    assert ending.allowed == [FEWEST_PLAIN_NODES]
+    assert ending.allowed == [DEFAULTS.trials.fewest_plain_nodes]
 
 
 def test_higher_targets_come_down_until_a_trial_fails(
@@ -110,12 +111,12 @@ def test_higher_targets_come_down_until_a_trial_fails(
     told: list[float] = []
     trials.for_higher_targets(narrowing, 7, 10, lambda: told.append(trials.best.bound))
     shares = [(target - value) / (bound - value) for target in ending.targets]
-    assert shares == pytest.approx(SHARES[:3])
+    assert shares == pytest.approx(DEFAULTS.trials.shares[:3])
     assert trials.best is not None and trials.best.stages == 7
     assert trials.best.bound == pytest.approx(ending.targets[1], rel=1e-9)
     assert trials.best.above == ending.targets[1]
     assert told[0] > told[1] == trials.best.bound
-    assert min(ending.allowed) >= FEWEST_NODES // 20
+    assert min(ending.allowed) >= DEFAULTS.trials.fewest_nodes // 20
 
 
 def test_a_limit_ends_trials_and_keeps_what_they_proved(
@@ -141,8 +142,9 @@ def test_what_trials_for_higher_targets_prove_is_verified(
 ) -> None:
     """The file says above which J plans were tried, and its bound is that."""
     root = solved_root()
-    monkeypatch.setattr(path_trials, "SHARES", (share,))
-    monkeypatch.setattr(envelopes, "MOST_ROUNDS", 0)
+    root.search.parameters = Parameters(
+        trials=TrialParameters(shares=(share,)), envelopes=EnvelopeParameters(most_rounds=0)
+    )
     monkeypatch.setattr(PathTrials, "after_stages", lambda *_: False)
     envelopes.step_envelopes(root.search, root.relaxation.best.duals, root.cutoff)
     file, bound = root.search.spare, root.relaxation.best.bound

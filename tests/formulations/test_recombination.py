@@ -14,9 +14,10 @@ from strategies import Calls, examples, tiny
 
 from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError
 from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS, RecombinationParameters
 from cocap_opt.formulations.column_generation.primal import recombination
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.primal.recombination import MOST_PLANS, Recombination
+from cocap_opt.formulations.column_generation.primal.recombination import Recombination
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Objective, Plan, Problem
@@ -107,9 +108,9 @@ def test_the_best_plan_along_the_states_of_several_is_found(
         return
     first = plans[0]
     narrowing = random_narrowing(model, first.value - 1, rng)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(recombination, "FIRST_PLANS", first_plans)
-        better = [*known(plans).better_plans(first, narrowing)]
+    parameters = RecombinationParameters(first_plans=first_plans)
+    found = replace(known(plans), parameters=parameters)
+    better = [*found.better_plans(first, narrowing)]
     values = [first.value, *(plan.value for plan in better)]
     assert values == sorted(set(values))
     assert values[-1] == pytest.approx(best_along(problem, plans, model))
@@ -184,7 +185,8 @@ def test_a_better_plan_is_kept_where_a_limit_ends_the_next_recombination(
 def test_the_best_plans_are_kept() -> None:
     """Once there are twice as many as are kept, the others are forgotten."""
     plan = some_plans(compiled(tiny()), np.random.default_rng(0))[0]
-    found, values = Recombination(), [float(k * 37 % 1000) for k in range(3 * MOST_PLANS)]
+    found, most = Recombination(), DEFAULTS.recombination.most_plans
+    values = [float(k * 37 % 1000) for k in range(3 * most)]
     for k, value in enumerate(values):
         columns = [
             column._replace(along=column.along._replace(states=(*column.path[:-1], k)))
@@ -194,8 +196,8 @@ def test_the_best_plans_are_kept() -> None:
         changed.__dict__["value"] = value
         found.add(changed)
     kept = sorted(found.values.values())
-    assert len(kept) <= 2 * MOST_PLANS
-    assert kept[-MOST_PLANS:] == sorted(values)[-MOST_PLANS:]
+    assert len(kept) <= 2 * most
+    assert kept[-most:] == sorted(values)[-most:]
 
 
 def test_joint_states_must_decide_and_there_must_be_several_plans() -> None:

@@ -21,7 +21,6 @@ from strategies import Calls, examples, tiny
 import cocap_opt as co
 import cocap_opt.formulations.certificates.staged.stages as checker
 import cocap_opt.formulations.column_generation.step_envelopes.envelopes as envelopes
-import cocap_opt.formulations.column_generation.step_envelopes.list_lengths as list_lengths
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import (
     CertificateError,
@@ -54,6 +53,11 @@ from cocap_opt.formulations.certificates.staged.stages import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.master.columns import Arc
 from cocap_opt.formulations.column_generation.master.mixture import Mixture, flow_mixture
+from cocap_opt.formulations.column_generation.parameters import (
+    EnvelopeParameters,
+    ListParameters,
+    Parameters,
+)
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
@@ -71,6 +75,8 @@ from cocap_opt.problem import Objective, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, LimitReached, Stop, never
+
+ONLY_LISTS = EnvelopeParameters(most_states_left=0, few_states_left=0)
 
 seeds = st.integers(0, 10**9)
 
@@ -836,14 +842,10 @@ def stages_of(search: Search, duals: Duals) -> None:
 @given(st.one_of(meetings(), meetings(team=3)), st.sampled_from([0.3, 2.0]))
 def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: float) -> None:
     """Where only states of little slack are searched, what is claimed is verified and true."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(envelopes, "MOST_STATES_LEFT", 0)
-        patch.setattr(envelopes, "FEW_STATES_LEFT", 0)
-        patch.setattr(list_lengths, "SLACK", slack)
-        patch.setattr(list_lengths, "MEAN", 0)
-        search = Search(compiled(problem))
-        search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0)), []))
-        stages_of(search, search.alone.duals)
+    parameters = Parameters(envelopes=ONLY_LISTS, lists=ListParameters(slack=slack, mean=0.0))
+    search = Search(compiled(problem), parameters=parameters)
+    search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0)), []))
+    stages_of(search, search.alone.duals)
     if search.spare is not None:
         assert any(part.others for stage in search.spare.certificate.stages
                    for part in stage.prices)  # fmt: skip
@@ -859,8 +861,6 @@ def test_a_stage_of_lists_has_the_constants_that_its_payments_are_meant_for(
 
     They are those of the best payments; and where a search finds lower ones, they are kept.
     """
-    monkeypatch.setattr(envelopes, "MOST_STATES_LEFT", 0)
-    monkeypatch.setattr(envelopes, "FEW_STATES_LEFT", 0)
     run, heights, kept = PaymentBundle.run, envelopes._Envelopes._heights, []
 
     def meant_higher(self: PaymentBundle, *arguments: object) -> FloatArray | None:
@@ -879,7 +879,8 @@ def test_a_stage_of_lists_has_the_constants_that_its_payments_are_meant_for(
 
     monkeypatch.setattr(PaymentBundle, "run", meant_higher)
     monkeypatch.setattr(envelopes._Envelopes, "_heights", noted)
-    search = Search(compiled(load_scene("bottleneck", 0).replace(horizon=5)))
+    model = compiled(load_scene("bottleneck", 0).replace(horizon=5))
+    search = Search(model, parameters=Parameters(envelopes=ONLY_LISTS))
     search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0)), []))
     stages_of(search, search.alone.duals)
     assert kept and all(height >= meant for height, meant in kept)

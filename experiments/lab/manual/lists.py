@@ -1,10 +1,11 @@
-"""Lists that are made from the code: columns, built-in scenes, formats, cameras, airframes."""
+"""Lists that are made from the code: columns, parameters, scenes, formats, cameras, airframes."""
 
 from collections.abc import Callable, Mapping
 from functools import cache, partial
 
 from cocap_opt.experiments.tables.rows import COLUMNS
 from cocap_opt.formulations import BOUNDS, EXACT
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.method import Method
 from cocap_opt.output.known_scenes import known_scenes
@@ -29,6 +30,14 @@ def _methods(registry: Mapping[str, Method[CertifiedResult]]) -> str:
          "promises": method.promises}
         for name, method in registry.items()
     ]  # fmt: skip
+    return Listing("", rows).markdown
+
+
+def _search_parameters() -> str:
+    rows = [
+        {"parameter": name, "default": value, "unit": unit, "meaning": meaning}
+        for name, value, unit, meaning in DEFAULTS.rows()
+    ]
     return Listing("", rows).markdown
 
 
@@ -58,6 +67,7 @@ LISTS: dict[str, Callable[[], str]] = {
     "columns": _columns,
     "bounds_described": partial(_methods, BOUNDS),
     "exact_described": partial(_methods, EXACT),
+    "search_parameters": _search_parameters,
     "recipe": _recipe,
     **{
         kind: partial(_known, kind)

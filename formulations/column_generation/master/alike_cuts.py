@@ -17,20 +17,20 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.envelope import Curve, Cut, multisets
 from cocap_opt.formulations.certificates.format import MOST_WORK
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS, AlikeCutParameters
 from cocap_opt.formulations.relaxations.separation import Seen, Transport
 
-BREAKPOINTS = 5  # at most; a certificate has no more than MOST_WORK of all robots
-FIRST_MULTISETS = 400  # at most, of the first program
-MOST_ADDED = 60  # multisets at a time
-MOST_ROUNDS = 12
-MOST_GROWING = 4000  # multisets of one size that are gone through
-NEARLY = 0.02  # share of what a cut can cut off that may be left
-LEAST_MASS = 1e-6  # a little mass everywhere keeps phi low where there is none
 _ROUNDING = 1e-12  # of the largest root
 
 
 def alike_cut(
-    view_sum: int, seen: Seen, largest: float, robots: int, known: float, least: float
+    view_sum: int,
+    seen: Seen,
+    largest: float,
+    robots: int,
+    known: float,
+    least: float,
+    parameters: AlikeCutParameters = DEFAULTS.alike_cuts,
 ) -> Cut | None:
     """Returns the cut of one class that is tightest at a mixture, or nearly so.
 
@@ -42,19 +42,19 @@ def alike_cut(
     known, least : height at the mixture of what is known, and by how much the cut must be lower;
         None is returned where it is not
     """
-    most = min(BREAKPOINTS, MOST_WORK // robots)
+    most = min(parameters.breakpoints, MOST_WORK // robots)
     if most == 0:
         return None
     points = _breakpoints(seen, largest, most)
-    mass = np.maximum(_shared(seen, points), LEAST_MASS)
+    mass = np.maximum(_shared(seen, points), parameters.least_mass)
     unit = float(points[-1])
     pixels = (points / unit) ** 2
-    values = _values(pixels, mass, robots, known / unit)
+    values = _values(pixels, mass, robots, known / unit, parameters)
     if values is None:
         return None
     # The root grows with each robot's, so that phi need nowhere be above its later values.
     values = np.minimum.accumulate(values[::-1])[::-1]
-    grown = grown_multisets(pixels, values, robots)
+    grown = grown_multisets(pixels, values, robots, parameters.most_growing)
     if grown is None:
         return None
     curve = Curve(points, values * unit)
@@ -70,7 +70,12 @@ class Multisets(NamedTuple):
     heights: FloatArray  # [n]
 
 
-def grown_multisets(pixels: FloatArray, values: FloatArray, robots: int) -> Multisets | None:
+def grown_multisets(
+    pixels: FloatArray,
+    values: FloatArray,
+    robots: int,
+    most: int = DEFAULTS.alike_cuts.most_growing,
+) -> Multisets | None:
     """Returns the multisets that grow by gains alone, among which is the highest one.
 
     None where they are too many.
@@ -79,6 +84,7 @@ def grown_multisets(pixels: FloatArray, values: FloatArray, robots: int) -> Mult
     ----------
     pixels, values : [K] pixels of a robot at each breakpoint, and phi there
     robots : the most that a multiset has
+    most : multisets of one size that are gone through
     """
     size = len(pixels)
     each, numbers = np.eye(size, dtype=np.int64), np.arange(size)
@@ -90,7 +96,7 @@ def grown_multisets(pixels: FloatArray, values: FloatArray, robots: int) -> Mult
         which, at = np.nonzero((gains >= -_ROUNDING) & (numbers >= last[:, None]))
         if not len(which):
             break
-        if len(which) > MOST_GROWING:
+        if len(which) > most:
             return None
         counts, last = counts[which] + each[at], at
         sums, paid = sums[which] + pixels[at], paid[which] + values[at]
@@ -98,23 +104,25 @@ def grown_multisets(pixels: FloatArray, values: FloatArray, robots: int) -> Mult
     return Multisets(*(np.concatenate(part) for part in zip(*found, strict=True)))
 
 
-def _values(pixels: FloatArray, mass: FloatArray, robots: int, known: float) -> FloatArray | None:
+def _values(
+    pixels: FloatArray, mass: FloatArray, robots: int, known: float, parameters: AlikeCutParameters
+) -> FloatArray | None:
     """Returns phi at the breakpoints [K]; None if the cut gets no lower than what is known."""
     size = min(math.ceil(float(mass.sum())) + 1, robots)
-    while size > 1 and math.comb(len(pixels) + size, size) > FIRST_MULTISETS:
+    while size > 1 and math.comb(len(pixels) + size, size) > parameters.first_multisets:
         size -= 1
     counts, program = multisets(len(pixels), size), Transport(mass)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(parameters.most_rounds):
         prices = program.solve(counts, np.sqrt(counts @ pixels))
         if prices is None:  # not to be expected
             return None
         values, total = prices
         height = total + float(mass @ values)
-        grown = grown_multisets(pixels, values, robots)
+        grown = grown_multisets(pixels, values, robots, parameters.most_growing)
         if height > known or grown is None:
             return None
-        above = total + NEARLY * (known - height)
-        order = np.argsort(-grown.heights, kind="stable")[:MOST_ADDED]
+        above = total + parameters.nearly * (known - height)
+        order = np.argsort(-grown.heights, kind="stable")[: parameters.most_added]
         if grown.heights[order[0]] <= above:
             break
         counts = grown.counts[order[grown.heights[order] > total]]

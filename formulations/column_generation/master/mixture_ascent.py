@@ -24,16 +24,12 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.pricing import Priced, Pricer
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS, AscentParameters
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
 SHARPNESS = 64  # k
-POWER = 2.0  # of the gradient; 1 is safe and slow, and under rules 3 does not settle (field-large)
-MOST_STEPS = 60  # in which a mixture is raised between two pricings
-ROUGH = 0.02  # of bound - value: what these steps may leave to gain
-LEAST_MEAN = 1e-6  # in units of J: a robot that gains no more keeps its amounts
-LEAST_AMOUNT = 1e-4  # of a robot, below which a column is dropped
 _NOTHING = 1e-12  # px/m2
 
 
@@ -46,7 +42,11 @@ class _Raised(NamedTuple):
 
 
 def mixture_ascent(
-    model: Model, pricer: Pricer, first: Priced, stop: Stop = never
+    model: Model,
+    pricer: Pricer,
+    first: Priced,
+    stop: Stop = never,
+    parameters: AscentParameters = DEFAULTS.ascent,
 ) -> Iterator[_Raised]:
     """Yields better and better mixtures, without end.
 
@@ -64,12 +64,19 @@ def mixture_ascent(
     while True:
         mixture = joined(mixture, priced.columns)
         program = MixtureProgram(model, mixture.columns)
-        amounts = raised(program.gradient, program.robots, mixture.amounts, ROUGH * open_, stop)
+        amounts = raised(
+            program.gradient,
+            program.robots,
+            mixture.amounts,
+            parameters.rough * open_,
+            stop,
+            parameters=parameters,
+        )
         value, duals = program.judged(amounts)
         priced = pricer(duals)
         best = min(best, priced.bound)
         open_ = best - value
-        kept = np.flatnonzero(amounts > LEAST_AMOUNT)
+        kept = np.flatnonzero(amounts > parameters.least_amount)
         mixture = Mixture([mixture.columns[n] for n in kept.tolist()], amounts[kept])
         yield _Raised(mixture, value, priced)
 
@@ -126,6 +133,7 @@ def raised(
     enough: float,
     stop: Stop,
     least_factor: float = 0.0,
+    parameters: AscentParameters = DEFAULTS.ascent,
 ) -> FloatArray:
     """Returns amounts of a larger value, at best by all but `enough`; raises LimitReached.
 
@@ -139,7 +147,7 @@ def raised(
     def by_robot(values: FloatArray) -> FloatArray:
         return np.bincount(robots, values).astype(np.float64)
 
-    for _ in range(MOST_STEPS):
+    for _ in range(parameters.most_steps):
         stop.check()
         gradient = gradient_at(amounts)
         mean = by_robot(amounts * gradient)
@@ -150,7 +158,7 @@ def raised(
             break
         # Charges may outweigh what a column is paid.
         above, mean = gradient - lowest[robots], (mean - lowest)[robots]
-        factors = np.divide(above, mean, out=np.ones_like(mean), where=mean > LEAST_MEAN)
-        amounts = amounts * np.maximum(factors, least_factor) ** POWER
+        factors = np.divide(above, mean, out=np.ones_like(mean), where=mean > parameters.least_mean)
+        amounts = amounts * np.maximum(factors, least_factor) ** parameters.power
         amounts = amounts / by_robot(amounts)[robots]
     return amounts

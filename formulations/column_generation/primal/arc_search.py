@@ -12,14 +12,12 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.column_generation.master.columns import Column
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS, ArcSearchParameters
 from cocap_opt.formulations.column_generation.primal.arc_graph import ArcGraph
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop, never
 
-MOST_OTHERS = 3  # robots that are taken out beside the first one
-MOST_TURNS = 20  # of each robot that answers, in one move
-NEIGHBOURS = 4  # that answer beside those that are taken out
 _GAIN = 1e-9  # relative, from which on a path counts as better
 
 
@@ -43,7 +41,9 @@ class ArcSearch:
         columns: Iterable[Column],
         stop: Stop = never,
         tell: Callable[[], None] = lambda: None,
+        parameters: ArcSearchParameters = DEFAULTS.arc_search,
     ) -> None:
+        self._parameters = parameters
         self._model, self._stop, self._tell = model, stop, tell
         self._weights = model.problem.view_sum_weights
         by_class: list[list[Column]] = [[] for _ in model.classes]
@@ -74,9 +74,9 @@ class ArcSearch:
         first = int(rng.integers(robots))
         overlaps = self._overlaps(first)
         chances = overlaps + 1e-9 * (np.arange(robots) != first)
-        count = min(int(rng.integers(1, MOST_OTHERS + 1)), robots - 1)
+        count = min(int(rng.integers(1, self._parameters.most_others + 1)), robots - 1)
         others = rng.choice(robots, count, replace=False, p=chances / chances.sum()).tolist()
-        near = np.argsort(-overlaps, kind="stable")[:NEIGHBOURS].tolist()
+        near = np.argsort(-overlaps, kind="stable")[: self._parameters.neighbours].tolist()
         before, value = [*self.columns], self._value()
         if self._put_back(rng.permutation([first, *others]).tolist()):
             self._answer(list(dict.fromkeys([first, *others, *near])))
@@ -106,7 +106,7 @@ class ArcSearch:
     def _answer(self, robots: list[int]) -> None:
         """Takes best responses of these robots in turn until none gains."""
         quiet = turn = 0
-        while quiet < len(robots) and turn < MOST_TURNS * len(robots):
+        while quiet < len(robots) and turn < self._parameters.most_turns * len(robots):
             quiet = 0 if self._responds(robots[turn % len(robots)]) else quiet + 1
             turn += 1
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.column_generation.master.columns import Column
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.model import Model, Path
 
-DRAWS = 60  # random roundings of which local search takes up the best
 LEAST_AMOUNT = 1e-3  # of a robot, with which every column is drawn now and then
 _GAIN = 1e-9  # relative, from which on a column counts as better
 
@@ -127,10 +127,12 @@ class ColumnPool:
             self.add(column, 0.0)
         return self._ascended([*columns], self._choices(), range(len(columns)))
 
-    def drawn(self, rng: np.random.Generator) -> Iterator[LocalOptimum]:
+    def drawn(
+        self, rng: np.random.Generator, draws: int = DEFAULTS.local_search.draws
+    ) -> Iterator[LocalOptimum]:
         """Yields the local optima above random roundings; fewer where these end in conflicts."""
         choices = self._choices()
-        for _ in range(DRAWS):
+        for _ in range(draws):
             order = rng.permutation(len(choices)).tolist()
             if columns := self._rounded(choices, order, rng):
                 yield self._ascended(columns, choices, order)

@@ -21,6 +21,7 @@ from cocap_opt.coordination.pair_iteration import PairIteration, Successors
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.column_generation.master.columns import Arc, Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS, LocalSearchParameters
 from cocap_opt.formulations.column_generation.primal.column_pool import (
     ColumnPool,
     LocalOptimum,
@@ -33,14 +34,6 @@ from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, LimitReached, Stop, never
-
-MOST_PAIRS = 250_000  # of states at one step, for best pairs
-MOST_PARTNERS = 5  # robots with which each is paired
-PERTURBED = 3  # robots that are planned anew at a time
-PROMISING = 0.01  # relative loss up to which a local optimum is worth best pairs
-LEAST_AMOUNT = 1e-6  # of a robot, from which on a column of a mixture is used
-FOUND_AMOUNT = 0.05  # of a robot, that the columns of each plan that was found add to a pool
-MOST_IN_VAIN = 8  # plans one after the other, that are improved without a better one
 
 
 class Allowance(Stop):
@@ -88,6 +81,7 @@ class LocalSearch:
     tell: Callable[[], None] = _nothing
     found: Callable[[Incumbent], None] = _nothing
     taken_up: set[PlanKey] = field(default_factory=set)
+    parameters: LocalSearchParameters = DEFAULTS.local_search
 
     def from_mixture(
         self, mixture: Mixture, arcs: Collection[Arc], known: Incumbent | None = None
@@ -100,16 +94,16 @@ class LocalSearch:
         known : a plan whose columns may be taken, too
         """
         pool, best, in_vain = ColumnPool(self.model), None, 0
-        for column, amount in mixture.used(LEAST_AMOUNT):
+        for column, amount in mixture.used(self.parameters.least_amount):
             pool.add(column, amount)
         for column in () if known is None else known.columns:
-            pool.add(column, FOUND_AMOUNT)
+            pool.add(column, self.parameters.found_amount)
         for start in self._starts(mixture, pool, known):
             found = self._improved(start, pool, arcs)
             if found is not None and (best is None or found.gains_over(best)):
                 best, in_vain = found, 0
             in_vain += 1
-            if in_vain > MOST_IN_VAIN:
+            if in_vain > self.parameters.most_in_vain:
                 break
         return best
 
@@ -134,7 +128,7 @@ class LocalSearch:
 
     def _drawn(self, pool: ColumnPool) -> Iterator[LocalOptimum]:
         """Yields local optima that are drawn from a pool, at a limit one at least."""
-        for one in pool.drawn(self.rng):
+        for one in pool.drawn(self.rng, self.parameters.draws):
             self.tell()
             yield one
             if self.stop.reached():
@@ -153,7 +147,7 @@ class LocalSearch:
         self.found(best)
         self.taken_up.add(best.paths)
         for column in (*settled.columns, *best.columns):
-            pool.add(column, FOUND_AMOUNT)
+            pool.add(column, self.parameters.found_amount)
         return best
 
     def from_integral(self, mixture: Mixture) -> Incumbent | None:
@@ -170,7 +164,7 @@ class LocalSearch:
         robots = len(plan.columns)
         if robots < 2:
             return None
-        anew = self.rng.permutation(robots)[: min(PERTURBED, robots - 1)].tolist()
+        anew = self.rng.permutation(robots)[: min(self.parameters.perturbed, robots - 1)].tolist()
         columns = plan.of_others(*anew)
         for robot in anew:
             answer = self.best_response(robot, columns)
@@ -178,7 +172,7 @@ class LocalSearch:
                 return None
             columns.append(answer)
         best = self.with_best_responses(sorted(columns, key=lambda column: column.robot))
-        if best is None or best.value < plan.value * (1 - PROMISING):
+        if best is None or best.value < plan.value * (1 - self.parameters.promising):
             return best
         best = self._with_best_pairs(best, arcs)
         self.found(best)
@@ -216,7 +210,10 @@ class LocalSearch:
         a, b = (_side(model, robot, arcs, others) for robot in robots)
         if a is None or b is None:
             return None
-        if any(len(p) * len(q) > MOST_PAIRS for p, q in zip(a.states, b.states, strict=True)):
+        if any(
+            len(p) * len(q) > self.parameters.most_pairs
+            for p, q in zip(a.states, b.states, strict=True)
+        ):
             return None
         pair = _ArcPair(model, (a, b), others)
         starts = int(a.states[0][0]), int(b.states[0][0])
@@ -253,7 +250,7 @@ class LocalSearch:
         with suppress(LimitReached):
             while before is None or best.gains_over(before):
                 before = best
-                for pair in _pairs(self.model, best):
+                for pair in _pairs(self.model, best, self.parameters.most_partners):
                     self._check()
                     better = self._with_best_pair(best, pair, arcs)
                     if better is not None and better.gains_over(best):
@@ -283,7 +280,7 @@ class LocalSearch:
         chosen: dict[int, Column] = {}
         for n in np.argsort(-amounts, kind="stable").tolist():
             column = columns[n]
-            if amounts[n] < LEAST_AMOUNT or len(chosen) == len(problem.robots):
+            if amounts[n] < self.parameters.least_amount or len(chosen) == len(problem.robots):
                 break
             if column.robot not in chosen and not any(
                 column.conflicts_with(other, problem) for other in chosen.values()
@@ -322,7 +319,7 @@ def _completed(chosen: dict[int, Column], known: Incumbent, problem: Problem) ->
     return [columns[robot] for robot in range(len(columns))]
 
 
-def _pairs(model: Model, plan: Incumbent) -> list[tuple[int, int]]:
+def _pairs(model: Model, plan: Incumbent, most_partners: int) -> list[tuple[int, int]]:
     """Returns pairs of robots, those whose views overlap most first; a few for each robot."""
     roots = np.zeros((len(plan.columns), len(model.problem.view_sum_weights)))
     for row, column in zip(roots, plan.columns, strict=True):
@@ -331,7 +328,7 @@ def _pairs(model: Model, plan: Incumbent) -> list[tuple[int, int]]:
     for i in range(len(roots)):
         shared = np.minimum(roots, roots[i]).sum(axis=1)
         shared[i] = -1.0
-        for k in np.argsort(-shared, kind="stable")[:MOST_PARTNERS].tolist():
+        for k in np.argsort(-shared, kind="stable")[:most_partners].tolist():
             if k != i:
                 pairs.append((float(shared[k]), min(i, k), max(i, k)))
     return [(i, k) for _, i, k in sorted(set(pairs), key=lambda p: (-p[0], p[1:]))]

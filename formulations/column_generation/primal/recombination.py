@@ -24,20 +24,11 @@ from cocap_opt.formulations.certificates.staged import (
     compiled_search,
     may_be_used,
 )
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS, RecombinationParameters
 from cocap_opt.formulations.column_generation.primal.column_pool import PlanKey
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
-
-# How many plans are taken at first, and how many times more each time: on field-long four take
-# 0.1 s, eight 0.5 s, sixteen 4 s (seed 0).
-FIRST_PLANS, MORE_PLANS = 4, 2
-MOST_PLANS = 64  # so many are kept, once there are twice as many
-# Of the searches from all joint states, each time: one or two seconds, compiled or not.
-MOST_NODES, MOST_PLAIN_NODES = 3_000_000, 10_000
-# What was too much is not tried again until so much less is open, times what was: nodes grow
-# tenfold from a room to one twice as large (field, seed 1).
-LESS_ROOM = 0.7
 
 
 class _Failure(NamedTuple):
@@ -56,15 +47,18 @@ class Recombination:
     values : J of each plan
     """
 
+    parameters: RecombinationParameters = DEFAULTS.recombination
     values: dict[PlanKey, float] = field(default_factory=dict)
     _done: set[frozenset[PlanKey]] = field(default_factory=set)
     _failure: _Failure | None = None
 
     def add(self, plan: Incumbent) -> None:
-        """Adds a plan; once there are 2 MOST_PLANS, only the best MOST_PLANS are kept."""
+        """Adds a plan; once there are too many, only the best are kept."""
         self.values[plan.paths] = plan.value
-        if len(self.values) > 2 * MOST_PLANS:
-            self.values = {key: self.values[key] for key in self._best_keys(MOST_PLANS)}
+        if len(self.values) > 2 * self.parameters.most_plans:
+            self.values = {
+                key: self.values[key] for key in self._best_keys(self.parameters.most_plans)
+            }
 
     def _best_keys(self, most: int) -> list[PlanKey]:
         """Returns the best plans, those first that were found first if they are equal."""
@@ -88,10 +82,14 @@ class Recombination:
         LimitReached
             At a limit.
         """
-        best, most, failure = plan, FIRST_PLANS, self._failure
+        best, most, failure = plan, self.parameters.first_plans, self._failure
         while True:
             room = narrowing.room_above(best.value)
-            if failure and most >= failure.plans and room > LESS_ROOM * failure.room:
+            if (
+                failure
+                and most >= failure.plans
+                and room > self.parameters.less_room * failure.room
+            ):
                 return
             parents = frozenset((best.paths, *self._best_keys(most)))
             try:
@@ -103,7 +101,12 @@ class Recombination:
                 yield (best := better)
             if most >= len(self.values):
                 return
-            most *= MORE_PLANS
+            most *= self.parameters.more_plans
+
+    def _most_nodes(self, stop: Stop) -> int:
+        """Returns how many nodes the searches may take."""
+        most, plain = self.parameters.most_nodes, self.parameters.most_plain_nodes
+        return most if compiled_search.is_fast(stop) else plain
 
     def _recombined(
         self, parents: frozenset[PlanKey], best: Incumbent, narrowing: Narrowing, stop: Stop
@@ -121,7 +124,7 @@ class Recombination:
             return None
         stop.check()
         visited = _visited_states(narrowing.model, parents)
-        found = best_plan(narrowing.above(best.value, visited), _most_nodes(stop), stop)
+        found = best_plan(narrowing.above(best.value, visited), self._most_nodes(stop), stop)
         self._done.add(parents)
         better = Incumbent.along(narrowing.model, found.paths) if found.paths else None
         return None if better is None or not better.gains_over(best) else better
@@ -138,8 +141,3 @@ def _visited_states(model: Model, plans: Iterable[PlanKey]) -> list[BoolArray]:
                 own[steps, paths[robot]] = True
         visited.append(own)
     return visited
-
-
-def _most_nodes(stop: Stop) -> int:
-    """Returns how many nodes the searches may take."""
-    return MOST_NODES if compiled_search.is_fast(stop) else MOST_PLAIN_NODES

@@ -42,6 +42,7 @@ from cocap_opt.formulations.certificates.staged import (
 )
 from cocap_opt.formulations.column_generation.master.columns import Arc, Column
 from cocap_opt.formulations.column_generation.master.mixture import flow_mixture
+from cocap_opt.formulations.column_generation.parameters import EnvelopeParameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
@@ -52,22 +53,7 @@ from cocap_opt.model import Model
 from cocap_opt.problem import COVERAGE_VERSION
 
 METHOD = "step-envelopes"
-MOST_STATES_LEFT = 12_000  # over all steps: beyond it, searches take too long
-MOST_AT_A_STEP = 1_000
-FEW_STATES_LEFT = 6_500  # over all steps: beyond it, lists are faster, where there can be any
-MOST_LISTED_ROBOTS = 8  # searches of more robots take too long
-MOST_ROUNDS = 40
-MANY_NODES, MANY_PLAIN_NODES = 2_000_000, 50_000  # of a step's search, compiled or not
-FEW_WORK, FEW_PLAIN_WORK = 500_000, 50_000  # nodes times states, of a search that is worth a try
-FEW_NODES = 10_000
-RESPONSES = 10  # iterations' worth of best responses, for plans after each bundle
-MOST_CORRECTIONS = 4  # of payments, by joint states that only the exact search finds
 CLEARLY = 1e-9  # of the bound, that stages must take off it; of J, above which a plan is better
-LEAST_ROUND = 0.05  # of what is open, that a round must close for another one
-# Likewise, for lists of so many times the first slack: their rounds take as long as trials for
-# higher targets, which close more.
-LEAST_WIDE, WIDE = 0.12, 8.0
-LEAST_LISTED = 0.1  # likewise, for lists that stay as long as they are
 
 
 def step_envelopes(
@@ -99,13 +85,13 @@ def step_envelopes(
     if search.incumbent is None or narrowing is None:
         return
     steps = range(model.problem.first_step, model.problem.horizon + 1)
-    known = Known.of(search.incumbent, steps, search.rng)
+    known = Known.of(search.incumbent, steps, search.rng, search.parameters.joint_search)
     for column in columns:
         known.add_path(column.along.class_number, column.path)
     before = narrowing.pricing.bound
     envelopes = _Envelopes(
         search, narrowing, duals, known, steps,
-        PathTrials(search, is_on=tries_paths), ListLengths(len(steps)),
+        PathTrials(search, is_on=tries_paths), ListLengths(len(steps), search.parameters.lists),
     )  # fmt: skip
     try:
         if envelopes.try_paths():
@@ -141,7 +127,15 @@ class _Envelopes:
     stages: list[Stage] = field(default_factory=list)
     nodes: int = 0
     lists_stall: bool = False
-    responses: int = RESPONSES
+    responses: int = 0
+
+    def __post_init__(self) -> None:
+        """Begins with as many responses as the parameters say."""
+        self.responses = self._parameters.responses
+
+    @property
+    def _parameters(self) -> EnvelopeParameters:
+        return self.search.parameters.envelopes
 
     @property
     def model(self) -> Model:
@@ -156,7 +150,7 @@ class _Envelopes:
 
     def run(self, cutoff: Callable[[], float]) -> None:
         """Adds stages as long as they close something; raises LimitReached."""
-        for _ in range(MOST_ROUNDS):
+        for _ in range(self._parameters.most_rounds):
             self._raise_target()
             before = self.narrowing.pricing.bound
             open_ = before - cutoff()
@@ -169,7 +163,7 @@ class _Envelopes:
                 if self.narrowing.pricing.bound <= cutoff() or self.try_paths():
                     return
             listed = not self._is_small()
-            is_wide = listed and self.lengths.widening >= WIDE
+            is_wide = listed and self.lengths.widening >= self._parameters.wide
             self._pay(cutoff)
             if listed and self.try_paths():
                 return
@@ -177,12 +171,16 @@ class _Envelopes:
                 continue
             closed = (before - self.narrowing.pricing.bound) / open_
             may_grow = listed and self.lengths.can_grow
-            if listed and closed < LEAST_LISTED:
+            if listed and closed < self._parameters.least_listed:
                 self.lists_stall |= not may_grow
                 self.lengths.grow()
-            if is_wide and closed < LEAST_WIDE:
+            if is_wide and closed < self._parameters.least_wide:
                 break
-            if closed < LEAST_ROUND and not may_grow and not (listed and self._is_small()):
+            if (
+                closed < self._parameters.least_round
+                and not may_grow
+                and not (listed and self._is_small())
+            ):
                 break
         self._raise_target()
         if self.bound > cutoff():
@@ -248,13 +246,13 @@ class _Envelopes:
         """Returns True if the searches of the steps may end."""
         left = self.narrowing.states_left[self.model.problem.first_step :]
         few = self._can_be_listed() and not self.lists_stall
-        most = FEW_STATES_LEFT if few else MOST_STATES_LEFT
-        return int(left.sum()) <= most and int(left.max()) <= MOST_AT_A_STEP
+        most = self._parameters.few_states_left if few else self._parameters.most_states_left
+        return int(left.sum()) <= most and int(left.max()) <= self._parameters.most_at_a_step
 
     def _can_be_listed(self) -> bool:
         """Returns True if searches of lists may end."""
         robots = len(self.model.problem.robots)
-        return compiled_search.is_there() and robots <= MOST_LISTED_ROBOTS
+        return compiled_search.is_there() and robots <= self._parameters.most_listed_robots
 
     def _lower(self) -> None:
         """Lowers the constants of the present payments, where that takes few nodes."""
@@ -264,7 +262,7 @@ class _Envelopes:
                 self.search.report_again()
                 least = self.known.highest(self.narrowing.joint_states(t))
                 higher = self.narrowing.joint_states(t, least)
-                most_nodes = _few_nodes(len(higher.states))
+                most_nodes = self._few_nodes(len(higher.states))
                 try:
                     found = most_profitable(higher, least, most_nodes, self.search.stop)
                 except NotEndedError:
@@ -292,8 +290,11 @@ class _Envelopes:
     def _pay(self, cutoff: Callable[[], float]) -> None:
         """Finds better payments and their constants, and adds them as a stage."""
         joints, ceilings = self._joints(cutoff)
-        bundle = PaymentBundle(self.narrowing, self.known, joints, ceilings, self.search.stop)
-        for _ in range(MOST_CORRECTIONS):
+        bundle = PaymentBundle(
+            self.narrowing, self.known, joints, ceilings, self.search.stop,
+            self.search.parameters.bundle,
+        )  # fmt: skip
+        for _ in range(self._parameters.most_corrections):
             payments = bundle.run(cutoff, self.report)
             if ceilings and bundle.flow:
                 self._look_for_plans(bundle.flow)
@@ -312,7 +313,11 @@ class _Envelopes:
         self.search.allow_responses(self.responses)
         self.search.look_for_plans(flow_mixture(self.model, flow), flow.keys())
         self.search.recombine(self.narrowing)
-        self.responses = RESPONSES if self.search.value > before else max(self.responses // 2, 1)
+        self.responses = (
+            self._parameters.responses
+            if self.search.value > before
+            else max(self.responses // 2, 1)
+        )
 
     def _heights(self, bundle: PaymentBundle, payments: FloatArray) -> dict[int, float]:
         """Returns what no joint state's height exceeds, of each step whose search ends."""
@@ -324,10 +329,10 @@ class _Envelopes:
             if bundle.has_lists:
                 least = max(least, bundle.constants[t])
             try:
-                found = most_profitable(paid, least, _many_nodes(), self.search.stop)
+                found = most_profitable(paid, least, self._many_nodes(), self.search.stop)
             except NotEndedError:
-                self.known.note(_many_nodes(), paid, self.search.stop)
-                self.nodes += _many_nodes()
+                self.known.note(self._many_nodes(), paid, self.search.stop)
+                self.nodes += self._many_nodes()
                 self.lengths.note(t, len(joint.states), None)
                 continue
             self.known.note(found.nodes, paid, self.search.stop)
@@ -382,6 +387,18 @@ class _Envelopes:
             np.flatnonzero(part & (own <= most)) for part, own in zip(parts, slack, strict=True)
         ]
 
+    def _few_nodes(self, states: int) -> int:
+        """Returns the nodes of a search among so many states that is worth a try."""
+        parameters = self._parameters
+        work = parameters.few_work if compiled_search.is_there() else parameters.few_plain_work
+        return min(parameters.few_nodes, work // max(states, 1))
+
+    def _many_nodes(self) -> int:
+        """Returns the nodes of a search that should end."""
+        parameters = self._parameters
+        is_compiled = compiled_search.is_there()
+        return parameters.many_nodes if is_compiled else parameters.many_plain_nodes
+
     def _adopt(
         self, bundle: PaymentBundle, payments: FloatArray, heights: dict[int, float]
     ) -> bool:
@@ -419,14 +436,3 @@ def _lowered(narrowing: Narrowing, claim: StepConstant) -> Narrowing:
     It leaves as much room for rounding as a checker does, who searches among fewer.
     """
     return narrowing.lowered(narrowing.joint_states(claim.t, claim.constant), claim.constant)
-
-
-def _few_nodes(states: int) -> int:
-    """Returns the nodes of a search among so many states that is worth a try."""
-    work = FEW_WORK if compiled_search.is_there() else FEW_PLAIN_WORK
-    return min(FEW_NODES, work // max(states, 1))
-
-
-def _many_nodes() -> int:
-    """Returns the nodes of a search that should end."""
-    return MANY_NODES if compiled_search.is_there() else MANY_PLAIN_NODES

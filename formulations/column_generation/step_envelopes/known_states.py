@@ -7,6 +7,7 @@ import numpy as np
 
 from cocap_opt.formulations.certificates.staged import JointStates, compiled_search
 from cocap_opt.formulations.certificates.staged.search import plain_nodes
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS, JointSearchParameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.step_envelopes.joint_ascent import (
     ascended,
@@ -15,9 +16,6 @@ from cocap_opt.formulations.column_generation.step_envelopes.joint_ascent import
 )
 from cocap_opt.model import Path
 from cocap_opt.stop import Stop
-
-KNOWN_STARTS, RANDOM_STARTS = 6, 3  # of local searches of one step
-HIGHEST_STARTS, MANY_RANDOM_STARTS = 4, 10  # where they are compiled
 
 JointKey = tuple[tuple[int, int], ...]  # class and state number of each robot, sorted
 
@@ -29,20 +27,28 @@ class Known:
     Attributes
     ----------
     rng : of local searches
+    parameters : how many local searches there are
     paths : class numbers and paths
     is_thorough : true once a search has been long: then local search is compiled, too, which takes
         some seconds on a machine the first time, and begins at more joint states
     """
 
     rng: np.random.Generator
+    parameters: JointSearchParameters = DEFAULTS.joint_search
     paths: dict[tuple[int, Path], None] = field(default_factory=dict)
     is_thorough: bool = False
     _joint: dict[int, dict[JointKey, None]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, incumbent: Incumbent, steps: Iterable[int], rng: np.random.Generator) -> "Known":
+    def of(
+        cls,
+        incumbent: Incumbent,
+        steps: Iterable[int],
+        rng: np.random.Generator,
+        parameters: JointSearchParameters = DEFAULTS.joint_search,
+    ) -> "Known":
         """Returns the paths and the joint states of a plan."""
-        known = cls(rng)
+        known = cls(rng, parameters)
         known.add_plan(incumbent, steps)
         return known
 
@@ -91,11 +97,15 @@ class Known:
         """Returns joint states that count and that no robot can raise alone."""
         robots, known = sum(joint.sizes), self.at(joint)
         self.rng.shuffle(known)
-        starts: list[Sequence[int]] = [*known[:KNOWN_STARTS]]
+        starts: list[Sequence[int]] = [*known[: self.parameters.known_starts]]
         if self.is_thorough and known:
             highest = np.argsort(-heights(joint, np.array(known)), kind="stable")
-            starts = [known[k] for k in highest[:HIGHEST_STARTS]] + starts
-        for start in starts[: MANY_RANDOM_STARTS if self.is_thorough else RANDOM_STARTS]:
+            starts = [known[k] for k in highest[: self.parameters.highest_starts]] + starts
+        for start in starts[
+            : self.parameters.many_random_starts
+            if self.is_thorough
+            else self.parameters.random_starts
+        ]:
             changed = list(start)
             for k in self.rng.integers(robots, size=robots // 2 + 1).tolist():
                 own = joint.class_of[changed[k]]

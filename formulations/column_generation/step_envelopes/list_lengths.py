@@ -8,21 +8,7 @@ they are too short on the whole, or where a round has closed little.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-SLACK = 1.4  # of what is open per step: of states that are listed at first
-# States on the first lists: of all steps, and the least and the most of one. Hughes et al.'s
-# priority_speaker, 60 steps: 0.06 % are left after a minute; 0.24 % with 100 a step, all with 200.
-OF_ALL_STEPS, FEWEST_FIRST, MOST_FIRST = 4_000, 60, 200
-FEWEST, MOST = 30, 600  # at a step later: the search of fewer is short, of more hopeless
-MEAN = 0.6  # of the most on the first lists: with fewer on the mean, there is time for more slack
-# A search of so many nodes is long. The next list of its step is shorter, by this power of how many
-# times longer it was; one that has not ended counts as so many times.
-LONG_SEARCH, SHORTER, NOT_ENDED = 200_000, 0.2, 20.0
-# A search of this share of a long one's nodes is short: the next list may be longer by this factor.
-SHORT_SEARCH, LONGER = 0.1, 1.2
-# After a round that closes little: times as much slack, and times as many nodes of a long search,
-# as long as these are not more than any search of a step may take.
-MORE_SLACK, MORE_NODES, LONGEST_SEARCH = 1.5, 1.7, 2_000_000
-A_LITTLE_MORE_SLACK, MOST_SLACK = 1.15, 12.0  # times: where lists are too short, and at most
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS, ListParameters
 
 
 @dataclass
@@ -32,28 +18,36 @@ class ListLengths:
     Attributes
     ----------
     steps : number of steps that have a list
+    parameters : how long lists are
     widening : times as much slack as the first lists': that of the present ones
     long_search : number of nodes from which on a search is long
     """
 
     steps: int
+    parameters: ListParameters = DEFAULTS.lists
     widening: float = 1.0
-    long_search: float = LONG_SEARCH
     _bearable: dict[int, int] = field(default_factory=dict)  # states, of steps with long searches
+
+    def __post_init__(self) -> None:
+        """Begins with the long searches of the parameters."""
+        self.long_search = self.parameters.long_search
 
     @property
     def first(self) -> int:
         """The number of states that a step's first list has at most."""
-        return max(FEWEST_FIRST, min(OF_ALL_STEPS // self.steps, MOST_FIRST))
+        return max(
+            self.parameters.fewest_first,
+            min(self.parameters.of_all_steps // self.steps, self.parameters.most_first),
+        )
 
     @property
     def can_grow(self) -> bool:
         """True while searches may take longer than they do."""
-        return self.long_search <= LONGEST_SEARCH
+        return self.long_search <= self.parameters.longest_search
 
     def most(self, t: int) -> int:
         """Returns how many states the next list of step t has at most."""
-        return min(self._bearable.get(t, self.first), MOST)
+        return min(self._bearable.get(t, self.first), self.parameters.most)
 
     def slack(self, open_: float, count: Callable[[float], int]) -> float:
         """Returns the slack up to which states are listed, with more of it if lists are too short.
@@ -63,10 +57,12 @@ class ListLengths:
         open_ : what is open of the bound, in units of J
         count : returns the number of states up to a slack, at all steps
         """
-        per_step = SLACK * open_ / self.steps
-        enough = MEAN * self.first * self.steps
-        while self.widening < MOST_SLACK and count(per_step * self.widening) < enough:
-            self.widening *= A_LITTLE_MORE_SLACK
+        per_step = self.parameters.slack * open_ / self.steps
+        enough = self.parameters.mean * self.first * self.steps
+        while (
+            self.widening < self.parameters.most_slack and count(per_step * self.widening) < enough
+        ):
+            self.widening *= self.parameters.a_little_more_slack
         return per_step * self.widening
 
     def note(self, t: int, listed: int, nodes: int | None) -> None:
@@ -77,15 +73,17 @@ class ListLengths:
         listed : number of states on the list
         nodes : of the search; None if it has not ended
         """
-        work = NOT_ENDED if nodes is None else nodes / self.long_search
+        work = self.parameters.not_ended if nodes is None else nodes / self.long_search
         if work > 1:
-            self._bearable[t] = max(int(listed * work**-SHORTER), FEWEST)
-        elif work < SHORT_SEARCH:
-            self._bearable[t] = int(self.most(t) * LONGER)
+            self._bearable[t] = max(
+                int(listed * work**-self.parameters.shorter), self.parameters.fewest
+            )
+        elif work < self.parameters.short_search:
+            self._bearable[t] = int(self.most(t) * self.parameters.longer)
 
     def grow(self) -> None:
         """Makes all lists longer, and allows their searches to take longer."""
-        self.widening = min(MORE_SLACK * self.widening, MOST_SLACK)
-        self.long_search *= MORE_NODES
+        self.widening = min(self.parameters.more_slack * self.widening, self.parameters.most_slack)
+        self.long_search *= self.parameters.more_nodes
         for t, most in self._bearable.items():
-            self._bearable[t] = int(most * LONGER)
+            self._bearable[t] = int(most * self.parameters.longer)

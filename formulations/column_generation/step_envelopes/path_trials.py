@@ -18,22 +18,9 @@ from cocap_opt.formulations.certificates.staged import (
     compiled_search,
     may_be_used,
 )
+from cocap_opt.formulations.column_generation.parameters import TrialParameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.primal.recombination import LESS_ROOM
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.stop import Stop
-
-# Nodes of any trial, compiled or not: a tenth of a second. The bottleneck and the passage need
-# 16,000 before there are any stages.
-FEWEST_NODES, FEWEST_PLAIN_NODES = 100_000, 5_000
-# A trial that has failed is not made again until LESS_ROOM is open, or so much more allowed.
-MORE_NODES = 2.0
-SHARE_OF_NODES = 0.25  # of what stages took, that all trials may take: most of them are in vain
-# Of what is open, by which higher targets are above the best plan. Each of the later trials takes
-# about four times as many nodes as the one before (field, seed 1), and may take ten times as many.
-SHARES = (0.75, 0.5, 0.375, 0.25, 0.125, 0.0)
-NEXT_TIMES, MOST_NODES = 10, 300_000_000
-FIRST_TIMES = 10  # times the fewest nodes of a trial, that the first of these may take
 
 
 class Tried(NamedTuple):
@@ -71,10 +58,12 @@ class PathTrials:
         stages : how many there are
         nodes : that their searches took
         """
-        allowed = max(int(SHARE_OF_NODES * nodes) - self.nodes, _fewest_nodes(self.search.stop))
+        allowed = max(
+            int(self._parameters.share_of_nodes * nodes) - self.nodes, self._fewest_nodes()
+        )
         room = narrowing.room_above(self.search.value)
-        is_easier = room <= LESS_ROOM * self._failed_room
-        if not is_easier and allowed < MORE_NODES * self._failed_nodes:
+        is_easier = room <= self.search.parameters.recombination.less_room * self._failed_room
+        if not is_easier and allowed < self._parameters.more_nodes * self._failed_nodes:
             return False
         if self._has_ended(narrowing, 0.0, allowed, stages):
             return True
@@ -91,13 +80,15 @@ class PathTrials:
         narrowing, stages, nodes : as in `after_stages`
         report : tells what has been proved
         """
-        allowed = max(nodes, FIRST_TIMES * _fewest_nodes(self.search.stop))
-        for share in SHARES:
+        allowed = max(nodes, self._parameters.first_times * self._fewest_nodes())
+        for share in self._parameters.shares:
             before = self.nodes
-            if not self._has_ended(narrowing, share, min(allowed, MOST_NODES), stages):
+            if not self._has_ended(
+                narrowing, share, min(allowed, self._parameters.most_nodes), stages
+            ):
                 return
             report()
-            allowed = max(allowed, NEXT_TIMES * (self.nodes - before))
+            allowed = max(allowed, self._parameters.next_times * (self.nodes - before))
 
     def _has_ended(self, narrowing: Narrowing, share: float, most_nodes: int, stages: int) -> bool:
         """Tries the plans above a target; returns False if these are too many.
@@ -124,7 +115,11 @@ class PathTrials:
             self.best = tried
         return True
 
+    @property
+    def _parameters(self) -> TrialParameters:
+        return self.search.parameters.trials
 
-def _fewest_nodes(stop: Stop) -> int:
-    """Returns how many nodes any trial may take."""
-    return FEWEST_NODES if compiled_search.is_fast(stop) else FEWEST_PLAIN_NODES
+    def _fewest_nodes(self) -> int:
+        """Returns how many nodes any trial may take."""
+        few, plain = self._parameters.fewest_nodes, self._parameters.fewest_plain_nodes
+        return few if compiled_search.is_fast(self.search.stop) else plain

@@ -15,6 +15,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates.format import StepPrices
 from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
 from cocap_opt.formulations.column_generation.master.columns import Arc
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS, BundleParameters
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.column_generation.step_envelopes.step_master import (
     Centre,
@@ -30,14 +31,7 @@ from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Path
 from cocap_opt.stop import Stop
 
-MOST_ITERATIONS = 60
-MOST_LISTED_ITERATIONS = 14  # where the next round has better lists
-CONVERGED = 0.02  # of what is open: less is not worth another iteration
-SERIOUS, GOOD = 0.1, 0.3  # of what the master promises: for a new centre, and for a longer step
-FIRST_WEIGHT = 5.0  # of the distance to the centre at first, over the mean payment
 CLEARLY = 1e-9  # of the bound, by which a height is above a constant
-MOST_HEIGHTS = 30  # joint states of a step in the master: the highest at the centre, and as many
-# of the latest payments
 
 
 class _Judged(NamedTuple):
@@ -72,7 +66,9 @@ class PaymentBundle:
         joints: dict[int, JointStates],
         ceilings: Mapping[int, float],
         stop: Stop,
+        parameters: BundleParameters = DEFAULTS.bundle,
     ) -> None:
+        self._parameters = parameters
         self._narrowing, self._known, self.joints = narrowing, known, joints
         self._ceilings = ceilings
         self._model, self._stop = narrowing.model, stop
@@ -107,7 +103,7 @@ class PaymentBundle:
         self._best, self._payments = np.inf, self.centre
         self.constants: Mapping[int, float] = {}
         self.flow: dict[Arc, float] = {}
-        self._weight = FIRST_WEIGHT / max(float(np.abs(self.centre).mean()), 1e-9)
+        self._weight = self._parameters.first_weight / max(float(np.abs(self.centre).mean()), 1e-9)
         for t, joint in joints.items():
             for positions in known.at(joint) or known.ascended(joint):
                 self.remember(t, positions)
@@ -136,7 +132,11 @@ class PaymentBundle:
         """
         open_ = self._narrowing.bound - cutoff()
         latest = self._payments
-        for iteration in range(MOST_LISTED_ITERATIONS if self.has_lists else MOST_ITERATIONS):
+        for iteration in range(
+            self._parameters.most_listed_iterations
+            if self.has_lists
+            else self._parameters.most_iterations
+        ):
             self._stop.check()
             arcs, heights = self._arcs(), self._heights(self._payments, latest)
             if {height.t for height in heights} != set(self.joints):
@@ -153,14 +153,16 @@ class PaymentBundle:
             promised = self._best - solved.value - self.rest
             gained = self._best - value
             if gained > CLEARLY * abs(value) and (
-                promised == np.inf or gained >= SERIOUS * promised
+                promised == np.inf or gained >= self._parameters.serious * promised
             ):
-                self._weight /= 3 if promised < np.inf and gained > GOOD * promised else 1
+                self._weight /= (
+                    3 if promised < np.inf and gained > self._parameters.good * promised else 1
+                )
                 self._best, self._payments = value, solved.payments
                 self.constants = constants
             elif gained < -promised or iteration % 4 == 3:
                 self._weight *= 1.5
-            least_gain = CONVERGED * open_
+            least_gain = self._parameters.converged * open_
             if not new or self._best - cutoff() < least_gain:
                 break
             if self._best - solved.value - self.rest < least_gain:
@@ -285,7 +287,9 @@ class PaymentBundle:
             highest: set[int] = set()
             for paid in payments if every else ():
                 heights = worth - paid[at].sum(axis=1)
-                highest.update(np.argsort(-heights, kind="stable")[:MOST_HEIGHTS].tolist())
+                highest.update(
+                    np.argsort(-heights, kind="stable")[: self._parameters.most_heights].tolist()
+                )
             chosen += [KnownHeight(t, *every[k]) for k in sorted(highest)]
         return chosen
 

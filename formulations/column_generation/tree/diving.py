@@ -16,17 +16,10 @@ from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.stop import LimitReached
 
-NEARLY = 0.75  # fraction of a robot from which on a state is decided
-SHARE = 0.15  # of the undecided states, at least, that are decided in a round
-MOST_ROUNDS = 40
-PRICINGS = 2  # in each round
-RESPONSES = 10  # iterations' worth of best responses, for the plan that it ends with
-TOLERANCE = 1e-3  # amounts nearer than this to an integer count as integral
-
 
 def dive(search: Search, master: Master, solution: Solution) -> Incumbent | None:
     """Returns a plan found by diving from a mixture; None if it ends in conflicts or is stopped."""
-    search.allow_responses(RESPONSES)
+    search.allow_responses(search.parameters.tree.dive_responses)
     try:
         master, solution = _dived(search, master, solution)
     except LimitReached:
@@ -47,7 +40,7 @@ def _dived(search: Search, master: Master, solution: Solution) -> tuple[Master, 
     """
     decisions = master.decisions
     taken: set[Resource] = set()
-    for _ in range(MOST_ROUNDS):
+    for _ in range(search.parameters.tree.most_dive_rounds):
         search.stop.check()
         new = _nearly_decided(search, solution.mixture, taken)
         if not new:
@@ -72,27 +65,38 @@ def _nearly_decided(search: Search, mixture: Mixture, taken: set[Resource]) -> d
     open_ = {
         resource: amount
         for resource, amount in states.items()
-        if resource not in taken and amount - math.floor(amount + TOLERANCE) > TOLERANCE
+        if resource not in taken
+        and amount - math.floor(amount + search.parameters.tree.dive_tolerance)
+        > search.parameters.tree.dive_tolerance
     }
     ranked = sorted(open_, key=lambda r: (-(open_[r] % 1), r.t, repr(r)))
-    least = max(1, round(SHARE * len(search.model.problem.robots) * search.model.problem.horizon))
+    least = max(
+        1,
+        round(
+            search.parameters.tree.dive_share
+            * len(search.model.problem.robots)
+            * search.model.problem.horizon
+        ),
+    )
     chosen: dict[Resource, int] = {}
     steps: set[int] = set()
     for resource in ranked:
         fraction = open_[resource] % 1
-        if fraction < NEARLY and (len(chosen) >= least or resource.t in steps):
+        if fraction < search.parameters.tree.dive_nearly and (
+            len(chosen) >= least or resource.t in steps
+        ):
             continue
         if fraction < 0.5 and chosen:
             break
         steps.add(resource.t)
-        chosen[resource] = math.floor(open_[resource] + TOLERANCE) + 1
+        chosen[resource] = math.floor(open_[resource] + search.parameters.tree.dive_tolerance) + 1
     return chosen
 
 
 def _priced_again(search: Search, master: Master) -> Solution:
     """Solves a master in turn with some rounds of pricing."""
     solution = master.solve(search.stop)
-    for _ in range(PRICINGS):
+    for _ in range(search.parameters.tree.dive_pricings):
         priced = search.pricer(solution.duals, master.decisions)
         new = [master.add(column) for column in priced.columns]
         if not any(new):

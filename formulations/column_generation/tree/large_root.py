@@ -15,36 +15,20 @@ import numpy as np
 from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.pricing import Priced
+from cocap_opt.formulations.column_generation.parameters import LargeRootParameters
 from cocap_opt.formulations.column_generation.primal.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree.ruled_ascent import RuledAscent
-from cocap_opt.model import Model, Path
-
-# Robots times steps, from which on masters take too long: one of field-large's 64 drones and 40
-# steps takes six to eight seconds, and gains next to nothing.
-MANY_ROBOT_STEPS = 1500
-# Of the ascent before there is any plan: as many as new rows need to become worth their cost, and
-# no more than leave time for plans where bound and mixture do not come near.
-FIRST_STEPS, MOST_FIRST_STEPS = 20, 80
-STEPS = 5  # of the ascent in a turn, to settle after new rows and cuts
-TURNS_PER_CUTS = 3  # of the ascent: cuts take as long as several turns, and need some to settle
-# Of the bound: cuts are looked for once bound and mixture are nearer. Further off, a mixture breaks
-# cuts that the next one does not.
-NEARLY = 0.004
-MOVES = 250  # of the plan in a turn; all three kinds take about as long then
-PATIENCE = 1.2  # times its last gain: what is expected of a kind of work after each turn of others
-# Of what is open, that a turn must gain for more of its kind. It is also what is expected at least
-# of a kind that gained nothing, so that each has another turn before all end.
-LEAST_GAIN = 5e-4
+from cocap_opt.model import Path
 
 
-def is_large(model: Model) -> bool:
-    """Returns True if masters of a model would take too long."""
-    problem = model.problem
+def is_large(search: Search) -> bool:
+    """Returns True if masters of the search's model would take too long."""
+    problem = search.model.problem
     return (
         len(problem.robots) > 1
-        and len(problem.robots) * problem.horizon >= MANY_ROBOT_STEPS
+        and len(problem.robots) * problem.horizon >= search.parameters.large_root.many_robot_steps
         and not problem.objective.over_time
     )
 
@@ -68,6 +52,10 @@ class LargeRoot:
         """Returns the root with the mixture and the bound of a first ascent."""
         return cls(search, RuledAscent(search, mixture, best))
 
+    @property
+    def _parameters(self) -> LargeRootParameters:
+        return self.search.parameters.large_root
+
     def begin(self) -> None:
         """Raises the mixture until it nearly obeys the rules.
 
@@ -77,10 +65,10 @@ class LargeRoot:
             At a limit; the plan that the mixture gives so far is offered.
         """
         with self.search.rounding_at_a_limit(lambda: self.ascent.mixture):
-            self._steps(FIRST_STEPS)
+            self._steps(self._parameters.first_steps)
             # Rows that come in at first cost more than they should: no bound is the best for a
             # while.
-            for _ in range(FIRST_STEPS, MOST_FIRST_STEPS):
+            for _ in range(self._parameters.first_steps, self._parameters.most_first_steps):
                 if self._is_near():
                     break
                 self._steps(1)
@@ -95,28 +83,28 @@ class LargeRoot:
         kinds = (self._ascend, self._rearrange, self._respond)
         last, hopes = [np.inf] * len(kinds), [np.inf] * len(kinds)
         open_ = self.ascent.best.bound - cutoff()
-        while open_ > 0 and max(last) > LEAST_GAIN * open_:
+        while open_ > 0 and max(last) > self._parameters.least_gain * open_:
             turn = int(np.argmax(hopes))
             kinds[turn]()
             before, open_ = open_, self.ascent.best.bound - cutoff()
             last[turn] = before - open_
-            hopes = [hope * PATIENCE for hope in hopes]
-            hopes[turn] = max(last[turn], LEAST_GAIN * open_)
+            hopes = [hope * self._parameters.patience for hope in hopes]
+            hopes[turn] = max(last[turn], self._parameters.least_gain * open_)
 
     def _tell(self) -> None:
         self.search.report(self.search.snapshot(self.ascent.best.bound))
 
     def _ascend(self) -> None:
         """Raises the mixture, with new cuts if it is near the bound."""
-        if self._is_near() and self._turns % TURNS_PER_CUTS == 0:
+        if self._is_near() and self._turns % self._parameters.turns_per_cuts == 0:
             self.ascent.add_cuts()
         self._turns += self._is_near()
-        self._steps(STEPS)
+        self._steps(self._parameters.steps)
 
     def _is_near(self) -> bool:
         """Returns True if bound and mixture are near enough for cuts."""
         bound = self.ascent.best.bound
-        return bound - self.ascent.value <= NEARLY * bound
+        return bound - self.ascent.value <= self._parameters.nearly * bound
 
     def _steps(self, count: int) -> None:
         for _ in range(count):
@@ -131,9 +119,16 @@ class LargeRoot:
             return
         columns = {**self.ascent.columns, **self.found}
         search = self.search
-        arcs = ArcSearch(search.model, plan, columns.values(), search.stop, search.report_again)
+        arcs = ArcSearch(
+            search.model,
+            plan,
+            columns.values(),
+            search.stop,
+            search.report_again,
+            search.parameters.arc_search,
+        )
         try:
-            arcs.search(MOVES, search.rng)
+            arcs.search(self._parameters.moves, search.rng)
         finally:
             self._take(arcs.plan())
 

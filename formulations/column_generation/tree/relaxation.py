@@ -16,24 +16,9 @@ from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.master import BEST_ACCURACY, Master, Solution
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.pricing import Priced
+from cocap_opt.formulations.column_generation.parameters import RelaxationParameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.separation import loose_view_sums
-
-ACCURACY = 2e-7  # of the bound: where bound and master agree to this, they have converged
-WORST_ACCURACY = 1e-5  # of the master
-BROKEN = 1e-6  # uses of a resource in excess of the rule that are left alone
-LEAST_CUT = 2e-6  # of the bound: what an envelope cut must cut off
-MOST_CUT_ROUNDS = 20
-MOST_CUTS = 300  # in a round, those that can cut off most
-# Of what is open to the cutoff: once bound and master are nearer, cuts are looked for. With it
-# field-long, seed 0, is at 1.70 % after 25 s of processor time, and at 2.8 % if cuts have to wait.
-EARLY = 0.1
-TAIL = 1e-5  # of the bound: what a round of cuts must gain for another one
-TAIL_OPEN = 0.05  # of what is open to the cutoff, likewise
-MOST_PENALTY_RAISES = 8
-SMOOTHING = (0.25, 0.5, 0.75)  # shares of the master's multipliers; the best ones have the rest
-LEAST_RESPONSES = 2  # for each robot, that must be allowed for plans to be looked for
-MOST_IDLE = 12  # solves after which an unused column is dropped
 
 
 class _Iteration(NamedTuple):
@@ -73,7 +58,7 @@ class Relaxation:
         rough: float = 0.0,
         others: float = -np.inf,
         nodes: int = 0,
-        rounds: int = MOST_CUT_ROUNDS,
+        rounds: int | None = None,
         until_cuts: bool = False,
     ) -> None:
         """Solves and prices in turn until the bound is at most the cutoff, or has converged.
@@ -84,7 +69,7 @@ class Relaxation:
         rough : share of what is open to the cutoff that convergence may leave
         others, nodes : largest bound of the other nodes and how many have been solved, for
             the report
-        rounds : most rounds of cuts
+        rounds : most rounds of cuts; None: as the parameters say
         until_cuts : return where cuts would be looked for
 
         Raises
@@ -93,24 +78,27 @@ class Relaxation:
             At a limit; `best` is then the best bound so far.
         """
         search, before = self.search, np.inf
+        most_rounds = self._parameters.most_cut_rounds if rounds is None else rounds
         self.is_stuck = False
         while (open_ := self.best.bound - cutoff()) > 0:
             search.stop.begin_work()
             search.allow_responses()
-            wanted = max(ACCURACY * abs(self.best.bound), rough * open_)
+            wanted = max(self._parameters.accuracy * abs(self.best.bound), rough * open_)
             iteration = self._iterate(wanted)
             solution = iteration.solution
             search.report(search.snapshot(max(self.best.bound, others), nodes))
-            may_cut = self.cut_rounds < rounds and not self.cuts_end
-            if self._enlarge_master(iteration, max(wanted, EARLY * open_) if may_cut else wanted):
+            may_cut = self.cut_rounds < most_rounds and not self.cuts_end
+            if self._enlarge_master(
+                iteration, max(wanted, self._parameters.early * open_) if may_cut else wanted
+            ):
                 continue
             if not solution.is_solved and not iteration.improves:
                 search.stop.check()  # a limit ends solves of the master, too
                 self.is_stuck = True
                 return
-            if solution.slack > BROKEN * 10:
+            if solution.slack > self._parameters.broken * 10:
                 # Rows are still paid for: either there is no plan or the penalty is too low.
-                if self.raises == MOST_PENALTY_RAISES:
+                if self.raises == self._parameters.most_penalty_raises:
                     self.is_stuck = True
                     return
                 self._raise_penalty()
@@ -124,6 +112,10 @@ class Relaxation:
             self._add_columns(iteration.columns)
             self._improve_plans()
 
+    @property
+    def _parameters(self) -> RelaxationParameters:
+        return self.search.parameters.relaxation
+
     def certificate(self, method: str) -> CertificateFile:
         """Returns the certificate of the best bound so far, without decisions, and whose it is."""
         model = self.search.model
@@ -133,13 +125,15 @@ class Relaxation:
         """Solves the master, prices its multipliers and some between them and the best so far."""
         search, best = self.search, self.best
         self.iterations += 1
-        accuracy = min(max(wanted / 10 / search.scale, BEST_ACCURACY), WORST_ACCURACY)
+        accuracy = min(
+            max(wanted / 10 / search.scale, BEST_ACCURACY), self._parameters.worst_accuracy
+        )
         solution = self.solution = self.master.solve(search.stop, accuracy)
         priced = search.pricer(solution.duals, self.decisions)
         # Some way to the best multipliers so far (Wentges 1997): they oscillate less.
         between = [
             search.pricer(solution.duals.blended(best.duals, share), self.decisions)
-            for share in SMOOTHING
+            for share in self._parameters.smoothing
         ]
         self.best = min(best, priced, *between, key=lambda some: some.bound)
         columns = [column for some in (priced, *between) for column in some.columns]
@@ -148,7 +142,9 @@ class Relaxation:
     def _improve_plans(self) -> None:
         """Looks for plans in the mixture after cut rounds 1, 2, 4, ..; between them, perturbs."""
         search, rounds = self.search, self.cut_rounds
-        if search.allowance.left < LEAST_RESPONSES * len(search.model.problem.robots):
+        if search.allowance.left < self._parameters.least_responses * len(
+            search.model.problem.robots
+        ):
             return
         if rounds & (rounds - 1) == 0:
             self.look_for_plans()
@@ -182,13 +178,13 @@ class Relaxation:
 
     def _add_rows(self, mixture: Mixture) -> int:
         """Adds the conflict rows that the mixture breaks, and returns how many."""
-        broken = mixture.violated_rows(self.search.model, BROKEN)
+        broken = mixture.violated_rows(self.search.model, self._parameters.broken)
         return sum(self.master.add_row(resource) for resource in broken)
 
     def _add_columns(self, columns: Sequence[Column]) -> int:
         """Adds columns, and returns how many are new; those long idle are dropped."""
         # The longer it takes, the longer arcs are kept: else the same ones come and go.
-        self.master.drop_idle(MOST_IDLE + self.iterations // 8)
+        self.master.drop_idle(self._parameters.most_idle + self.iterations // 8)
         added = sum(self.master.add(column) for column in columns)
         self.search.columns += added
         return added
@@ -200,7 +196,9 @@ class Relaxation:
     def _is_tailing(self, gain: float, open_: float) -> bool:
         """Returns True if the last round of cuts gained too little for another one."""
         bound = abs(self.best.bound)
-        return gain < max(TAIL * bound, TAIL_OPEN * min(open_, bound))
+        return gain < max(
+            self._parameters.tail * bound, self._parameters.tail_open * min(open_, bound)
+        )
 
     def _add_cuts(self, solution: Solution) -> bool:
         """Adds the envelope cuts that the mixture breaks most; returns False if there are none.
@@ -216,9 +214,9 @@ class Relaxation:
         self.master.drop_cuts(solution.duals)
         loose = loose_view_sums(
             solution.mixture.seen(), self.master.cuts, search.weights, search.model.class_sizes,
-            LEAST_CUT * abs(self.best.bound), search.stop,
+            self._parameters.least_cut * abs(self.best.bound), search.stop,
         )  # fmt: skip
-        for one in loose[:MOST_CUTS]:
+        for one in loose[: self._parameters.most_cuts]:
             search.stop.check()
             search.report_again()
             cut = one.seen.best_cut(

@@ -9,27 +9,11 @@ from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.column_generation.master.master import Master
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.mixture_ascent import mixture_ascent
+from cocap_opt.formulations.column_generation.parameters import RootParameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
 from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot, is_large
-from cocap_opt.formulations.column_generation.tree.relaxation import MOST_IDLE, Relaxation
-
-ENOUGH = 0.003  # of the bound, to which the first mixture is raised
-ENOUGH_LARGE = 0.015  # likewise, where rules come in before there is any master
-MOST_RAISES = 80
-LEAST_AMOUNT = 0.01  # of a robot, from which on a column is in the first master
-MOST_DISAGGREGATED = 20_000_000  # robots x steps x states up to which robots are disaggregated
-LEAST_GAIN = 0.12  # of what is open, that the first cuts of disaggregated robots must close,
-# times by how much they make the master larger
-# Joint states of all steps, up to which step envelopes have stages before any cuts; of more, only
-# paths are tried then. Stages took half of the time of cuts on the bottleneck, which has fewer.
-FEW_JOINT_STATES = 2e7
-LAST_LOOK = 10  # iterations' worth of best responses, for plans once the root is solved
-# As many where the root is far from proved: fixing needs a good plan. Fewer than so many robots
-# have few pairings, which are soon found (Hughes et al.'s heavy_mixing: 12 of 60 s saved).
-LAST_LOOK_FAR, MANY_PAIRINGS = 35, 5
-FAR = 0.003  # gap that no tree closes soon: any gain is welcome, if it is more than
-LEAST_GAIN_FAR = 0.02  # of what is open
+from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 
 
 @dataclass
@@ -59,6 +43,10 @@ class Root:
         """The search of the relaxation, whose model has the same robot classes."""
         return self.relaxation.search
 
+    @property
+    def _parameters(self) -> RootParameters:
+        return self.search.parameters.root
+
     def cutoff(self) -> float:
         """Returns the bound at which nothing is open."""
         return self.search.cutoff(self.gap)
@@ -71,13 +59,13 @@ class Root:
         by_cuts_only : do not try paths or step envelopes before there are cuts
         """
         if self.relaxation.best.bound > -np.inf:
-            if is_large(self.search.model):
+            if is_large(self.search):
                 self._solve_large()
             else:
-                self._begin(self._ascend(ENOUGH))
+                self._begin(self._ascend(self._parameters.enough))
                 if not by_cuts_only:
                     self.relaxation.solve(self.cutoff, self.rough, until_cuts=True)
-                    self._try_step_envelopes(FEW_JOINT_STATES)
+                    self._try_step_envelopes(self._parameters.few_joint_states)
                     if self.search.is_proved(self.cutoff()):
                         return
             self.relaxation.solve(self.cutoff, self.rough)
@@ -91,10 +79,12 @@ class Root:
             At a limit; the plan that the mixture gives so far is offered.
         """
         search, relaxation = self.search, self.relaxation
-        steps = mixture_ascent(search.model, search.pricer, relaxation.best, search.stop)
+        steps = mixture_ascent(
+            search.model, search.pricer, relaxation.best, search.stop, search.parameters.ascent
+        )
         mixture = Mixture([], np.zeros(0))
         with search.rounding_at_a_limit(lambda: mixture):
-            for step in islice(steps, MOST_RAISES):
+            for step in islice(steps, self._parameters.most_raises):
                 mixture = step.mixture
                 relaxation.best = min(relaxation.best, step.priced, key=lambda some: some.bound)
                 search.report(search.snapshot(relaxation.best.bound))
@@ -105,7 +95,9 @@ class Root:
     def _begin(self, mixture: Mixture) -> None:
         """Puts a mixture's columns and the best plan found from it into the master."""
         search, master = self.search, self.relaxation.master
-        search.columns += sum(master.add(column) for column, _ in mixture.used(LEAST_AMOUNT))
+        search.columns += sum(
+            master.add(column) for column, _ in mixture.used(self._parameters.least_amount)
+        )
         search.look_for_plans(mixture, master.arcs)
         search.report(search.snapshot(self.relaxation.best.bound))
         for column in () if search.incumbent is None else search.incumbent.columns:
@@ -114,7 +106,9 @@ class Root:
     def _solve_large(self) -> None:
         """Lowers the bound and looks for plans without masters; raises LimitReached."""
         relaxation = self.relaxation
-        large = LargeRoot.of(self.search, self._ascend(ENOUGH_LARGE), relaxation.best)
+        large = LargeRoot.of(
+            self.search, self._ascend(self._parameters.enough_large), relaxation.best
+        )
         if self._is_closed():
             return
         try:
@@ -123,7 +117,7 @@ class Root:
             large.solve(self.cutoff)
         finally:
             relaxation.best = large.ascent.best
-        columns = (column for column, _ in large.ascent.mixture.used(LEAST_AMOUNT))
+        columns = (column for column, _ in large.ascent.mixture.used(self._parameters.least_amount))
         relaxation.master.add_all(columns, large.ascent.rows, large.ascent.cuts)
 
     def solve(self) -> None:
@@ -140,8 +134,12 @@ class Root:
         self.solve_aggregated()
         if self.relaxation.is_stuck or self._is_closed():
             return
-        many = len(self.search.model.problem.robots) >= MANY_PAIRINGS
-        self.search.allow_responses(LAST_LOOK_FAR if many and self._is_far() else LAST_LOOK)
+        many = len(self.search.model.problem.robots) >= self._parameters.many_pairings
+        self.search.allow_responses(
+            self._parameters.last_look_far
+            if many and self._is_far()
+            else self._parameters.last_look
+        )
         self.relaxation.look_for_plans()
         self._try_step_envelopes()
         if self.search.is_proved(self.cutoff()) or not self._can_disaggregate():
@@ -165,7 +163,9 @@ class Root:
     def _try_step_envelopes(self, most_joint: float = np.inf) -> None:
         """Looks for a lower bound by step envelopes, unless too many joint states are left."""
         if not self.relaxation.is_stuck and not self._is_closed():
-            columns = self.relaxation.master.used_columns(MOST_IDLE)
+            columns = self.relaxation.master.used_columns(
+                self.search.parameters.relaxation.most_idle
+            )
             duals = self.relaxation.best.duals
             step_envelopes(self.search, duals, self.cutoff, columns, most_joint)
 
@@ -177,7 +177,7 @@ class Root:
     def _is_far(self) -> bool:
         """Returns True if the root leaves more open than a tree closes soon."""
         bound = self.relaxation.best.bound
-        return bound - self.cutoff() >= FAR * bound
+        return bound - self.cutoff() >= self._parameters.far * bound
 
     def _can_disaggregate(self) -> bool:
         """Returns True if the root is still open, and its robots can be disaggregated."""
@@ -187,7 +187,7 @@ class Root:
             self.relaxation.best.bound > self.cutoff()
             and self.search.incumbent is not None
             and len(model.classes) < len(model.problem.robots)
-            and states * (model.problem.horizon + 1) <= MOST_DISAGGREGATED
+            and states * (model.problem.horizon + 1) <= self._parameters.most_disaggregated
         )
 
     def _gains_enough(self, aggregated: Relaxation) -> bool:
@@ -195,7 +195,11 @@ class Root:
         before = aggregated.best.bound
         open_ = before - self.cutoff()
         larger = len(self.relaxation.master.arcs) / len(aggregated.master.arcs)
-        share = LEAST_GAIN * larger if open_ < FAR * before else LEAST_GAIN_FAR
+        share = (
+            self._parameters.least_gain * larger
+            if open_ < self._parameters.far * before
+            else self._parameters.least_gain_far
+        )
         return before - self.relaxation.best.bound >= share * open_
 
 

@@ -22,33 +22,18 @@ from cocap_opt.formulations.column_generation.master.coefficients import Coeffic
 from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.mixture_ascent import (
-    ROUGH,
     SHARPNESS,
     MixtureProgram,
     joined,
     raised,
 )
 from cocap_opt.formulations.column_generation.master.pricing import Priced
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS, RuledAscentParameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.relaxations.separation import Seen, loose_view_sums
 from cocap_opt.model import Model, Path
 
-# Of a robot, below which a column is dropped, and a cut of so small a share of its root. Each makes
-# all products of matrices longer; pricing finds again what is missed.
-LEAST_AMOUNT = 1e-3
-BROKEN = 1e-3  # uses of a resource in excess of the rule that are left alone, as rough as the steps
-# Charge of one robot too many at first, in units of the reward of a robot at a step: it is a part
-# of what a conflict can bring, so that rows come to their price in some steps and do not swing.
-STEEPNESS = 0.2
-# Of a column's amount in a step, before the power: where charges have risen too far, a column must
-# not be lost before they have fallen.
-LEAST_FACTOR = 0.01
-LEAST_SHARE = 1e-9  # of the root's multiplier, from which on pixels have one of their own
-# Of the bound, that an envelope cut must cut off: half of what masters ask for, as it costs less.
-LEAST_CUT = 1e-6
-MOST_CUTS = 1500  # in a round, those that can cut off most: a round must not take minutes
-AGAIN = 1.5  # times as much as when none was found: then a cut of the view sum is looked for again
 _DARK = 1e-6  # px^0.5/m: a root below it is none, so that nothing is divided by it
 
 
@@ -74,8 +59,12 @@ class RuledAscent:
         self._shares = np.zeros(0)  # [cuts] of their roots
         self._in_vain: dict[int, float] = {}  # what could be cut off, by view sum without a cut
         horizon, robots = search.model.problem.horizon, len(search.model.problem.robots)
-        self._steepness = STEEPNESS * best.bound / (horizon * robots)
+        self._steepness = self._parameters.steepness * best.bound / (horizon * robots)
         self._add_columns()
+
+    @property
+    def _parameters(self) -> RuledAscentParameters:
+        return self._search.parameters.ruled_ascent
 
     def step(self) -> None:
         """Adds rows, raises the mixture, and prices its multipliers; raises LimitReached."""
@@ -85,18 +74,24 @@ class RuledAscent:
         program = _RuledProgram(
             base, self.cuts, self._charges, self._steepness,
             _cut_heights(base, mixture.columns, self.cuts),
-            _uses(search.model, mixture.columns, self.rows),
+            _uses(search.model, mixture.columns, self.rows), self._parameters.least_share,
         )  # fmt: skip
         open_ = self.best.bound - self.value if self.value > 0 else np.inf
         amounts = raised(
-            program.gradient, base.robots, mixture.amounts, ROUGH * open_, search.stop, LEAST_FACTOR
+            program.gradient,
+            base.robots,
+            mixture.amounts,
+            search.parameters.ascent.rough * open_,
+            search.stop,
+            self._parameters.least_factor,
+            search.parameters.ascent,
         )
         judged = program.judged(amounts)
         duals = judged.duals(self.rows, self.cuts)
         self.value, self._charges, self._shares = judged.value, judged.charges, judged.shares
         self._priced = search.pricer(duals)
         self.best = min(self.best, self._priced, key=lambda some: some.bound)
-        kept = np.flatnonzero(amounts > LEAST_AMOUNT)
+        kept = np.flatnonzero(amounts > self._parameters.least_amount)
         self.mixture = Mixture([mixture.columns[n] for n in kept.tolist()], amounts[kept])
         self._add_columns()
 
@@ -107,7 +102,7 @@ class RuledAscent:
 
     def _add_rows(self) -> None:
         """Adds the conflict rows that the mixture breaks."""
-        for resource in self.mixture.violated_rows(self._search.model, BROKEN):
+        for resource in self.mixture.violated_rows(self._search.model, self._parameters.broken):
             self.rows.setdefault(resource, len(self.rows))
         new = len(self.rows) - len(self._charges)
         self._charges = np.append(self._charges, np.zeros(new))
@@ -125,20 +120,28 @@ class RuledAscent:
             Between two cuts.
         """
         search = self._search
-        self.cuts = [self.cuts[k] for k in np.flatnonzero(self._shares > LEAST_AMOUNT).tolist()]
+        self.cuts = [
+            self.cuts[k]
+            for k in np.flatnonzero(self._shares > self._parameters.least_amount).tolist()
+        ]
         added = []
         loose = loose_view_sums(
             self._seen_by_equals(), self.cuts, search.weights, search.model.class_sizes,
-            LEAST_CUT * abs(self.best.bound), search.stop,
+            self._parameters.least_cut * abs(self.best.bound), search.stop,
         )  # fmt: skip
-        loose = [one for one in loose if one.most >= AGAIN * self._in_vain.get(one.view_sum, 0.0)]
-        for one in loose[:MOST_CUTS]:
+        loose = [
+            one
+            for one in loose
+            if one.most >= self._parameters.again * self._in_vain.get(one.view_sum, 0.0)
+        ]
+        for one in loose[: self._parameters.most_cuts]:
             search.stop.check()
             search.report_again()
             number = int(one.seen.classes[0])
             cut = alike_cut(
                 one.view_sum, one.seen, float(search.largest[number, one.view_sum]),
                 search.model.class_sizes[number], one.height, one.least,
+                search.parameters.alike_cuts,
             )  # fmt: skip
             if cut is None:
                 self._in_vain[one.view_sum] = one.most
@@ -188,14 +191,16 @@ class _RuledProgram:
     steepness : by how much they rise with each robot too many
     heights : [n, cuts] by how much a column raises the heights of cuts
     uses : [n, rows] of resources by columns
+    least_share : of a root's multiplier, from which on pixels have one of their own
     """
 
     def __init__(
         self, base: MixtureProgram, cuts: Sequence[Cut], charges: FloatArray, steepness: float,
         heights: sparse.csr_array, uses: sparse.csr_array,
+        least_share: float = DEFAULTS.ruled_ascent.least_share,
     ) -> None:  # fmt: skip
         self._base, self._heights, self._uses = base, heights, uses
-        self._charges, self._steepness = charges, steepness
+        self._charges, self._steepness, self._least_share = charges, steepness, least_share
         self._at = np.array([cut.view_sum for cut in cuts], dtype=np.int64)
         self._constants = np.array([cut.constant for cut in cuts])
 
@@ -217,7 +222,7 @@ class _RuledProgram:
         share = of_together / total
         # The rounding of what alpha leaves would outweigh so small a beta: it has none, and alpha
         # a little more than is left.
-        nearly = share < LEAST_SHARE
+        nearly = share < self._least_share
         alpha = np.where(seen, of_alone / total + np.where(nearly, share + 1e-12, 0.0), 1.0)
         beta = np.where(seen & ~nearly, share / (2 * np.maximum(together, _DARK)), 0.0)
         charges = self._charges + self._steepness * (amounts @ self._uses - 1)

@@ -22,10 +22,6 @@ from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.problem import COVERAGE_VERSION
 
-NEARLY_INTEGRAL = 1e-7  # amounts that count as integral where nothing else is left to branch on
-ROUGH = 0.1  # of what is open to the cutoff: less is not worth converging to before branching
-ROUGH_ROOT = 0.02  # likewise, at the root, whose bound holds for all
-
 
 class _Inheritance(NamedTuple):
     """Columns, rows and cuts that a node takes over from its parent's relaxation."""
@@ -84,7 +80,7 @@ class Tree:
 
     def solve_root(self) -> None:
         """Solves the root and opens it, at a limit with the bound so far; raises LimitReached."""
-        root = Root.of(self.search, self._gap, ROUGH_ROOT)
+        root = Root.of(self.search, self._gap, self.search.parameters.tree.rough_root)
         try:
             root.solve()
         finally:
@@ -111,7 +107,7 @@ class Tree:
             return relaxation
         relaxation, node.inherited = self._relaxation(node), None
         try:
-            self._converge(node, relaxation, ROUGH)
+            self._converge(node, relaxation, self.search.parameters.tree.rough)
         finally:
             node.is_solved, self._solved = True, self._solved + 1
             self._iterations += relaxation.iterations
@@ -152,7 +148,9 @@ class Tree:
         if not self._branch(node, relaxation, INTEGRAL):
             # Nothing is clearly fractional: the rest is a matter of accuracy.
             self._converge(node, relaxation, 0.0)
-            if not self.is_pruned(node) and not self._branch(node, relaxation, NEARLY_INTEGRAL):
+            if not self.is_pruned(node) and not self._branch(
+                node, relaxation, self.search.parameters.tree.nearly_integral
+            ):
                 self.has_stuck_leaf = True  # the node stays a leaf with the bound it has
 
     def _branch(self, node: _Node, relaxation: Relaxation, tolerance: float) -> bool:
