@@ -51,8 +51,8 @@ def show(
     --------
     >>> co.show(problem, greedy, best, certificate=best).save("plans.html")
     """
-    from cocap_opt.experiments.report.explaining import gaps_of
     from cocap_opt.player.player import Player
+    from cocap_opt.run.explained import gaps_of
 
     require_problem(problem)
     for n, given in enumerate(plans, 1):

@@ -139,7 +139,7 @@ def _render(
 
 def _gaps(problem: Problem, plans: Sequence[Plan], path: Path) -> list[Explanation]:
     """Returns what the gaps of plans are made of, by a certificate or a proof in a file."""
-    from cocap_opt.experiments.report.explaining import gaps_of
+    from cocap_opt.run.explained import gaps_of
 
     file = PlanReader(problem.name, problem).claim(path)
     if not isinstance(file, CertificateFile | ProofFile):

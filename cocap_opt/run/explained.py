@@ -10,13 +10,16 @@ from functools import cached_property
 import msgspec
 
 from cocap_opt.coordination.best_response import Replan, replans
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.explanation import Explanation, Kind, explain
-from cocap_opt.model import Model
+from cocap_opt.model import Model, compiled
 from cocap_opt.output.printing import Record
 from cocap_opt.problem import Cell, Plan, Problem
-from cocap_opt.run.verified import Verified
+from cocap_opt.referee import check
+from cocap_opt.run.verified import ProvedBound, Verified
 
+_MOST_STATES = 400_000  # whose coverage is computed for a scene, some seconds
 SHOWN = 5e-6  # of the bound; less is a dot in tables and not worth a sentence
 _PARTS: dict[str, tuple[Kind, ...]] = {
     "drones leave the best paths that it knows": ("path",),
@@ -146,3 +149,29 @@ class Explained:
         layers = len(self.problem.layers) > 1
         shown = [f"({c.x}, {c.y}, {c.layer})" if layers else f"({c.x}, {c.y})" for c in cells[:2]]
         return " ".join(shown) + (f" +{len(cells) - 2}" if len(cells) > 2 else "")
+
+
+def is_too_large(problem: Problem) -> bool:
+    """Returns True where an explanation would need the coverage of very many states."""
+    model = compiled(problem)
+    return sum(int(model.reachable(one).sum()) for one in model.classes) > _MOST_STATES
+
+
+def gaps_of(
+    problem: Problem, plans: Sequence[Plan], file: CertificateFile | ProofFile
+) -> list[Explanation]:
+    """Returns what the gaps of plans that can be flown are made of, the file being verified.
+
+    Raises
+    ------
+    CertificateError
+        If the file belongs to another problem, is not valid, or claims too low a bound.
+    ValueError
+        If it proves that there is no plan.
+    """
+    model, _, pricing, _ = ProvedBound.of(Model(problem, use_cache=False), file)
+    rewards = [check(problem, plan).reward for plan in plans]
+    return [
+        explain(model, plan, reward, file, pricing.bound)
+        for plan, reward in zip(plans, rewards, strict=True)
+    ]

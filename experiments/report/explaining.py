@@ -7,15 +7,12 @@ from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.experiments.tables.tables import Table
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
-from cocap_opt.formulations.explanation import Explanation, Kind, explain
-from cocap_opt.model import Model, compiled
+from cocap_opt.formulations.explanation import Kind, explain
+from cocap_opt.model import compiled
 from cocap_opt.output.files import PlanReader
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.referee import check
-from cocap_opt.run.explained import SHOWN, Explained
-from cocap_opt.run.verified import ProvedBound
+from cocap_opt.run.explained import SHOWN, Explained, is_too_large
 
-_MOST_STATES = 400_000  # whose coverage is computed for a scene, some seconds
 _PARTS: dict[str, tuple[Kind, ...]] = {
     "paths": ("path",),
     "faces": ("face",),
@@ -63,32 +60,6 @@ def explained_plans(
             raise FileError(f"{path}: {error}") from error
         found[row.planner] = Explained(model, plan, gap)
     return found
-
-
-def is_too_large(problem: Problem) -> bool:
-    """Returns True where an explanation would need the coverage of very many states."""
-    model = compiled(problem)
-    return sum(int(model.reachable(one).sum()) for one in model.classes) > _MOST_STATES
-
-
-def gaps_of(
-    problem: Problem, plans: Sequence[Plan], file: CertificateFile | ProofFile
-) -> list[Explanation]:
-    """Returns what the gaps of plans that can be flown are made of, the file being verified.
-
-    Raises
-    ------
-    CertificateError
-        If the file belongs to another problem, is not valid, or claims too low a bound.
-    ValueError
-        If it proves that there is no plan.
-    """
-    model, _, pricing, _ = ProvedBound.of(Model(problem, use_cache=False), file)
-    rewards = [check(problem, plan).reward for plan in plans]
-    return [
-        explain(model, plan, reward, file, pricing.bound)
-        for plan, reward in zip(plans, rewards, strict=True)
-    ]
 
 
 def parts_table(explained: Mapping[str, Explained]) -> Table:

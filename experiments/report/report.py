@@ -18,7 +18,7 @@ from cocap_opt.experiments.report.charts import (
     losses_figure,
     progress_figure,
 )
-from cocap_opt.experiments.report.explaining import explained_plans, is_too_large, parts_table
+from cocap_opt.experiments.report.explaining import explained_plans, parts_table
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.experiments.sweeps.run_file import RunFile
@@ -34,7 +34,7 @@ from cocap_opt.player.pages import PageFile
 from cocap_opt.player.player import Player
 from cocap_opt.problem import CollisionRules, Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.run.explained import SHOWN, Explained
+from cocap_opt.run.explained import SHOWN, Explained, is_too_large
 from cocap_opt.run.explained_words import costliest
 from cocap_opt.scenarios import load_scene
 from cocap_opt.text import printable

@@ -16,7 +16,6 @@ from strategies import examples, plate, tiny
 
 from cocap_opt.cli.main import main
 from cocap_opt.experiments.lab.studies.pictures import _Browser
-from cocap_opt.experiments.report.explaining import gaps_of
 from cocap_opt.files.documents import PlanFile, SceneFile, problem_digest
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.result import OPTIMALITY
@@ -41,6 +40,7 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.referee import check
+from cocap_opt.run.explained import gaps_of
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, never
 from cocap_opt.vision.render import Renderer

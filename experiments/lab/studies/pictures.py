@@ -17,10 +17,10 @@ from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.wait import WebDriverWait
 
-from cocap_opt.experiments.report.explaining import gaps_of
 from cocap_opt.player.player import Player
 from cocap_opt.problem import Problem
 from cocap_opt.run.engine import run
+from cocap_opt.run.explained import gaps_of
 from cocap_opt.scenarios import load_scene
 
 PLAYER_IS_READY = "document.documentElement.dataset.ready === 'yes'"
