@@ -12,7 +12,7 @@ COMMON = {
     "suppress_health_check": [
         HealthCheck.too_slow,
         HealthCheck.data_too_large,
-        HealthCheck.nested_given,  # the pool is drawn where a property first asks for it
+        HealthCheck.nested_given,  # the pool draws some again
     ],
 }
 settings.register_profile("ci", derandomize=True, **COMMON)
@@ -41,15 +41,13 @@ def _seconds(item: pytest.Item) -> float:
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Keep the tests out of the user's cache; processes started by a test inherit this.
 
-    The workers of a session share one, so that each scene's coverage is computed once, and a
-    folder of random problems (`pool`), so that each is drawn once.
+    The workers of a session share one, so that each scene's coverage is computed once.
     """
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("COCAP_OPT_CACHE", str(folder / "cache"))
-        patch.setenv("COCAP_OPT_TEST_POOL", str(folder / "pool"))
         if "PYTHONDONTWRITEBYTECODE" in os.environ:
             # Nothing goes into the tree; processes still need not compile all modules each.
             patch.delenv("PYTHONDONTWRITEBYTECODE")

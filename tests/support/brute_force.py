@@ -103,9 +103,22 @@ def objective_from_scratch(problem: Problem, plan: Plan) -> float:
     return views + sum(bonus_of(problem, path) for path in plan.paths)
 
 
-@lru_cache(maxsize=1024)
+_remembered: dict[Problem, Optimum] = {}  # of stored problems (`pool`)
+
+
+def remember(problem: Problem, best: Optimum) -> None:
+    """Lets `optimum` answer for a problem whose plans were gone through before."""
+    _remembered[problem] = best
+
+
 def optimum(problem: Problem) -> Optimum:
     """Best of all plans that obey the rules; remembered, for many properties ask for it."""
+    return _remembered.get(problem) or search(problem)
+
+
+@lru_cache(maxsize=1024)
+def search(problem: Problem) -> Optimum:
+    """Goes through all plans for the best one that obeys the rules."""
     paths = [all_paths(problem, robot) for robot in range(len(problem.robots))]
     shape = tuple(map(len, paths))
     if 0 in shape:

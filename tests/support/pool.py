@@ -1,37 +1,88 @@
-"""Small random problems that all properties share: drawn once per session, solved once a process.
+"""Small random problems that all properties share, stored with their optima by brute force.
 
-The workers of a session draw them together and leave them in a folder for one another.
-Most of the time of a property went into drawing problems and counting their plans. So
-properties take theirs from here; what brute force finds on them (`brute_force.optimum`) is
-remembered, too. The properties that carry the most still draw their own (`drawn_problems`), and
-a hunt for bugs (COCAP_OPT_EXAMPLES, HYPOTHESIS_PROFILE) draws anew for all.
+Most of the time of a property went into drawing problems and going through their plans. So
+properties take theirs from `tests/data/pool.jsonl`, one problem a line, which this command draws
+anew, the same ones as long as the strategies (and hypothesis) stay:
+
+    python tests/support/pool.py --draw
+
+`tests/test_pool.py` says when that is due, and searches the stored optima again. The properties
+that carry the most still draw their own (`drawn_problems`), and a hunt for bugs
+(COCAP_OPT_EXAMPLES, HYPOTHESIS_PROFILE) draws anew for all.
 """
 
+import ast
+import hashlib
+import json
+import math
 import os
-import pickle
+import sys
 from collections.abc import Collection, Iterable
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal
 
+import brute_force
+import hypothesis
+import msgspec
+import strategies
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from strategies import MOST_PLANS, QUICK, drawn_meetings, drawn_problems, number_of_plans
 
 from cocap_opt.files.atomic_write import write_atomically
-from cocap_opt.problem import Problem
+from cocap_opt.files.documents import Document, decode_document, encode
+from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 
+FILE = Path(__file__).parents[1] / "data" / "pool.jsonl"
+COMMAND = "python tests/support/pool.py --draw"
 HUNT = "COCAP_OPT_EXAMPLES" in os.environ or "HYPOTHESIS_PROFILE" in os.environ
-# How many problems of each kind are drawn.
-ALONE, TEAMS, PAIRS, TRIPLES = (12, 20, 10, 8) if QUICK else (50, 80, 45, 35)
-FOLDER = "COCAP_OPT_TEST_POOL"  # names the folder in which workers leave what they have drawn
+# How many problems of each kind are stored, and how many of them are used without slow tests.
+STORED = {"alone": 50, "teams": 80, "meetings-2": 45, "meetings-3": 35}
+USED = {"alone": 12, "teams": 20, "meetings-2": 10, "meetings-3": 8} if QUICK else STORED
+KINDS = {
+    "alone": drawn_problems(st.just(1), over_time=True),
+    "teams": drawn_problems(st.sampled_from([2, 3]), over_time=True),
+    "meetings-2": drawn_meetings(2),
+    "meetings-3": drawn_meetings(3),
+}
 
 
-class Drawn(NamedTuple):
-    """A problem, and how many plans it has, which is dear to count."""
+class Drawn(Document, frozen=True, kw_only=True):
+    """A problem that was drawn, and what brute force has found of it.
 
-    problem: Problem
+    Attributes
+    ----------
+    kind : the strategy, a key of `KINDS`
+    number : the seed of the draw
+    plans : how many combinations of paths it has
+    value : J of the best plan that obeys the rules; None if there is none
+    plan : that plan
+    problem : the problem
+    """
+
+    format: Literal["cocap-opt test problem"] = "cocap-opt test problem"
+    version: Literal[1] = 1
+    kind: str
+    number: int
     plans: int
+    value: float | None
+    plan: Plan | None
+    problem: Problem
+
+    @property
+    def optimum(self) -> brute_force.Optimum:
+        """The best plan and its J, as brute force returns them."""
+        return brute_force.Optimum(self.plan, -math.inf if self.value is None else self.value)
+
+
+class Head(Document, frozen=True, kw_only=True):
+    """The first line of the file: the digest of what drew and solved, and hypothesis's version."""
+
+    format: Literal["cocap-opt test pool"] = "cocap-opt test pool"
+    version: Literal[1] = 1
+    digest: str
+    hypothesis: str
 
 
 def problems(
@@ -68,69 +119,115 @@ def _problems_of(pool: Iterable[Drawn]) -> list[Problem]:
     return [drawn.problem for drawn in pool]
 
 
-@cache
 def _alone() -> list[Drawn]:
-    return _some("alone", drawn_problems(st.just(1), over_time=True), ALONE)
+    return kept("alone")
 
 
-@cache
 def _teams() -> list[Drawn]:
-    return _some("teams", drawn_problems(st.sampled_from([2, 3]), over_time=True), TEAMS)
+    return kept("teams")
+
+
+def _meetings(team: int) -> list[Drawn]:
+    return kept(f"meetings-{team}")
 
 
 @cache
-def _meetings(team: int) -> list[Drawn]:
-    return _some(f"meetings-{team}", drawn_meetings(team), PAIRS if team == 2 else TRIPLES)
+def kept(kind: str) -> list[Drawn]:
+    """Problems of a kind that properties pick from; those of few plans are first.
+
+    Of problems in which there is little to choose, or nobody to see, a few are kept.
+    """
+    drawn = [found for found in stored() if found.kind == kind and found.number < USED[kind]]
+    dull = [found for found in drawn if not found.problem.actors or found.plans < 4]
+    chosen = [found for found in drawn if found not in dull] + dull[: USED[kind] // 6]
+    return sorted(chosen, key=lambda found: found.plans)
 
 
-def _some(kind: str, strategy: st.SearchStrategy[Problem], count: int) -> list[Drawn]:
-    """Draws so many problems, the same ones always; those of few plans are first.
+@cache
+def stored() -> list[Drawn]:
+    """All stored problems, whose optima brute force then remembers."""
+    lines = FILE.read_bytes().splitlines()[1:]
+    found = [decode_document(line, f"{FILE.name}:{n}", Drawn) for n, line in enumerate(lines, 2)]
+    for drawn in found:
+        brute_force.remember(drawn.problem, drawn.optimum)
+    return found
+
+
+def head() -> Head:
+    """The first line of the file."""
+    return decode_document(FILE.read_bytes().splitlines()[0], f"{FILE.name}:1", Head)
+
+
+def draw(kind: str, number: int) -> Drawn:
+    """Draws a problem by its kind and number, and goes through all its plans.
 
     Each comes from a run of its own: in one run more than half are the same, or nearly, for
-    hypothesis varies what it has drawn. Of problems in which there is little to choose, or
-    nobody to see, a few are kept.
+    hypothesis varies what it has drawn.
     """
-    folder = os.environ.get(FOLDER)
-    order = range(count)
-    if os.environ.get("PYTEST_XDIST_WORKER", "gw0") != "gw0":
-        order = order[::-1]  # two workers that draw at the same time meet in the middle
-    by_number = {
-        number: _shared(Path(folder) / f"{kind}-{number}", strategy, number)
-        if folder
-        else _drawn(strategy, number)
-        for number in order
-    }
-    drawn = [by_number[number] for number in range(count)]
-    dull = [one for one in drawn if not one.problem.actors or one.plans < 4]
-    kept = [one for one in drawn if one not in dull] + dull[: count // 6]
-    return sorted(kept, key=lambda one: one.plans)
-
-
-def _shared(path: Path, strategy: st.SearchStrategy[Problem], number: int) -> Drawn:
-    """Reads a problem that another worker of the session has drawn, or draws it for all."""
-    if path.exists():
-        found: Drawn = pickle.loads(path.read_bytes())
-        return found
-    drawn = _drawn(strategy, number)
-    path.parent.mkdir(exist_ok=True)
-    write_atomically({path: pickle.dumps(drawn)})
-    return drawn
-
-
-def _drawn(strategy: st.SearchStrategy[Problem], number: int) -> Drawn:
-    """Draws a problem by its number."""
-    drawn: list[Problem] = []
+    found: list[Problem] = []
 
     @seed(number)
     @settings(
         max_examples=2,  # the first is the simplest one
         database=None,
+        deadline=None,
+        derandomize=False,
         phases=[Phase.generate],
         suppress_health_check=list(HealthCheck),
     )
-    @given(strategy)
+    @given(KINDS[kind])
     def keep(problem: Problem) -> None:
-        drawn.append(problem)
+        found.append(problem)
 
     keep()
-    return Drawn(drawn[-1], number_of_plans(drawn[-1]))
+    plan, value = brute_force.search(found[-1])
+    return Drawn(
+        kind=kind,
+        number=number,
+        plans=number_of_plans(found[-1]),
+        value=None if plan is None else value,
+        plan=plan,
+        problem=found[-1],
+    )
+
+
+def line_of(document: Document) -> bytes:
+    """A line of the file."""
+    return bytes(msgspec.json.format(encode(document), indent=-1))
+
+
+def digest() -> str:
+    """Digest of what the stored problems and optima come from.
+
+    It is of the code of strategies and brute force, of the counts, and of the version of coverage;
+    comments, docstrings and imports are left out. That the modules below still give the same
+    optima is not told from their text: a test goes through all plans again.
+    """
+    code = [_code_of(Path(module.__file__)) for module in (strategies, brute_force)]
+    made_of = json.dumps([*code, STORED, COVERAGE_VERSION])
+    return hashlib.sha256(made_of.encode()).hexdigest()
+
+
+def _code_of(path: Path) -> str:
+    """The code of a module without docstrings, comments, and where its imports come from."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        documented = isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        if documented and ast.get_docstring(node) is not None:
+            node.body = node.body[1:]
+    tree.body = [node for node in tree.body if not isinstance(node, ast.Import | ast.ImportFrom)]
+    return ast.unparse(tree)  # as text: the fields of a dump differ between versions of Python
+
+
+def store() -> None:
+    """Draws all problems, goes through their plans, and writes the file."""
+    first = Head(digest=digest(), hypothesis=hypothesis.__version__)
+    rows = [draw(kind, number) for kind, count in STORED.items() for number in range(count)]
+    FILE.parent.mkdir(exist_ok=True)
+    write_atomically({FILE: b"".join(line_of(row) + b"\n" for row in (first, *rows))})
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] != ["--draw"]:
+        sys.exit(f"usage: {COMMAND}")
+    store()
