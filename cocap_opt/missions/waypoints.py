@@ -98,7 +98,7 @@ def waypoint_mission(
     _require_batteries(flight)
     known = zones(flight, flight.geodesy)
     fence = [zone for zone in known if has_fence and not crossed(flight, zone)]
-    missions = [Mission(*own, fence) for own in zip(found, items, strict=True)]
+    missions = [Mission(*drone, fence) for drone in zip(found, items, strict=True)]
     delay = told_delay(flight, _asked(flight)) if len(found) > 1 else None
     to_people = tolerated_delay_of_people(flight)
     late = lateness(autopilot, found)
@@ -128,7 +128,7 @@ def _require_few(items: list[list[Item]], autopilot: Autopilot) -> None:
     drone = max(range(len(items)), key=lambda i: len(items[i]))
     count = len(items[drone]) + autopilot.extra
     if count > autopilot.most:
-        others = ", ".join(f"{own.title} {own.most}" for own in AUTOPILOTS.values())
+        others = ", ".join(f"{usual.title} {usual.most}" for usual in AUTOPILOTS.values())
         raise ProblemError(
             f"the mission of drone {drone} has {count} items, more than the {autopilot.most} that "
             f"{autopilot.title} takes, {autopilot.holds} (usual are {others}); plan fewer steps, "
@@ -154,7 +154,7 @@ def _require_batteries(flight: Flight) -> None:
 def lateness(autopilot: Autopilot, found: list[Route]) -> list[str]:
     """Returns which legs take longer than planned, and what to do, in words; none if none do."""
     late = sorted(
-        (one for route in found for one in autopilot.late(route)), key=lambda one: -one.seconds
+        (leg for route in found for leg in autopilot.late(route)), key=lambda leg: -leg.seconds
     )
     if not late:
         return []

@@ -50,16 +50,16 @@ def _of_coverage(rows: Sequence[Row]) -> Iterator[str]:
 
 def _of_seeds(rows: Sequence[Row]) -> Iterator[str]:
     seeds = {
-        scene: len({row.seed for row in some})
-        for (scene,), some in Row.grouped(rows, "scene").items()
+        scene: len({row.seed for row in rows_of_scene})
+        for (scene,), rows_of_scene in Row.grouped(rows, "scene").items()
     }
-    one = [scene for scene, count in seeds.items() if count == 1]
+    single = [scene for scene, count in seeds.items() if count == 1]
     few = [scene for scene, count in seeds.items() if 1 < count < ENOUGH]
-    if one:
-        yield f"Of {', '.join(one)} there is one seed: a single case, which has no mean."
+    if single:
+        yield f"Of {', '.join(single)} there is one seed: a single case, which has no mean."
     if few:
         yield f"Of {', '.join(few)} there are fewer than {ENOUGH} seeds, too few for intervals."
-    if len(one) + len(few) < len(seeds):
+    if len(single) + len(few) < len(seeds):
         yield (
             "Intervals are percentile bootstrap intervals over seeds. They are about the generator "
             "of a scene, not about other scenes, and somewhat too short where seeds are few."
@@ -80,19 +80,19 @@ def _of_bounds(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _of_plans(rows: Sequence[Row]) -> Iterator[str]:
-    for (planner,), some in Row.grouped(rows, "planner").items():
-        lost = sum(not row.valid for row in some)
-        if lost == len(some):
+    for (planner,), runs in Row.grouped(rows, "planner").items():
+        lost = sum(not row.valid for row in runs)
+        if lost == len(runs):
             yield f"No plan of {planner} obeys the rules; it has no gaps."
         elif lost:
             yield (
-                f"{lost} of {len(some)} runs of {planner} have no plan that obeys the rules. Its "
+                f"{lost} of {len(runs)} runs of {planner} have no plan that obeys the rules. Its "
                 "mean gap is over the others, which may be the easier ones."
             )
-        late = sum(row.overrun is not None for row in some)
+        late = sum(row.overrun is not None for row in runs)
         if late:
             yield (
-                f"{late} of {len(some)} runs of {planner} took longer than their time limit, by "
+                f"{late} of {len(runs)} runs of {planner} took longer than their time limit, by "
                 "more than a quarter of it and a second: it had more time than others."
             )
     failed = sum(row.reason in FAILED for row in rows)
@@ -119,7 +119,7 @@ def _of_rules(rules: Mapping[str, CollisionRules]) -> Iterator[str]:
 
 
 def _of_times(run: RunFile) -> Iterator[str]:
-    workers = ", ".join(dict.fromkeys(one.workers for one in run.runs))
+    workers = ", ".join(dict.fromkeys(part.workers for part in run.runs))
     lazy = ", ".join(sorted(name for name, planner in PLANNERS.items() if planner.lazy))
     yield (
         f"Seconds are wall-clock time, by {workers}, and include other load on the machine. "
