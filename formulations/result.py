@@ -15,7 +15,6 @@ __all__ = [
     "OPTIMALITY",
     "BoundMethod",
     "CertifiedResult",
-    "ExactMethod",
     "Report",
     "Snapshot",
     "StartPlan",
@@ -160,17 +159,3 @@ class BoundMethod(Protocol):
         report: Report = silent,
     ) -> CertifiedResult:
         """Bounds a problem; the plan `start` helps some methods."""
-
-
-class ExactMethod(Protocol):
-    """A method that goes on until the relative gap is at most `gap`, or a limit stops it."""
-
-    def __call__(
-        self,
-        problem: Problem,
-        stop: Stop = never,
-        start: Plan | None = None,
-        report: Report = silent,
-        gap: float = OPTIMALITY,
-    ) -> CertifiedResult:
-        """Solves a problem, beginning with the plan `start`."""

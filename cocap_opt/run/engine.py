@@ -32,11 +32,6 @@ SOLVERS: dict[str, Method[Any]] = {**PLANNERS, **EXACT}
 _SMALL, _WARMING = "tiny-share", 5.0  # a scene, and most seconds, in which a method warms up
 
 
-def method_of(name: str) -> Method[Any]:
-    """Returns the planner, bound or exact method of a name."""
-    return SOLVERS[name] if name in SOLVERS else BOUNDS[name]
-
-
 def is_lazy(name: str) -> bool:
     """Returns True for a method of a registry that needs no coverage of all states."""
     return name in PLANNERS and PLANNERS[name].lazy
@@ -70,7 +65,7 @@ def run(
     RefereeError
         If the referee finds another J than the method, or refuses its plan or its bound.
     """
-    known = method_of(method) if isinstance(method, str) else method
+    known = {**BOUNDS, **SOLVERS}[method] if isinstance(method, str) else method
     name = name or (method if isinstance(method, str) else known.__name__)
     function = known if isinstance(method, str) else _required(known, name)
     options: dict[str, Any] = {"start": start, "report": report, "seed": seed, "gap": gap}

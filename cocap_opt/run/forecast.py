@@ -13,8 +13,8 @@ from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Leaf, ProofFile
 from cocap_opt.model import CoverageEstimate, Model, compiled
-from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem
+from cocap_opt.run.engine import is_lazy
 from cocap_opt.scenarios import FORMATS, SCENES
 
 if TYPE_CHECKING:
@@ -245,8 +245,7 @@ def warn_of_limit(
     ----------
     method : that needs the coverage; those that evaluate single views do not
     """
-    is_lazy = method in PLANNERS and PLANNERS[method].lazy
-    if is_lazy or _is_little(compiled(problem), seconds):
+    if is_lazy(method) or _is_little(compiled(problem), seconds):
         return
     try:
         forecast = Forecast.of(compiled(problem))

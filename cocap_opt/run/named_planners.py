@@ -38,11 +38,6 @@ def own_planners(option: Option, names: Sequence[str]) -> dict[str, OwnPlanner]:
     return found
 
 
-def is_own(name: str) -> bool:
-    """Returns True if a name is of the form module:function, or installed packages offer it."""
-    return name not in SOLVERS and (":" in name or name in _offered())
-
-
 def _offered() -> dict[str, list[EntryPoint]]:
     """Returns the planners of installed packages by name, each once."""
     found: dict[str, list[EntryPoint]] = {}

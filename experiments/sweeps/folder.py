@@ -32,7 +32,7 @@ from cocap_opt.console.streams import say
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, RULES, CellFile, Status, Store
 from cocap_opt.experiments.sweeps.instances import Instance, Key
 from cocap_opt.experiments.sweeps.results import RESULTS, load_results
-from cocap_opt.experiments.sweeps.run_file import RUN, Command, RunFile
+from cocap_opt.experiments.sweeps.run_file import RUN, CommandRun, RunFile
 from cocap_opt.experiments.tables.layout import FOLDERS, Paths
 from cocap_opt.experiments.tables.rows import COLUMNS, BoundColumns, Row
 from cocap_opt.files.atomic_write import UNFINISHED
@@ -108,7 +108,7 @@ class Earlier(NamedTuple):
     """The rows by instance that earlier commands left and that can stay, and these commands."""
 
     rows: dict[Key, list[Row]]
-    runs: Sequence[Command]
+    runs: Sequence[CommandRun]
 
     @classmethod
     def read(cls, folder: Path | None, instances: Sequence[Instance], is_same: IsSame) -> "Earlier":
@@ -270,7 +270,7 @@ class Output:
         folder: Path | None,
         instances: Sequence[Instance],
         before: Earlier,
-        about_run: Callable[[], Command],
+        about_run: Callable[[], CommandRun],
     ) -> None:
         self._folder, self._instances = folder, instances
         self._before, self._about_run = before, about_run

@@ -28,7 +28,7 @@ def _rows_digest() -> str:
     return hashlib.sha256(parts.encode()).hexdigest()
 
 
-class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class CommandRun(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """One command, and where it ran.
 
     Attributes
@@ -51,7 +51,7 @@ class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     packages: dict[str, str]
 
     @classmethod
-    def now(cls, scenes: list[str], seeds: list[int], workers: str) -> "Command":
+    def now(cls, scenes: list[str], seeds: list[int], workers: str) -> "CommandRun":
         """Returns a description of the run that begins now."""
         return cls(
             command=[*_program(), *sys.argv[1:]],
@@ -85,7 +85,7 @@ class RunFile(Document, frozen=True, kw_only=True):
     format: Literal["cocap-opt run"] = "cocap-opt run"
     version: Literal[4] = 4
     code: str
-    runs: list[Command]
+    runs: list[CommandRun]
 
     @classmethod
     def load(cls, folder: Path) -> "RunFile":
@@ -105,7 +105,7 @@ class RunFile(Document, frozen=True, kw_only=True):
         return self.code == _rows_digest()
 
     @classmethod
-    def add_run(cls, folder: Path, before: Sequence[Command], run: Command) -> None:
+    def add_run(cls, folder: Path, before: Sequence[CommandRun], run: CommandRun) -> None:
         """Writes the file. A run that is there already, but for its time, stays as it was."""
         again = any(msgspec.structs.replace(known, began=run.began) == run for known in before)
         runs = [*before] if again else [*before, run]

@@ -12,7 +12,7 @@ from cocap_opt.experiments.sweeps.cells import CellFile, Store
 from cocap_opt.experiments.sweeps.crew import Alone, Crew
 from cocap_opt.experiments.sweeps.folder import Earlier, IsSame, Output, only_writer
 from cocap_opt.experiments.sweeps.instances import Instance, Key
-from cocap_opt.experiments.sweeps.run_file import Command
+from cocap_opt.experiments.sweeps.run_file import CommandRun
 from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.run.forecast import warn_before_limits
 from cocap_opt.stop import Interrupt, Stop
@@ -94,7 +94,7 @@ def _sweep(
 ) -> list[Row]:
     scenes = list(dict.fromkeys(instance.problem.name for instance in instances))
     seeds = sorted({instance.seed for instance in instances})
-    output = Output(folder, instances, before, partial(Command.now, scenes, seeds, hired.words))
+    output = Output(folder, instances, before, partial(CommandRun.now, scenes, seeds, hired.words))
     missing, known = _recalled(instances, store)
     if known:
         tell(f"{known} of {known + missing} cells are in {folder} already")

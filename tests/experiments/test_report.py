@@ -12,7 +12,7 @@ from cocap_opt.cli import commands
 from cocap_opt.experiments.lab.studies.pictures import PLAYER_IS_READY, _Browser
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.report.report import _rules, _telling_pair, _telling_seed
-from cocap_opt.experiments.sweeps.run_file import Command, RunFile
+from cocap_opt.experiments.sweeps.run_file import CommandRun, RunFile
 from cocap_opt.experiments.tables.layout import Paths
 from cocap_opt.problem import NO_RULES, CollisionRules
 
@@ -155,7 +155,7 @@ def test_the_seed_with_most_to_avoid_is_shown() -> None:
 def test_limitations_are_those_of_the_results() -> None:
     """What is open, lost or failed is said with its number; what is not is not."""
     run = RunFile(
-        code="", runs=[Command.now(["a"], [0], who) for who in ("this process", "2 processes")]
+        code="", runs=[CommandRun.now(["a"], [0], who) for who in ("this process", "2 processes")]
     )  # fmt: skip
     fine = [row("cocap", seed, 99.0) for seed in range(9)]
     assert not any("not proved" in words or "have no plan" in words
@@ -171,7 +171,7 @@ def test_limitations_are_those_of_the_results() -> None:
 
 def test_limitations_say_which_crossings_are_conflicts() -> None:
     """By each scene's rules: cells and steps alone, or a separation at every moment, or none."""
-    run = RunFile(code="", runs=[Command.now(["a"], [0], "this process")])
+    run = RunFile(code="", runs=[CommandRun.now(["a"], [0], "this process")])
     papers, apart = CollisionRules(), CollisionRules(separation=2.0)
     rules = {"a": papers, "b": apart, "c": papers, "d": NO_RULES}
     told = {words[:8]: words for words in limitations([row("cocap", 0, 99.0)], run, rules)}
@@ -196,6 +196,6 @@ def test_the_rules_of_a_report_are_read_from_its_scenes(
     scene = tmp_path / Paths(found).scene
     scene.parent.mkdir(parents=True, exist_ok=True)
     co.save(scene, co.load("tiny-queue").replace(rules=rules))
-    run = RunFile(code="", runs=[Command.now(["a"], [0], "this process")])
+    run = RunFile(code="", runs=[CommandRun.now(["a"], [0], "this process")])
     assert _rules(tmp_path, [found]) == {found.scene: rules}
     assert any(words in told for told in limitations([found], run, _rules(tmp_path, [found])))
