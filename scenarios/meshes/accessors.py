@@ -47,7 +47,7 @@ class BufferView(msgspec.Struct, rename="camel"):
     extensions: dict[str, Any] = {}
 
 
-class SparseIndices(msgspec.Struct, rename="camel"):
+class _SparseIndices(msgspec.Struct, rename="camel"):
     """Where the numbers are that sparse values replace."""
 
     buffer_view: Index
@@ -55,19 +55,19 @@ class SparseIndices(msgspec.Struct, rename="camel"):
     byte_offset: Whole = 0
 
 
-class SparseValues(msgspec.Struct, rename="camel"):
+class _SparseValues(msgspec.Struct, rename="camel"):
     """The values that replace others."""
 
     buffer_view: Index
     byte_offset: Whole = 0
 
 
-class Sparse(msgspec.Struct, rename="camel"):
+class _Sparse(msgspec.Struct, rename="camel"):
     """Values that replace some of an accessor."""
 
     count: Whole
-    indices: SparseIndices
-    values: SparseValues
+    indices: _SparseIndices
+    values: _SparseValues
 
 
 class Accessor(msgspec.Struct, rename="camel"):
@@ -79,7 +79,7 @@ class Accessor(msgspec.Struct, rename="camel"):
     buffer_view: Index | None = None
     byte_offset: Whole = 0
     normalized: bool = False
-    sparse: Sparse | None = None
+    sparse: _Sparse | None = None
 
 
 def item(items: Sequence[T], index: int, name: str) -> T:
@@ -164,7 +164,7 @@ class Accessors:
         return values
 
     def _replaced(
-        self, values: np.ndarray[Any, Any], sparse: Sparse, dtype: str, place: str
+        self, values: np.ndarray[Any, Any], sparse: _Sparse, dtype: str, place: str
     ) -> np.ndarray[Any, Any]:
         """Returns values [n, width] of which sparse ones replace some."""
         if sparse.indices.component_type not in _UNSIGNED:
