@@ -16,7 +16,7 @@ import pytest
 
 import cocap_opt as co
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 SCRIPT = '''"""A shoot of one's own, by the face alone."""
 

@@ -14,7 +14,7 @@ import msgspec
 import pytest
 import yaml
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 CHANGES = ROOT / "CHANGELOG.md"
 PACKAGES = ("cocap_opt", "formulations", "scenarios", "experiments")
 PUBLISHED = ("pyproject.toml", "README.md", "LICENSE", *PACKAGES)
