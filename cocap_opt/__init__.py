@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from cocap_opt.problem import (
         COVERAGE_VERSION,
         NO_RULES,
-        PAPER_RULES,
+        VERTEX_ONLY,
         Actor,
         Airspace,
         Camera,
@@ -94,7 +94,7 @@ _MODULES = {
     "cocap_opt.formulations.result": ("CertifiedResult", "Snapshot"),
     "cocap_opt.planners": ("PLANNERS", "Planner"),
     "cocap_opt.problem": (
-        "COVERAGE_VERSION", "NO_RULES", "PAPER_RULES", "Actor", "Airspace", "Camera",
+        "COVERAGE_VERSION", "NO_RULES", "VERTEX_ONLY", "Actor", "Airspace", "Camera",
         "CollisionRules", "Cone", "Cuboid", "Earth", "Limits", "Motion", "Objective",
         "PassConflict", "Plan", "Prism", "Problem", "Robot", "State", "SwapConflict",
         "TriangulatedCuboid", "VertexConflict",
@@ -108,8 +108,8 @@ _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 # Written out, since type checkers read it and compute nothing.
 __all__ = [
-    "BOUNDS", "COVERAGE_VERSION", "EXACT", "FORMATS", "NO_RULES", "PAPER_RULES", "PLANNERS",
-    "SCENES", "Actor", "Airspace", "Camera", "CertificateError", "CertificateFile",
+    "BOUNDS", "COVERAGE_VERSION", "EXACT", "FORMATS", "NO_RULES", "PLANNERS", "SCENES",
+    "VERTEX_ONLY", "Actor", "Airspace", "Camera", "CertificateError", "CertificateFile",
     "CertifiedResult", "CollisionRules", "Cone", "Cuboid", "Earth", "FileError", "FirstOf",
     "HeightMap", "Limit", "Limits", "Mesh", "Motion", "Objective", "PassConflict", "Plan",
     "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Reason", "RefereeError",
@@ -127,6 +127,11 @@ if not TYPE_CHECKING:  # or any misspelt name would be one for type checkers
         """Import a name when it is first used."""
         if name == "__version__":  # which pyproject.toml states
             return version("cocap-opt")
+        if name == "PAPER_RULES":  # a former name, which did not say that swaps are allowed
+            raise AttributeError(
+                "PAPER_RULES is now VERTEX_ONLY, which allows swaps; built-in scenes have "
+                "CollisionRules(), vertex and swap"
+            )
         if name not in _HOME:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         value = getattr(import_module(_HOME[name]), name)

@@ -618,3 +618,11 @@ def test_verify_believes_no_word_of_a_result(changes: dict[str, Any]) -> None:
     best = co.solve(problem)
     with pytest.raises(ValueError, match=r"^(bound|reward|reason|claims): "):
         co.verify(problem, dataclasses.replace(best, **changes))
+
+
+def test_the_old_name_of_the_vertex_rule_says_that_swaps_are_allowed():
+    """Whoever set PAPER_RULES for the rules of the built-in scenes allowed swaps unawares."""
+    with pytest.raises(AttributeError, match="VERTEX_ONLY, which allows swaps"):
+        _ = co.PAPER_RULES
+    assert str(co.VERTEX_ONLY) == "vertex"
+    assert str(co.load("bottleneck").rules) == "vertex+swap" == str(co.CollisionRules())

@@ -18,15 +18,15 @@ from cocap_opt.problem.plan import (
 )
 from cocap_opt.problem.problem import Problem
 from cocap_opt.problem.robot import Limits, Robot
-from cocap_opt.problem.rules import NO_RULES, PAPER_RULES, SEPARATION, CollisionRules
+from cocap_opt.problem.rules import NO_RULES, SEPARATION, VERTEX_ONLY, CollisionRules
 from cocap_opt.problem.scene import Earth, SceneData
 from cocap_opt.problem.shapes import Cuboid, Prism, Shape, TriangulatedCuboid
 
 __all__ = [
     "COVERAGE_VERSION",
     "NO_RULES",
-    "PAPER_RULES",
     "SEPARATION",
+    "VERTEX_ONLY",
     "Actor",
     "Airspace",
     "AnyCamera",

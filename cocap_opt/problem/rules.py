@@ -276,4 +276,4 @@ def _closest(before: FloatArray, after: FloatArray) -> _Closest:
 
 
 NO_RULES = CollisionRules(vertex=False, swap=False)
-PAPER_RULES = CollisionRules(vertex=True, swap=False)
+VERTEX_ONLY = CollisionRules(vertex=True, swap=False)  # robots may exchange cells in a step

@@ -8,7 +8,7 @@ reader, `cocap_opt.scenarios.formats.greedy_perspectives`.
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
-from cocap_opt.problem import PAPER_RULES, CollisionRules
+from cocap_opt.problem import VERTEX_ONLY, CollisionRules
 from cocap_opt.scenarios.formats.options import NO_YES, YES_NO, Options
 
 
@@ -33,7 +33,7 @@ class Conventions(NamedTuple):
         The rewards that they report are therefore between the two: on `corridor` 4.2 % below
         "own" ("first": 11.9 % below), on `split` 3.7 % above ("first": 14.0 % above).
     rules
-        Collisions. Their rule is that no two robots are in one cell at one step (`PAPER_RULES`);
+        Collisions. Their rule is that no two robots are in one cell at one step (`VERTEX_ONLY`);
         ours is that they do not exchange cells either.
     corner_cutting
         True: a diagonal move may cut the corner of a blocked cell.
@@ -48,7 +48,7 @@ class Conventions(NamedTuple):
     triangles: bool = True
     count_start: bool = True
     tilt: Literal["own", "first"] = "own"
-    rules: CollisionRules = PAPER_RULES
+    rules: CollisionRules = VERTEX_ONLY
     corner_cutting: bool = True
     start_set: Literal["seed", "yaml"] = "seed"
     bonus: bool = False
@@ -76,7 +76,7 @@ OPTIONS = Options(
         "triangles": YES_NO,
         "count-start": YES_NO,
         "tilt": {"own": "own", "first": "first"},
-        "rules": {str(rules): rules for rules in (PAPER_RULES, CollisionRules())},
+        "rules": {str(rules): rules for rules in (VERTEX_ONLY, CollisionRules())},
         "corner-cutting": YES_NO,
         "start-set": {"seed": "seed", "yaml": "yaml"},
         "bonus": NO_YES,

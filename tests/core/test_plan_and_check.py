@@ -16,7 +16,7 @@ from strategies import WALL, examples, tiny
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.problem import (
     NO_RULES,
-    PAPER_RULES,
+    VERTEX_ONLY,
     Camera,
     Cell,
     CollisionRules,
@@ -184,7 +184,7 @@ def test_swap_conflict_is_found() -> None:
     verdict, found = judged(arena(*starts), *SWAPPING)
     assert verdict.conflicts == ("step 0 to 1: drones 0 and 1 swap cells",)
     assert found == [SwapConflict(0, (0, 1), (Cell(0, 0), Cell(1, 0)))]
-    verdict, found = judged(arena(*starts, rules=PAPER_RULES), *SWAPPING)
+    verdict, found = judged(arena(*starts, rules=VERTEX_ONLY), *SWAPPING)
     assert verdict.valid
     assert found == []
 
@@ -258,7 +258,7 @@ def crowds(draw: st.DrawFn) -> tuple[Problem, Plan]:
     other = Motion(headings=1, layers=(7.0,))
     rules = draw(
         st.sampled_from([
-            NO_RULES, PAPER_RULES, CollisionRules(), CollisionRules(separation=1.0),
+            NO_RULES, VERTEX_ONLY, CollisionRules(), CollisionRules(separation=1.0),
             CollisionRules(separation=1.25), CollisionRules(swap=False, separation=2.0),
             CollisionRules(separation=1.5, vertical=0.7),
             CollisionRules(separation=1.0, vertical=2.5),

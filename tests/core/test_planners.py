@@ -50,7 +50,7 @@ from cocap_opt.planners.sequential import sequential
 from cocap_opt.planners.view_search import Compounded, Undiscounted, ViewSearch
 from cocap_opt.problem import (
     NO_RULES,
-    PAPER_RULES,
+    VERTEX_ONLY,
     Actor,
     Camera,
     CollisionRules,
@@ -198,7 +198,7 @@ def test_robots_that_must_pass_each_other_have_no_plan() -> None:
     assert joint(free).reason is Reason.OPTIMAL
     swapping = line(2, 0, 1, goals=(1, 0), horizon=1)
     assert joint(swapping).reason is Reason.INFEASIBLE
-    assert joint(swapping.replace(rules=PAPER_RULES)).reason is Reason.OPTIMAL
+    assert joint(swapping.replace(rules=VERTEX_ONLY)).reason is Reason.OPTIMAL
 
 
 def test_sequential_planning_may_fail_where_there_is_a_plan() -> None:

@@ -19,7 +19,7 @@ from cocap_opt.files.documents import SceneFile, encode, problem_digest
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.problem import (
     NO_RULES,
-    PAPER_RULES,
+    VERTEX_ONLY,
     Actor,
     Camera,
     Cell,
@@ -456,7 +456,7 @@ def test_robots_may_share_a_start_where_no_rule_forbids_it() -> None:
     robot = tiny().robots[0]
     assert len(tiny().replace(robots=(robot, robot), rules=NO_RULES).robots) == 2
     with pytest.raises(ProblemError):
-        tiny().replace(robots=(robot, robot), rules=PAPER_RULES)
+        tiny().replace(robots=(robot, robot), rules=VERTEX_ONLY)
 
 
 def test_separation_is_strict() -> None:
@@ -472,12 +472,12 @@ def test_separation_is_strict() -> None:
 def test_rules_say_what_they_are() -> None:
     """The printed form of the rules names each rule that is on."""
     assert str(NO_RULES) == "none"
-    assert str(PAPER_RULES) == "vertex"
+    assert str(VERTEX_ONLY) == "vertex"
     assert str(CollisionRules()) == "vertex+swap"
     assert str(CollisionRules(separation=2.5)) == "separation 2.5 m"
     assert str(CollisionRules(separation=2.5, vertical=4)) == "separation 2.5 m, 4 m in height"
     assert NO_RULES.none
-    assert not PAPER_RULES.none
+    assert not VERTEX_ONLY.none
 
 
 def _normal(face: FloatArray) -> FloatArray:

@@ -25,7 +25,7 @@ from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
 from cocap_opt.problem import (
     NO_RULES,
-    PAPER_RULES,
+    VERTEX_ONLY,
     CollisionRules,
     Motion,
     Objective,
@@ -123,7 +123,7 @@ def test_one_face_at_one_step_leaves_no_gap(problem: Problem, face: int) -> None
         horizon=1,
         actors=(problem.actors[0].replace(weights=tuple(weights)),),
         robots=tuple(one.replace(start=robot.start) for robot in problem.robots),
-        rules=PAPER_RULES,
+        rules=VERTEX_ONLY,
         objective=Objective(),
     ) if same_states(problem) else None  # fmt: skip
     assume(alone is not None)
@@ -329,6 +329,6 @@ def test_rows_that_no_flow_obeys_prove_that_there_is_no_plan() -> None:
     """Where two robots must end in one cell, a negative bound says so."""
     problem = tiny().replace(horizon=2)
     robots = tuple(robot.replace(goal=(0, 2)) for robot in problem.robots)
-    crowded = problem.replace(robots=robots, rules=PAPER_RULES)
+    crowded = problem.replace(robots=robots, rules=VERTEX_ONLY)
     assert optimum(crowded).plan is None
     assert single_view(crowded).reason is Reason.INFEASIBLE

@@ -16,7 +16,7 @@ from scene_files import SEQUENCE, STARTS
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.experiments.lab.studies.coverage.peers import _differences
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import PAPER_RULES, Cuboid, Plan, Problem, State, TriangulatedCuboid
+from cocap_opt.problem import VERTEX_ONLY, Cuboid, Plan, Problem, State, TriangulatedCuboid
 from cocap_opt.referee import check
 from cocap_opt.scenarios.formats import greedy_perspectives, movingai
 
@@ -98,7 +98,7 @@ def test_sequence_is_read_faithfully(sequence: Path) -> None:
     assert math.degrees(first.camera.tilts[0]) == pytest.approx(9.786, abs=1e-3)
     assert math.degrees(second.camera.tilts[0]) == pytest.approx(21.245, abs=1e-3)
     assert (second.camera.focal, second.camera.width, second.camera.height) == (1000, 400, 300)
-    assert problem.rules == PAPER_RULES
+    assert problem.rules == VERTEX_ONLY
     assert problem.objective.count_start and problem.objective.stationarity == 0
     assert problem.height_map.shape == (6, 4)
     assert problem.height_map.heights[5, 0] == 7

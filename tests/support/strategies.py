@@ -13,7 +13,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.problem import (
     NO_RULES,
-    PAPER_RULES,
+    VERTEX_ONLY,
     Actor,
     Airspace,
     AnyCamera,
@@ -193,7 +193,7 @@ def rules(resolution: float = 4.0) -> st.SearchStrategy[CollisionRules]:
     return st.sampled_from(
         [
             NO_RULES,
-            PAPER_RULES,
+            VERTEX_ONLY,
             CollisionRules(),
             CollisionRules(),
             CollisionRules(separation=1.2 * resolution),
