@@ -69,6 +69,12 @@ if find_spec("cocap_opt.experiments.lab"):  # in the repository
         name="study",
         help="Measure again what the project says of itself.",
     )
+else:
+
+    @app.command(name="study", show=False)
+    def _study(*_words: Annotated[str, Parameter(allow_leading_hyphen=True)]) -> int:
+        """Tell where the project's measurements are."""
+        raise FileError("study: is not in the installed package, but in the project's repository")
 
 
 @app.command(name="completion", usage="Usage: cocap-opt completion SHELL")
