@@ -63,7 +63,7 @@ from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
 from cocap_opt.formulations.column_generation.step_envelopes.joint_ascent import ascended
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
-from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PaymentBundle
+from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PriceBundle
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.explanation import explain
 from cocap_opt.formulations.relaxations.duals import Duals
@@ -728,7 +728,7 @@ def test_step_envelopes_can_be_asked_for_few_joint_states_only() -> None:
 
 
 def replace_stages(staged: Staged, model: Model, rng: np.random.Generator) -> Staged:
-    """The same certificate with two stages, of payments and constants."""
+    """The same certificate with two stages, of prices and constants."""
     steps = range(model.problem.first_step, model.problem.horizon + 1)
     constants = tuple(StepConstant(t, -1e3) for t in steps)
     stages = (Stage(constants=constants), Stage(random_prices(model, rng), constants))
@@ -750,13 +750,13 @@ def test_staged_files_are_read_back_and_verified() -> None:
         ({"target": math.inf}, "target: must be finite"),
         ({"stages": 0, "constants": 0, "t": 99}, "t: must be"),
         ({"stages": 0, "constants": 0, "constant": math.nan}, "constant: must be finite"),
-        ({"stages": 1, "payments": 0, "t": -1}, "t: must be"),
-        ({"stages": 1, "payments": 0, "robot_class": 7}, "robot_class: must be"),
-        ({"stages": 1, "payments": 0, "payments ": []}, "payments: must hold a number"),
-        ({"stages": 1, "payments": 0, "first payment": math.inf}, "payments: must be"),
-        ({"stages": 1, "payments": 0, "others": math.nan}, "others: must be finite"),
-        ({"stages": 1, "payments": 0, "first state": [99, 0, 0, 0, 0]}, "state: "),
-        ({"stages": 1, "constants": []}, "a step has payments but no constant"),
+        ({"stages": 1, "prices": 0, "t": -1}, "t: must be"),
+        ({"stages": 1, "prices": 0, "robot_class": 7}, "robot_class: must be"),
+        ({"stages": 1, "prices": 0, "prices ": []}, "prices: must hold a number"),
+        ({"stages": 1, "prices": 0, "first price": math.inf}, "prices: must be"),
+        ({"stages": 1, "prices": 0, "others": math.nan}, "others: must be finite"),
+        ({"stages": 1, "prices": 0, "first state": [99, 0, 0, 0, 0]}, "state: "),
+        ({"stages": 1, "constants": []}, "a step has prices but no constant"),
         ({"paths_above": -1e9}, "paths_above: must be finite, and not below"),
         ({"paths_above": math.nan}, "paths_above: must be finite, and not below"),
     ],
@@ -767,10 +767,10 @@ def test_altered_staged_files_are_refused_in_words(change: dict, words: str) -> 
     plain = msgspec.to_builtins(file)
     inner = plain["certificate"]
     for key, value in change.items():
-        if key in ("stages", "constants", "payments") and isinstance(value, int):
+        if key in ("stages", "constants", "prices") and isinstance(value, int):
             inner = inner[key][value]
-        elif key == "first payment":
-            inner["payments"] = [value, *inner["payments"][1:]]
+        elif key == "first price":
+            inner["prices"] = [value, *inner["prices"][1:]]
         elif key == "first state":
             inner["states"] = [value, *inner["states"][1:]]
         else:
@@ -854,30 +854,30 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
 
 
 @pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
-def test_a_stage_of_lists_has_the_constants_that_its_payments_are_meant_for(
+def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Not lower ones, for which states off the lists would be paid more: it proves what was meant.
 
-    They are those of the best payments; and where a search finds lower ones, they are kept.
+    They are those of the best prices; and where a search finds lower ones, they are kept.
     """
-    run, heights, kept = PaymentBundle.run, envelopes._Envelopes._heights, []
+    run, heights, kept = PriceBundle.run, envelopes._Envelopes._heights, []
 
-    def meant_higher(self: PaymentBundle, *arguments: object) -> FloatArray | None:
-        payments = run(self, *arguments)
-        if payments is not None:
+    def meant_higher(self: PriceBundle, *arguments: object) -> FloatArray | None:
+        prices = run(self, *arguments)
+        if prices is not None:
             bound = sum(self.constants.values()) + self.rest
-            bound += self.best_paths(payments, self.constants)[0]
+            bound += self.best_paths(prices, self.constants)[0]
             assert bound == pytest.approx(self._best, rel=1e-12)
         self.constants = {t: constant + 1.0 for t, constant in self.constants.items()}
-        return payments
+        return prices
 
-    def noted(self: object, bundle: PaymentBundle, payments: FloatArray) -> dict[int, float]:
-        found = heights(self, bundle, payments)
+    def noted(self: object, bundle: PriceBundle, prices: FloatArray) -> dict[int, float]:
+        found = heights(self, bundle, prices)
         kept.extend((found[t], bundle.constants[t]) for t in found)
         return found
 
-    monkeypatch.setattr(PaymentBundle, "run", meant_higher)
+    monkeypatch.setattr(PriceBundle, "run", meant_higher)
     monkeypatch.setattr(envelopes._Envelopes, "_heights", noted)
     model = compiled(load_scene("bottleneck", 0).replace(horizon=5))
     search = Search(model, parameters=Parameters(envelopes=ONLY_LISTS))

@@ -18,7 +18,7 @@ class Views(NamedTuple):
     faces: IntArray  # of each entry
     pixels: FloatArray  # of each entry
     weights: FloatArray  # [F]
-    payment: FloatArray  # [n]
+    price: FloatArray  # [n]
     charge: FloatArray  # [n]
     ranges: IntArray  # [R, 2] first state of each robot's class, and the first of the next class
     conflict: BoolArray  # [n, n]
@@ -46,7 +46,7 @@ def ascend(views: Views, floor: float, teams: IntArray) -> None:
                     s = teams[team, other]
                     if other == robot or s < 0:
                         continue
-                    paid += views.payment[s]
+                    paid += views.price[s]
                     charged += views.charge[s]
                     for e in range(views.first[s], views.first[s + 1]):
                         seen[views.faces[e]] += views.pixels[e]
@@ -59,7 +59,7 @@ def ascend(views: Views, floor: float, teams: IntArray) -> None:
                     for e in range(views.first[s], views.first[s + 1]):
                         f = views.faces[e]
                         gain += views.weights[f] * (np.sqrt(seen[f] + views.pixels[e]) - roots[f])
-                    now = worth + gain - paid - views.payment[s]
+                    now = worth + gain - paid - views.price[s]
                     low = worth + gain - charged - views.charge[s]
                     counts = low >= floor
                     if counts and best_counts:

@@ -5,16 +5,16 @@ mostly that the faces of one step want different pairings of the robots. One env
 of a step closes that: robots are paid for states, not for pixels, and a step's constant is the
 height of its highest joint state (`staged.stages`, `staged.joint_states`).
 
-Each round has three parts: the constants of the present payments are lowered by search; states that
-no better plan visits are closed; and a bundle method (`price_bundle`) finds better payments.
+Each round has three parts: the constants of the present prices are lowered by search; states that
+no better plan visits are closed; and a bundle method (`price_bundle`) finds better prices.
 Joint states are looked for by local search, and only once that finds none above the constants, by
 the exact one.
 
 Where many states are left, each round has a short list of states for each step: those of the least
 slack. They are paid no less than before, and all other states so much more that none of these is
 in a joint state above the new constant (`staged.narrowing`); so the search is over the list
-alone. The next round's lists are those of the new payments, shorter where searches took long. The
-mixture of paths behind the payments is where local search then looks for better plans, and plans
+alone. The next round's lists are those of the new prices, shorter where searches took long. The
+mixture of paths behind the prices is where local search then looks for better plans, and plans
 are recombined. Once one is better, it is the target, and all stages are repeated for it.
 
 Before the first stage and after each the paths of all robots together may be few enough to be tried
@@ -47,7 +47,7 @@ from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
-from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PaymentBundle
+from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PriceBundle
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
 from cocap_opt.problem import COVERAGE_VERSION
@@ -255,7 +255,7 @@ class _Envelopes:
         return compiled_search.is_there() and robots <= self._parameters.most_listed_robots
 
     def _lower(self) -> None:
-        """Lowers the constants of the present payments, where that takes few nodes."""
+        """Lowers the constants of the present prices, where that takes few nodes."""
         constants: list[StepConstant] = []
         try:
             for t in self.steps:
@@ -288,21 +288,21 @@ class _Envelopes:
         self.search.report(self.search.snapshot(self.bound))
 
     def _pay(self, cutoff: Callable[[], float]) -> None:
-        """Finds better payments and their constants, and adds them as a stage."""
+        """Finds better prices and their constants, and adds them as a stage."""
         joints, ceilings = self._joints(cutoff)
-        bundle = PaymentBundle(
+        bundle = PriceBundle(
             self.narrowing, self.known, joints, ceilings, self.search.stop,
             self.search.parameters.bundle,
         )  # fmt: skip
         for _ in range(self._parameters.most_corrections):
-            payments = bundle.run(cutoff, self.report)
+            prices = bundle.run(cutoff, self.report)
             if ceilings and bundle.flow:
                 self._look_for_plans(bundle.flow)
-            if payments is None or self._adopt(bundle, payments, self._heights(bundle, payments)):
+            if prices is None or self._adopt(bundle, prices, self._heights(bundle, prices)):
                 return
 
     def _look_for_plans(self, flow: Mapping[Arc, float]) -> None:
-        """Offers plans that are made of the mixture behind the latest payments.
+        """Offers plans that are made of the mixture behind the latest prices.
 
         Raises
         ------
@@ -319,12 +319,12 @@ class _Envelopes:
             else max(self.responses // 2, 1)
         )
 
-    def _heights(self, bundle: PaymentBundle, payments: FloatArray) -> dict[int, float]:
+    def _heights(self, bundle: PriceBundle, prices: FloatArray) -> dict[int, float]:
         """Returns what no joint state's height exceeds, of each step whose search ends."""
         heights = {}
         for t, joint in sorted(bundle.joints.items(), key=lambda item: len(item[1].states)):
             self.report()
-            paid = joint.repriced(payments[bundle.span(t)], self.narrowing.ceiling(t))
+            paid = joint.repriced(prices[bundle.span(t)], self.narrowing.ceiling(t))
             least = self.known.highest(paid)
             if bundle.has_lists:
                 least = max(least, bundle.constants[t])
@@ -399,13 +399,11 @@ class _Envelopes:
         is_compiled = compiled_search.is_there()
         return parameters.many_nodes if is_compiled else parameters.many_plain_nodes
 
-    def _adopt(
-        self, bundle: PaymentBundle, payments: FloatArray, heights: dict[int, float]
-    ) -> bool:
-        """Makes payments a stage if they are better; steps without a height keep theirs."""
+    def _adopt(self, bundle: PriceBundle, prices: FloatArray, heights: dict[int, float]) -> bool:
+        """Makes prices a stage if they are better; steps without a height keep theirs."""
         chosen = bundle.centre.copy()
         for t in heights:
-            chosen[bundle.span(t)] = payments[bundle.span(t)]
+            chosen[bundle.span(t)] = prices[bundle.span(t)]
         constants = self.narrowing.constants
         total = exact_sum(heights[t] if t in heights else float(constants[t]) for t in self.steps)
         total += bundle.rest + bundle.best_paths(chosen, heights)[0]
@@ -414,7 +412,7 @@ class _Envelopes:
             return False
         written: list[StepPrices] = []
         for t, height in heights.items():
-            written += bundle.written(t, payments[bundle.span(t)], height)
+            written += bundle.written(t, prices[bundle.span(t)], height)
         stage = Stage(tuple(written), tuple(StepConstant(t, heights[t]) for t in heights))
         self.narrowing = _after(stage, self.narrowing)
         self.stages.append(stage)

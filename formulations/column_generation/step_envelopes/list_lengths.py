@@ -1,6 +1,6 @@
 """The lengths of the lists of states that step envelopes are searched among.
 
-The longer a list, the more its payments can close, and the longer its search takes. So each step
+The longer a list, the more its prices can close, and the longer its search takes. So each step
 has as many states on its list as its last search could bear, and all lists have more slack where
 they are too short on the whole, or where a round has closed little.
 """

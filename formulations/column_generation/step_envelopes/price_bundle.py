@@ -1,6 +1,6 @@
-"""The bundle method over payments for states, of which each set makes a step envelope.
+"""The bundle method over prices for states, of which each set makes a step envelope.
 
-Payments are judged by local search: the joint states that it finds above the constants, and the
+Prices are judged by local search: the joint states that it finds above the constants, and the
 best paths, are what the master problem (`step_master`) knows at the next iteration.
 """
 
@@ -18,10 +18,8 @@ from cocap_opt.formulations.column_generation.master.columns import Arc
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS, BundleParameters
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.column_generation.step_envelopes.step_master import (
-    Centre,
-    KnownArc,
-    KnownHeight,
-    KnownPart,
+    KnownArcs,
+    KnownHeights,
     Place,
     StepMaster,
     StepSolution,
@@ -35,15 +33,15 @@ CLEARLY = 1e-9  # of the bound, by which a height is above a constant
 
 
 class _Judged(NamedTuple):
-    """The outcome of judging payments by local search."""
+    """The outcome of judging prices by local search."""
 
     bound: float
     constants: Mapping[int, float]  # by step
     new: int  # joint states and paths that were not known
 
 
-class PaymentBundle:
-    """The bundle method over the payments of the states that are left, or of the best of them.
+class PriceBundle:
+    """The bundle method over the prices of the states that are left, or of the best of them.
 
     Parameters
     ----------
@@ -53,9 +51,9 @@ class PaymentBundle:
     Attributes
     ----------
     joints : of each step, the joint states
-    centre : [n] the payments of all their states, step by step
+    centre : [n] the prices of all their states, step by step
     rest : what the bound has beside the steps' constants and the paths
-    constants : that the best payments are meant to have, by step; where lists are short, lower ones
+    constants : that the best prices are meant to have, by step; where lists are short, lower ones
         prove less, since states that are not listed are paid more then
     """
 
@@ -75,14 +73,14 @@ class PaymentBundle:
         ends = np.cumsum([0, *(len(joint.states) for joint in joints.values())]).tolist()
         self._spans = {t: slice(a, b) for t, a, b in zip(joints, ends[:-1], ends[1:], strict=True)}
         self.centre = np.concatenate([joint.price for joint in joints.values()])
-        self._paid: dict[Place, int] = {
+        self._priced: dict[Place, int] = {
             (int(c), t, int(s)): self._spans[t].start + k
             for t, joint in joints.items()
             for k, (c, s) in enumerate(zip(joint.class_of, joint.states, strict=True))
         }
         self._worths: dict[int, dict[tuple[int, ...], float]] = {t: {} for t in joints}
         self._bonuses = Bonuses.of(self._model.problem.objective)
-        self._unpaid = [
+        self._unpriced = [
             np.where(left, rewards, -np.inf)
             for left, rewards in zip(narrowing.left, narrowing.rewards, strict=True)
         ]
@@ -99,8 +97,8 @@ class PaymentBundle:
             for start in robot_class.starts:
                 place = (number, 0, start)
                 starts[place] = starts.get(place, 0) + 1
-        self._master = StepMaster(self._paid, starts, ceilings, least)
-        self._best, self._payments = np.inf, self.centre
+        self._master = StepMaster(self._priced, starts, ceilings, least)
+        self._best, self._prices = np.inf, self.centre
         self.constants: Mapping[int, float] = {}
         self.flow: dict[Arc, float] = {}
         self._weight = self._parameters.first_weight / max(float(np.abs(self.centre).mean()), 1e-9)
@@ -109,7 +107,7 @@ class PaymentBundle:
                 self.remember(t, positions)
 
     def span(self, t: int) -> slice:
-        """Returns the positions of a step's payments."""
+        """Returns the positions of a step's prices."""
         return self._spans[t]
 
     @property
@@ -118,7 +116,7 @@ class PaymentBundle:
         return bool(self._ceilings)
 
     def run(self, cutoff: Callable[[], float], report: Callable[[], None]) -> FloatArray | None:
-        """Returns better payments, as far as local search can tell; None if there are none.
+        """Returns better prices, as far as local search can tell; None if there are none.
 
         Parameters
         ----------
@@ -131,23 +129,26 @@ class PaymentBundle:
             At a limit.
         """
         open_ = self._narrowing.bound - cutoff()
-        latest = self._payments
+        latest = self._prices
         for iteration in range(
             self._parameters.most_listed_iterations
             if self.has_lists
             else self._parameters.most_iterations
         ):
             self._stop.check()
-            arcs, heights = self._arcs(), self._heights(self._payments, latest)
-            if {height.t for height in heights} != set(self.joints):
+            arcs, heights = self._arcs(), self._heights(self._prices, latest)
+            if set(heights.steps) != set(self.joints):
                 return None  # at some step no joint state is known that counts
-            known = KnownPart(arcs, heights, self._unpaid_of(arcs))
-            solved = self._master.solve(Centre(self._payments, self._weight), known, self._stop)
-            solved = solved._replace(payments=self._at_least(solved.payments))
-            latest = solved.payments
+            solved = self._master.solve(
+                self._prices, self._weight, arcs, heights, self._unpriced_of(arcs), self._stop
+            )
+            solved = solved._replace(prices=self._at_least(solved.prices))
+            latest = solved.prices
             self.flow = {
-                Arc(arc.tail[0], arc.tail[1], arc.tail[2], arc.head[2]): amount
-                for arc, amount in zip(arcs, solved.flow.tolist(), strict=True)
+                Arc(*tail, head[2]): amount
+                for tail, head, amount in zip(
+                    arcs.tails, arcs.heads, solved.flow.tolist(), strict=True
+                )
             }
             value, constants, new = self._judged(solved)
             promised = self._best - solved.value - self.rest
@@ -158,7 +159,7 @@ class PaymentBundle:
                 self._weight /= (
                     3 if promised < np.inf and gained > self._parameters.good * promised else 1
                 )
-                self._best, self._payments = value, solved.payments
+                self._best, self._prices = value, solved.prices
                 self.constants = constants
             elif gained < -promised or iteration % 4 == 3:
                 self._weight *= 1.5
@@ -168,37 +169,37 @@ class PaymentBundle:
             if self._best - solved.value - self.rest < least_gain:
                 break
             report()
-        return self._payments if self._best < self._narrowing.bound else None
+        return self._prices if self._best < self._narrowing.bound else None
 
     def correct(self, value: float) -> None:
-        """Takes down the bound that the latest payments prove, if local search told a lower one."""
+        """Takes down the bound that the latest prices prove, if local search told a lower one."""
         self._best = max(value, self._best)
 
-    def _at_least(self, payments: FloatArray) -> FloatArray:
-        """Returns payments of which none is less than allowed, by a solver's inaccuracy."""
-        found = payments.copy()
+    def _at_least(self, prices: FloatArray) -> FloatArray:
+        """Returns prices of which none is less than allowed, by a solver's inaccuracy."""
+        found = prices.copy()
         for k, least in self._master.least.items():
             found[k] = max(found[k], least)
         return found
 
     def _judged(self, solved: StepSolution) -> "_Judged":
-        """Returns what payments prove as far as local search can tell."""
+        """Returns what prices prove as far as local search can tell."""
         known = self._known
         new, constants = 0, dict(solved.constants)
         for t, joint in self.joints.items():
-            paid = replace(joint, price=solved.payments[self._spans[t]])
+            paid = replace(joint, price=solved.prices[self._spans[t]])
             clearly = solved.constants[t] + CLEARLY * abs(self._narrowing.bound)
             for found in known.ascended(paid):
                 if (height := paid.reduced_profit(found)) > clearly:
                     new += self.remember(t, found)
                     constants[t] = max(constants[t], height)
-        total, paths = self.best_paths(solved.payments, constants)
+        total, paths = self.best_paths(solved.prices, constants)
         new += sum(known.add_path(number, path) for number, path in paths)
         bound = total + exact_sum(constants.values()) + self.rest
         return _Judged(bound, constants, new)
 
     def others(self, constants: Mapping[int, float]) -> dict[int, float]:
-        """Returns what states without a payment are paid more, by step, for lower constants.
+        """Returns what states without a price are paid more, by step, for lower constants.
 
         It is clearly more than enough, so that no rounding makes it too little.
         """
@@ -209,22 +210,22 @@ class PaymentBundle:
         }
 
     def best_paths(
-        self, payments: FloatArray, constants: Mapping[int, float]
+        self, prices: FloatArray, constants: Mapping[int, float]
     ) -> tuple[float, list[tuple[int, Path]]]:
         """Returns what the best paths are worth together, and the paths with their classes.
 
         Parameters
         ----------
-        constants : of steps, for which states without a payment are paid more
+        constants : of steps, for which states without a price are paid more
         """
         others = self.others(constants)
         total, paths = 0.0, []
         for number, robot_class in enumerate(self._model.classes):
-            reward = self._unpaid[number].copy()
+            reward = self._unpriced[number].copy()
             for t, joint in self.joints.items():
                 reward[t] += others.get(t, 0.0)
                 own = joint.class_of == number
-                reward[t, joint.states[own]] = payments[self._spans[t]][own]
+                reward[t, joint.states[own]] = prices[self._spans[t]][own]
             charges = self._narrowing.charges(number)
             value = backward_sweep(
                 robot_class.graph, reward, self._bonuses, charges, robot_class.goal, self._stop
@@ -236,9 +237,9 @@ class PaymentBundle:
                     paths.append((number, tuple(path)))
         return total, paths
 
-    def _arcs(self) -> list[KnownArc]:
+    def _arcs(self) -> KnownArcs:
         """Returns the arcs of the known paths that visit only states that are left."""
-        found: dict[tuple[Place, Place], KnownArc] = {}
+        found: dict[tuple[Place, Place], float] = {}
         for number, path in self._known.paths:
             left, graph = self._narrowing.left[number], self._model.classes[number].graph
             if not all(left[t, state] for t, state in enumerate(path)):
@@ -256,16 +257,17 @@ class PaymentBundle:
                 if t == 0:
                     gain -= charges.places.get((0, tail % n_places), 0.0)
                     gain -= charges.states.get((0, tail), 0.0)
-                found[ends] = KnownArc(*ends, gain)
-        return list(found.values())
+                found[ends] = gain
+        tails, heads = [tail for tail, _ in found], [head for _, head in found]
+        return KnownArcs(tails, heads, [*found.values()])
 
-    def _unpaid_of(self, arcs: list[KnownArc]) -> dict[Place, float]:
-        """Returns the rewards of the states on arcs that have no payment."""
-        places = {place for arc in arcs for place in (arc.tail, arc.head)}
+    def _unpriced_of(self, arcs: KnownArcs) -> dict[Place, float]:
+        """Returns the rewards of the states on arcs that have no price."""
+        places = {*arcs.tails, *arcs.heads}
         return {
-            place: float(self._unpaid[place[0]][place[1], place[2]])
+            place: float(self._unpriced[place[0]][place[1], place[2]])
             for place in places
-            if place not in self._paid
+            if place not in self._priced
         }
 
     def remember(self, t: int, positions: Sequence[int]) -> bool:
@@ -277,29 +279,32 @@ class PaymentBundle:
             self._worths[t][at] = joint.worth(positions)
         return is_new
 
-    def _heights(self, *payments: FloatArray) -> list[KnownHeight]:
-        """Returns the joint states that are known and are among the highest for some payments."""
-        chosen = []
+    def _heights(self, *prices: FloatArray) -> KnownHeights:
+        """Returns the joint states that are known and are among the highest for some prices."""
+        chosen = KnownHeights([], [], [])
         for t, worths in self._worths.items():
             every = list(worths.items())
             at = np.array([positions for positions, _ in every], dtype=np.int64)
             worth = np.array([value for _, value in every])
             highest: set[int] = set()
-            for paid in payments if every else ():
+            for paid in prices if every else ():
                 heights = worth - paid[at].sum(axis=1)
                 highest.update(
                     np.argsort(-heights, kind="stable")[: self._parameters.most_heights].tolist()
                 )
-            chosen += [KnownHeight(t, *every[k]) for k in sorted(highest)]
+            for k in sorted(highest):
+                chosen.steps.append(t)
+                chosen.at.append(every[k][0])
+                chosen.worths.append(every[k][1])
         return chosen
 
-    def written(self, t: int, payments: FloatArray, constant: float) -> list[StepPrices]:
-        """Returns the payments of a step as they stand in a certificate, class by class."""
+    def written(self, t: int, prices: FloatArray, constant: float) -> list[StepPrices]:
+        """Returns the prices of a step as they stand in a certificate, class by class."""
         joint = self.joints[t]
         others = self.others({t: constant}).get(t, 0.0)
         parts = []
         for number, robot_class in enumerate(self._model.classes):
             own, graph = joint.class_of == number, robot_class.graph
             states = tuple(graph.state(int(state)) for state in joint.states[own])
-            parts.append(StepPrices(t, number, states, tuple(payments[own].tolist()), others))
+            parts.append(StepPrices(t, number, states, tuple(prices[own].tolist()), others))
         return parts
