@@ -750,13 +750,13 @@ def test_staged_files_are_read_back_and_verified() -> None:
         ({"target": math.inf}, "target: must be finite"),
         ({"stages": 0, "constants": 0, "t": 99}, "t: must be"),
         ({"stages": 0, "constants": 0, "constant": math.nan}, "constant: must be finite"),
-        ({"stages": 1, "prices": 0, "t": -1}, "t: must be"),
-        ({"stages": 1, "prices": 0, "robot_class": 7}, "robot_class: must be"),
-        ({"stages": 1, "prices": 0, "prices ": []}, "prices: must hold a number"),
-        ({"stages": 1, "prices": 0, "first price": math.inf}, "prices: must be"),
-        ({"stages": 1, "prices": 0, "others": math.nan}, "others: must be finite"),
-        ({"stages": 1, "prices": 0, "first state": [99, 0, 0, 0, 0]}, "state: "),
-        ({"stages": 1, "constants": []}, "a step has prices but no constant"),
+        ({"stages": 1, "payments": 0, "t": -1}, "t: must be"),
+        ({"stages": 1, "payments": 0, "robot_class": 7}, "robot_class: must be"),
+        ({"stages": 1, "payments": 0, "payments ": []}, "payments: must hold a number"),
+        ({"stages": 1, "payments": 0, "first payment": math.inf}, "payments: must be"),
+        ({"stages": 1, "payments": 0, "others": math.nan}, "others: must be finite"),
+        ({"stages": 1, "payments": 0, "first state": [99, 0, 0, 0, 0]}, "state: "),
+        ({"stages": 1, "constants": []}, "a step has payments but no constant"),
         ({"paths_above": -1e9}, "paths_above: must be finite, and not below"),
         ({"paths_above": math.nan}, "paths_above: must be finite, and not below"),
     ],
@@ -767,10 +767,10 @@ def test_altered_staged_files_are_refused_in_words(change: dict, words: str) -> 
     plain = msgspec.to_builtins(file)
     inner = plain["certificate"]
     for key, value in change.items():
-        if key in ("stages", "constants", "prices") and isinstance(value, int):
+        if key in ("stages", "constants", "payments") and isinstance(value, int):
             inner = inner[key][value]
-        elif key == "first price":
-            inner["prices"] = [value, *inner["prices"][1:]]
+        elif key == "first payment":
+            inner["payments"] = [value, *inner["payments"][1:]]
         elif key == "first state":
             inner["states"] = [value, *inner["states"][1:]]
         else:
