@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cocap_opt.graph.choke_points import MOST_CELLS, choke_point
-from cocap_opt.graph.encounters import NEAR, Encounters, Outing
+from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.graph.motion import Window
 from cocap_opt.problem import Actor, Cell, Motion, Robot, SceneData
 from cocap_opt.world.columns import Spans
@@ -56,8 +56,7 @@ def warnings(problem: SceneData) -> list[str]:
     for j, actor in enumerate(problem.actors):
         found += [f"{problem.person(j)} {warning}" for warning in _about(problem, actor)]
     around = _around_robots(problem)
-    outings = [around[robot.motion].outing(robot.start) for robot in problem.robots]
-    return [*found, *_in_the_way(problem), *_shut_in(problem, outings)]
+    return [*found, *_in_the_way(problem), *_shut_in(problem, around)]
 
 
 def narrow_way(problem: SceneData) -> str:
@@ -69,7 +68,7 @@ def narrow_way(problem: SceneData) -> str:
     if problem.rules.none:
         return ""
     around = _around_robots(problem)
-    if any(around[r.motion].outing(r.start).size > MOST_CELLS for r in problem.robots):
+    if any(around[r.motion].outing(r.start)[0] > MOST_CELLS for r in problem.robots):
         return ""
     near = {
         Cell(x, y, problem.layers.index(motion.layers[layer]))
@@ -123,17 +122,18 @@ def _not_closed(mesh: Mesh) -> str:
     return "is not closed, so that only its surface is solid"
 
 
-def _shut_in(problem: SceneData, outings: list[Outing]) -> Iterator[str]:
+def _shut_in(problem: SceneData, around: dict[Motion, Encounters]) -> Iterator[str]:
     """Yields a warning for each robot that can get nowhere, or to nobody."""
-    for i, (robot, outing) in enumerate(zip(problem.robots, outings, strict=True)):
-        if not outing.closed:
+    for i, robot in enumerate(problem.robots):
+        size, closed, meets = around[robot.motion].outing(robot.start)
+        if not closed:
             continue
         free = robot.motion.free_places(problem.workspace)
-        if outing.size <= _FEW:
-            yield f"drone {i} can reach only {outing.size} cell{'s' if outing.size > 1 else ''}"
-        elif not outing.meets and outing.size < np.count_nonzero(free):
+        if size <= _FEW:
+            yield f"drone {i} can reach only {size} cell{'s' if size > 1 else ''}"
+        elif not meets and size < np.count_nonzero(free):
             yield (
-                f"drone {i} is shut in a pocket of {outing.size} cells, from which it cannot "
+                f"drone {i} is shut in a pocket of {size} cells, from which it cannot "
                 f"come within {NEAR:g} m of anybody in sight"
             )
 

@@ -6,7 +6,7 @@ from cocap_opt.coordination.constraints import avoid_paths
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.graph.move_rewards import Bonuses
-from cocap_opt.graph.value_iteration import Swept, backward_sweep, best_path
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_reward, objective
 from cocap_opt.problem import Plan
@@ -39,7 +39,7 @@ def best_response(
     robot_class, bonuses = model.class_of[robot], Bonuses.of(model.problem.objective)
     graph, reward = robot_class.graph, marginal_reward(model, robot_class, pixels)
     # Another array of that size would take as long to make as the sweep itself.
-    in_place = Swept(reward, len(reward) - 1)
+    in_place = (reward, len(reward) - 1)
     value = backward_sweep(graph, reward, bonuses, charges, robot_class.goal, stop, in_place)
     path = best_path(graph, value, model.start(robot), bonuses, charges)
     return None if path is None else tuple(path)

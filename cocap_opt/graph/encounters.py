@@ -7,7 +7,6 @@ cell.
 
 import math
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,14 +19,6 @@ from cocap_opt.world.workspace import Workspace
 NEAR = 15.0  # m
 _MOST = 100  # people at steps that are looked at, evenly spread, to bound the time
 _PER_CELL, _MOST_POINTS = 2, 200  # points of a line of sight
-
-
-class Outing(NamedTuple):
-    """The places that a robot can reach by the last step."""
-
-    size: int  # number of places
-    closed: bool  # True if it could never reach more
-    meets: bool  # True if it can come near somebody
 
 
 class Encounters:
@@ -58,8 +49,14 @@ class Encounters:
         self._workspace, self._actors, self._horizon = workspace, actors, horizon
         self._near = near
 
-    def outing(self, start: State) -> Outing:
-        """Returns what a robot that starts in a state can reach by the last step."""
+    def outing(self, start: State) -> tuple[int, bool, bool]:
+        """Returns what a robot that starts in a state can reach by the last step.
+
+        Returns
+        -------
+        size, closed, meets : number of places; True if it could never reach more; True if it can
+            come near somebody
+        """
         place = self.graph.place(start.layer, start.x, start.y)
         near = self._near_by_step
         reached = np.zeros(self.graph.n_places, dtype=bool)
@@ -71,7 +68,7 @@ class Encounters:
             found = self.graph.neighbours(new).ravel()
             new = np.unique(found[(found >= 0) & ~reached[found]])
         closed = not len(new) and not self._leaves(np.flatnonzero(reached))
-        return Outing(size, closed, meets)
+        return size, closed, meets
 
     def _leaves(self, places: IntArray) -> bool:
         """Returns True if a move from one of some places [n] might lead out of the window."""

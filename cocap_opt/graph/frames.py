@@ -18,7 +18,7 @@ class Frame:
     Parameters
     ----------
     x, y : the cells, counted as in the numbering of the graph, border included
-    irregular : places from which a move to a free place is hidden, in numbers of the frame
+    irregular : as that of the graph, in numbers of the frame
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ def frames_from(graph: TimeGraph, start: int, horizon: int) -> list[Frame]:
         rows = _within(x - far, x + far + 1, graph.shape[3])
         columns = _within(y - far, y + far + 1, graph.shape[4])
         near, to = (_numbers(rows, columns, part) for part in (cells[:, :n], ends[..., :n]))
-        frames.append(Frame(graph, rows, columns, Irregular(near, to, hidden[:, :n])))
+        frames.append(Frame(graph, rows, columns, (near, to, hidden[:, :n])))
     return frames
 
 

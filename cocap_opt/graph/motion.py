@@ -6,7 +6,6 @@ graphs, `timegraph` compiles them for planners and bounds, which need no edges o
 
 from __future__ import annotations  # a window's own methods return windows
 
-import math
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple, TypeVar
 
@@ -66,15 +65,6 @@ class Window(NamedTuple):
         return part
 
 
-class _Room(NamedTuple):
-    """The solid matter, the altitudes and the limits in a window."""
-
-    free: BoolArray  # [layer, X, Y] true where a robot may be
-    altitudes: FloatArray  # [layer, X, Y] m, where it flies
-    columns: Columns
-    forbidden: Columns  # by no-fly zones and the ceiling
-
-
 def allowed_moves(
     workspace: Workspace, motion: Motion, window: Window | None = None
 ) -> Iterator[tuple[Move, BoolArray]]:
@@ -85,7 +75,7 @@ def allowed_moves(
     window : the part of the map that robots do not leave, and X x Y its cells; all if not given
     """
     window = window or Window.all_of(workspace)
-    room = _Room(
+    room = (
         window.of(motion.free_places(workspace)),
         window.of(workspace.height_map.altitudes(motion.layers)),
         Columns(*map(window.of, workspace.columns)),
@@ -97,23 +87,30 @@ def allowed_moves(
         if back in forth:  # it passes the same cells at the same altitudes
             yield move, _shifted(forth.pop(back), move, False)
         else:
-            forth[move] = _allowed_starts(room, motion, move)
+            forth[move] = _allowed_starts(motion, move, *room)
             yield move, forth[move]
 
 
-def _allowed_starts(room: _Room, motion: Motion, move: Move) -> BoolArray:
+def _allowed_starts(
+    motion: Motion, move: Move, free: BoolArray, altitudes: FloatArray, matter: Columns,
+    forbidden: Columns,
+) -> BoolArray:  # fmt: skip
     """Returns an array [layer, X, Y], true for free places from which a move is allowed.
 
     The cells that it passes must have no solid matter from the lower of its two altitudes to
     the higher, nor within the clearance of these. With corner cutting only the two ends count for
     that. Nothing may be forbidden in between either.
+
+    Parameters
+    ----------
+    free, altitudes : [layer, X, Y] true where a robot may be, and m
     """
-    here, there = room.altitudes, _shifted(room.altitudes, move, np.nan)
+    here, there = altitudes, _shifted(altitudes, move, np.nan)
     low, high = np.minimum(here, there), np.maximum(here, there)
-    allowed = ~np.isnan(there) & _clear(room.forbidden, move, low, high)  # it does not lead out
+    allowed = ~np.isnan(there) & _clear(forbidden, move, low, high)  # it does not lead out
     if motion.corner_cutting:
-        return allowed & room.free & _shifted(room.free, move, False)
-    return allowed & _clear(room.columns, move, low - motion.clearance, high + motion.clearance)
+        return allowed & free & _shifted(free, move, False)
+    return allowed & _clear(matter, move, low - motion.clearance, high + motion.clearance)
 
 
 def _clear(columns: Columns, move: Move, low: FloatArray, high: FloatArray) -> BoolArray:
@@ -138,41 +135,9 @@ def _shifted(values: NDArray[T], move: Move, outside: float) -> NDArray[T]:
     return result
 
 
-class PersonAtStep(NamedTuple):
-    """A person at a step, to whom drones must not come too near from then to the next one."""
-
-    actor: Actor
-    airspace: Airspace
-    t: int
-
-    @property
-    def at(self) -> tuple[float, float]:
-        """Where the person is (m)."""
-        x, y, *_ = self.actor.poses[self.t].tolist()
-        return x, y
-
-    @property
-    def reach(self) -> float:
-        """Least distance (m), and how far the person walks in the step."""
-        here = self.actor.poses[self.t, :2]
-        there = self.actor.poses[min(self.t + 1, len(self.actor.poses) - 1), :2]
-        return self.airspace.people_aside + math.hypot(*(there - here))
-
-    def near(self, before: FloatArray, after: FloatArray | None = None) -> BoolArray:
-        """Returns which drones are too near, as `Airspace.near_person` does."""
-        return self.airspace.near_person(self.actor, self.t, before, after)
-
-
 class People(NamedTuple):
     """The people of a problem, until its horizon."""
 
     actors: tuple[Actor, ...]
     airspace: Airspace
     horizon: int
-
-    @property
-    def meetings(self) -> Iterator[PersonAtStep]:
-        """All people at all steps."""
-        for actor in self.actors:
-            for t in range(self.horizon + 1):
-                yield PersonAtStep(actor, self.airspace, t)

@@ -12,7 +12,8 @@ import math
 from collections import deque
 from collections.abc import Iterable, Iterator
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from itertools import product
+from typing import TypeVar
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -28,14 +29,9 @@ from cocap_opt.world.workspace import HeightMap, Workspace
 _Values = TypeVar("_Values", BoolArray, IntArray)
 _BYTES_PER_PLACE = 110  # while the graph is made, beside what each move takes: measured
 CLOSED = -np.inf  # value of a state that must not or cannot be entered
-
-
-class Irregular(NamedTuple):
-    """The n places from which a move to a free place is hidden, by an obstacle in between."""
-
-    places: IntArray  # [n]
-    heads: IntArray  # [K, n] places that the moves lead to; the place itself if one is hidden
-    hidden: BoolArray  # [K, n]
+# The n places [n] from which a move to a free place is hidden, by an obstacle in between; the
+# places [K, n] to which moves lead, the place itself where one is hidden; where they are [K, n].
+Irregular = tuple[IntArray, IntArray, BoolArray]
 
 
 class TimeGraph:
@@ -142,22 +138,25 @@ class TimeGraph:
         # A hidden move is listed as staying, which is always allowed.
         heads = self.neighbours(places)
         is_hidden = heads < 0
-        return Irregular(places, np.where(is_hidden, places, heads), is_hidden)
+        return places, np.where(is_hidden, places, heads), is_hidden
 
     def _closed(self, people: People, height_map: HeightMap) -> Charges:
         """Returns charges that close all places and moves that are too near to somebody."""
         places, moves = [np.zeros((0, 2), np.int64)], [np.zeros((0, 3), np.int64)]
-        for meeting in people.meetings:
-            x, y = height_map.cell_of(*meeting.at)
-            reach = math.ceil(meeting.reach / height_map.resolution) + 1
+        airspace, resolution = people.airspace, height_map.resolution
+        for actor, t in product(people.actors, range(people.horizon + 1)):
+            here, there = actor.poses[[t, min(t + 1, len(actor.poses) - 1)], :2]
+            x, y = height_map.cell_of(*here.tolist())
+            aside = airspace.people_aside + math.hypot(*(there - here))  # m, the walk included
+            reach = math.ceil(aside / resolution) + 1
             around = self.places_around(x, y, reach)
-            near = around[meeting.near(self.positions(height_map, around))]
-            places.append(np.column_stack([np.full(len(near), meeting.t), near]))
-            if meeting.t < people.horizon:
+            near = around[airspace.near_person(actor, t, self.positions(height_map, around))]
+            places.append(np.column_stack([np.full(len(near), t), near]))
+            if t < people.horizon:
                 ends = self.moves_around(x, y, reach + self.motion.radius)
-                pass_near = meeting.near(*(self.positions(height_map, end) for end in ends))
-                pairs = np.column_stack(ends)[pass_near]
-                moves.append(np.column_stack([np.full(len(pairs), meeting.t), pairs]))
+                way = (self.positions(height_map, end) for end in ends)
+                pairs = np.column_stack(ends)[airspace.near_person(actor, t, *way)]
+                moves.append(np.column_stack([np.full(len(pairs), t), pairs]))
         return Charges.closing(*(np.unique(np.concatenate(x), axis=0) for x in (places, moves)))
 
     # -- numbering -----------------------------------------------------------------------

@@ -6,7 +6,6 @@ A step's moves and turns are independent, so a sweep is a few shifted maxima ove
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -23,13 +22,6 @@ _Ends = tuple[int, tuple[int, int] | None]  # horizon and goal
 _leads: WeakKeyDictionary[TimeGraph, dict[_Ends, BoolArray]] = WeakKeyDictionary()
 
 
-class Swept(NamedTuple):
-    """The result of an earlier sweep, to be swept again where rewards have changed since."""
-
-    value: FloatArray  # [T+1, S] is overwritten
-    last: int  # last step at which a reward has changed
-
-
 def backward_sweep(
     graph: TimeGraph,
     reward: FloatArray,
@@ -37,7 +29,7 @@ def backward_sweep(
     charges: Charges = NO_CHARGES,
     goal: tuple[int, int] | None = None,
     stop: Stop = never,
-    earlier: Swept | None = None,
+    earlier: tuple[FloatArray, int] | None = None,
     frames: Sequence[Frame] | None = None,
 ) -> FloatArray:
     """Returns the best reward to go of every state at every step.
@@ -51,7 +43,8 @@ def backward_sweep(
     charges : costs of places, moves and states; infinity closes them
     goal : cell (x, y) in which the path must end
     stop : stopping criterion, checked at every step
-    earlier : result of a sweep with the same arguments but for some rewards
+    earlier : result [T+1, S] of a sweep with the same arguments but for some rewards, which is
+        overwritten, and the last step at which a reward has changed since
     frames : those of all steps before the last, if only what can be reached from one start matters
         (`frames_from`); all other values mean nothing
 
@@ -182,7 +175,7 @@ class _BackwardStep:
         self._window()
         if self._rates is not None:
             self._reward_moves(self._rates)
-        if self.frame.irregular.places.size:
+        if self.frame.irregular[0].size:
             self._redo_irregular()
         if len(tails):
             self._charge_moves(tails, heads, costs)

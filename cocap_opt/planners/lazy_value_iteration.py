@@ -25,7 +25,7 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.graph.frames import frames_from
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
-from cocap_opt.graph.value_iteration import Swept, backward_sweep, best_path
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model, Path
 from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
@@ -124,9 +124,11 @@ class _Search:
                 return max(paths, key=self._worth), limit
             if (worth := self._worth(path)) > least:
                 best, least = path, worth
-            earlier, width = Swept(value, changed), min(_GROWTH * width, _MOST)
+            earlier, width = (value, changed), min(_GROWTH * width, _MOST)
 
-    def _sweep(self, rewards: FloatArray, earlier: Swept | None = None) -> FloatArray:
+    def _sweep(
+        self, rewards: FloatArray, earlier: tuple[FloatArray, int] | None = None
+    ) -> FloatArray:
         """Returns the best reward to go [T+1, S] of every state."""
         return backward_sweep(
             self._graph, rewards, self._bonuses, self._task.charges, self._class.goal,

@@ -18,7 +18,9 @@ from cocap_opt.objective import marginal_gain
 from cocap_opt.problem import Problem
 from cocap_opt.stop import Stop
 from cocap_opt.vision.coverage import usable_cores
-from cocap_opt.vision.unhidden import Unhidden, UnhiddenViews
+from cocap_opt.vision.sights import Seen
+from cocap_opt.vision.unhidden import UnhiddenViews
+from cocap_opt.vision.views import NOTHING
 
 _SLACK = 1e-9  # of the largest reward, much more than the rounding of bounds
 _AT_ONCE = 1_000_000  # entries, to bound the memory
@@ -137,14 +139,14 @@ class _StepBounds(NamedTuple):
     counts: IntArray  # [F] entries of each face, which stand one after the other
 
     @classmethod
-    def of(cls, found: Unhidden, first: int, weights: FloatArray) -> Self:
+    def of(cls, found: Seen, first: int, weights: FloatArray) -> Self:
         """Returns the bounds of a step whose first node has this number.
 
         Parameters
         ----------
         weights : [F] of the faces
         """
-        nodes, starts = first + found.states, np.flatnonzero(np.diff(found.states, prepend=-1))
+        nodes, starts = first + found.rows, np.flatnonzero(np.diff(found.rows, prepend=-1))
         roots = np.sqrt(found.pixels) * weights[found.faces]
         rewards = np.add.reduceat(roots, starts) if len(starts) else roots
         # NumPy sorts numbers of 16 bits much faster.
@@ -162,7 +164,7 @@ def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_StepBound
     def at(t: int) -> _StepBounds:
         stop.check()
         if t < problem.first_step:
-            return _StepBounds.of(Unhidden.nothing(), t * size, problem.face_weights)
+            return _StepBounds.of(NOTHING, t * size, problem.face_weights)
         weights = problem.view_sum_weights[problem.view_sums_at(t)]
         return _StepBounds.of(views.at(t, reachable[t]), t * size, weights)
 

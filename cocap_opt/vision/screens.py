@@ -61,68 +61,54 @@ class Screens(NamedTuple):
         hidden = np.zeros((len(eyes), len(radii)), dtype=bool)
         if np.isneginf(self.tops).all():
             return hidden
-        axes = _Axes.between(self, middles, radii, tops, eyes)
-        while len(axes.numbers):
-            hides = axes.top <= self.tops.take(axes.squares(self.tops.shape[1]), mode="clip")
-            hides &= axes.left > 0
-            hidden.reshape(-1)[axes.numbers[hides]] = True
-            axes = axes.farther(~hides)
+        numbers, at, left, steps = self._axes(middles, radii, tops, eyes)
+        while len(numbers):
+            x, y, top = at
+            squares = x.astype(np.int64)
+            squares *= self.tops.shape[1]
+            squares += y.astype(np.int64)
+            hides = top <= self.tops.take(squares, mode="clip")
+            hides &= left > 0
+            hidden.reshape(-1)[numbers[hides]] = True
+            for values, step in zip(at, steps, strict=True):
+                np.add(values, step, out=values)
+            np.subtract(left, 1.0, out=left)
+            kept = ~hides & (left > 0)
+            if np.count_nonzero(kept) <= _FEW * len(kept):
+                rows = np.flatnonzero(kept)
+                numbers, left = numbers[rows], left[rows]
+                at, steps = ([part[rows] for part in parts] for parts in (at, steps))
         return hidden
 
+    def _axes(
+        self, middles: FloatArray, radii: FloatArray, tops: FloatArray, eyes: FloatArray
+    ) -> tuple[IntArray, list[FloatArray], FloatArray, list[FloatArray]]:
+        """Returns the first point of each axis, as near to the actor as may be.
 
-class _Axes(NamedTuple):
-    """Points of axes, all of them equally far from the actors."""
-
-    numbers: IntArray  # [n] of eye and actor
-    x: FloatArray  # [n] squares from the corner
-    y: FloatArray  # [n]
-    top: FloatArray  # [n] m; no line of sight is higher there
-    left: FloatArray  # [n] > 0 steps to the eye; points beyond it have no more
-    steps: tuple[FloatArray, FloatArray, FloatArray]  # [n] from each point to the next: x, y, top
-
-    @classmethod
-    def between(
-        cls, screens: Screens, middles: FloatArray, radii: FloatArray, tops: FloatArray,
-        eyes: FloatArray,
-    ) -> Self:  # fmt: skip
-        """Returns the first point of each axis, as near to the actor as may be."""
-        at = (middles - screens.corner) / screens.size
-        inside = ((at > 0) & (at < screens.tops.shape)).all(axis=1)
+        Returns
+        -------
+        numbers : [n] of eye and actor
+        points : x and y [n] in squares from the corner, and an altitude [n] (m) above all lines
+            of sight there
+        left : [n] > 0 steps to the eye; points beyond it have no more
+        steps : x, y and altitude [n] from each point to the next
+        """
+        at = (middles - self.corner) / self.size
+        inside = ((at > 0) & (at < self.tops.shape)).all(axis=1)
         way = eyes[:, None, :2] - middles
         away = np.sqrt(way[..., 0] ** 2 + way[..., 1] ** 2)
         first = radii.max(initial=0.0) + _DEPTH
         eye, actor = np.nonzero((away > first) & inside)
         way, away = way[eye, actor], away[eye, actor]
-        step = screens.step / away  # of the way
-        x, y = (way.T / screens.size) * step
+        step = self.step / away  # of the way
+        x, y = (way.T / self.size) * step
         height, top = eyes[eye, 2], tops[actor]
         rise = np.maximum(height - top, 0.0) / (away + radii[actor])  # m, for each metre
-        begin = first / screens.step  # steps
-        return cls(
-            eye * len(radii) + actor,
+        begin = first / self.step  # steps
+        points = [
             at[actor, 0] + begin * x,
             at[actor, 1] + begin * y,
             np.maximum(height, top) + _DEPTH - rise * (away - first),
-            1 / step - begin,
-            (x, y, rise * away * step),
-        )
-
-    def squares(self, columns: int) -> IntArray:
-        """Returns the numbers [n] of the points' squares, of which so many are in a row."""
-        numbers: IntArray = self.x.astype(np.int64)
-        numbers *= columns
-        numbers += self.y.astype(np.int64)
-        return numbers
-
-    def farther(self, kept: BoolArray) -> Self:
-        """Returns the next point of those axes that are kept and do not end before."""
-        for values, step in zip((self.x, self.y, self.top), self.steps, strict=True):
-            np.add(values, step, out=values)
-        np.subtract(self.left, 1.0, out=self.left)
-        kept = kept & (self.left > 0)
-        if np.count_nonzero(kept) > _FEW * len(kept):
-            return self
-        rows = np.flatnonzero(kept)
-        x, y, top, left = (part[rows] for part in (self.x, self.y, self.top, self.left))
-        by_x, by_y, by_top = (step[rows] for step in self.steps)
-        return type(self)(self.numbers[rows], x, y, top, left, (by_x, by_y, by_top))
+        ]
+        steps = [x, y, rise * away * step]
+        return eye * len(radii) + actor, points, 1 / step - begin, steps

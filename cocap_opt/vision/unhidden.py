@@ -11,7 +11,6 @@ All but the depths is the same for all orientations of a camera. Of a face that 
 image may cut, no more is seen than the rectangle around its image has in the image.
 """
 
-from typing import NamedTuple, Self
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -22,48 +21,12 @@ from cocap_opt.problem import Camera
 from cocap_opt.vision.faces import FaceGeometry, Planes
 from cocap_opt.vision.projection import dot
 from cocap_opt.vision.screens import Screens
-from cocap_opt.vision.views import PinholeViews, Views
+from cocap_opt.vision.sights import Seen
+from cocap_opt.vision.views import NOTHING, PinholeViews, Views
 
 _SLACK = 1e-7  # m, much more than the rounding of coordinates
 _ROUNDING = 1e-9  # relative, much more than that of areas
 _AT_ONCE = 20_000  # orientations times eyes times actors, for the processor's cache
-
-
-class Unhidden(NamedTuple):
-    """The most that states at one step may see of each face."""
-
-    states: IntArray  # [n] increasing
-    faces: IntArray  # [n] increasing for each state
-    pixels: FloatArray  # [n] px/m2, > 0, no less than what the state sees of the face
-
-    @classmethod
-    def nothing(cls) -> Self:
-        """Returns what nobody sees."""
-        none = np.zeros(0, dtype=np.int64)
-        return cls(none, none, np.zeros(0))
-
-    @classmethod
-    def of(
-        cls, camera: Camera, axes: FloatArray, planes: Planes, owners: IntArray, eyes: FloatArray,
-        wanted: BoolArray, hidden: BoolArray,
-    ) -> Self:  # fmt: skip
-        """Returns what the wanted states see, which are numbered as they stand in that array.
-
-        Parameters
-        ----------
-        axes : [O, 3, 3] right, up and forward of each orientation
-        owners : [F] actor of each face
-        eyes : [n, 3] m
-        wanted : [O, n] true for states that matter
-        hidden : [n, A] true for actors that are known to be hidden
-        """
-        scene = _FacesFrom(camera, planes, owners, eyes, ~hidden)
-        size = max(_AT_ONCE // max(len(eyes) * len(planes.reaches), 1), 1)
-        parts = [
-            scene.seen(axes[first : first + size], wanted[first : first + size], first)
-            for first in range(0, len(axes), size)
-        ]
-        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 class UnhiddenViews:
@@ -74,38 +37,41 @@ class UnhiddenViews:
 
     def __init__(self, views: Views) -> None:
         self._views = views
-        self._screens = screens_of(views.geometry) if isinstance(views, PinholeViews) else None
+        self._screens = _screens_of(views.geometry) if isinstance(views, PinholeViews) else None
 
-    def at(self, t: int, reachable: BoolArray) -> Unhidden:
-        """Returns what the reachable states [S] would see at step t past all but single columns.
+    def at(self, t: int, reachable: BoolArray) -> Seen:
+        """Returns the most that the reachable states [S] may see of each face at step t.
 
-        A camera that sees past obstacles sees what it sees.
+        Its rows are the states, increasing. A camera that sees past obstacles sees what it sees.
         """
         views = self._views
         if self._screens is None or not isinstance(views, PinholeViews):
             states = np.flatnonzero(reachable)
             seen = views.seen(t * views.n_states + states)
-            return Unhidden(states[seen.rows], seen.faces, seen.pixels)
+            return seen._replace(rows=states[seen.rows])
         wanted = reachable.reshape(len(views.axes), -1)
         places = np.flatnonzero(wanted.any(axis=0))
         if not views.n_faces or not len(places):
-            return Unhidden.nothing()
+            return NOTHING
         eyes, planes = views.eyes(places), views.geometry.planes(t)
         hidden = self._screens.hide(
             planes.middles[:, :2], planes.radii, planes.middles[:, 2] + planes.halves, eyes
         )
-        found = Unhidden.of(
-            views.camera, views.axes, planes, views.problem.face_owner, eyes,
-            wanted[:, places], hidden,
-        )  # fmt: skip
+        scene = _FacesFrom(views.camera, planes, views.problem.face_owner, eyes, ~hidden)
+        size = max(_AT_ONCE // max(len(eyes) * len(planes.reaches), 1), 1)
+        parts = [
+            scene.seen(views.axes[k : k + size], wanted[k : k + size, places], k)
+            for k in range(0, len(views.axes), size)
+        ]
+        rows, faces, pixels = (np.concatenate(column) for column in zip(*parts, strict=True))
         states = np.arange(len(views.axes))[:, None] * views.graph.n_places + places
-        return found._replace(states=states.take(found.states))
+        return Seen(states.take(rows), faces, pixels)
 
 
 _SCREENS: WeakKeyDictionary[FaceGeometry, Screens] = WeakKeyDictionary()
 
 
-def screens_of(geometry: FaceGeometry) -> Screens:
+def _screens_of(geometry: FaceGeometry) -> Screens:
     """Returns the squares of the map well inside of a column, made once for each geometry."""
     if geometry not in _SCREENS:
         resolution = geometry.problem.height_map.resolution
@@ -145,21 +111,44 @@ class _FacesFrom:
         first : number of the first orientation
         """
         looks = _Looks(axes, self._eyes, self._planes)
-        actors = _ActorsInView.of(looks, self._planes, self._slopes, wanted[..., None] & self._open)
-        pair = actors.eyes * len(self._planes.reaches) + actors.numbers
+        orientation, eye, actor, whole = self._in_view(looks, wanted[..., None] & self._open)
+        pair = eye * len(self._planes.reaches) + actor
         counts = self._counts[pair]
         entry = np.repeat(np.arange(len(counts)), counts)
         turned = spans(self._first[pair], counts)
         face = self._faces[turned]
-        state = (actors.orientations * len(self._eyes) + actors.eyes)[entry]
-        faces = (actors.orientations * len(self._planes.areas))[entry] + face
+        state = (orientation * len(self._eyes) + eye)[entry]
+        faces = (orientation * len(self._planes.areas))[entry] + face
         depth = looks.corners(2, state, faces)
         pixels = self._of_whole(depth, face) * self._density[turned]
-        cut = np.flatnonzero(~actors.whole[entry])
+        cut = np.flatnonzero(~whole[entry])
         beside = [looks.corners(k, state[cut], faces[cut]) for k in (0, 1)]
         pixels[cut] = self._of_cut(beside, [d[cut] for d in depth], face[cut], pixels[cut])
         seen = np.flatnonzero(pixels)
         return state[seen] + first * len(self._eyes), face[seen], pixels[seen]
+
+    def _in_view(
+        self, looks: "_Looks", wanted: BoolArray
+    ) -> tuple[IntArray, IntArray, IntArray, BoolArray]:
+        """Returns the actors, of those wanted [O, n, A], that may be in the image of states.
+
+        Returns
+        -------
+        orientations, eyes, actors : [m] numbers, in the order of the states
+        whole : [m] true if all of the actor is in the image
+        """
+        right, up, depth = (
+            middle[:, None] - eye[..., None]  # [O, n, A] m
+            for middle, eye in zip(looks.middles, looks.eyes, strict=True)
+        )
+        # From the nearest side of the image, inwards, m.
+        room = np.minimum(*(
+            (slope * depth - np.abs(off)) / np.hypot(1.0, slope)
+            for slope, off in zip(self._slopes, (right, up), strict=True)
+        ))  # fmt: skip
+        reach = self._planes.reaches + _SLACK
+        orientations, eyes, actors = np.nonzero((room >= -reach) & wanted)
+        return orientations, eyes, actors, room[orientations, eyes, actors] >= reach[actors]
 
     def _of_whole(self, depth: list[FloatArray], face: IntArray) -> FloatArray:
         """Returns the coverage [n] of faces that the border does not cut, per density.
@@ -216,34 +205,6 @@ class _Looks:
         """
         here = self.eyes[way].take(states)
         return [corner.take(turned) - here for corner in self._corners[way]]
-
-
-class _ActorsInView(NamedTuple):
-    """The actors that may be in the image of states, in the order of the states."""
-
-    orientations: IntArray  # [n]
-    eyes: IntArray  # [n]
-    numbers: IntArray  # [n]
-    whole: BoolArray  # [n] true if all of the actor is in the image
-
-    @classmethod
-    def of(
-        cls, looks: _Looks, planes: Planes, slopes: tuple[float, float], wanted: BoolArray
-    ) -> "_ActorsInView":
-        """Returns those that states may see, of those that are wanted [O, n, A]."""
-        right, up, depth = (
-            middle[:, None] - eye[..., None]  # [O, n, A] m
-            for middle, eye in zip(looks.middles, looks.eyes, strict=True)
-        )
-        # From the nearest side of the image, inwards, m.
-        room = np.minimum(*(
-            (slope * depth - np.abs(off)) / np.hypot(1.0, slope)
-            for slope, off in zip(slopes, (right, up), strict=True)
-        ))  # fmt: skip
-        reach = planes.reaches + _SLACK
-        orientations, eyes, numbers = np.nonzero((room >= -reach) & wanted)
-        whole = room[orientations, eyes, numbers] >= reach[numbers]
-        return cls(orientations, eyes, numbers, whole)
 
 
 def _dots(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ from cocap_opt.vision.sights import ConeSight, PinholeSight, Seen
 # Most states at once, and states times actors, so that limits are checked every 0.3 s or so.
 _BATCH, _BATCH_ACTORS = 8_192, 65_000
 _BATCH_RAYS = 400_000  # states times faces times the squared samples of a triangle
-_NOTHING = Seen(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+NOTHING = Seen(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
 class Views(ABC):
@@ -102,7 +102,7 @@ class PinholeViews(Views):
     def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> Seen:
         """Returns what nodes [n] see; node t S + s is state s at step t."""
         if not self.n_faces or not len(nodes):
-            return _NOTHING
+            return NOTHING
         n_places = self.graph.n_places
         t, state = np.divmod(nodes, self.n_states)
         orientation, place = np.divmod(state, n_places)

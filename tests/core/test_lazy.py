@@ -12,7 +12,7 @@ from test_planners import blocked_at_random, close, meadow, seen_by_others
 
 from cocap_opt.experiments.lab.studies.coverage.town import town
 from cocap_opt.graph.charges import Charges
-from cocap_opt.graph.value_iteration import Swept, backward_sweep
+from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import marginal_reward
 from cocap_opt.planners import PLANNERS, lazy_value_iteration
@@ -28,7 +28,8 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, LimitReached, Stop, TimeLimit, never
 from cocap_opt.vision import unhidden
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.unhidden import UnhiddenViews, screens_of
+from cocap_opt.vision.screens import Screens
+from cocap_opt.vision.unhidden import UnhiddenViews
 
 SLACK = 1e-9  # relative, of sums
 LAZY_TWINS = ["greedy", "sequential", "cocap"]  # planners that have a lazy one of the same plan
@@ -76,9 +77,9 @@ def test_nobody_sees_more_than_if_nothing_hid_anybody(problem: Problem) -> None:
         for t in range(problem.first_step, problem.horizon + 1):
             found, states = unhidden_views.at(t, reachable[t]), np.flatnonzero(reachable[t])
             most = np.zeros((views.n_states, model.n_faces))
-            most[found.states, found.faces] = found.pixels
-            assert (found.pixels > 0).all() and np.isin(found.states, states).all()
-            assert (np.diff(found.states * max(model.n_faces, 1) + found.faces) > 0).all()
+            most[found.rows, found.faces] = found.pixels
+            assert (found.pixels > 0).all() and np.isin(found.rows, states).all()
+            assert (np.diff(found.rows * max(model.n_faces, 1) + found.faces) > 0).all()
             assert (views.coverage(t, states) <= most[states]).all()
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(unhidden, "_AT_ONCE", 1)
@@ -90,7 +91,7 @@ def test_nothing_hides_anybody_on_a_meadow() -> None:
     model = Model(meadow(), use_cache=False)
     views = model.views(model.classes[0])
     found = UnhiddenViews(views).at(6, model.reachable(model.classes[0])[6])
-    exact = views.coverage(6, found.states)[np.arange(len(found.states)), found.faces]
+    exact = views.coverage(6, found.rows)[np.arange(len(found.rows)), found.faces]
     assert np.isclose(found.pixels, exact, rtol=1e-6, atol=0).mean() > 0.5
 
 
@@ -189,7 +190,7 @@ def test_screens_hide_only_what_nobody_sees(problem: Problem, seed: int) -> None
     views, graph = model.views(robot_class), robot_class.graph
     t = int(rng.integers(0, problem.horizon + 1))
     planes, places = geometry.planes(t), np.flatnonzero(graph.free)
-    hidden = screens_of(geometry).hide(
+    hidden = Screens.of(geometry.columns, problem.height_map.resolution, geometry.radius).hide(
         planes.middles[:, :2], planes.radii, planes.middles[:, 2] + planes.halves,
         graph.positions(problem.height_map, places) - geometry.origin,
     )  # fmt: skip
@@ -203,7 +204,7 @@ def test_screens_find_who_is_behind_a_house() -> None:
     problem = town(seed=0, robots=2, actors=6, cells=60, steps=20, resolution=1.0)
     geometry, graph = FaceGeometry(problem), Model(problem).classes[0].graph
     planes, places = geometry.planes(0), np.flatnonzero(graph.free)
-    hidden = screens_of(geometry).hide(
+    hidden = Screens.of(geometry.columns, problem.height_map.resolution, geometry.radius).hide(
         planes.middles[:, :2], planes.radii, planes.middles[:, 2] + planes.halves,
         graph.positions(problem.height_map, places) - geometry.origin,
     )  # fmt: skip
@@ -221,7 +222,7 @@ def test_a_sweep_may_begin_where_rewards_have_changed(problem: Problem, seed: in
     value = backward_sweep(graph, reward, charges=charges, goal=goal)
     last = int(rng.integers(0, problem.horizon + 1))
     reward[: last + 1] *= 0.5
-    again = backward_sweep(graph, reward, charges=charges, goal=goal, earlier=Swept(value, last))
+    again = backward_sweep(graph, reward, charges=charges, goal=goal, earlier=(value, last))
     assert np.array_equal(again, backward_sweep(graph, reward, charges=charges, goal=goal))
 
 

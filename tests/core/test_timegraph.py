@@ -22,7 +22,7 @@ from cocap_opt.graph.motion import Window
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
-from cocap_opt.graph.value_iteration import Swept, backward_sweep, best_path, leads_to_goal
+from cocap_opt.graph.value_iteration import backward_sweep, best_path, leads_to_goal
 from cocap_opt.problem import Camera, Motion, Problem, Robot, State
 from cocap_opt.world.workspace import HeightMap, Workspace
 
@@ -284,7 +284,7 @@ def test_frames_hold_all_that_a_robot_can_reach(case: Case, data: st.DataObject)
     last = int(rng.integers(0, horizon + 1))
     reward[: last + 1] *= 0.5
     value = backward_sweep(graph, reward, bonuses, charged, goal)
-    earlier = Swept(found, last)
+    earlier = (found, last)
     found = backward_sweep(graph, reward, bonuses, charged, goal, earlier=earlier, frames=frames)
     assert np.array_equal(found[reached], value[reached])
 
