@@ -264,6 +264,6 @@ def _ceilings(
         at, places = problem.view_sums_at(t), np.flatnonzero(reached)
         parts = -(-len(places) * graph.n_orientations // _AT_ONCE)
         for some in np.array_split(places, parts) if parts else []:
-            most = ceiling(views, t, some, weights[at])
-            visible[at] |= most.visible
-            yield t, some, most.roots, most.pixels
+            roots, pixels, seen = ceiling(views, t, some, weights[at])
+            visible[at] |= seen
+            yield t, some, roots, pixels

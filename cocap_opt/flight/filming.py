@@ -6,11 +6,13 @@ import numpy as np
 
 from cocap_opt.data import MOST_STEPS, FloatArray
 from cocap_opt.flight.trajectory import Samples, Trajectory
-from cocap_opt.problem import NO_RULES, Actor, Airspace, Problem
+from cocap_opt.problem import NO_RULES, Actor, Airspace, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.sights import pose_coverage
+from cocap_opt.vision.projection import Projection
+from cocap_opt.vision.sights import ConeSight, PinholeSight
 
 PARTS = 4  # moments of a step
+_AT_ONCE = 256  # poses, to bound the memory
 
 
 def parts_of(problem: Problem) -> int:
@@ -55,12 +57,24 @@ class Film:
 
     def coverage(self, robot: int, views: Samples) -> FloatArray:
         """Returns the coverage [moments, F] by one of the drones, seen at the moments."""
-        of_drone = views.drone == robot
-        camera = self._problem.robots[robot].camera
-        return pose_coverage(
-            self._geometry, self._problem, camera, views.place[of_drone], views.yaw[of_drone],
-            -views.pitch[of_drone],
-        )  # fmt: skip
+        problem, of_drone = self._problem, views.drone == robot
+        camera = problem.robots[robot].camera
+        yaw, tilt = views.yaw[of_drone], -views.pitch[of_drone]
+        eyes = views.place[of_drone] - self._geometry.origin
+        steps, coverage = np.arange(len(eyes)), np.zeros((len(eyes), len(problem.face_owner)))
+        if not coverage.size:
+            return coverage
+        if isinstance(camera, Cone):
+            sight = ConeSight(self._geometry, problem, camera)
+            for t in steps.tolist():
+                coverage[t] = sight.coverage(t, eyes[[t]], yaw[[t]])[0]
+            return coverage
+        for batch in np.split(steps, range(_AT_ONCE, len(steps), _AT_ONCE)):
+            axes, rows = Projection(camera).axes_towards(yaw[batch], tilt[batch]), batch - batch[0]
+            pinhole = PinholeSight(self._geometry, problem, camera, axes)
+            seen = pinhole.seen(batch, eyes[batch], rows, rows)
+            coverage[batch[seen.rows], seen.faces] = seen.pixels
+        return coverage
 
     def reward(self, coverages: list[FloatArray]) -> float:
         """Returns the part of J that views make, of the coverage [moments, F] by each drone."""

@@ -13,7 +13,7 @@ from cocap_opt.memory import require_memory
 from cocap_opt.model.coverage_estimate import CoverageEstimate
 from cocap_opt.problem import AnyCamera, Motion, Problem, Robot
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
-from cocap_opt.vision.cache import Computed, TableCache
+from cocap_opt.vision.cache import TableCache
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable, Progress
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import Views
@@ -168,16 +168,16 @@ class CoverageTables:
         return total
 
     def _made(self, spec: Robot, stop: Stop, progress: Progress) -> CoverageTable:
-        def make() -> Computed:
+        def make() -> tuple[CoverageTable, float]:
             table, clock, before = self._table_of(spec), Clock(), self._spent.get(_sight(spec), 0.0)
             try:
                 table.grow(stop, progress)
             finally:  # what a limit has ended goes on where it was
                 self._spent[_sight(spec)] = before + clock.seconds
-            return Computed(table.table(), self._spent[_sight(spec)])
+            return table.table(), self._spent[_sight(spec)]
 
         if not self._use_cache:
-            return self._by_view_sum(make().table)
+            return self._by_view_sum(make()[0])
         table, self._spent[_sight(spec)] = TableCache.of_user().table(self._key(spec), make)
         return self._by_view_sum(table)
 

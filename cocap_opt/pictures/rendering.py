@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 from PIL import Image
 
-from cocap_opt.data import FloatArray
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.model import compiled
 from cocap_opt.output.files import save_bytes, save_csv
 from cocap_opt.output.printing import Record
@@ -18,7 +18,7 @@ from cocap_opt.output.rendered import (
 )
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.vision.render import TERRAIN, Picture, Renderer
+from cocap_opt.vision.render import TERRAIN, Renderer
 
 _SKY_COLOUR, _GROUND_COLOUR = (0.80, 0.88, 0.95), (0.62, 0.60, 0.55)
 
@@ -48,7 +48,7 @@ def write_views(
         painter = painters[steps[pose.robot]]
         picture = painter.picture(problem.robots[pose.robot], pose.t, pose.state)
         name = folder / f"drone{pose.robot:02d}-step{pose.t:03d}.png"
-        save_bytes(name, _png(problem, picture))
+        save_bytes(name, _png(problem, *picture))
     renderer = Renderer(problem, pixel_step)
     poses = Pose.all_of(plan, problem.first_step)
     views = list(FaceView.all_from(compiled(problem), renderer, poses, counter("view")))
@@ -71,7 +71,7 @@ def drone_view(problem: Problem, plan: Plan, robot: int, t: int, width: int) -> 
     """
     own = problem.robots[robot]
     painter = Renderer(problem, max(round(Renderer.camera_of(own).width / width), 1))
-    return _png(problem, painter.picture(own, t, plan.paths[robot][t]))
+    return _png(problem, *painter.picture(own, t, plan.paths[robot][t]))
 
 
 def _csv_row(problem: Problem, view: FaceView) -> Record:
@@ -88,18 +88,18 @@ def _csv_row(problem: Problem, view: FaceView) -> Record:
     }
 
 
-def _png(problem: Problem, picture: Picture) -> bytes:
+def _png(problem: Problem, faces: IntArray, shade: FloatArray) -> bytes:
     """Returns a PNG file of a picture: people's faces in colours of their own, terrain shaded."""
-    height, width = picture.faces.shape
+    height, width = faces.shape
     image = np.empty((height, width, 3))
     image[:] = _SKY_COLOUR
-    light = 0.35 + 0.65 * picture.shade[..., None]
-    ground = picture.faces == TERRAIN
+    light = 0.35 + 0.65 * shade[..., None]
+    ground = faces == TERRAIN
     image[ground] = (light * _GROUND_COLOUR)[ground]
     colours = _face_colours(problem)
     if len(colours):
-        actors = picture.faces >= 0
-        image[actors] = (light * colours[np.maximum(picture.faces, 0)])[actors]
+        actors = faces >= 0
+        image[actors] = (light * colours[np.maximum(faces, 0)])[actors]
     content = io.BytesIO()
     Image.fromarray((255 * np.clip(image, 0, 1)).astype(np.uint8)).save(content, format="PNG")
     return content.getvalue()

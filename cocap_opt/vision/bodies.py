@@ -17,15 +17,6 @@ _MOST_PLANES = 64  # of a mesh that counts as one convex body
 T = TypeVar("T", bound=np.generic)
 
 
-class _Solid(NamedTuple):
-    """One convex body: the intersection of half-spaces normal . x <= offset."""
-
-    normals: FloatArray  # [P, 3] unit vectors, outward
-    offsets: FloatArray  # [P] m
-    neighbours: IntArray  # [N, 2] planes that share an edge
-    corners: FloatArray  # [C, 3] m
-
-
 class Bodies(NamedTuple):
     """Convex bodies one after the other; missing planes hide nothing, missing pairs are (0, 0)."""
 
@@ -56,7 +47,7 @@ class Bodies(NamedTuple):
         faces = whole.faces()
         bottom = faces[-1][::-1].copy()
         bottom[:, 2] = 0.0
-        return cls._of(_solid([*faces, bottom]))
+        return _between([*faces, bottom])
 
     @classmethod
     def of_mesh(cls, mesh: Mesh, origin: FloatArray) -> "Bodies | None":
@@ -66,16 +57,29 @@ class Bodies(NamedTuple):
         ----------
         origin : [3] m, which becomes 0
         """
-        solid = _convex_solid(mesh, origin)
-        return None if solid is None else cls._of(solid)
-
-    @classmethod
-    def _of(cls, solid: _Solid) -> "Bodies":
-        return cls(
-            solid.normals[None], solid.offsets[None], solid.neighbours[None],
-            solid.corners[None, :, :2].min(axis=1), solid.corners[None].max(axis=1),
-            np.zeros(1, dtype=bool),
-        )  # fmt: skip
+        if not mesh.is_solid or not len(mesh.surface):
+            return None
+        corners = mesh.vertices[np.unique(mesh.surface)] - origin
+        # Neither place nor size decides if a mesh is convex, but for the rounding of coordinates.
+        size, farthest = float(np.ptp(corners, axis=0).max()), float(np.abs(mesh.vertices).max())
+        flat = _FLAT * max(1.0, size) + 8 * np.finfo(float).eps * farthest
+        normals: list[FloatArray] = []
+        for triangle in mesh.corners - origin:
+            doubled = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+            length = float(np.linalg.norm(doubled))
+            if length == 0:
+                continue  # it has no area, and its corners are those of others
+            if ((corners - triangle[0]) @ doubled > flat * length).any():
+                return None  # a corner is beyond this triangle's plane
+            if not any(np.abs(doubled / length - normal).max() <= _FLAT for normal in normals):
+                normals.append(doubled / length)
+            if len(normals) > _MOST_PLANES:
+                return None
+        if not normals:
+            return None
+        offsets = (corners @ np.array(normals).T).max(axis=0)
+        on = np.abs(corners @ np.array(normals).T - offsets) <= flat
+        return _body(np.array(normals), offsets, on, corners)
 
     @classmethod
     def of_columns(cls, height_map: HeightMap, origin: FloatArray) -> "Bodies":
@@ -185,45 +189,27 @@ def _run(values: BoolArray) -> int:
     return len(values) if values.all() else int(values.argmin())
 
 
-def _convex_solid(mesh: Mesh, origin: FloatArray) -> _Solid | None:
-    if not mesh.is_solid or not len(mesh.surface):
-        return None
-    corners = mesh.vertices[np.unique(mesh.surface)] - origin
-    # Neither place nor size decides if a mesh is convex, but for the rounding of coordinates.
-    size, farthest = float(np.ptp(corners, axis=0).max()), float(np.abs(mesh.vertices).max())
-    flat = _FLAT * max(1.0, size) + 8 * np.finfo(float).eps * farthest
-    normals: list[FloatArray] = []
-    for triangle in mesh.corners - origin:
-        doubled = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
-        length = float(np.linalg.norm(doubled))
-        if length == 0:
-            continue  # it has no area, and its corners are those of others
-        if ((corners - triangle[0]) @ doubled > flat * length).any():
-            return None  # a corner is beyond this triangle's plane
-        if not any(np.abs(doubled / length - normal).max() <= _FLAT for normal in normals):
-            normals.append(doubled / length)
-        if len(normals) > _MOST_PLANES:
-            return None
-    if not normals:
-        return None
-    offsets = (corners @ np.array(normals).T).max(axis=0)
-    on = np.abs(corners @ np.array(normals).T - offsets) <= flat
-    return _Solid(np.array(normals), offsets, _neighbours(on), corners)
-
-
-def _solid(polygons: Sequence[FloatArray]) -> _Solid:
+def _between(polygons: Sequence[FloatArray]) -> Bodies:
     """Returns the body between polygons [V, 3], counter-clockwise seen from outside."""
     corners = np.unique(np.concatenate(polygons), axis=0)
     doubled = np.array([np.cross(p[1] - p[0], p[2] - p[0]) for p in polygons])
     normals = doubled / np.linalg.norm(doubled, axis=1, keepdims=True)
     offsets = np.array([normal @ p[0] for normal, p in zip(normals, polygons, strict=True)])
     on = np.array([[(p == corner).all(axis=1).any() for p in polygons] for corner in corners])
-    return _Solid(normals, offsets, _neighbours(on), corners)
+    return _body(normals, offsets, on, corners)
 
 
-def _neighbours(on: BoolArray) -> IntArray:
-    """Returns the pairs of planes [N, 2] that share an edge, from the corners [C, P] on them."""
+def _body(normals: FloatArray, offsets: FloatArray, on: BoolArray, corners: FloatArray) -> Bodies:
+    """Returns the body with planes [P], normals [P, 3] and offsets [P], and corners [C, 3].
+
+    Parameters
+    ----------
+    on : [C, P] true for corners on planes; two planes with two common corners share an edge
+    """
     pairs = [
         (a, b) for a, b in combinations(range(on.shape[1]), 2) if (on[:, a] & on[:, b]).sum() >= 2
     ]
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    return Bodies(
+        normals[None], offsets[None], np.array(pairs, dtype=np.int64).reshape(1, -1, 2),
+        corners[None, :, :2].min(axis=1), corners[None].max(axis=1), np.zeros(1, dtype=bool),
+    )  # fmt: skip

@@ -25,18 +25,7 @@ from cocap_opt.vision.coverage import CoverageTable
 log = logging.getLogger(__name__)
 
 _DIGEST_BYTES = hashlib.sha256().digest_size
-
-
-class Computed(NamedTuple):
-    """A coverage table, and what it took to compute it.
-
-    Attributes
-    ----------
-    seconds : wall-clock time, whenever and in whatever process that was
-    """
-
-    table: CoverageTable
-    seconds: float
+_Computed = tuple[CoverageTable, float]  # and the seconds that it took to compute it
 
 
 class TableCache(NamedTuple):
@@ -68,8 +57,11 @@ class TableCache(NamedTuple):
         """Returns True if there is a file of the table with this content key."""
         return self.folder is not None and self._path(key).is_file()
 
-    def table(self, key: str, make: Callable[[], Computed]) -> Computed:
-        """Reads the table with this content key from disk, or makes it and writes it there."""
+    def table(self, key: str, make: Callable[[], _Computed]) -> _Computed:
+        """Reads the table with this content key from disk, or makes it and writes it there.
+
+        With it come the seconds that it took to compute it, whenever and in whatever process.
+        """
         if self.folder is None:
             return make()
         path = self._path(key)
@@ -107,7 +99,7 @@ def _plain(value: object) -> object:
     raise TypeError(f"no digest for {type(value).__name__}")
 
 
-def _read(path: Path) -> Computed | None:
+def _read(path: Path) -> _Computed | None:
     try:
         if not path.is_file():  # opening a pipe would wait for someone to write into it
             return None
@@ -119,14 +111,14 @@ def _read(path: Path) -> Computed | None:
         # NumPy names no set of errors for files of other kinds.
         with suppress(Exception), np.load(io.BytesIO(body), allow_pickle=False) as arrays:
             table = CoverageTable(**{name: arrays[name] for name in CoverageTable._fields})
-            return Computed(table, float(arrays["seconds"]))
+            return table, float(arrays["seconds"])
     log.warning("cache file %s is damaged; computing its content again", path)
     return None
 
 
-def _write(path: Path, computed: Computed) -> None:
-    body = io.BytesIO()
-    np.savez(body, seconds=np.float64(computed.seconds), **computed.table._asdict())
+def _write(path: Path, computed: _Computed) -> None:
+    (table, seconds), body = computed, io.BytesIO()
+    np.savez(body, seconds=np.float64(seconds), **table._asdict())
     content = hashlib.sha256(body.getvalue()).digest() + body.getvalue()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -29,14 +29,6 @@ _MOST_SECTORS = 2**16  # at once: their numbers have 16 bits
 _GRAIN = 2.0**-30  # of keys, so that a slope's part does not depend on the sector's number
 
 
-class _Circles(NamedTuple):
-    """Upright cylinders around actors, without end above."""
-
-    middles: FloatArray  # [G, 2] m
-    radii: FloatArray  # [G] m
-    feet: FloatArray  # [G] m, the lowest points
-
-
 class Candidates:
     """The bodies that can hide each of several targets.
 
@@ -55,11 +47,11 @@ class Candidates:
         self, bodies: Bodies, middles: FloatArray, radii: FloatArray, feet: FloatArray,
         lowest_eye: float,
     ) -> None:  # fmt: skip
-        targets = _Circles(middles, radii, feet)
-        self.bodies, self._targets, self._tops = bodies, targets, bodies.high[:, 2]
+        self.bodies, self._tops = bodies, bodies.high[:, 2]
+        targets = self._around, self._radii, self._feet = middles, radii, feet
         self._middles = (bodies.low + bodies.high[:, :2]) / 2
         self._halves = (bodies.high[:, :2] - bodies.low) / 2
-        n, size = len(targets.radii), _PAIRS // max(len(self._tops), 1)
+        n, size = len(radii), _PAIRS // max(len(self._tops), 1)
         size = min(max(size, 1), _MOST_SECTORS // _SECTORS)
         parts = [
             _entries(bodies, targets, np.arange(first, min(first + size, n)), lowest_eye)
@@ -73,9 +65,9 @@ class Candidates:
 
     def of(self, targets: IntArray, eyes: FloatArray) -> "Lists":
         """Returns lists of the bodies that may hide targets [n] from eyes [n, 3]."""
-        way = eyes[:, :2] - self._targets.middles[targets]
+        way = eyes[:, :2] - self._around[targets]
         away = np.hypot(way[:, 0], way[:, 1])
-        radius, foot = self._targets.radii[targets], self._targets.feet[targets]
+        radius, foot = self._radii[targets], self._feet[targets]
         up = eyes[:, 2] - foot
         slope = np.where(up >= 0, np.inf, -np.inf)
         sloping = np.flatnonzero((up >= 0) & (away > radius))
@@ -109,9 +101,9 @@ class Candidates:
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             across = np.stack([-way[:, 1], way[:, 0]], axis=1) / away[:, None]
-        off = self._middles[bodies] - self._targets.middles[targets]
+        off = self._middles[bodies] - self._around[targets]
         aside = np.abs((across * off).sum(axis=1))
-        reach = (np.abs(across) * self._halves[bodies]).sum(axis=1) + self._targets.radii[targets]
+        reach = (np.abs(across) * self._halves[bodies]).sum(axis=1) + self._radii[targets]
         meets: BoolArray = ~(aside > reach * (1 + _ROUNDING))
         return meets
 
@@ -148,7 +140,7 @@ class Lists(NamedTuple):
 
 
 def _entries(
-    bodies: Bodies, targets: _Circles, which: IntArray, lowest_eye: float
+    bodies: Bodies, targets: tuple[FloatArray, ...], which: IntArray, lowest_eye: float
 ) -> tuple[FloatArray, NDArray[np.int32], FloatArray]:
     """Returns the keys, bodies and least distances (m) of all entries of some targets' sectors."""
     middles, radii, feet = (part[which] for part in targets)

@@ -5,48 +5,22 @@ They bound what coverage that a limit cut short leaves open; coverage itself use
 
 import math
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.vision.projection import dot
-from cocap_opt.vision.sights import ON_THE_EDGE, cone_law
+from cocap_opt.vision.sights import ON_THE_EDGE
 from cocap_opt.vision.views import ConeViews, PinholeViews, Views
 
 _AT_ONCE = 200_000  # orientations times places times actors, for the processor's cache
 _SLACK = 1e-7  # m, much more than the rounding of coordinates
 
 
-class ViewCeiling(NamedTuple):
-    """An upper bound on what the states at some places see at one step, if nothing hides anybody.
-
-    The sums are over all faces, each with a weight w of its own.
-    """
-
-    roots: FloatArray  # [O, n] of w sqrt(px/m2), by orientation and place
-    pixels: FloatArray  # [O, n] of w px/m2
-    visible: BoolArray  # [F] true where one of the states may see the face
-
-    @classmethod
-    def joined(cls, parts: "list[ViewCeiling]") -> "ViewCeiling":
-        """Returns the ceiling of all places from those of some each."""
-        if len(parts) == 1:
-            return parts[0]
-        return cls(
-            np.concatenate([part.roots for part in parts], axis=1),
-            np.concatenate([part.pixels for part in parts], axis=1),
-            np.any([part.visible for part in parts], axis=0),
-        )
-
-    @classmethod
-    def nothing(cls, n_orientations: int, n_places: int, n_faces: int) -> "ViewCeiling":
-        """Returns the ceiling of places from which nothing is seen."""
-        none = np.zeros((n_orientations, n_places))
-        return cls(none, none, np.zeros(n_faces, dtype=bool))
+_Ceiling = tuple[FloatArray, FloatArray, BoolArray]  # as `ceiling` returns it
 
 
-def ceiling(views: Views, t: int, places: IntArray, weights: FloatArray) -> ViewCeiling:
+def ceiling(views: Views, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
     """Returns an upper bound on what all states at places [n] see at step t.
 
     It costs much less than coverage, since nothing is clipped.
@@ -54,16 +28,23 @@ def ceiling(views: Views, t: int, places: IntArray, weights: FloatArray) -> View
     Parameters
     ----------
     weights : [F] of the faces
+
+    Returns
+    -------
+    roots, pixels : [O, n] of the sums over all faces, each with its weight, of the roots of what
+        is seen of them (px/m2), and of that itself
+    visible : [F] true where one of the states may see the face
     """
     if not views.n_faces or not len(places):
-        return ViewCeiling.nothing(views.graph.n_orientations, len(places), views.n_faces)
+        none = np.zeros((views.graph.n_orientations, len(places)))
+        return none, none, np.zeros(views.n_faces, dtype=bool)
     if isinstance(views, PinholeViews):
         return _of_pinhole(views, t, places, weights)
     assert isinstance(views, ConeViews)
     return _of_cone(views, t, places, weights)
 
 
-def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArray) -> ViewCeiling:
+def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
     """Returns an upper bound on what all states at places [n] see at step t.
 
     The image of a face of area A, whose plane the eye is h before, has
@@ -106,15 +87,15 @@ def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArr
         roots = np.sqrt(pixels * of_actors[actor])
         at, size = orientation * len(chunk) + place, (len(views.axes), len(chunk))
         visible = in_view.any(axis=0)[:, owners] & turned
-        parts.append(ViewCeiling(
+        parts.append((
             np.bincount(at, roots, math.prod(size)).reshape(size).astype(np.float64),
             np.bincount(at, pixels, math.prod(size)).reshape(size).astype(np.float64),
             visible.any(axis=0),
         ))  # fmt: skip
-    return ViewCeiling.joined(parts)
+    return _joined(parts)
 
 
-def _of_cone(views: ConeViews, t: int, places: IntArray, weights: FloatArray) -> ViewCeiling:
+def _of_cone(views: ConeViews, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
     """Returns an upper bound on what all states at places [n] see at step t.
 
     All of the level way to a face counts as ahead.
@@ -129,15 +110,21 @@ def _of_cone(views: ConeViews, t: int, places: IntArray, weights: FloatArray) ->
             [views.sight.detected(t, eyes, heading, 2 * ON_THE_EDGE) for heading in yaw]
         )
         ways, turned = views.sight.ways(t, eyes)
-        seen = cone_law(np.hypot(ways[..., 0], ways[..., 1]), turned, ways)
+        seen = views.sight.law(np.hypot(ways[..., 0], ways[..., 1]), turned, ways)
         roots, pixels = (
             (detected * np.add.reduceat(values, first, axis=1)).sum(axis=-1)
             for values in (np.sqrt(seen) * weights, seen * weights)
         )
         noticed = np.asarray(detected.any(axis=0))
         visible = np.any(noticed[:, owners] & (seen > 0), axis=0)
-        parts.append(ViewCeiling(roots, pixels, visible))
-    return ViewCeiling.joined(parts)
+        parts.append((roots, pixels, visible))
+    return _joined(parts)
+
+
+def _joined(parts: list[_Ceiling]) -> _Ceiling:
+    """Returns the ceiling of all places from those of some each."""
+    roots, pixels, visible = zip(*parts, strict=True)
+    return np.concatenate(roots, axis=1), np.concatenate(pixels, axis=1), np.any(visible, axis=0)
 
 
 def _by_actor(values: FloatArray, owners: IntArray, n_actors: int) -> FloatArray:

@@ -149,17 +149,11 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-class _SeenRows(NamedTuple):
-    """A few rows of a table."""
-
-    nodes: IntArray  # [n]
-    counts: IntArray  # [n] entries of each
-    view_sums: IntArray  # [nnz]
-    pixels: FloatArray  # [nnz]
-
-
+# A few rows of a table: nodes [n], the number of entries of each [n], and view sums and coverage
+# (px/m2) of all entries [nnz].
+_SeenRows = tuple[IntArray, IntArray, IntArray, FloatArray]
 _NONE = np.zeros(0, dtype=np.int64)
-_NO_ROWS = _SeenRows(_NONE, _NONE, _NONE, np.zeros(0))
+_NO_ROWS: _SeenRows = (_NONE, _NONE, _NONE, np.zeros(0))
 
 
 def _groups(sizes: IntArray, first_step: int, most: int) -> Iterator[tuple[int, int]]:
@@ -178,16 +172,17 @@ def _seen_by(views: Views, nodes: IntArray) -> _SeenRows:
     counts = np.bincount(seen.rows, minlength=len(nodes))
     seeing = np.flatnonzero(counts)
     view_sums = nodes[seen.rows] // views.n_states * views.n_faces + seen.faces
-    return _SeenRows(nodes[seeing], counts[seeing], view_sums, seen.pixels)
+    return nodes[seeing], counts[seeing], view_sums, seen.pixels
 
 
 def _joined(parts: list[_SeenRows]) -> _SeenRows:
-    return _SeenRows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    nodes, counts, view_sums, pixels = (np.concatenate(x) for x in zip(*parts, strict=True))
+    return nodes, counts, view_sums, pixels
 
 
 def _in_order(rows: _SeenRows) -> _SeenRows:
     """Returns the same rows, sorted by node."""
-    order = np.argsort(rows.nodes)
-    first, counts = (np.cumsum(rows.counts) - rows.counts)[order], rows.counts[order]
-    entries = spans(first, counts)
-    return _SeenRows(rows.nodes[order], counts, rows.view_sums[entries], rows.pixels[entries])
+    nodes, counts, view_sums, pixels = rows
+    order = np.argsort(nodes)
+    entries = spans((np.cumsum(counts) - counts)[order], counts[order])
+    return nodes[order], counts[order], view_sums[entries], pixels[entries]

@@ -247,37 +247,33 @@ class _Local(NamedTuple):
     half: float  # m, half of that cylinder's height
     body: Bodies
 
-    @classmethod
-    def of(cls, faces: list[FloatArray], body: Bodies) -> "_Local":
-        """Returns a shape with these faces, polygons [V, 3]."""
-        doubled = np.array([_doubled_area(face) for face in faces])
-        lengths = np.sqrt(dot(doubled, doubled))
-        corners = np.unique(np.concatenate(faces), axis=0)
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        middle = (low + high) / 2
-        ways = corners - middle
-        centres = np.array([_centroid(face) for face in faces])
-        points = np.concatenate([corners, centres])
-        size = max(map(len, faces))
-        return cls(
-            np.array([_padded(face[None], size)[0] for face in faces]),
-            doubled / lengths[:, None],
-            lengths / 2,
-            centres,
-            corners,
-            points + _DRAWN_IN * (middle - points),
-            middle,
-            float(np.sqrt(dot(ways, ways)).max()),
-            float(np.hypot(ways[:, 0], ways[:, 1]).max()),
-            float(high[2] - low[2]) / 2,
-            body,
-        )
-
 
 @lru_cache(maxsize=_KEPT)
 def _local(shape: Shape) -> _Local:
     """Returns a shape around its foot point, computed once for all actors that have it."""
-    return _Local.of(shape.faces(), Bodies.of_shape(shape))
+    faces = shape.faces()
+    doubled = np.array([_doubled_area(face) for face in faces])
+    lengths = np.sqrt(dot(doubled, doubled))
+    corners = np.unique(np.concatenate(faces), axis=0)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    middle = (low + high) / 2
+    ways = corners - middle
+    centres = np.array([_centroid(face) for face in faces])
+    points = np.concatenate([corners, centres])
+    size = max(map(len, faces))
+    return _Local(
+        np.array([_padded(face[None], size)[0] for face in faces]),
+        doubled / lengths[:, None],
+        lengths / 2,
+        centres,
+        corners,
+        points + _DRAWN_IN * (middle - points),
+        middle,
+        float(np.sqrt(dot(ways, ways)).max()),
+        float(np.hypot(ways[:, 0], ways[:, 1]).max()),
+        float(high[2] - low[2]) / 2,
+        Bodies.of_shape(shape),
+    )
 
 
 class _Turned:

@@ -7,7 +7,6 @@ Rendering shares only the geometry of the faces with coverage.
 import math
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,13 +18,6 @@ from cocap_opt.vision.faces import FaceGeometry, Surface
 SKY, TERRAIN = -2, -1  # in place of a face
 RAYS = 500_000  # cast at once, to bound the memory
 _BORDER = 2.0  # px around the box in which an actor is looked for
-
-
-class Picture(NamedTuple):
-    """An image: the face that each pixel shows, and its shade."""
-
-    faces: IntArray  # [height, width] number of a face, or TERRAIN or SKY
-    shade: FloatArray  # [height, width] cosine between ray and surface normal; 0 for the sky
 
 
 class Renderer:
@@ -102,8 +94,14 @@ class Renderer:
         result: FloatArray = self.pixels(robot, t, state) / self.areas(t)
         return result
 
-    def picture(self, robot: Robot, t: int, state: State) -> Picture:
-        """Returns the whole image, one pixel for each block."""
+    def picture(self, robot: Robot, t: int, state: State) -> tuple[IntArray, FloatArray]:
+        """Returns the whole image, one pixel for each block.
+
+        Returns
+        -------
+        faces : [height, width] number of the face that each pixel shows, or TERRAIN or SKY
+        shade : [height, width] cosine between ray and surface normal; 0 for the sky
+        """
         actors, triangle_faces = self._bodies(t)
         surfaces = (actors, self._terrain)
         camera = self.camera_of(robot)
@@ -116,7 +114,7 @@ class Renderer:
                 triangle = hit_triangle[hit]
                 shown[at[hit]] = TERRAIN if k else triangle_faces[triangle]
                 shade[at[hit]] = np.abs((_normals(surface.triangles[triangle]) * ways[hit]).sum(1))
-        return Picture(shown.reshape(height, width), shade.reshape(height, width))
+        return shown.reshape(height, width), shade.reshape(height, width)
 
     def _all(self, t: int) -> tuple[Surface, IntArray]:
         """Returns all actors at step t as one surface, and the face of each of its triangles."""

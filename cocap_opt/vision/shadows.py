@@ -112,31 +112,32 @@ class Shadows(NamedTuple):
         return np.asarray(outside.any(axis=1)), np.asarray(~shallow.any(axis=(1, 2)))
 
 
-class Pieces(NamedTuple):
-    """Convex pieces of polygons, relative to the eye that sees them."""
+_Pieces = tuple[FloatArray, IntArray]  # as `unshadowed` returns them
 
-    polygons: FloatArray  # [q, V, 3] m; unused vertices repeat the last used one
-    owners: IntArray  # [q] number of the polygon that each is a piece of, increasing
 
-    @classmethod
-    def unshadowed(
-        cls, polygons: FloatArray, shadows: Shadows, first: IntArray, counts: IntArray
-    ) -> "Pieces":
-        """Returns what of convex polygons is in no shadow.
+def unshadowed(
+    polygons: FloatArray, shadows: Shadows, first: IntArray, counts: IntArray
+) -> tuple[FloatArray, IntArray]:
+    """Returns the convex pieces of convex polygons that are in no shadow.
 
-        Parameters
-        ----------
-        polygons : [m, V, 3] m, relative to the eye
-        first, counts : [m] the shadows that may fall on each: `counts` of them from `first` on
-        """
-        owners, done, turn, whole = np.arange(len(polygons)), [], 0, polygons
-        while len(owners):
-            more = turn < counts[owners]
-            done.append(cls(polygons[~more], owners[~more]))
-            polygons, owners = polygons[more], owners[more]
-            polygons, at = _outside(polygons, owners, whole, shadows.taken(first[owners] + turn))
-            owners, turn = owners[at], turn + 1
-        return _joined(done)
+    Parameters
+    ----------
+    polygons : [m, V, 3] m, relative to the eye
+    first, counts : [m] the shadows that may fall on each: `counts` of them from `first` on
+
+    Returns
+    -------
+    pieces : [q, V, 3] m, relative to the eye; unused vertices repeat the last used one
+    owners : [q] number of the polygon that each is a piece of, increasing
+    """
+    owners, done, turn, whole = np.arange(len(polygons)), list[_Pieces](), 0, polygons
+    while len(owners):
+        more = turn < counts[owners]
+        done.append((polygons[~more], owners[~more]))
+        polygons, owners = polygons[more], owners[more]
+        polygons, at = _outside(polygons, owners, whole, shadows.taken(first[owners] + turn))
+        owners, turn = owners[at], turn + 1
+    return _joined(done)
 
 
 def _outside(
@@ -158,7 +159,7 @@ def _outside(
         thin_shadows = shadows.taken(thin)
         beside[thin], _ = thin_shadows.sides(thin_shadows.excess(whole[owners[thin]]))
     rest = np.flatnonzero(~beside)
-    found = [Pieces(polygons[beside], np.flatnonzero(beside))]
+    found = [(polygons[beside], np.flatnonzero(beside))]
     inside = polygons[rest]
     # The others cut nothing off.
     for k in np.flatnonzero((excess[rest] > 0).any(axis=(0, 2))).tolist():
@@ -168,25 +169,24 @@ def _outside(
         if not len(cut):
             continue
         outer, inner = (_trimmed(clip(inside[cut], sign * beyond[cut])) for sign in (1.0, -1.0))
-        found.append(Pieces(outer, rest[cut]))
+        found.append((outer, rest[cut]))
         inside = _widened(inside, inner.shape[1])
         inside[cut] = _widened(inner, inside.shape[1])
         left = np.ones(len(rest), dtype=bool)
         left[cut] = (beyond[cut] < 0).any(axis=1)
         rest, inside = rest[left], inside[left]
-    pieces = _joined(found)
-    return pieces.polygons, pieces.owners
+    return _joined(found)
 
 
-def _joined(parts: list[Pieces]) -> Pieces:
+def _joined(parts: list[_Pieces]) -> _Pieces:
     """Returns pieces in order of their owners, those of one in the order in which they came."""
     if not parts:
-        return Pieces(np.zeros((0, 3, 3)), np.zeros(0, dtype=np.int64))
-    size = max(part.polygons.shape[1] for part in parts)
-    owners = np.concatenate([part.owners for part in parts])
-    polygons = np.concatenate([_widened(part.polygons, size) for part in parts])
+        return np.zeros((0, 3, 3)), np.zeros(0, dtype=np.int64)
+    size = max(polygons.shape[1] for polygons, _ in parts)
+    owners = np.concatenate([part for _, part in parts])
+    polygons = np.concatenate([_widened(part, size) for part, _ in parts])
     order = np.argsort(owners, kind="stable")
-    return Pieces(polygons[order], owners[order])
+    return polygons[order], owners[order]
 
 
 def _trimmed(polygons: FloatArray) -> FloatArray:

@@ -7,12 +7,11 @@ import numpy as np
 
 from cocap_opt.arithmetic import spans
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
+from cocap_opt.problem import Camera, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection, dot
 from cocap_opt.vision.visibility import Sightings, Visibility
 
-_AT_ONCE = 256  # poses, to bound the memory
 ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
 
 
@@ -158,7 +157,7 @@ class ConeSight:
         ways, turned = self.ways(t, eyes)
         ahead = np.abs(ways[..., 0] * np.cos(yaw)[:, None] + ways[..., 1] * np.sin(yaw)[:, None])
         detected = self.detected(t, eyes, yaw)[:, self._problem.face_owner]
-        result: FloatArray = detected * cone_law(ahead, turned, ways)
+        result: FloatArray = detected * self.law(ahead, turned, ways)
         return result
 
     def detected(
@@ -189,41 +188,10 @@ class ConeSight:
         ways = targets[None] - eyes[:, None]
         return ways, np.maximum(-dot(ways, faces.normals), 0.0)
 
-
-def cone_law(ahead: FloatArray, turned: FloatArray, ways: FloatArray) -> FloatArray:
-    """Returns the coverage [..] of faces at ways [.., 3], so far ahead and turned to the eye."""
-    square = dot(ways, ways)
-    square = np.where(square > 0, square, np.inf)  # where the eye is, nothing is seen
-    result: FloatArray = ahead * turned / square**2
-    return result
-
-
-def pose_coverage(
-    geometry: FaceGeometry,
-    problem: Problem,
-    camera: AnyCamera,
-    places: FloatArray,
-    yaw: FloatArray,
-    tilt: FloatArray,
-) -> FloatArray:
-    """Returns the coverage [T+1, F] of one pose at each step, which need be no state.
-
-    Parameters
-    ----------
-    places : [T+1, 3] m
-    yaw, tilt : [T+1] rad, from +x counter-clockwise and below the horizon
-    """
-    steps, eyes = np.arange(len(places)), places - geometry.origin
-    coverage = np.zeros((len(places), len(problem.face_owner)))
-    if not coverage.size:
-        return coverage
-    if isinstance(camera, Cone):
-        sight = ConeSight(geometry, problem, camera)
-        for t in steps.tolist():
-            coverage[t] = sight.coverage(t, eyes[[t]], yaw[[t]])[0]
-        return coverage
-    for batch in np.split(steps, range(_AT_ONCE, len(steps), _AT_ONCE)):
-        axes, rows = Projection(camera).axes_towards(yaw[batch], tilt[batch]), batch - batch[0]
-        seen = PinholeSight(geometry, problem, camera, axes).seen(batch, eyes[batch], rows, rows)
-        coverage[batch[seen.rows], seen.faces] = seen.pixels
-    return coverage
+    @staticmethod
+    def law(ahead: FloatArray, turned: FloatArray, ways: FloatArray) -> FloatArray:
+        """Returns the coverage [..] of faces at ways [.., 3], so far ahead and turned to it."""
+        square = dot(ways, ways)
+        square = np.where(square > 0, square, np.inf)  # where the eye is, nothing is seen
+        result: FloatArray = ahead * turned / square**2
+        return result

@@ -15,7 +15,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.faces import FaceGeometry, Faces, Surface
 from cocap_opt.vision.projection import Projection, dot
-from cocap_opt.vision.shadows import Pieces, Shadows
+from cocap_opt.vision.shadows import Shadows, unshadowed
 from cocap_opt.vision.skyline import Skyline
 
 _IN_ITS_PLANE = 1e-9  # m; an eye that is no farther before a face sees nothing of it
@@ -78,13 +78,9 @@ class Sightings(NamedTuple):
     veil: _Veil | None  # what rays tell about the pieces; None where there are no such meshes
 
 
-class _Shaded(NamedTuple):
-    """The shadows that fall on parts of actors, from one eye each."""
-
-    hidden: BoolArray  # [n] true where the bodies are known to hide all of the actor
-    first: IntArray  # [n] number of the first shadow
-    counts: IntArray  # [n]
-    shadows: Shadows
+# The shadows that fall on parts of n actors, from one eye each: an array [n], true where bodies are
+# known to hide all of the actor; the number [n] of the first shadow; how many there are [n]; they.
+_Shaded = tuple[BoolArray, IntArray, IntArray, Shadows]
 
 
 class Visibility:
@@ -104,20 +100,20 @@ class Visibility:
         wanted : [E, A] true for actors that matter
         """
         eye, actor = np.nonzero(wanted)
-        shaded = self._shaded(faces, steps[eye], eyes[eye], actor)
+        hidden, first, counts, shadows = self._shaded(faces, steps[eye], eyes[eye], actor)
         veiled = np.zeros(len(eye), dtype=bool)
         if self._mesh is not None:
-            rest = np.flatnonzero(~shaded.hidden)
+            rest = np.flatnonzero(~hidden)
             at = eye[rest]
             share = self._share_past_mesh(self._mesh, faces, steps[at], eyes[at], actor[rest])
-            shaded.hidden[rest[share == 0]] = True
+            hidden[rest[share == 0]] = True
             veiled[rest] = share < 1
         pair = np.full(wanted.shape, -1)
         pair[eye, actor] = np.arange(len(eye))
         open_to = np.zeros(wanted.shape, dtype=bool)
-        open_to[eye, actor] = ~shaded.hidden
+        open_to[eye, actor] = ~hidden
         in_part = np.zeros(wanted.shape, dtype=bool)
-        in_part[eye, actor] = ~shaded.hidden & ((shaded.counts > 0) | veiled)
+        in_part[eye, actor] = ~hidden & ((counts > 0) | veiled)
         # Only faces that are turned to the eye are seen.
         eye, face = np.nonzero(open_to[:, self._owners])
         to_eye = eyes[eye] - faces.polygons[steps[eye], face, 0]
@@ -129,32 +125,30 @@ class Visibility:
         eye, face = eye[cut], face[cut]
         number = pair[eye, self._owners[face]]
         polygons = faces.polygons[steps[eye], face] - eyes[eye, None]
-        pieces = Pieces.unshadowed(
-            polygons, shaded.shadows, shaded.first[number], shaded.counts[number]
-        )
-        counts = np.bincount(pieces.owners, minlength=len(eye))
+        pieces, owners = unshadowed(polygons, shadows, first[number], counts[number])
+        of_face = np.bincount(owners, minlength=len(eye))
         veil = None
         if self._mesh is not None:
-            behind = np.flatnonzero(veiled[number][pieces.owners])
-            veil = self._veil(self._mesh, pieces, behind, eyes[eye])
-        first = np.cumsum(counts) - counts
-        return Sightings(whole, eye, face, first, counts, pieces.polygons, veil)
+            behind = np.flatnonzero(veiled[number][owners])
+            veil = self._veil(self._mesh, pieces, behind, eyes[eye[owners]])
+        return Sightings(whole, eye, face, np.cumsum(of_face) - of_face, of_face, pieces, veil)
 
-    def _veil(self, mesh: Surface, pieces: Pieces, behind: IntArray, eyes: FloatArray) -> _Veil:
+    def _veil(self, mesh: Surface, pieces: FloatArray, behind: IntArray, eyes: FloatArray) -> _Veil:
         """Casts rays to points all over some pieces.
 
         Parameters
         ----------
-        behind : [v] numbers of the pieces
-        eyes : [n, 3] m, of each polygon
+        pieces : [q, V, 3] m, relative to the eye
+        behind : [v] numbers of those pieces
+        eyes : [q, 3] m, of all pieces
         """
-        share, number = np.ones(len(pieces.owners)), np.zeros(len(pieces.owners), dtype=np.int64)
+        share, number = np.ones(len(pieces)), np.zeros(len(pieces), dtype=np.int64)
         parts = []
         a, b = _equal_parts(self._samples)
-        size = len(a) * pieces.polygons.shape[1]
+        size = len(a) * pieces.shape[1]
         first = 0
         for part in np.array_split(behind, max(-(-len(behind) * size // _POINTS), 1)):
-            polygons = pieces.polygons[part]
+            polygons = pieces[part]
             middle = _centroids(polygons)[:, None]
             relative = polygons - middle
             other = np.concatenate([relative[:, 1:], relative[:, :1]], axis=1)
@@ -163,7 +157,7 @@ class Visibility:
                 + a[:, None] * relative[:, :, None]
                 + b[:, None] * other[:, :, None]
             ).reshape(len(part), size, 3)
-            starts = np.repeat(eyes[pieces.owners[part]], size, axis=0)
+            starts = np.repeat(eyes[part], size, axis=0)
             seen = mesh.lets_pass(starts, starts + points.reshape(-1, 3)).reshape(-1, size)
             share[part] = np.where(seen.all(axis=1), 1.0, np.where(seen.any(axis=1), np.nan, 0.0))
             mixed = np.flatnonzero(np.isnan(share[part]))
@@ -251,13 +245,13 @@ class _Casting:
         """Returns the shadows on parts of each actor, in the order in which they were cast."""
         if not self._found:
             none = np.zeros(len(self.hidden), dtype=np.int64)
-            return _Shaded(self.hidden, none, none, Shadows.joined([]))
+            return self.hidden, none, none, Shadows.joined([])
         actor = np.concatenate([part for part, _ in self._found])
         order = np.argsort(actor, kind="stable")
         order = order[~self.hidden[actor[order]]]
         counts = np.bincount(actor[order], minlength=len(self.hidden))
         shadows = Shadows.joined([part for _, part in self._found]).taken(order)
-        return _Shaded(self.hidden, np.cumsum(counts) - counts, counts, shadows)
+        return self.hidden, np.cumsum(counts) - counts, counts, shadows
 
 
 def _near_actors(

@@ -31,7 +31,7 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.vision import cache
-from cocap_opt.vision.cache import Computed, TableCache
+from cocap_opt.vision.cache import TableCache
 from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.world.workspace import HeightMap
 
@@ -357,11 +357,11 @@ def test_no_pickle_is_ever_loaded(folder: Path) -> None:
 
     good = tables(tiny())[0]
     trap = np.array([Trap()], dtype=object)
-    cache._write(folder / "key.coverage", Computed(good._replace(nodes=trap), 1.0))
+    cache._write(folder / "key.coverage", (good._replace(nodes=trap), 1.0))
     for path in folder.glob("sprung"):
         path.rmdir()
-    found = TableCache.of_user().table("key", lambda: Computed(good, 2.0))
-    assert same([found.table], [good]) and found.seconds == 2.0
+    table, seconds = TableCache.of_user().table("key", lambda: (good, 2.0))
+    assert same([table], [good]) and seconds == 2.0
     assert not (folder / "sprung").exists()
 
 

@@ -47,7 +47,7 @@ def test_a_face_straight_ahead_has_the_pixels_of_its_size() -> None:
     pixels = renderer.pixels(robot, 1, State(0, 0))
     assert pixels.tolist() == [0.0, 0.0, 2000.0, 0.0, 0.0]  # front, left, back, right, top
     assert renderer.coverage(robot, 1, State(0, 0))[2] == pytest.approx(100.0)
-    shown = renderer.picture(robot, 1, State(0, 0)).faces
+    shown = renderer.picture(robot, 1, State(0, 0))[0]
     assert shown.shape == (400, 600)
     assert (shown[150:250, 290:310] == 2).all()
     assert (shown == 2).sum() == 2000
@@ -57,7 +57,7 @@ def test_a_face_straight_ahead_has_the_pixels_of_its_size() -> None:
 def test_the_ground_is_below_and_the_sky_above() -> None:
     """Half of a level camera's image on a wide plain is terrain."""
     problem = face_on().replace(height_map=HeightMap(heights=np.zeros((1, 1)), resolution=1e4))
-    level = Renderer(problem).picture(problem.robots[0], 1, State(0, 0)).faces
+    level = Renderer(problem).picture(problem.robots[0], 1, State(0, 0))[0]
     assert set(np.unique(level[:190])) <= {SKY, 2}
     assert set(np.unique(level[210:])) <= {TERRAIN, 2}
 
@@ -67,7 +67,7 @@ def test_blocks_of_pixels_count_as_many() -> None:
     problem = face_on()
     coarse = Renderer(problem, 4)
     assert coarse.pixels(problem.robots[0], 1, State(0, 0))[2] == pytest.approx(2000, rel=0.25)
-    assert coarse.picture(problem.robots[0], 1, State(0, 0)).faces.shape == (100, 150)
+    assert coarse.picture(problem.robots[0], 1, State(0, 0))[0].shape == (100, 150)
 
 
 @examples(15)
@@ -163,4 +163,4 @@ def test_nobody_to_see() -> None:
     renderer = Renderer(problem)
     state = problem.robots[0].start
     assert renderer.pixels(problem.robots[0], 1, state).shape == (0,)
-    assert set(np.unique(renderer.picture(problem.robots[0], 1, state).faces)) <= {SKY, TERRAIN}
+    assert set(np.unique(renderer.picture(problem.robots[0], 1, state)[0])) <= {SKY, TERRAIN}

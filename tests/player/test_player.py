@@ -822,7 +822,7 @@ def test_a_drones_picture_is_what_the_renderer_sees(player: Any, tmp_path: Path)
     wide, tall, coloured = value(player, COLOURED)
     player.get(before)
     every = problem.robots[0].camera.width // wide
-    faces = Renderer(problem, every).picture(problem.robots[0], step, plan.paths[0][step]).faces
+    faces = Renderer(problem, every).picture(problem.robots[0], step, plan.paths[0][step])[0]
     seen = np.append(seen_by(problem, plan)[step] > 0, [False, False])  # no face: terrain or sky
     rows, columns = (np.linspace(0, n - 1, m).round().astype(int)
                      for n, m in zip(faces.shape, (tall, wide), strict=True))  # fmt: skip
