@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cocap_opt.graph.choke_points import MOST_CELLS, choke_point
+from cocap_opt.graph.choke_points import MOST_CELLS, ChokePoint
 from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.graph.motion import Window
 from cocap_opt.problem import Actor, Cell, Motion, Robot, SceneData
@@ -75,7 +75,7 @@ def narrow_way(problem: SceneData) -> str:
         for motion, encounters in around.items()
         for layer, x, y in encounters.graph.coordinates(encounters.near_at_the_end()).T.tolist()
     }
-    choke = choke_point(problem, near)
+    choke = ChokePoint.of(problem, near)
     return choke.told(len(problem.robots), "somebody is near") if choke else ""
 
 

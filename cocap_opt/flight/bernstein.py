@@ -7,7 +7,7 @@ Source: Farouki, "The Bernstein polynomial basis: A centennial retrospective", 2
 
 import math
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -23,6 +23,26 @@ class Peak(NamedTuple):
     value: float  # at most so much, at every moment
     which: int  # number of the polynomial
     share: float  # 0..1
+
+    @classmethod
+    def of(cls, coefficients: FloatArray) -> Self:
+        """Returns where the largest of polynomials [N, n+1], N > 0, is largest, to a billionth.
+
+        The value is a bound that none of them exceeds.
+        """
+        index, low, width = np.arange(len(coefficients)), np.zeros(len(coefficients)), 1.0
+        peak = cls(-math.inf, 0, 0.0)
+        while len(coefficients):
+            for end, share in ((0, 0.0), (-1, width)):
+                k = int(np.argmax(coefficients[:, end]))
+                if coefficients[k, end] > peak.value:
+                    peak = cls(float(coefficients[k, end]), int(index[k]), float(low[k]) + share)
+            slack = _FINE * (1 + abs(peak.value))
+            larger = coefficients.max(axis=-1) > peak.value + slack
+            index, low, width = np.tile(index[larger], 2), low[larger], width / 2
+            coefficients = np.concatenate(parted(coefficients[larger]))
+            low = np.concatenate([low, low + width])
+        return peak._replace(value=peak.value + _FINE * (1 + abs(peak.value)))
 
 
 def derivative(coefficients: FloatArray) -> FloatArray:
@@ -54,12 +74,7 @@ def elevated(coefficients: FloatArray, degree: int) -> FloatArray:
     return product(coefficients, np.ones(degree - coefficients.shape[-1] + 2))
 
 
-def halves(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns the coefficients of polynomials [.., n+1] over 0..1/2 and over 1/2..1."""
-    return parted(coefficients, 0.5)
-
-
-def parted(coefficients: FloatArray, share: float) -> tuple[FloatArray, FloatArray]:
+def parted(coefficients: FloatArray, share: float = 0.5) -> tuple[FloatArray, FloatArray]:
     """Returns the coefficients of polynomials [.., n+1] over 0..share and over share..1."""
     first, last, row = [coefficients[..., 0]], [coefficients[..., -1]], coefficients
     while row.shape[-1] > 1:
@@ -77,26 +92,6 @@ def values(coefficients: FloatArray, shares: FloatArray) -> FloatArray:
     shape = (len(shares), *(1,) * (coefficients.ndim - 2), degree + 1)
     result: FloatArray = (coefficients * weights.reshape(shape)).sum(axis=-1)
     return result
-
-
-def largest(coefficients: FloatArray) -> Peak:
-    """Returns where the largest of polynomials [N, n+1], N > 0, is largest, to a billionth.
-
-    The value is a bound that none of them exceeds.
-    """
-    index, low, width = np.arange(len(coefficients)), np.zeros(len(coefficients)), 1.0
-    peak = Peak(-math.inf, 0, 0.0)
-    while len(coefficients):
-        for end, share in ((0, 0.0), (-1, width)):
-            k = int(np.argmax(coefficients[:, end]))
-            if coefficients[k, end] > peak.value:
-                peak = Peak(float(coefficients[k, end]), int(index[k]), float(low[k]) + share)
-        slack = _FINE * (1 + abs(peak.value))
-        larger = coefficients.max(axis=-1) > peak.value + slack
-        index, low, width = np.tile(index[larger], 2), low[larger], width / 2
-        coefficients = np.concatenate(halves(coefficients[larger]))
-        low = np.concatenate([low, low + width])
-    return peak._replace(value=peak.value + _FINE * (1 + abs(peak.value)))
 
 
 def ever_positive(conditions: list[FloatArray]) -> BoolArray:
@@ -118,7 +113,7 @@ def ever_positive(conditions: list[FloatArray]) -> BoolArray:
         found[index[once]] = True
         open_ = ~never & ~found[index]
         index = np.tile(index[open_], 2)
-        conditions = [np.concatenate(halves(part[open_])) for part in conditions]
+        conditions = [np.concatenate(parted(part[open_])) for part in conditions]
         if not len(index):
             return found
     found[index] = True

@@ -17,7 +17,7 @@ from itertools import product
 import numpy as np
 
 from cocap_opt.data import LARGEST, FloatArray
-from cocap_opt.flight.bernstein import halves, values
+from cocap_opt.flight.bernstein import parted, values
 from cocap_opt.flight.safety import walk_of
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import CollisionRules
@@ -107,7 +107,7 @@ def _least(
             undecided[:] = False
         answer = min(answer, _smallest(least[~undecided]))
         width /= 2
-        first, second = halves(left[undecided]), halves(right[undecided])
+        first, second = parted(left[undecided]), parted(right[undecided])
         left = np.concatenate([first[i] for i, _ in _HALVES])
         right = np.concatenate([second[j] for _, j in _HALVES])
         apart = np.concatenate([apart[undecided] + width * (i - j) for i, j in _HALVES])

@@ -7,18 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FieldError, FloatArray, IntArray, ProblemError
+from cocap_opt.data import FieldError, FloatArray, ProblemError
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.filming import parts_of, view_reward
-from cocap_opt.flight.pace import Demand, demands, tightest
-from cocap_opt.flight.safety import Danger, dangers, nearest_people
+from cocap_opt.flight.pace import Demand, tightest
+from cocap_opt.flight.safety import Danger, Nearest, dangers
 from cocap_opt.flight.smooth import Smooth, spare
-from cocap_opt.flight.smooth import smooth as smoothed
-from cocap_opt.flight.strain import steep_ground, sufficient_step, sufficient_straight_step
+from cocap_opt.flight.strain import steep_ground, sufficient_step
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import Airspace, Plan, Problem
 from cocap_opt.referee import Verdict, check
-from cocap_opt.world import HeightMap
 
 PER_STEP = 10  # rows of a smooth flight that nobody asked for otherwise
 MOST_ROWS = 5_000_000
@@ -89,11 +87,11 @@ class Flight(NamedTuple):
             raise ProblemError(f"{broken[0]}; what is flown must obey the scene's rules")
         straight = Trajectory.straight(problem, plan)
         flown, found, slowed, shortened = (
-            smoothed(problem, plan) if smooth else Smooth(straight, tuple(dangers(straight)), 0, 0)
+            Smooth.of(problem, plan) if smooth else Smooth(straight, tuple(dangers(straight)), 0, 0)
         )
         if found:
             raise ProblemError(f"{found[0]}{_way_out(found[0], straight) if smooth else ''}")
-        asked = demands(flown, smooth)
+        asked = Demand.all_of(flown, smooth)
         _require_limits(problem, asked, flown.step, smooth, shortened)
         return cls(flown, straight, plan, verdict, _geodesy(problem), asked, slowed, shortened)
 
@@ -121,7 +119,7 @@ class Flight(NamedTuple):
         }  # fmt: skip
         height_map = problem.height_map
         if height_map.knows_ground:
-            columns["above_ground"] = z - height_map.ground[cells_below(height_map, found.place)]
+            columns["above_ground"] = z - height_map.ground[height_map.cells_below(found.place)]
         starts = [height_map.heights[r.start.x, r.start.y] for r in problem.robots]
         columns["above_takeoff"] = z - np.array(starts)[found.drone]
         if self.geodesy is not None:
@@ -146,7 +144,7 @@ class Flight(NamedTuple):
     def record(self) -> dict[str, Any]:
         """Returns what there is to say of the flights as a whole."""
         problem, least = self.flown.problem, self.flown.least_distance()
-        parts, close = parts_of(problem), nearest_people(self.flown)
+        parts, close = parts_of(problem), Nearest.of_people(self.flown)
         found: dict[str, Any] = {
             "flight": "smooth" if self.is_smooth else "straight",
             "step": self.flown.step,
@@ -243,13 +241,6 @@ class Flight(NamedTuple):
         return _moments(self.flown, usual if every is None else every)
 
 
-def cells_below(height_map: HeightMap, points: FloatArray) -> tuple[IntArray, IntArray]:
-    """Returns the cells x [n], y [n] below points [n, 2 or 3] (m); off the map, the nearest."""
-    last = np.array(height_map.shape) - 1
-    i, j = np.clip(height_map.cells_of(points), 0, last).T
-    return i, j
-
-
 def _moments(flown: Trajectory, every: float) -> FloatArray:
     """Returns times (s) from 0 to the end, so far apart; the end is among them."""
     if not every > 0:  # true for nan, too
@@ -312,12 +303,8 @@ def _require_limits(
     flown, robot = problem.replace(step=step), problem.robots[worst.drone]
     steep = steep_ground(flown, robot, worst.kind, is_smooth)
     same = math.ceil(100 * step * worst.slower) / 100
-    usual = (
-        sufficient_step(problem, shortened=False)
-        if is_smooth
-        else sufficient_straight_step(problem)
-    )
-    enough = usual if step < usual else sufficient_step(problem, shortened=True)
+    usual = sufficient_step(problem, is_smooth)
+    enough = usual if step < usual else sufficient_step(problem, True, shortened=True)
     raise LimitError(
         f"drone {worst.drone} cannot fly this: {worst.kind.replace('_', ' ')} "
         f"{worst.most * scale:.4g} {_UNITS[worst.kind]} at {worst.t:.4g} s, more than its "

@@ -5,7 +5,7 @@ as the lowest. Obstacles and people take nothing off a footprint, though they ma
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -35,26 +35,27 @@ class Footprints(NamedTuple):
     reach: FloatArray
     cut: BoolArray
 
+    @classmethod
+    def of(
+        cls, height_map: HeightMap, camera: Camera, place: FloatArray, yaw: FloatArray,
+        pitch: FloatArray,
+    ) -> Self:  # fmt: skip
+        """Returns the footprints of images.
 
-def footprints(
-    height_map: HeightMap, camera: Camera, place: FloatArray, yaw: FloatArray, pitch: FloatArray
-) -> Footprints:
-    """Returns the footprints of images.
-
-    Parameters
-    ----------
-    place : [n, 3] m, of the map, above its ground
-    yaw : [n] rad, 0 along +x, counter-clockwise
-    pitch : [n] rad, below the horizon is negative
-    """
-    ground = _Ground(height_map)
-    reach = REACH * (place[:, 2] - ground.below(place))
-    axes = Projection.axes_towards(yaw, -pitch)
-    found = [_side(ground, camera, place, axes, reach, side) for side in (-1, 1)]
-    (left, left_cut), (right, right_cut) = found
-    corners = np.stack([left[:, 0], right[:, 0], right[:, 1], left[:, 1]], axis=1)
-    corners[np.isnan(corners).any(axis=(1, 2))] = np.nan
-    return Footprints(corners, reach, left_cut | right_cut)
+        Parameters
+        ----------
+        place : [n, 3] m, of the map, above its ground
+        yaw : [n] rad, 0 along +x, counter-clockwise
+        pitch : [n] rad, below the horizon is negative
+        """
+        ground = _Ground(height_map)
+        reach = REACH * (place[:, 2] - ground.below(place))
+        axes = Projection.axes_towards(yaw, -pitch)
+        found = [_side(ground, camera, place, axes, reach, side) for side in (-1, 1)]
+        (left, left_cut), (right, right_cut) = found
+        corners = np.stack([left[:, 0], right[:, 0], right[:, 1], left[:, 1]], axis=1)
+        corners[np.isnan(corners).any(axis=(1, 2))] = np.nan
+        return cls(corners, reach, left_cut | right_cut)
 
 
 def _side(

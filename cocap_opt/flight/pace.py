@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from cocap_opt.data import FloatArray
-from cocap_opt.flight.bernstein import Peak, largest, squared_length
+from cocap_opt.flight.bernstein import Peak, squared_length
 from cocap_opt.flight.trajectory import PITCH, YAW, Trajectory
 from cocap_opt.problem import Limits
 from cocap_opt.problem.robot import ROUNDING
@@ -31,6 +31,23 @@ class Demand(NamedTuple):
     t: float
     limit: float | None
 
+    @classmethod
+    def all_of(cls, flown: Trajectory, is_smooth: bool) -> list[Self]:
+        """Returns the largest demands of each kind on each drone.
+
+        Parameters
+        ----------
+        is_smooth : False: speeds jump at the steps, where no acceleration is told
+        """
+        found = []
+        for i, robot in enumerate(flown.problem.robots):
+            limits = robot.limits or Limits()
+            for kind, peak in _peaks(flown, i, is_smooth):
+                t = (peak.which % flown.pieces.shape[1] + peak.share) * flown.piece_seconds
+                most = 0.0 if peak.value < _AT_REST else peak.value
+                found.append(cls(i, kind, most, t, getattr(limits, kind)))
+        return found
+
     @property
     def share(self) -> float:
         """The value as a share of the limit; 0 where none is known."""
@@ -47,23 +64,6 @@ class Demand(NamedTuple):
         return math.sqrt(self.share) if self.kind in _SECOND else self.share
 
 
-def demands(flown: Trajectory, is_smooth: bool) -> list[Demand]:
-    """Returns the largest demands of each kind on each drone.
-
-    Parameters
-    ----------
-    is_smooth : False: speeds jump at the steps, where no acceleration is told
-    """
-    found = []
-    for i, robot in enumerate(flown.problem.robots):
-        limits = robot.limits or Limits()
-        for kind, peak in _peaks(flown, i, is_smooth):
-            t = (peak.which % flown.pieces.shape[1] + peak.share) * flown.piece_seconds
-            most = 0.0 if peak.value < _AT_REST else peak.value
-            found.append(Demand(i, kind, most, t, getattr(limits, kind)))
-    return found
-
-
 def tightest(found: list[Demand]) -> list[Demand]:
     """Returns of each drone the demand that is nearest to its limit; without any, its speed."""
     drones = sorted({demand.drone for demand in found})
@@ -75,8 +75,8 @@ def _peaks(flown: Trajectory, drone: int, is_smooth: bool) -> Iterator[tuple[str
     """Yields each kind of demand on a drone where it is largest."""
     rates = flown.velocities[drone]
     yield "speed", _longest(rates[:, :2])
-    yield "climb", largest(rates[:, 2])
-    yield "descent", largest(-rates[:, 2])
+    yield "climb", Peak.of(rates[:, 2])
+    yield "descent", Peak.of(-rates[:, 2])
     if is_smooth:
         yield "acceleration", _longest(flown.accelerations[drone][:, :3])
     yield "yaw_rate", _longest(rates[:, [YAW]])
@@ -85,5 +85,5 @@ def _peaks(flown: Trajectory, drone: int, is_smooth: bool) -> Iterator[tuple[str
 
 def _longest(vectors: FloatArray) -> Peak:
     """Returns where vectors [T, d, n+1] are longest."""
-    peak = largest(squared_length(vectors))
+    peak = Peak.of(squared_length(vectors))
     return peak._replace(value=math.sqrt(max(peak.value, 0.0)))

@@ -25,14 +25,14 @@ Assumed
 import math
 from collections.abc import Iterator
 from itertools import combinations
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from cocap_opt.data import LARGEST, BoolArray, FloatArray, IntArray
-from cocap_opt.flight.bernstein import ever_positive, halves, largest, product, squared_length
+from cocap_opt.flight.bernstein import Peak, ever_positive, parted, product, squared_length
 from cocap_opt.flight.trajectory import DEGREE, Trajectory, between_drones, evenly
-from cocap_opt.problem import Actor, CollisionRules, Problem
+from cocap_opt.problem import Actor, CollisionRules, Motion, Problem
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.world.columns import Columns
 
@@ -130,66 +130,63 @@ def _nearness(ways: FloatArray, rules: CollisionRules) -> list[FloatArray]:
 
 def _in_matter(flown: Trajectory, known: dict[_Piece, str]) -> Iterator[Danger]:
     """Yields where drones come too near to matter, or leave the map or the airspace."""
-    workspace = flown.problem.workspace
     for i, (robot, path) in enumerate(zip(flown.problem.robots, flown.pieces, strict=True)):
-        zones = _Cells(flown.problem, workspace.forbidden, 0.0)
-        walls = _Cells(flown.problem, workspace.columns, robot.motion.clearance)
         for k, piece in enumerate(path[:, :3]):
             key = i, piece.tobytes()
             if key not in known:
-                known[key] = _closed(piece, zones, None if robot.motion.corner_cutting else walls)
+                known[key] = _entered(piece, flown.problem, robot.motion)
             if known[key]:
                 step, part = divmod(k, flown.parts)
                 yield Danger(step, (i,), known[key], part)
 
 
-def _closed(piece: FloatArray, zones: "_Cells", walls: "_Cells | None") -> str:
+def _entered(piece: FloatArray, problem: Problem, motion: Motion) -> str:
     """Says what a piece [3, 6] of a flight enters, if it does; who stays enters nothing."""
+    workspace = problem.workspace
     if (piece == piece[:, :1]).all():
         return ""
-    if not zones.are_free_for(piece):
+    if not _is_free(piece, problem, workspace.forbidden, 0.0):
         return "leaves the map, enters a no-fly zone, or is too high"
-    return "" if walls is None or walls.are_free_for(piece) else "comes too near to solid matter"
+    walls = workspace.columns
+    if not (motion.corner_cutting or _is_free(piece, problem, walls, motion.clearance)):
+        return "comes too near to solid matter"
+    return ""
 
 
-class _Cells(NamedTuple):
-    """The cells of a map, and what closes them."""
+def _is_free(piece: FloatArray, problem: Problem, columns: Columns, clearance: float) -> bool:
+    """Returns True if a piece of a flight is proved to pass free cells only.
 
-    problem: Problem
-    columns: Columns
-    clearance: float  # m, above and below
+    Parameters
+    ----------
+    piece : [3, 6] coefficients of x, y (m from the corner of the map) and z
+    columns : what closes cells
+    clearance : m, above and below
+    """
 
-    def are_free_for(self, piece: FloatArray) -> bool:
-        """Returns True if a piece of a flight is proved to pass free cells only.
-
-        Parameters
-        ----------
-        piece : [3, 6] coefficients of x, y (m from the corner of the map) and z
-        """
-        size = self.problem.height_map.resolution
-        parts = [piece / np.array([[size], [size], [1.0]])]
-        for _ in range(_DEEPEST):
-            if any(self._close(part[:, 0], part[:, 0]) for part in parts):
-                return False
-            open_ = [part for part in parts if self._close(part.min(axis=1), part.max(axis=1))]
-            if not open_:
-                return True
-            parts = [half for part in open_ for half in halves(part)]
-        return False
-
-    def _close(self, low: FloatArray, high: FloatArray) -> bool:
+    def close(low: FloatArray, high: FloatArray) -> bool:
         """Returns True if a box [3], in cells and m, reaches what is closed, or off the map.
 
         Less than the tolerance of the rules is no reach: what touches a ceiling may be there.
         """
         first = np.floor(low[:2] - _TOUCH).astype(np.int64)
         last = np.floor(high[:2] + _TOUCH).astype(np.int64)
-        if (first < 0).any() or (last >= self.problem.height_map.shape).any():
+        if (first < 0).any() or (last >= problem.height_map.shape).any():
             return True
         part = slice(None), slice(first[0], last[0] + 1), slice(first[1], last[1] + 1)
-        below = self.columns.low[part] <= high[2] + self.clearance - TOLERANCE
-        above = self.columns.high[part] >= low[2] - self.clearance + TOLERANCE
+        below = columns.low[part] <= high[2] + clearance - TOLERANCE
+        above = columns.high[part] >= low[2] - clearance + TOLERANCE
         return bool((below & above).any())
+
+    size = problem.height_map.resolution
+    parts = [piece / np.array([[size], [size], [1.0]])]
+    for _ in range(_DEEPEST):
+        if any(close(part[:, 0], part[:, 0]) for part in parts):
+            return False
+        open_ = [part for part in parts if close(part.min(axis=1), part.max(axis=1))]
+        if not open_:
+            return True
+        parts = [half for part in open_ for half in parted(part)]
+    return False
 
 
 class Nearest(NamedTuple):
@@ -201,35 +198,35 @@ class Nearest(NamedTuple):
     other: int
     place: FloatArray  # [3] m, of the first
 
+    @classmethod
+    def of_drones(cls, flown: Trajectory) -> Self | None:
+        """Returns when two drones are nearest to each other; None for one drone."""
+        ways = between_drones(flown.pieces)
+        if not len(ways):
+            return None
+        first, second = (side.astype(np.int64) for side in np.triu_indices(len(flown.pieces), 1))
+        return cls._of(flown, ways, first, second)
 
-def nearest_drones(flown: Trajectory) -> Nearest | None:
-    """Returns when two drones are nearest to each other; None for one drone."""
-    ways = between_drones(flown.pieces)
-    if not len(ways):
-        return None
-    first, second = (side.astype(np.int64) for side in np.triu_indices(len(flown.pieces), 1))
-    return _nearest(flown, ways, first, second)
+    @classmethod
+    def of_people(cls, flown: Trajectory) -> Self | None:
+        """Returns when a drone is nearest to the middle of a person, seen from above.
 
+        None: the scene has no people.
+        """
+        problem, pieces = flown.problem, flown.pieces
+        if not problem.actors:
+            return None
+        walks = np.array([walk_of(problem, actor, flown.parts)[:, :2] for actor in problem.actors])
+        ways = (pieces[:, None, :, :2] - walks).reshape(-1, 2, DEGREE + 1)
+        drone, person = np.divmod(np.arange(len(pieces) * len(walks)), len(walks))
+        return cls._of(flown, ways, drone, person)
 
-def nearest_people(flown: Trajectory) -> Nearest | None:
-    """Returns when a drone is nearest to the middle of a person, seen from above.
-
-    None: the scene has no people.
-    """
-    problem, pieces = flown.problem, flown.pieces
-    if not problem.actors:
-        return None
-    walks = np.array([walk_of(problem, actor, flown.parts)[:, :2] for actor in problem.actors])
-    ways = (pieces[:, None, :, :2] - walks).reshape(-1, 2, DEGREE + 1)
-    drone, person = np.divmod(np.arange(len(pieces) * len(walks)), len(walks))
-    return _nearest(flown, ways, drone, person)
-
-
-def _nearest(flown: Trajectory, ways: FloatArray, first: IntArray, second: IntArray) -> Nearest:
-    """Returns the least length of ways [pairs N, d, 6], and when and where that is."""
-    peak = largest(-squared_length(ways))
-    pair, piece = divmod(peak.which, flown.pieces.shape[1])
-    t = (piece + peak.share) * flown.piece_seconds
-    place = flown.at(np.array([t])).place[int(first[pair])]
-    distance = math.sqrt(max(-peak.value, 0.0))
-    return Nearest(distance, t, int(first[pair]), int(second[pair]), place)
+    @classmethod
+    def _of(cls, flown: Trajectory, ways: FloatArray, first: IntArray, second: IntArray) -> Self:
+        """Returns the least length of ways [pairs N, d, 6], and when and where that is."""
+        peak = Peak.of(-squared_length(ways))
+        pair, piece = divmod(peak.which, flown.pieces.shape[1])
+        t = (piece + peak.share) * flown.piece_seconds
+        place = flown.at(np.array([t])).place[int(first[pair])]
+        distance = math.sqrt(max(-peak.value, 0.0))
+        return cls(distance, t, int(first[pair]), int(second[pair]), place)

@@ -27,7 +27,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray, read_only
-from cocap_opt.flight.bernstein import largest
+from cocap_opt.flight.bernstein import Peak
 from cocap_opt.flight.safety import Danger, dangers
 from cocap_opt.flight.strain import longest_move
 from cocap_opt.flight.trajectory import DEGREE, Trajectory, evenly, split, waypoints
@@ -58,30 +58,31 @@ class Smooth(NamedTuple):
     slowed: int
     shortened: int
 
+    @classmethod
+    def of(cls, problem: Problem, plan: Plan) -> Self:
+        """Returns the smooth flights of a plan that can be flown and breaks no rule."""
+        made = cls._mended(problem, plan, slow=True)
+        return cls._mended(problem, plan, slow=False) if made.dangers else made
 
-def smooth(problem: Problem, plan: Plan) -> Smooth:
-    """Returns the smooth flights of a plan that can be flown and breaks no rule."""
-    made = _mended(problem, plan, slow=True)
-    return _mended(problem, plan, slow=False) if made.dangers else made
+    @classmethod
+    def _mended(cls, problem: Problem, plan: Plan, slow: bool) -> Self:
+        """Returns smooth flights, mended until they are safe or cannot be mended further.
 
-
-def _mended(problem: Problem, plan: Plan, slow: bool) -> Smooth:
-    """Returns smooth flights, mended until they are safe or cannot be mended further.
-
-    Parameters
-    ----------
-    slow : True: blends are slower first, but beside people who walk; False: all are shorter first
-    """
-    straight, points = Trajectory.straight(problem, plan), waypoints(problem, plan)
-    blends = _Blends.longest(points)
-    known: dict[tuple[int, bytes], str] = {}  # of pieces that stay the same
-    while True:
-        flown = straight.with_pieces(blends.pieces(points))
-        found = dangers(flown, known)
-        mended = blends.mended(found, [not slow or _walks(problem, danger) for danger in found])
-        if mended.same(blends):
-            return Smooth(flown, tuple(found), blends.slowed, blends.shortened)
-        blends = mended
+        Parameters
+        ----------
+        slow : True: blends are slower first, but beside people who walk; False: all are shorter
+            first
+        """
+        straight, points = Trajectory.straight(problem, plan), waypoints(problem, plan)
+        blends = _Blends.longest(points)
+        known: dict[tuple[int, bytes], str] = {}  # of pieces that stay the same
+        while True:
+            flown = straight.with_pieces(blends.pieces(points))
+            found = dangers(flown, known)
+            mended = blends.mended(found, [not slow or _walks(problem, danger) for danger in found])
+            if mended.same(blends):
+                return cls(flown, tuple(found), blends.slowed, blends.shortened)
+            blends = mended
 
 
 def spare(problem: Problem, robot: Robot) -> float:
@@ -89,7 +90,7 @@ def spare(problem: Problem, robot: Robot) -> float:
 
     It takes the shortest blends. With so much to spare to people, each plan has a smooth flight.
     """
-    return longest_move(problem, robot.motion) * largest(_SPEED[None]).value / SHORTEST
+    return longest_move(problem, robot.motion) * Peak.of(_SPEED[None]).value / SHORTEST
 
 
 class _Blends(NamedTuple):

@@ -23,7 +23,7 @@ _ANGLES = "yaw_rate", "gimbal_rate"
 _UPRIGHT = "climb", "descent"
 
 
-class Strain(NamedTuple):
+class _Strain(NamedTuple):
     """The most that any smooth flight asks of a drone.
 
     Attributes
@@ -55,27 +55,19 @@ class Strain(NamedTuple):
         return RATE * self.reach / self.limit
 
 
-def sufficient_straight_step(problem: SceneData) -> float:
-    """Returns the seconds of a step with which straight flights of any plan keep all rates.
-
-    They move evenly, so a step must last as long as the longest move does at its limit.
-    """
-    found = (strain for robot in problem.robots for strain in _strains(problem, robot))
-    steps = (strain.reach / strain.limit for strain in found if strain.kind != "acceleration")
-    return rounded_up(max(steps, default=0.0))
-
-
-def sufficient_step(problem: SceneData, shortened: bool) -> float:
-    """Returns the seconds of a step with which smooth flights of any plan keep all limits.
+def sufficient_step(problem: SceneData, is_smooth: bool, shortened: bool = False) -> float:
+    """Returns the seconds of a step with which flights of any plan keep all limits.
 
     Parameters
     ----------
-    shortened : True: those whose blends are shortened, too, but for accelerations
+    is_smooth : False: straight flights, which move evenly; of their accelerations nothing is known
+    shortened : True: smooth flights whose blends are shortened, too, but for accelerations
     """
     found = [strain for robot in problem.robots for strain in _strains(problem, robot)]
-    steps = [strain.step for strain in found]
+    rates = [strain for strain in found if strain.kind != "acceleration"]
+    even = [strain.reach / strain.limit for strain in rates]
+    steps = [strain.step for strain in found] if is_smooth else even
     if shortened:
-        rates = (strain for strain in found if strain.kind != "acceleration")
         steps += [SHORTENED * strain.reach / strain.limit for strain in rates]
     return rounded_up(max(steps, default=0.0))
 
@@ -94,7 +86,7 @@ def strains(problem: SceneData) -> list[str]:
     return [f"{_who(who)} {told}" for told, who in words if told]
 
 
-def _strains(problem: SceneData, robot: Robot) -> Iterator[Strain]:
+def _strains(problem: SceneData, robot: Robot) -> Iterator[_Strain]:
     """Yields the strain of each kind of which a limit is known."""
     motion, tilts = robot.motion, robot.camera.tilts
     rise = _highest_move(problem, motion)
@@ -109,7 +101,7 @@ def _strains(problem: SceneData, robot: Robot) -> Iterator[Strain]:
     for kind, reach in reaches.items():
         limit = getattr(robot.limits, kind, None)
         if limit is not None and reach > 0:
-            yield Strain(kind, reach, limit)
+            yield _Strain(kind, reach, limit)
 
 
 def _words(problem: SceneData, robot: Robot) -> str:
@@ -146,7 +138,7 @@ def _words(problem: SceneData, robot: Robot) -> str:
     )
 
 
-def _ask(strain: Strain, step: float) -> str:
+def _ask(strain: _Strain, step: float) -> str:
     scale, unit = (180 / math.pi, "deg/s") if strain.kind in _ANGLES else (1.0, "m/s")
     unit = "m/s2" if strain.kind == "acceleration" else unit
     kind = strain.kind.replace("_", " ")
@@ -176,7 +168,7 @@ def steep_ground(problem: SceneData, robot: Robot, kind: str, is_smooth: bool) -
     )
 
 
-def _nearer_layers(beyond: list[Strain], step: float, motion: Motion) -> str:
+def _nearer_layers(beyond: list[_Strain], step: float, motion: Motion) -> str:
     """Returns how near layers must be, where only climbs and descents are too fast."""
     if any(strain.kind not in _UPRIGHT for strain in beyond):
         return ""

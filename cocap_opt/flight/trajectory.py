@@ -13,8 +13,8 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError, read_only
 from cocap_opt.flight.bernstein import (
+    Peak,
     derivative,
-    largest,
     parted,
     squared_length,
     values,
@@ -122,7 +122,7 @@ class Trajectory:
         """
         pieces = other.pieces if other.parts == self.parts else split(other.pieces, self.parts)
         ways = (self.pieces - pieces)[:, :, :3].reshape(-1, 3, DEGREE + 1)
-        return float(np.sqrt(max(largest(squared_length(ways)).value, 0.0)))
+        return float(np.sqrt(max(Peak.of(squared_length(ways)).value, 0.0)))
 
     def distance_from_chords(self, times: FloatArray) -> float:
         """Returns a bound on the distance (m) from straight lines between places at some times.
@@ -174,7 +174,7 @@ def least_length(ways: FloatArray) -> float:
     """Returns the least length (m) of ways [n, d, 6] at any moment; inf if there is none."""
     if not len(ways):
         return np.inf
-    return float(np.sqrt(max(-largest(-squared_length(ways)).value, 0.0)))
+    return float(np.sqrt(max(-Peak.of(-squared_length(ways)).value, 0.0)))
 
 
 def evenly(places: FloatArray, parts: int) -> FloatArray:

@@ -31,6 +31,46 @@ class ChokePoint(NamedTuple):
     behind: int  # number of wanted cells that drones reach by the last step through these only
     wanted: int  # number of wanted cells that they reach at all
 
+    @classmethod
+    def of(
+        cls, problem: SceneData, wanted: Collection[Cell], most: int = MOST_CELLS
+    ) -> ChokePoint | None:
+        """Returns the cells, fewer than drones want to pass, behind which most wanted cells lie.
+
+        From most starts somebody is in sight already, so that no few cells part all starts from
+        all wanted cells. Cuts are therefore taken to one wanted cell at a time, the one that takes
+        the most steps first, and the nearest to the starts of the smallest cuts. Cells are behind
+        a cut if they cannot be reached in time without it; the cut itself parts longer ways, too.
+        People who close cells are left aside.
+
+        Parameters
+        ----------
+        wanted : such as the cells from which somebody is seen at the last step
+        most : cells in reach, from which on it is not looked for
+
+        Returns
+        -------
+        ChokePoint or None
+            None if there is none with a tenth of the wanted cells behind it, or too much is in
+            reach.
+        """
+        ways = _Routes.of(problem, most) if len(problem.robots) > 1 and wanted else None
+        if ways is None:
+            return None
+        steps = ways.steps()
+        reached = {cell for cell in wanted if cell in steps}
+        left = reached - ways.starts
+        best = cls((), 0, 0, len(reached))
+        for _ in range(_MOST_CUTS):
+            if not left or 2 * best.behind > len(reached):
+                break
+            farthest = max(left, key=lambda cell: (steps[cell], cell))
+            found = ways.choke_point_before(farthest, reached)
+            if len(found.cells) < found.drones and found.behind > best.behind:
+                best = found
+            left -= {farthest, *ways.graph[farthest]} | ways.behind(found.cells, reached)
+        return best if best.behind >= _LEAST_SHARE * len(reached) > 0 else None
+
     def __str__(self) -> str:
         flat = not any(cell.layer for cell in self.cells)
         names = (str(tuple(cell[:2] if flat else cell)) for cell in self.cells)
@@ -51,45 +91,6 @@ class ChokePoint(NamedTuple):
             f"{who} drones must pass through {self} on their way to {share} cells from "
             f"which {somebody} at the last step"
         )
-
-
-def choke_point(
-    problem: SceneData, wanted: Collection[Cell], most: int = MOST_CELLS
-) -> ChokePoint | None:
-    """Returns the cells, fewer than drones want to pass, behind which most wanted cells lie.
-
-    From most starts somebody is in sight already, so that no few cells part all starts from all
-    wanted cells. Cuts are therefore taken to one wanted cell at a time, the one that takes the most
-    steps first, and the nearest to the starts of the smallest cuts. Cells are behind a cut if they
-    cannot be reached in time without it; the cut itself parts longer ways, too. People who close
-    cells are left aside.
-
-    Parameters
-    ----------
-    wanted : such as the cells from which somebody is seen at the last step
-    most : cells in reach, from which on it is not looked for
-
-    Returns
-    -------
-    ChokePoint or None
-        None if there is none with a tenth of the wanted cells behind it, or too much is in reach.
-    """
-    ways = _Routes.of(problem, most) if len(problem.robots) > 1 and wanted else None
-    if ways is None:
-        return None
-    steps = ways.steps()
-    reached = {cell for cell in wanted if cell in steps}
-    left = reached - ways.starts
-    best = ChokePoint((), 0, 0, len(reached))
-    for _ in range(_MOST_CUTS):
-        if not left or 2 * best.behind > len(reached):
-            break
-        farthest = max(left, key=lambda cell: (steps[cell], cell))
-        found = ways.choke_point_before(farthest, reached)
-        if len(found.cells) < found.drones and found.behind > best.behind:
-            best = found
-        left -= {farthest, *ways.graph[farthest]} | ways.behind(found.cells, reached)
-    return best if best.behind >= _LEAST_SHARE * len(reached) > 0 else None
 
 
 class _Routes:

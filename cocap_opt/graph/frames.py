@@ -42,6 +42,33 @@ class Frame:
         width, depth = graph.shape[3:]
         return cls(graph, slice(0, width), slice(0, depth), graph.irregular)
 
+    @classmethod
+    def all_from(cls, graph: TimeGraph, start: int, horizon: int) -> list[Self]:
+        """Returns for each step before the horizon the frame of all that moves may lead to.
+
+        What may be reached at a step itself is in the frame, and so are the ends of all moves from
+        there. Irregular places beside are left out.
+
+        Parameters
+        ----------
+        start : state at step 0
+        """
+        _, x, y = _cells(graph, np.array(start % graph.n_places)).tolist()
+        places, heads, hidden = graph.irregular
+        cells, ends = _cells(graph, places), _cells(graph, heads)
+        away = np.maximum(np.abs(cells[1] - x), np.abs(cells[2] - y))
+        order = np.argsort(away, kind="stable")
+        cells, ends, hidden = cells[:, order], ends[:, :, order], hidden[:, order]
+        reach = graph.motion.radius * np.arange(horizon)
+        counts = np.searchsorted(away[order], reach, side="right")
+        frames = []
+        for far, n in zip((reach + graph.motion.radius).tolist(), counts.tolist(), strict=True):
+            rows = _within(x - far, x + far + 1, graph.shape[3])
+            columns = _within(y - far, y + far + 1, graph.shape[4])
+            near, to = (_numbers(rows, columns, part) for part in (cells[:, :n], ends[..., :n]))
+            frames.append(cls(graph, rows, columns, (near, to, hidden[:, :n])))
+        return frames
+
     def of(self, values: FloatArray) -> FloatArray:
         """Returns its part of values [S] of the graph, as [heading, pitch, layer, x, y]."""
         return values.reshape(self.graph.shape)[..., self._x, self._y]
@@ -55,33 +82,6 @@ class Frame:
         _, x, y = _cells(self.graph, places)
         along_x = (self._x.start <= x) & (x < self._x.stop)
         return np.flatnonzero(along_x & (self._y.start <= y) & (y < self._y.stop))
-
-
-def frames_from(graph: TimeGraph, start: int, horizon: int) -> list[Frame]:
-    """Returns for each step before the horizon the frame of all that moves may lead to.
-
-    What may be reached at a step itself is in the frame, and so are the ends of all moves from
-    there. Irregular places beside are left out.
-
-    Parameters
-    ----------
-    start : state at step 0
-    """
-    _, x, y = _cells(graph, np.array(start % graph.n_places)).tolist()
-    places, heads, hidden = graph.irregular
-    cells, ends = _cells(graph, places), _cells(graph, heads)
-    away = np.maximum(np.abs(cells[1] - x), np.abs(cells[2] - y))
-    order = np.argsort(away, kind="stable")
-    cells, ends, hidden = cells[:, order], ends[:, :, order], hidden[:, order]
-    reach = graph.motion.radius * np.arange(horizon)
-    counts = np.searchsorted(away[order], reach, side="right")
-    frames = []
-    for far, n in zip((reach + graph.motion.radius).tolist(), counts.tolist(), strict=True):
-        rows = _within(x - far, x + far + 1, graph.shape[3])
-        columns = _within(y - far, y + far + 1, graph.shape[4])
-        near, to = (_numbers(rows, columns, part) for part in (cells[:, :n], ends[..., :n]))
-        frames.append(Frame(graph, rows, columns, (near, to, hidden[:, :n])))
-    return frames
 
 
 def _within(first: int, end: int, size: int) -> slice:

@@ -46,7 +46,7 @@ def backward_sweep(
     earlier : result [T+1, S] of a sweep with the same arguments but for some rewards, which is
         overwritten, and the last step at which a reward has changed since
     frames : those of all steps before the last, if only what can be reached from one start matters
-        (`frames_from`); all other values mean nothing
+        (`Frame.all_from`); all other values mean nothing
 
     Returns
     -------

@@ -13,8 +13,8 @@ from cocap_opt.flight.changes import (
     tolerated_delay,
     tolerated_delay_of_people,
 )
-from cocap_opt.flight.flights import Flight, cells_below
-from cocap_opt.flight.safety import nearest_drones, nearest_people
+from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.safety import Nearest
 from cocap_opt.missions import endings_for
 from cocap_opt.missions.autopilots import AUTOPILOTS
 from cocap_opt.missions.routes import (
@@ -182,7 +182,7 @@ def _altitude(flight: Flight) -> str:
 def _distances(flight: Flight) -> Iterator[str]:
     """Yields how near drones come to each other and to people, and the rules for it."""
     problem = flight.flown.problem
-    near = nearest_drones(flight.flown)
+    near = Nearest.of_drones(flight.flown)
     rules = str(problem.rules)
     if near is None:
         yield "Between drones: there is one only."
@@ -192,7 +192,7 @@ def _distances(flight: Flight) -> Iterator[str]:
             f"Between drones: {near.distance:.2f} m at least, of {near.one} and {near.other} at "
             f"{near.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f} (rules: {rules})."
         )
-    close = nearest_people(flight.flown)
+    close = Nearest.of_people(flight.flown)
     if close is not None:
         x, y, z = close.place.tolist()
         yield (
@@ -255,7 +255,7 @@ def _legs(flight: Flight) -> Iterator[str]:
     for k in range(len(ends.t)):
         words = "take-off" if k % 2 == 0 else "landing"
         x, y, z = ends.place[k].tolist()
-        i, j = (int(cell[0]) for cell in cells_below(problem.height_map, ends.place[k : k + 1]))
+        i, j = (int(cell[0]) for cell in problem.height_map.cells_below(ends.place[k : k + 1]))
         tops = [high for _, high in problem.workspace.columns.at(i, j) if high <= z]
         surface = max(tops, default=math.nan)
         yield (

@@ -11,8 +11,8 @@ from shapely.geometry.base import BaseGeometry
 
 from cocap_opt.data import FieldError, FloatArray, ProblemError
 from cocap_opt.flight.earth import Geodesy
-from cocap_opt.flight.flights import Flight, cells_below
-from cocap_opt.flight.footprint import REACH, footprints
+from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.footprint import REACH, Footprints
 from cocap_opt.output.heights import over_datum
 from cocap_opt.problem import Camera
 from cocap_opt.problem.pictures import DRONE_COLOURS
@@ -167,7 +167,7 @@ def _over(height_map: HeightMap, points: FloatArray) -> dict[str, FloatArray]:
     name, below = ("above_ground", height_map.ground) if known else (
         "above_surface", height_map.heights
     )  # fmt: skip
-    return {name: points[:, 2] - below[cells_below(height_map, points)]}
+    return {name: points[:, 2] - below[height_map.cells_below(points)]}
 
 
 def footprints_on_earth(flight: Flight) -> Iterator[Footprint]:
@@ -179,7 +179,7 @@ def footprints_on_earth(flight: Flight) -> Iterator[Footprint]:
             continue
         own = found.drone == i
         pose = found.place[own], found.yaw[own], found.pitch[own]
-        prints = footprints(problem.height_map, robot.camera, *pose)
+        prints = Footprints.of(problem.height_map, robot.camera, *pose)
         for t in np.flatnonzero(~np.isnan(prints.corners).any(axis=(1, 2))).tolist():
             latitude, longitude = geodesy.degrees(*prints.corners[t, :, :2].T)
             rings = rings_of(np.column_stack([longitude, latitude]))

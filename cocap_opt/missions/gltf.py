@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cocap_opt.data import FieldError, FloatArray, IntArray, ProblemError
-from cocap_opt.flight.flights import MOST_ROWS, Flight, cells_below
+from cocap_opt.flight.flights import MOST_ROWS, Flight
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.glb import LINE_STRIP, LINES, Glb
@@ -119,7 +119,7 @@ class _Animation:
         walks = [actor.poses[:steps, :2] for actor in self._problem.actors]
         points = np.concatenate([self._samples.place[:, :2], *walks])
         ends = np.array([points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN])
-        first, last = np.column_stack(cells_below(self._problem.height_map, ends))
+        first, last = np.column_stack(self._problem.height_map.cells_below(ends))
         return first, last + 1
 
     def _heights(self) -> tuple[float, float]:

@@ -25,7 +25,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 import numpy as np
 
 from cocap_opt.data import FieldError, FloatArray
-from cocap_opt.flight.bernstein import elevated, halves, largest, squared_length
+from cocap_opt.flight.bernstein import Peak, elevated, parted, squared_length
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.trajectory import DEGREE, YAW, Trajectory
 from cocap_opt.missions.export import Export, require_nothing_else
@@ -109,9 +109,9 @@ def _split(
     while True:
         found = simpler(pieces)
         ways = elevated(found, DEGREE) - pieces
-        if largest(squared_length(ways)).value <= off**2:
+        if Peak.of(squared_length(ways)).value <= off**2:
             return found
-        pieces = np.stack(halves(pieces), axis=1).reshape(-1, *pieces.shape[1:])
+        pieces = np.stack(parted(pieces), axis=1).reshape(-1, *pieces.shape[1:])
 
 
 def _require_seconds(curves: int, flown: Trajectory) -> None:

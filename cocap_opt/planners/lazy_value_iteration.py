@@ -22,7 +22,7 @@ from typing import Literal
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.graph.frames import frames_from
+from cocap_opt.graph.frames import Frame
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
@@ -96,7 +96,7 @@ class _Search:
         self._class, self._start = task.model.class_of[task.robot], task.model.start(task.robot)
         self._graph = self._class.graph
         self._bonuses = Bonuses.of(task.model.problem.objective)
-        self._frames = frames_from(self._graph, self._start, task.model.problem.horizon)
+        self._frames = Frame.all_from(self._graph, self._start, task.model.problem.horizon)
 
     def best_path(self, enough: Stop) -> tuple[Path | None, Limit | None]:
         """Returns the best path, all of which is evaluated; None if there is none.

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.explanation import Term
-from cocap_opt.graph.choke_points import choke_point
+from cocap_opt.graph.choke_points import ChokePoint
 from cocap_opt.output.conflicts import told_conflict
 from cocap_opt.output.printing import counted, rounded
 from cocap_opt.problem import Cell
@@ -102,7 +102,7 @@ def _told_queue(explained: Explained) -> Iterable[str]:
     """Yields where drones must queue, and what the rules there are priced at."""
     problem = explained.problem
     wanted = explained.model.cells_with_a_view(problem.horizon)
-    choke = None if problem.rules.none else choke_point(problem, wanted)
+    choke = None if problem.rules.none else ChokePoint.of(problem, wanted)
     if choke is not None:
         rows = explained.explanation.of_kind("row")
         price = sum(t.price or 0.0 for t in rows if _touches(t.resource, choke.cells))

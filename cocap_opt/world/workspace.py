@@ -95,6 +95,11 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
         found = np.floor((points[..., :2] - self.origin) / self.resolution)
         return found.astype(np.int64)
 
+    def cells_below(self, points: FloatArray) -> tuple[IntArray, IntArray]:
+        """Returns the cells x [n], y [n] below points [n, 2 or 3] (m); off the map, the nearest."""
+        i, j = np.clip(self.cells_of(points), 0, np.array(self.shape) - 1).T
+        return i, j
+
     def inside(self, x: int, y: int) -> bool:
         """Returns True if the map has this cell."""
         width, depth = self.shape

@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import WALL, examples, tiny
 
-from cocap_opt.graph.choke_points import choke_point
+from cocap_opt.graph.choke_points import ChokePoint
 from cocap_opt.graph.networks import place_graph, time_expanded_graph
 from cocap_opt.model import compiled
 from cocap_opt.problem import Cell, Motion, Problem, Robot, State
@@ -52,29 +52,29 @@ TWO_DOORS = [
 def test_a_door_is_a_choke_point() -> None:
     """Three drones must pass one door; two that stand on its two sides need not."""
     problem, wanted = scene(DOOR, 4), marked(DOOR, "o")
-    found = choke_point(problem, wanted)
+    found = ChokePoint.of(problem, wanted)
     assert found == ((Cell(1, 1),), 3, 5, 5)
     assert str(found) == "cell (1, 1)"
     other_side = problem.robots[0].replace(start=State(4, 1))
-    assert choke_point(problem.replace(robots=(other_side, problem.robots[1])), wanted) is None
-    assert choke_point(problem.replace(robots=problem.robots[:1]), wanted) is None
+    assert ChokePoint.of(problem.replace(robots=(other_side, problem.robots[1])), wanted) is None
+    assert ChokePoint.of(problem.replace(robots=problem.robots[:1]), wanted) is None
 
 
 def test_starts_of_their_own_are_no_choke_points() -> None:
     """Where only two of three drones arrive in time, each on its own way, nobody queues."""
     rows = ["D.....#", "######o", "D.....#", "#######", "D######"]
     problem, wanted = scene(rows, 9, Motion(corner_cutting=True)), marked(rows, "o")
-    assert choke_point(problem, wanted) is None
+    assert ChokePoint.of(problem, wanted) is None
 
 
 def test_ways_that_are_too_long_do_not_count() -> None:
     """A second door that is too far away for the last step leaves the first a choke point."""
     wanted = marked(TWO_DOORS, "o")
-    near = choke_point(scene(TWO_DOORS, 6), wanted)
+    near = ChokePoint.of(scene(TWO_DOORS, 6), wanted)
     assert near is not None
     assert len(near.cells) == 1
     assert near.cells[0].y == 1
-    far = choke_point(scene(TWO_DOORS, 30), wanted)
+    far = ChokePoint.of(scene(TWO_DOORS, 30), wanted)
     assert far is not None
     assert len(far.cells) == 2
 
@@ -82,10 +82,10 @@ def test_ways_that_are_too_long_do_not_count() -> None:
 def test_what_is_too_large_is_not_looked_at() -> None:
     """The number of cells in reach is limited, since warnings must be cheap."""
     problem, wanted = scene(DOOR, 4), marked(DOOR, "o")
-    assert choke_point(problem, wanted, most=13) is not None
-    assert choke_point(problem, wanted, most=12) is None
-    assert choke_point(problem, wanted, most=3) is None
-    assert choke_point(problem, set()) is None
+    assert ChokePoint.of(problem, wanted, most=13) is not None
+    assert ChokePoint.of(problem, wanted, most=12) is None
+    assert ChokePoint.of(problem, wanted, most=3) is None
+    assert ChokePoint.of(problem, set()) is None
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_what_is_too_large_is_not_looked_at() -> None:
 def test_the_passages_of_built_in_scenes_are_found(name: str, cells: list[tuple[int, int]]) -> None:
     """Of all cells from which somebody is seen at the last step, some are behind the mouth."""
     problem = load_scene(name, 0)
-    found = choke_point(problem, compiled(problem).cells_with_a_view(problem.horizon))
+    found = ChokePoint.of(problem, compiled(problem).cells_with_a_view(problem.horizon))
     assert found is not None
     assert found.cells == tuple(Cell(x, y) for x, y in cells)
     assert found.drones == len(problem.robots)
@@ -132,7 +132,7 @@ def test_no_fewer_cells_part_what_is_behind(rows: list[str], horizon: int, cutti
     drones, wanted = marked(rows, "D"), marked(rows, "o") | marked(rows, "D")
     assume(len(drones) > 1)
     problem = scene(rows, horizon, Motion(corner_cutting=cutting))
-    found = choke_point(problem, wanted)
+    found = ChokePoint.of(problem, wanted)
     if found is None:
         return
     places = place_graph(problem.workspace, problem.robots[0].motion)

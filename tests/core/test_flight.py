@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from cocap_opt.data import BoolArray, FloatArray, ProblemError
-from cocap_opt.flight.bernstein import derivative, elevated, ever_positive, largest, product, values
+from cocap_opt.flight.bernstein import Peak, derivative, elevated, ever_positive, product, values
 from cocap_opt.flight.delays import bearable_delay
 from cocap_opt.flight.filming import view_reward
-from cocap_opt.flight.pace import demands, tightest
+from cocap_opt.flight.pace import Demand, tightest
 from cocap_opt.flight.robustness import Robustness
-from cocap_opt.flight.safety import dangers, nearest_people
-from cocap_opt.flight.smooth import Smooth, _Blends, smooth, spare
+from cocap_opt.flight.safety import Nearest, dangers
+from cocap_opt.flight.smooth import Smooth, _Blends, spare
 from cocap_opt.flight.strain import SHORTENED, longest_move, strains, sufficient_step
 from cocap_opt.flight.trajectory import Trajectory, split
 from cocap_opt.problem import (
@@ -113,7 +113,7 @@ def flights(count: int = 6, seed: int = 0) -> list[tuple[Problem, Plan, Smooth]]
         except ProblemError:  # starts too near to each other, or in a zone
             continue
         if plan := random_plan(problem, rng):
-            found.append((problem, plan, smooth(problem, plan)))
+            found.append((problem, plan, Smooth.of(problem, plan)))
     return found
 
 
@@ -294,7 +294,7 @@ def test_demands_are_the_largest_of_all_samples() -> None:
             "acceleration": np.linalg.norm(np.diff(speeds, axis=1), axis=-1) / pause,
             "yaw_rate": np.abs(yaw), "gimbal_rate": np.abs(pitch),
         }  # fmt: skip
-        asked = demands(flown, is_smooth=True)
+        asked = Demand.all_of(flown, is_smooth=True)
         assert {(d.drone, d.kind) for d in asked} == set(
             product_of(range(len(places)), sampled_kinds)
         )
@@ -307,7 +307,8 @@ def test_demands_are_the_largest_of_all_samples() -> None:
 def test_a_step_that_would_do_does() -> None:
     """With so much longer steps a limit is kept, and with 1 % less it is not."""
     flown = flights()[0][2].trajectory
-    largest_ones = {d.kind: d for d in sorted(demands(flown, is_smooth=True), key=lambda d: d.most)}
+    found = Demand.all_of(flown, is_smooth=True)
+    largest_ones = {d.kind: d for d in sorted(found, key=lambda d: d.most)}
     assert len(largest_ones) == 6
     for demand in largest_ones.values():
         limited = demand._replace(limit=demand.most / 3)
@@ -315,7 +316,7 @@ def test_a_step_that_would_do_does() -> None:
         for times, keeps in ((1 + 1e-6, True), (0.99, False)):
             step = flown.step * limited.slower * times
             slower = replace(flown, problem=flown.problem.replace(step=step))
-            (own,) = (d for d in demands(slower, True) if d[:2] == demand[:2])
+            (own,) = (d for d in Demand.all_of(slower, True) if d[:2] == demand[:2])
             assert own._replace(limit=limited.limit).is_kept == keeps
 
 
@@ -354,10 +355,10 @@ def test_drones_that_would_come_too_near_stop() -> None:
     )  # fmt: skip
     one = [State(x, y) for x, y in ((2, 0), (3, 1), (3, 2), (3, 3), (2, 4))]
     plan = Plan(paths=(tuple(one), tuple(State(8 - s.x, s.y) for s in one)))
-    made = smooth(problem, plan)
+    made = Smooth.of(problem, plan)
     assert made.dangers == () and made.slowed > 0
     assert made.trajectory.least_distance() >= 2.0 - 1e-6
-    free = smooth(problem.replace(rules=CollisionRules()), plan)
+    free = Smooth.of(problem.replace(rules=CollisionRules()), plan)
     assert free.slowed == 0
     assert free.trajectory.least_distance() < 2.0
 
@@ -375,23 +376,23 @@ def test_drones_pass_people_as_far_as_the_plan() -> None:
         way = sampled(made.trajectory)[0, :, :2] - [5.5, 2.5]
         return float(np.hypot(*way.T).min())
 
-    made = smooth(problem, Plan(paths=(one,)))
+    made = Smooth.of(problem, Plan(paths=(one,)))
     assert made.dangers == () and made.slowed > 0
     assert least(made) >= 2.0 - 1e-6
-    assert least(smooth(problem.replace(airspace=Airspace()), Plan(paths=(one,)))) < 1.999
+    assert least(Smooth.of(problem.replace(airspace=Airspace()), Plan(paths=(one,)))) < 1.999
 
 
 def test_a_plan_with_a_little_to_spare_beside_people_has_a_smooth_flight() -> None:
     """Blends are shortened where somebody walks, as far as they must be, and all stays smooth."""
     shortened = 0
     for problem, plan, _ in flights():
-        near = nearest_people(Trajectory.straight(problem, plan))
+        near = Nearest.of_people(Trajectory.straight(problem, plan))
         assert near is not None
         least = near.distance - spare(problem, problem.robots[0])
         if least < 0.1:
             continue
         problem = problem.replace(airspace=problem.airspace.replace(people_aside=least))
-        flown, found, _, shorter = smooth(problem, plan)
+        flown, found, _, shorter = Smooth.of(problem, plan)
         assert found == ()
         places = sampled(flown, 20)
         assert not (too_near_matter(problem, places) | too_near_others(problem, places)).any()
@@ -435,12 +436,12 @@ def test_a_turn_beside_somebody_is_made_where_nobody_is_near() -> None:
         name="pace", height_map=HeightMap(heights=np.zeros((9, 9))), actors=(Actor(poses=walk),),
         robots=(Robot(start=one[0]),), horizon=5, step=1.0, airspace=Airspace(people_aside=2.0),
     )  # fmt: skip
-    flown, found, slowed, shortened = smooth(problem, Plan(paths=(one,)))
+    flown, found, slowed, shortened = Smooth.of(problem, Plan(paths=(one,)))
     assert found == () and slowed == 0 and shortened == 2
     straight = Trajectory.straight(problem, Plan(paths=(one,)))
     np.testing.assert_allclose(flown.pieces[0, 2:4], straight.pieces[0, 2:4], atol=1e-12)
     assert flown.distance_from(straight) > 0.05
-    free = smooth(problem.replace(airspace=Airspace()), Plan(paths=(one,)))
+    free = Smooth.of(problem.replace(airspace=Airspace()), Plan(paths=(one,)))
     assert free.shortened == 0
 
 
@@ -448,11 +449,11 @@ def test_flights_in_more_pieces_are_the_same() -> None:
     """Nothing that is told of a flight depends on the number of pieces that its steps have."""
 
     def told(flown: Trajectory) -> list[float]:
-        near, late = nearest_people(flown), Robustness(flown).with_laggard(0.7 * flown.step)
+        near, late = Nearest.of_people(flown), Robustness(flown).with_laggard(0.7 * flown.step)
         assert near is not None
         return [
             flown.seconds, flown.least_distance(), near.distance, near.t, late.apart, late.aside,
-            *(demand.most for demand in demands(flown, is_smooth=True)),
+            *(demand.most for demand in Demand.all_of(flown, is_smooth=True)),
             flown.distance_from_chords(np.arange(0.0, flown.seconds, 0.3)),
             bearable_delay(flown, CollisionRules(separation=0.2)),
         ]  # fmt: skip
@@ -477,7 +478,7 @@ def test_polynomials_are_enclosed() -> None:
              for part in (one, other, product(one, other), elevated(one, 9))]  # fmt: skip
     np.testing.assert_allclose(grids[2], grids[0] * grids[1], atol=1e-12)
     np.testing.assert_allclose(grids[3], grids[0], atol=1e-12)
-    assert grids[0].max() <= largest(one).value <= grids[0].max() + 1e-4
+    assert grids[0].max() <= Peak.of(one).value <= grids[0].max() + 1e-4
     both = ((grids[0] > 1e-3) & (grids[1] > 1e-3)).any(axis=1)
     never = ~((grids[0] > -1e-3) & (grids[1] > -1e-3)).any(axis=1)
     found = ever_positive([one, other])
@@ -502,7 +503,7 @@ def test_cameras_turn_no_farther_than_the_plan() -> None:
         robots=(robot,), step=1.0,
     )  # fmt: skip
     path = tuple(robot.start._replace(pitch=k) for k in (0, 10, 11, 21))
-    pitch = smooth(problem, Plan(paths=(path,))).trajectory.pieces[0, :, 4]
+    pitch = Smooth.of(problem, Plan(paths=(path,))).trajectory.pieces[0, :, 4]
     assert (np.diff(pitch, axis=1) <= 1e-12).all()
 
 
@@ -557,7 +558,7 @@ def test_a_run_up_makes_moves_that_none_can_make_from_rest() -> None:
     )  # fmt: skip
     assert any("the shortest" in words for words in strains(problem))
     for way, kept in ((path, True), ((*path[1:], path[-1]), False)):
-        asked = demands(smooth(problem, Plan(paths=(way,))).trajectory, True)
+        asked = Demand.all_of(Smooth.of(problem, Plan(paths=(way,))).trajectory, True)
         assert all(one.is_kept for one in asked) == kept
 
 
@@ -606,13 +607,13 @@ def test_smooth_flights_of_any_plan_keep_limits_with_steps_that_suffice() -> Non
     problem = Problem(name="darting", height_map=HeightMap(heights=np.zeros((2, 2))),
                       robots=robots, actors=(), horizon=8, step=9.0, rules=NO_RULES)  # fmt: skip
     plan = Plan(paths=tuple(tuple(State(*at) for at in path) for path in paths.tolist()))
-    step = sufficient_step(problem, shortened=False)
+    step = sufficient_step(problem, True)
     assert step == 5.63  # of 3 m downwards
-    made = smooth(problem.replace(step=step), plan)
+    made = Smooth.of(problem.replace(step=step), plan)
     assert not made.shortened
-    found = demands(made.trajectory, True)
+    found = Demand.all_of(made.trajectory, True)
     assert all(one.is_kept for one in found) and max(one.share for one in found) > 0.9
-    assert sufficient_step(problem, shortened=True) == 8.82
+    assert sufficient_step(problem, True, shortened=True) == 8.82
 
 
 @pytest.mark.slow
@@ -628,4 +629,4 @@ def test_shortened_blends_are_no_faster_than_said() -> None:
     cuts = rng.choice([1, 2, 4, 8], size=shape)
     blends = _Blends(shares, cuts, sides, np.ones(shape, dtype=np.bool_))
     rates = derivative(blends.pieces(points)) * cuts.max()
-    assert 2.75 < largest(rates[:, :, 0].reshape(-1, rates.shape[-1])).value <= SHORTENED
+    assert 2.75 < Peak.of(rates[:, :, 0].reshape(-1, rates.shape[-1])).value <= SHORTENED

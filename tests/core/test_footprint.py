@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import examples
 
-from cocap_opt.flight.footprint import REACH, Footprints, footprints
+from cocap_opt.flight.footprint import REACH, Footprints
 from cocap_opt.problem import Camera
 from cocap_opt.world import HeightMap
 
@@ -16,7 +16,7 @@ CAMERA = Camera(width=400, height=300, focal=200.0)  # it sees 1 m aside and 0.7
 def footprint(height_map: HeightMap, *pose: float) -> Footprints:
     """The footprint of a camera at x, y, z (m) that looks to a yaw and a pitch (degrees)."""
     place, (yaw, pitch) = np.array([pose[:3]]), np.radians(pose[3:])
-    return footprints(height_map, CAMERA, place, np.array([yaw]), np.array([pitch]))
+    return Footprints.of(height_map, CAMERA, place, np.array([yaw]), np.array([pitch]))
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_corners_are_in_the_image_and_on_the_ground(seed: int) -> None:
     cells = (place[:, :2] // 2).astype(int)
     place[:, 2] += ground[cells[:, 0], cells[:, 1]]
     yaw, pitch = rng.random(4) * 7, -rng.random(4) * 1.5
-    found = footprints(height_map, CAMERA, place, yaw, pitch)
+    found = Footprints.of(height_map, CAMERA, place, yaw, pitch)
     for k in np.flatnonzero(~np.isnan(found.corners).any(axis=(1, 2))):
         ways = found.corners[k] - place[k]
         assert (np.hypot(ways[:, 0], ways[:, 1]) <= found.reach[k] + 1e-6).all()

@@ -17,7 +17,7 @@ from strategies import WALL, cameras, examples, height_maps, motions
 
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
-from cocap_opt.graph.frames import frames_from
+from cocap_opt.graph.frames import Frame
 from cocap_opt.graph.motion import Window
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.networks import time_expanded_graph
@@ -277,7 +277,7 @@ def test_frames_hold_all_that_a_robot_can_reach(case: Case, data: st.DataObject)
     free = np.flatnonzero(np.tile(graph.free, graph.n_orientations))
     start = data.draw(st.sampled_from(free.tolist())) if len(free) else case.start
     reached = graph.reachable([start], horizon)
-    frames = frames_from(graph, start, horizon)
+    frames = Frame.all_from(graph, start, horizon)
     value = backward_sweep(graph, reward, bonuses, charged, goal)
     found = backward_sweep(graph, reward, bonuses, charged, goal, frames=frames)
     assert np.array_equal(found[reached], value[reached])

@@ -18,8 +18,8 @@ from cocap_opt.experiments.lab.studies.flight.runs import Run, fitting_step
 from cocap_opt.experiments.lab.studies.flight.simulation import Reference, Simulated
 from cocap_opt.experiments.lab.studies.flight.tables import flights_in_markdown, sentences
 from cocap_opt.experiments.lab.studies.flight.wind import Wind
-from cocap_opt.flight.pace import demands
-from cocap_opt.flight.smooth import smooth
+from cocap_opt.flight.pace import Demand
+from cocap_opt.flight.smooth import Smooth
 from cocap_opt.output.files import save_csv
 from cocap_opt.scenarios.airframes import AIRFRAMES
 
@@ -109,8 +109,9 @@ def test_steps_that_fit_keep_the_limits_and_half_a_second_less_does_not() -> Non
     limits = AIRFRAMES["px4"]
     kept = []
     for seconds in (step, step - 0.5):
-        flown = smooth(problem.replace(step=seconds), plan).trajectory
-        found = [one._replace(limit=getattr(limits, one.kind)) for one in demands(flown, True)]
+        flown = Smooth.of(problem.replace(step=seconds), plan).trajectory
+        asked = Demand.all_of(flown, True)
+        found = [one._replace(limit=getattr(limits, one.kind)) for one in asked]
         kept.append(all(one.is_kept for one in found))
     assert kept == [True, False]
 

@@ -17,8 +17,8 @@ from cocap_opt.experiments.lab.studies.flight.wind import Wind
 from cocap_opt.experiments.lab.studies.separation.separation import built
 from cocap_opt.flight.filming import Film, parts_of
 from cocap_opt.flight.flights import Flight
-from cocap_opt.flight.pace import demands
-from cocap_opt.flight.smooth import smooth
+from cocap_opt.flight.pace import Demand
+from cocap_opt.flight.smooth import Smooth
 from cocap_opt.output.files import load_csv
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import SEPARATION, Plan, Problem
@@ -146,10 +146,10 @@ def flown(scene: str, seed: int, winds: Sequence[float], step: float | None) -> 
 
 def fitting_step(problem: Problem, plan: Plan) -> float:
     """Returns the fewest half seconds in which the smooth flight of a plan keeps PX4's limits."""
-    made = smooth(problem.replace(step=1.0), plan)
+    made = Smooth.of(problem.replace(step=1.0), plan)
     limits = AIRFRAMES[AIRFRAME]
     slower = [
         one._replace(limit=getattr(limits, one.kind)).slower
-        for one in demands(made.trajectory, True)
+        for one in Demand.all_of(made.trajectory, True)
     ]
     return max(1, math.ceil(_FINE * max(slower) - 1e-6)) / _FINE
