@@ -1,9 +1,9 @@
 """Exact optimum by enumerating all plans: the oracle for tiny instances."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from cocap_opt.formulations.result import (
     OPTIMALITY,
     CertifiedResult,
     Report,
-    StartPlan,
+    checked_start,
     silent,
 )
 from cocap_opt.graph.move_rewards import Bonuses
@@ -52,68 +52,55 @@ def brute_force(
         plans *= _count_paths(model, robot)
         if plans > MOST_PLANS:
             raise UnsupportedError(f"brute force tries at most {MOST_PLANS} plans, here are more")
-    search = _Enumeration(model)
+    best: Plan | None = None
+    value = -math.inf
     try:
         model.prepare_all(stop)
-        search.run(stop)
+        for plan, reward in _better_and_better(model, stop):
+            best, value = plan, reward
     except LimitReached as reached:
-        if search.plan is None:
+        if best is None:
             stopped = CertifiedResult.of_start(problem, start, reached.limit)
             return stopped.with_bound_of(early_bound(problem, reached.limit))
-        result = CertifiedResult(search.plan, search.value, Reason.STOPPED, reached.limit)
+        result = CertifiedResult(best, value, Reason.STOPPED, reached.limit)
     else:
-        reason = Reason.INFEASIBLE if search.plan is None else Reason.OPTIMAL
-        result = CertifiedResult(search.plan, search.value, reason, bound=search.value)
-    message = StartPlan.checked(problem, start).message
+        reason = Reason.INFEASIBLE if best is None else Reason.OPTIMAL
+        result = CertifiedResult(best, value, reason, bound=value)
+    _, message = checked_start(problem, start)
     return replace(result, message=message, statistics={"plans": plans})
 
 
-class _Choice(NamedTuple):
-    """A path of one robot, its pixels and its reward for moves."""
+def _better_and_better(model: Model, stop: Stop) -> Iterator[tuple[Plan, float]]:
+    """Goes through all plans, and yields each that is better than all before, with its J.
 
-    path: Path
-    pixels: FloatArray  # [Z]
-    moves: float
+    Raises
+    ------
+    LimitReached
+        If the limit is reached before the last one.
+    """
+    problem, best = model.problem, -math.inf
+    choices = [_choices(model, robot, stop) for robot in range(len(problem.robots))]
+    for chosen in product(*choices):
+        stop.check()
+        seen = np.sum([pixels for _, pixels, _ in chosen], axis=0)
+        value = float(view_reward(problem, seen).sum())
+        value += sum(moves for _, _, moves in chosen)
+        if value > best:
+            plan = model.plan([path for path, _, _ in chosen])
+            if next(plan.conflicts(problem), None) is None:
+                best = value
+                yield plan, value
 
 
-class _Enumeration:
-    """All plans of a problem, one after the other, and the best of them so far."""
-
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        self.plan: Plan | None = None
-        self.value = -math.inf
-
-    def run(self, stop: Stop) -> None:
-        """Goes through all plans.
-
-        Raises
-        ------
-        LimitReached
-            If the limit is reached before the last one.
-        """
-        model = self.model
-        choices = [self._choices(robot, stop) for robot in range(len(model.problem.robots))]
-        for chosen in product(*choices):
-            stop.check()
-            seen = np.sum([choice.pixels for choice in chosen], axis=0)
-            value = float(view_reward(model.problem, seen).sum())
-            value += sum(choice.moves for choice in chosen)
-            if value > self.value:
-                plan = model.plan([choice.path for choice in chosen])
-                if next(plan.conflicts(model.problem), None) is None:
-                    self.value, self.plan = value, plan
-
-    def _choices(self, robot: int, stop: Stop) -> list[_Choice]:
-        """Returns all paths of a robot that end in its goal."""
-        model, found = self.model, []
-        bonuses = Bonuses.of(model.problem.objective)
-        shape = model.class_of[robot].graph.shape
-        for path in _all_paths(model, robot):
-            stop.check()
-            pixels = model.robot_pixels(robot, path)
-            found.append(_Choice(path, pixels, bonuses.of_path(shape, path)))
-        return found
+def _choices(model: Model, robot: int, stop: Stop) -> list[tuple[Path, FloatArray, float]]:
+    """Returns all paths of a robot to its goal, with their pixels [Z] and rewards for moves."""
+    found = []
+    bonuses = Bonuses.of(model.problem.objective)
+    shape = model.class_of[robot].graph.shape
+    for path in _all_paths(model, robot):
+        stop.check()
+        found.append((path, model.robot_pixels(robot, path), bonuses.of_path(shape, path)))
+    return found
 
 
 def _count_paths(model: Model, robot: int) -> int:

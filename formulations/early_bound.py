@@ -12,7 +12,6 @@ the step if they all stood where one of them sees most.
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from msgspec import UNSET
@@ -61,21 +60,13 @@ def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
     )  # fmt: skip
 
 
-class _Sums(NamedTuple):
-    """The most that states of a robot class see, added up over the faces with their weights.
+# The most that states of a robot class see, added up over the faces with their weights: roots
+# w sqrt(px/m2) and pixels w px/m2 [T+1, S]. Where there are too many states for value iteration S
+# is 1: the most that any of them sees.
+_Sums = tuple[FloatArray, FloatArray]
 
-    Where there are too many states for value iteration S is 1: the most that any of them sees.
-    """
-
-    roots: FloatArray  # [T+1, S] w sqrt(px/m2)
-    pixels: FloatArray  # [T+1, S] w px/m2
-
-
-class _Steps(NamedTuple):
-    """One alpha and one beta for all faces of each step [T+1], or for all steps together [1]."""
-
-    alpha: FloatArray
-    beta: FloatArray
+# One alpha and one beta for all faces of each step [T+1], or for all steps together [1].
+_Steps = tuple[FloatArray, FloatArray]
 
 
 class _Prices:
@@ -100,11 +91,11 @@ class _Prices:
     def alone(self) -> _Steps:
         """Returns the multipliers of drones that are alone."""
         steps = self._model.problem.view_sum_steps
-        return _Steps(np.ones(steps), np.zeros(steps))
+        return np.ones(steps), np.zeros(steps)
 
     def tangents(self) -> Iterator[_Steps]:
         """Yields tangents at ever fewer pixels."""
-        most = np.max([sums.pixels.max(axis=1) for sums in self._sums], axis=0)  # [T+1]
+        most = np.max([pixels.max(axis=1) for _, pixels in self._sums], axis=0)  # [T+1]
         problem = self._model.problem
         if problem.objective.over_time:
             most = most.sum(keepdims=True)
@@ -114,7 +105,7 @@ class _Prices:
         while seen.any() and share > 1 / (4 * len(problem.robots)):
             alpha, beta = self.alone()
             alpha[seen], beta[seen] = 0.0, 1 / (2 * np.sqrt(share * full))
-            yield _Steps(alpha, beta)
+            yield alpha, beta
             share *= _STEP_DOWN
 
     @property
@@ -153,7 +144,7 @@ class _Prices:
         paid += objective.keep_heading + objective.balanced
         total = self._constants(steps) + len(problem.robots) * problem.horizon * paid
         for robot_class, sums in zip(self._model.classes, self._sums, strict=True):
-            alpha, beta = (np.broadcast_to(x, len(sums.roots)) for x in steps)
+            alpha, beta = (np.broadcast_to(x, len(sums[0])) for x in steps)
             total += len(robot_class.robots) * sum(
                 float((a * roots if not b else a * roots + b * pixels).max())
                 for roots, pixels, a, b in zip(*sums, alpha, beta, strict=True)
@@ -162,8 +153,9 @@ class _Prices:
 
     def _constants(self, steps: _Steps) -> float:
         """Returns the part of the bound that no drone decides."""
-        tangent = steps.beta > 0
-        constants = (1 - steps.alpha[tangent]) ** 2 / (4 * steps.beta[tangent])
+        alpha, beta = steps
+        tangent = beta > 0
+        constants = (1 - alpha[tangent]) ** 2 / (4 * beta[tangent])
         return float(self._weights[tangent] @ constants)
 
     def file(self, steps: _Steps, bound: float | None = None) -> CertificateFile:
@@ -191,7 +183,7 @@ class _Prices:
         bonuses = Bonuses.of(self._model.problem.objective)
         for robot_class, sums in zip(self._model.classes, self._sums, strict=True):
             reward = robot_class.graph.no_reward(self._model.problem.horizon)
-            steps_of = np.broadcast_arrays(reward[:, 0], steps.alpha, steps.beta)[1:]
+            steps_of = np.broadcast_arrays(reward[:, 0], *steps)[1:]
             # Step by step: arrays of all states at all steps are large.
             for own, roots, pixels, alpha, beta in zip(reward, *sums, *steps_of, strict=True):
                 if alpha:
@@ -216,7 +208,7 @@ def _states(model: Model) -> int:
 def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
     """Returns the sums of a class, and marks what it may see in `visible` [Z]."""
     graph = model.classes[number].graph
-    sums = _Sums(*np.zeros((2, model.problem.horizon + 1, graph.n_states)))
+    sums = np.zeros((2, model.problem.horizon + 1, graph.n_states))
     nodes, known = _known(model, number, visible)
     for whole, own in zip(sums, known, strict=True):
         whole.reshape(-1)[nodes] = own
@@ -224,19 +216,19 @@ def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
     for t, places, *most in _ceilings(model, number, visible):
         for whole, own in zip(sums, most, strict=True):
             whole[t].reshape(shape)[:, places] = own
-    return sums
+    return sums[0], sums[1]
 
 
 def _most(model: Model, number: int, visible: BoolArray) -> _Sums:
     """Returns the most of a class at each step, and marks what it may see in `visible` [Z]."""
-    sums = _Sums(*np.zeros((2, model.problem.horizon + 1, 1)))
+    sums = np.zeros((2, model.problem.horizon + 1, 1))
     nodes, known = _known(model, number, visible)
     for whole, own in zip(sums, known, strict=True):
         np.maximum.at(whole[:, 0], nodes // model.classes[number].graph.n_states, own)
     for t, _, *most in _ceilings(model, number, visible):
         for whole, own in zip(sums, most, strict=True):
             whole[t] = max(whole[t, 0], own.max())
-    return sums
+    return sums[0], sums[1]
 
 
 def _known(model: Model, number: int, visible: BoolArray) -> tuple[IntArray, _Sums]:
@@ -245,7 +237,7 @@ def _known(model: Model, number: int, visible: BoolArray) -> tuple[IntArray, _Su
     visible[table.view_sums] = True
     weights = model.problem.view_sum_weights[table.view_sums]
     roots, pixels = (table.row_sums(x * weights) for x in (np.sqrt(table.pixels), table.pixels))
-    return table.nodes, _Sums(roots, pixels)
+    return table.nodes, (roots, pixels)
 
 
 def _ceilings(

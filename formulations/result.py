@@ -17,7 +17,7 @@ __all__ = [
     "CertifiedResult",
     "Report",
     "Snapshot",
-    "StartPlan",
+    "checked_start",
     "proved_reason",
     "silent",
 ]
@@ -63,7 +63,7 @@ class CertifiedResult(Result):
 
         Its plan is the start, or else that nobody moves.
         """
-        plan, message = StartPlan.checked(problem, start)
+        plan, message = checked_start(problem, start)
         plan = Plan.hovering(problem) if plan is None else plan
         value = -math.inf if plan is None else check(problem, plan).reward
         if plan is None:
@@ -91,21 +91,14 @@ class CertifiedResult(Result):
         return replace(self, reason=Reason.STOPPED, limit=limit)
 
 
-class StartPlan(NamedTuple):
-    """A plan to begin with, if there is one."""
-
-    plan: Plan | None
-    message: str  # why the plan that was given is rejected; empty where it is not
-
-    @classmethod
-    def checked(cls, problem: Problem, plan: Plan | None) -> "StartPlan":
-        """Returns the plan if it can be flown and breaks no rule; otherwise the reason in words."""
-        if plan is None:
-            return cls(None, "")
-        verdict = check(problem, plan)
-        if verdict.valid:
-            return cls(plan, "")
-        return cls(None, f"start rejected: {(*verdict.violations, *verdict.conflicts)[0]}")
+def checked_start(problem: Problem, plan: Plan | None) -> tuple[Plan | None, str]:
+    """Returns the plan if it can be flown and breaks no rule; otherwise the reason in words."""
+    if plan is None:
+        return None, ""
+    verdict = check(problem, plan)
+    if verdict.valid:
+        return plan, ""
+    return None, f"start rejected: {(*verdict.violations, *verdict.conflicts)[0]}"
 
 
 def proved_reason(own: Reason, bound: float, gap: float) -> Reason:

@@ -14,7 +14,7 @@ from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.result import (
     CertifiedResult,
     Report,
-    StartPlan,
+    checked_start,
     silent,
 )
 from cocap_opt.model import Model, compiled
@@ -47,7 +47,7 @@ def online(
     Where the bound `alone` is lower, or without a plan, it is that. (The rewards for
     moves in J(P) are bounded by the paths' own, so they are not counted twice.)
     """
-    plan, message = StartPlan.checked(problem, start)
+    plan, message = checked_start(problem, start)
     if plan is None:
         message = f"{message or 'no plan to start from'}; the bound is that of `alone`"
     model = compiled(problem)

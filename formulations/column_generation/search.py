@@ -22,7 +22,7 @@ from cocap_opt.formulations.result import (
     CertifiedResult,
     Report,
     Snapshot,
-    StartPlan,
+    checked_start,
     silent,
 )
 from cocap_opt.model import Model
@@ -115,7 +115,7 @@ class Search:
 
     def use_start(self, start: Plan | None) -> str:
         """Offers a plan to begin with; returns why it is rejected, if it is."""
-        plan, message = StartPlan.checked(self.model.problem, start)
+        plan, message = checked_start(self.model.problem, start)
         self.offer(Incumbent.of_plan(self.model, plan))
         return message
 

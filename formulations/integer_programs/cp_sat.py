@@ -173,16 +173,13 @@ class _Translated:
         program, roots = self.program, self.program.roots
         for z in range(len(roots.used)):
             self._bound_root(z, roots.seen, z, self.worth[z], 0.0)
-        tangents = program.tangents
-        for z, z0 in zip(tangents.at.tolist(), tangents.z0.tolist(), strict=True):
+        for z, z0 in zip(*(part.tolist() for part in program.tangents), strict=True):
             slope = self.worth[z] / (2 * math.sqrt(z0))
             constant = self.worth[z] * math.sqrt(z0) / 2
             self._bound_root(z, roots.pixels, z, slope, constant)
-        cuts = roots.cut_rows(program.cuts)
-        for k, (z, constant) in enumerate(
-            zip(cuts.at.tolist(), cuts.constants.tolist(), strict=True)
-        ):
-            self._bound_root(z, cuts.phi, k, self.worth[z], self.worth[z] * constant)
+        phi, constants, at = roots.cut_rows(program.cuts)
+        for k, (z, constant) in enumerate(zip(at.tolist(), constants.tolist(), strict=True)):
+            self._bound_root(z, phi, k, self.worth[z], self.worth[z] * constant)
 
     def _bound_root(
         self, z: int, matrix: sparse.csr_array, row: int, factor: float, constant: float
@@ -208,7 +205,7 @@ class _Translated:
         """Returns a solution, whose values are in the order of the variables."""
         n, e = len(self.x), len(self.y)
         found = np.fromiter(values, dtype=np.float64, count=n + e)
-        return Amounts(found[:n], found[n:])
+        return found[:n], found[n:]
 
 
 def _up(values: FloatArray) -> IntArray:

@@ -33,7 +33,7 @@ class LinearProgram(NamedTuple):
         flow, roots = program.flow, program.roots
         n, e, n_sums = flow.n_nodes, flow.n_edges, len(roots.used)
         first = flow.steps == 0
-        rows = _rows(program)
+        rows, row_low, row_high = _rows(program)
         gain = [np.zeros(n), flow.bonus, np.zeros(2 * n_sums), roots.weights]
         high = [np.where(first, flow.supply, flow.capacity), flow.capacity[flow.tails]]
         return cls(
@@ -41,23 +41,20 @@ class LinearProgram(NamedTuple):
             low=np.concatenate([np.where(first, flow.supply, 0.0), np.zeros(e + 3 * n_sums)]),
             high=np.concatenate([*high, np.full(3 * n_sums, math.inf)]),
             integral=np.repeat([True, program.integral_edges, False], [n, e, 3 * n_sums]),
-            rows=rows.matrix,
-            row_low=rows.low,
-            row_high=rows.high,
+            rows=rows,
+            row_low=row_low,
+            row_high=row_high,
             first_pixels=n + e,
         )
 
 
-class _Rows(NamedTuple):
-    """Rows low <= matrix v <= high."""
+def _rows(program: Program) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
+    """Returns the rows low <= matrix v <= high over v = (x, y, z, s, u), the equations first.
 
-    matrix: sparse.csr_array  # [m, n]
-    low: FloatArray  # [m]
-    high: FloatArray  # [m]
-
-
-def _rows(program: Program) -> _Rows:
-    """Returns the rows over (x, y, z, s, u), the equations first."""
+    Returns
+    -------
+    matrix [m, n], low [m], high [m]
+    """
     flow, roots, conflicts = program.flow, program.roots, program.conflicts
     n_sums = len(roots.used)
     later = np.flatnonzero(flow.steps > 0)
@@ -68,7 +65,7 @@ def _rows(program: Program) -> _Rows:
     )
     at, z0 = program.tangents
     slopes = _at(at, 1 / (2 * np.sqrt(z0)), n_sums)
-    cuts = roots.cut_rows(program.cuts)
+    phi, constants, cut_at = roots.cut_rows(program.cuts)
     widths = [flow.n_nodes, flow.n_edges, n_sums, n_sums, n_sums]
     blocks: list[list[Any]] = [
         [inside[later], -flow.entering[later], None, None, None],
@@ -77,7 +74,7 @@ def _rows(program: Program) -> _Rows:
         [-roots.seen, None, None, one, None],
         [None, None, None, -one, one],
         [None, None, -slopes, None, _at(at, np.ones(len(at)), n_sums)],
-        [-cuts.phi, None, None, None, _at(cuts.at, np.ones(len(cuts.at)), n_sums)],
+        [-phi, None, None, None, _at(cut_at, np.ones(len(cut_at)), n_sums)],
         [conflicts.at_nodes, None, None, None, None],
         [None, conflicts.crossing, None, None, None],
         [sparse.csr_array((0, width)) for width in widths],  # says how wide the columns are
@@ -85,11 +82,11 @@ def _rows(program: Program) -> _Rows:
     n_equal = len(later) + len(before)
     n_conflicts = conflicts.cliques.shape[0] + conflicts.crossing.shape[0]
     high = np.concatenate(
-        [np.zeros(n_equal + 3 * n_sums), np.sqrt(z0) / 2, cuts.constants, np.ones(n_conflicts)]
+        [np.zeros(n_equal + 3 * n_sums), np.sqrt(z0) / 2, constants, np.ones(n_conflicts)]
     )
     low = np.full(len(high), -math.inf)
     low[:n_equal] = 0.0
-    return _Rows(sparse.csr_array(sparse.block_array(blocks)), low, high)
+    return sparse.csr_array(sparse.block_array(blocks)), low, high
 
 
 def _at(columns: IntArray, values: FloatArray, width: int) -> sparse.csr_array:

@@ -203,7 +203,7 @@ def _solution(program: Program, result: Any) -> Amounts | None:
     given = result.solutions[0].primal_solution.variable_values
     values = np.zeros(n + e + 3 * len(program.roots.used))
     values[np.array(given.ids, dtype=np.int64)] = np.array(given.values)
-    return Amounts(values[:n], values[n : n + e])
+    return values[:n], values[n : n + e]
 
 
 # -- the process ------------------------------------------------------------------------------

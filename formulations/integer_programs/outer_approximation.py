@@ -28,7 +28,7 @@ from cocap_opt.formulations.result import (
     CertifiedResult,
     Report,
     Snapshot,
-    StartPlan,
+    checked_start,
 )
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
@@ -114,7 +114,7 @@ class _Rounds:
         self.clock = Clock()
         self.problem, self.stop, self.report, self.gap = problem, stop, report, gap
         self.model = model
-        self.plan, self.message = StartPlan.checked(problem, start)
+        self.plan, self.message = checked_start(problem, start)
         if self.plan is None:
             self.plan = Plan.hovering(problem)
         self.paths: tuple[Path, ...] | None = None
@@ -185,7 +185,8 @@ class _Rounds:
         least = max(self.gap / 4, LEAST_TOLERANCE)
         while True:
             if self.paths is not None:
-                program.refine(program.flow.amounts(self.paths).x)
+                x, _ = program.flow.amounts(self.paths)
+                program.refine(x)
             answer = solver(program, self._call(program.flow, tolerance))
             new = self._take(program, answer)
             if (ended := self._ended()) is not None:
@@ -205,7 +206,8 @@ class _Rounds:
         new = 0
         if answer.solution is not None:
             self._found(program.flow, answer.solution)
-            new = program.refine(np.rint(answer.solution.x))
+            x, _ = answer.solution
+            new = program.refine(np.rint(x))
         self.solver_bound = min(self.solver_bound, answer.bound)
         self._tell()
         return new
@@ -232,7 +234,8 @@ class _Rounds:
     def _found(self, flow: Flow, solution: Amounts) -> None:
         """Turns a solver's solution into a plan; one that breaks a rule is dropped."""
         try:
-            paths = flow.paths(solution.y, solution.x)
+            x, y = solution
+            paths = flow.paths(y, x)
         except ValueError:
             return  # not integral: a solver's tolerance
         if next(self.model.plan(paths).conflicts(self.problem), None) is None:

@@ -101,10 +101,13 @@ class Program:
             self._take(root)
 
     @property
-    def tangents(self) -> "_Tangents":
-        """The tangents of the roots."""
+    def tangents(self) -> tuple[IntArray, FloatArray]:
+        """The tangents of the roots: positions of their view sums among `roots.used`, and z0 [k].
+
+        The z0 are in units of the view sums' best views.
+        """
         at, z0 = zip(*self._tangents, strict=True) if self._tangents else ((), ())
-        return _Tangents(np.array(at, dtype=np.int64), np.array(z0, dtype=np.float64))
+        return np.array(at, dtype=np.int64), np.array(z0, dtype=np.float64)
 
     @property
     def n_integral(self) -> int:
@@ -117,8 +120,8 @@ class Program:
         allowed: FloatArray = seen.copy()
         at, z0 = self.tangents
         np.minimum.at(allowed, at, pixels[at] / (2 * np.sqrt(z0)) + np.sqrt(z0) / 2)
-        cuts = self.roots.cut_rows(self.cuts)
-        np.minimum.at(allowed, cuts.at, cuts.constants + cuts.phi @ x)
+        phi, constants, at = self.roots.cut_rows(self.cuts)
+        np.minimum.at(allowed, at, constants + phi @ x)
         return allowed
 
     def point(self, plan: Amounts) -> FloatArray:
@@ -155,10 +158,3 @@ class Program:
         curved = np.flatnonzero((rest - alpha > 1e-6) & (beta > 0))
         slope = beta[curved] * self.roots.scale[curved] / (rest - alpha)[curved]
         self._add(curved, np.clip(1 / (4 * slope**2), 1e-6, self.n_views))
-
-
-class _Tangents(NamedTuple):
-    """Tangents of the roots: u <= z / (2 sqrt(z0)) + sqrt(z0) / 2."""
-
-    at: IntArray  # [k] positions of their view sums among `roots.used`
-    z0: FloatArray  # [k] in units of the view sums' best views

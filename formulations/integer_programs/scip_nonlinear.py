@@ -140,4 +140,4 @@ class _Translated:
         n, e = self.program.flow.n_nodes, self.program.flow.n_edges
         solution = self.model.getBestSol()
         found = np.array([solution[variable] for variable in self.variables[: n + e]])
-        return Amounts(found[:n], found[n:])
+        return found[:n], found[n:]

@@ -13,15 +13,10 @@ from cocap_opt.problem import Problem
 from cocap_opt.result import UnsupportedError
 
 MOST_ENTRIES = 500_000  # of the separation rows
-TOO_LARGE = (
-    "a flow model takes at most {} entries of separation rows, here there are more; "
+TOO_MANY_ENTRIES = (
+    f"a flow model takes at most {MOST_ENTRIES} entries of separation rows, here there are more; "
     "column-generation adds the few that matter"
 )
-
-
-def too_large() -> UnsupportedError:
-    """Returns the error that says that a separation needs too many rows."""
-    return UnsupportedError(TOO_LARGE.format(MOST_ENTRIES))
 
 
 def cliques_of_cells(problem: Problem, slots: Slots) -> sparse.csr_array:
@@ -35,7 +30,7 @@ def cliques_of_cells(problem: Problem, slots: Slots) -> sparse.csr_array:
         block = _laid(shape, slots)
         entries += block.nnz
         if entries > MOST_ENTRIES:
-            raise too_large()
+            raise UnsupportedError(TOO_MANY_ENTRIES)
         blocks.append(block)
     return _distinct(sparse.csr_array(sparse.vstack(blocks)))
 
@@ -47,8 +42,7 @@ def _laid(shape: "_Shape", slots: Slots) -> sparse.csr_array:
     origins = np.unique(np.concatenate(laid), axis=0)
     t, u, v = origins.T
     found = [slots.find(t, k, u + i, v + j) for k, i, j in shape]
-    rows = np.concatenate([part.which for part in found])
-    columns = np.concatenate([part.slots for part in found])
+    rows, columns = (np.concatenate(part) for part in zip(*found, strict=True))
     return incidence(rows, columns, (len(origins), len(slots)))
 
 
@@ -63,7 +57,7 @@ def _pairs_too_close(problem: Problem, slots: Slots) -> sparse.csr_array:
     tree = cKDTree(np.column_stack([at, slots.t * apart]))
     reach = math.hypot(problem.rules.separation, problem.rules.vertical) * (1 + 1e-9)
     if tree.count_neighbors(tree, reach) > MOST_ENTRIES:
-        raise too_large()
+        raise UnsupportedError(TOO_MANY_ENTRIES)
     one, other = tree.query_pairs(reach, output_type="ndarray").T
     near = np.flatnonzero(problem.rules.too_near(at[other] - at[one]))
     one, other, number = one[near], other[near], np.arange(len(near))

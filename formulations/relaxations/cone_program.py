@@ -14,7 +14,8 @@ on paths and takes any size.
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.cone_solver import solve_cones
-from cocap_opt.formulations.relaxations.duals import Duals, RootRows
+from cocap_opt.formulations.relaxations.duals import Duals, repaired_roots
 from cocap_opt.formulations.relaxations.flow import Compile, Flow, Roots
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot, silent
@@ -114,37 +115,29 @@ def envelope(
     return _Relaxation(problem, _disaggregated, "envelope").run(stop, report, separate)
 
 
-class _Point(NamedTuple):
-    """Solution of a relaxation."""
-
-    x: FloatArray  # [N] robots in each node
-    u: FloatArray  # [z] roots, in units of each view sum's best view
-    duals: Duals
-    value: float  # the solver's word
-    solved: bool
+# Finds cuts that a solution violates: x [N] robots in each node and u [z] roots, in units of each
+# view sum's best view.
+_Separation = Callable[[Flow, Roots, FloatArray, FloatArray], list[Cut]]
 
 
-_Separation = Callable[[Flow, Roots, _Point], list[Cut]]
-
-
-def _no_cuts(flow: Flow, roots: Roots, point: _Point) -> list[Cut]:
+def _no_cuts(flow: Flow, roots: Roots, x: FloatArray, u: FloatArray) -> list[Cut]:
     """Separates nothing."""
     return []
 
 
-def _violated_cuts(flow: Flow, roots: Roots, point: _Point) -> list[Cut]:
+def _violated_cuts(flow: Flow, roots: Roots, x: FloatArray, u: FloatArray) -> list[Cut]:
     """Returns envelope cuts that a solution violates, the tightest one of each view sum."""
     found, sizes = [], flow.model.class_sizes
     for z, view_sum in enumerate(roots.used.tolist()):
         nodes, seen = roots.entries(z)
-        amounts = point.x[nodes]
+        amounts = x[nodes]
         used = amounts > 1e-7
         if used.sum() < 2:
             continue  # one view: the single-view cut is tight
         mixture = Seen(flow.owner[nodes[used]], seen[used], amounts[used])
         if mixture.is_exact(sizes):
             continue
-        height = float(point.u[z]) * float(roots.scale[z])
+        height = float(u[z]) * float(roots.scale[z])
         largest = roots.largest[:, z]
         cut = mixture.best_cut(view_sum, largest, sizes, height, VIOLATION * height)
         if cut is not None:
@@ -197,27 +190,22 @@ class _Relaxation:
             "cuts": 0.0,
         }  # fmt: skip
         for _ in range(MOST_ROUNDS):
-            point = program.solve(cuts, stop)
+            duals, value, solved = program.solve(cuts, stop)
             before = self.best.proved
-            self._take(point, len(cuts))
+            self.best = min(self.best, self._certify(duals), key=lambda file: file.proved)
+            self.statistics |= {"rounds": self.statistics["rounds"] + 1, "cuts": len(cuts)}
+            if solved:
+                self.statistics["solver_value"] = value
             self._tell(report)
             stop.check()
-            if not point.solved:
+            if not solved:
                 raise LimitReached(Limit.NUMERICS)
             if self.best.proved < 0 or (cuts and self.best.proved > before * (1 - PROGRESS)):
                 return
-            found = separate(flow, program.roots, point)
+            found = separate(flow, program.roots, *program.point)
             if not found:
                 return
             cuts += found
-
-    def _take(self, point: _Point, n_cuts: int) -> None:
-        """Keeps a solution's certificate if it is the best."""
-        file = self._certify(point.duals)
-        self.best = min(self.best, file, key=lambda some: some.proved)
-        self.statistics |= {"rounds": self.statistics["rounds"] + 1, "cuts": n_cuts}
-        if point.solved:
-            self.statistics["solver_value"] = point.value
 
     def _certify(self, duals: Duals) -> CertificateFile:
         model: Model = self.model
@@ -292,8 +280,12 @@ class _ConeProgram:
             flow.leaving[~last] @ self.y == self.x[np.flatnonzero(~last)],
         ]
 
-    def solve(self, cuts: Sequence[Cut], stop: Stop) -> _Point:
+    def solve(self, cuts: Sequence[Cut], stop: Stop) -> tuple[Duals, float, bool]:
         """Solves with these cuts.
+
+        Returns
+        -------
+        The multipliers, the value by the solver's word, and True where it says that it is solved.
 
         Raises
         ------
@@ -302,23 +294,28 @@ class _ConeProgram:
         """
         import cvxpy as cp
 
-        rows = self.roots.cut_rows(cuts)
-        cut = self.u[rows.at] <= rows.constants + rows.phi @ self.x if cuts else None
+        phi, constants, at = self.roots.cut_rows(cuts)
+        cut = self.u[at] <= constants + phi @ self.x if cuts else None
         constraints = [*self._constraints, *([] if cut is None else [cut])]
         program = cp.Problem(self._goal, constraints)
         stop.check()
         solved = _clarabel(program, stop)
         multipliers = np.zeros(0) if cut is None else np.asarray(cut.dual_value)
-        duals = self._duals(cuts, rows.at, multipliers)
-        x = np.maximum(np.nan_to_num(self.x.value), 0.0)
+        duals = self._duals(cuts, at, multipliers)
+        return duals, float(program.value) * self._unit, solved
+
+    @property
+    def point(self) -> tuple[FloatArray, FloatArray]:
+        """Robots in each node [N] and roots [z] of the last solution."""
         u = np.nan_to_num(self.u.value) if len(self.roots.used) else np.zeros(0)
-        return _Point(x, u, duals, float(program.value) * self._unit, solved)
+        return np.maximum(np.nan_to_num(self.x.value), 0.0), u
 
     def _duals(self, cuts: Sequence[Cut], at: IntArray, multipliers: FloatArray) -> Duals:
         """Returns the multipliers in px and metres, repaired where they are out of range."""
         problem, roots = self.flow.model.problem, self.roots
         none = np.zeros(len(roots.used))
-        repaired = RootRows(
+        alpha, beta, shares = repaired_roots(
+            problem,
             view_sums=roots.used,
             scale=roots.scale,
             weights=roots.weights / self._unit,
@@ -326,16 +323,16 @@ class _ConeProgram:
             pixels=np.asarray(self._pixels.dual_value) if len(none) else none,
             cut_at=at,
             cuts=multipliers,
-        ).repaired(problem)
+        )
         charges = np.zeros(0)
         if self.n_rows:
             charges = np.maximum(np.nan_to_num(self._capacity.dual_value), 0.0) * self._unit
-        self._fix_start(repaired.alpha, repaired.beta)
+        self._fix_start(alpha, beta)
         return Duals(
-            alpha=repaired.alpha,
-            beta=repaired.beta,
+            alpha=alpha,
+            beta=beta,
             rows=self.conflicts.multipliers(charges, LEAST_MULTIPLIER * self._unit),
-            cuts=tuple(zip(cuts, repaired.shares.tolist(), strict=True)),
+            cuts=tuple(zip(cuts, shares.tolist(), strict=True)),
         )
 
     def _fix_start(self, alpha: FloatArray, beta: FloatArray) -> None:
@@ -376,25 +373,20 @@ def _clarabel(program: "cp.Problem", stop: Stop) -> bool:
         *(clarabel.SecondOrderConeT(n) for n in dims.soc),
     ]
     solution = solve_cones(data["c"], data["A"], data["b"], cones, stop)
+    # The last iterate, which cvxpy unpacks only where the solver says it is solved.
+    as_solved = SimpleNamespace(
+        status="AlmostSolved", x=np.nan_to_num(solution.x), z=np.nan_to_num(solution.z),
+        obj_val=float(np.nan_to_num(solution.obj_val)), solve_time=solution.solve_time,
+        iterations=solution.iterations,
+    )  # fmt: skip
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # that it may be inaccurate
         try:
-            program.unpack_results(_AsSolved(solution), chain, inverse)
+            program.unpack_results(as_solved, chain, inverse)
         except (ValueError, cp.error.SolverError) as error:
             stop.check()
             raise LimitReached(Limit.NUMERICS) from error
     return str(solution.status) in ("Solved", "AlmostSolved")
-
-
-class _AsSolved:
-    """Clarabel's last iterate, which cvxpy unpacks only where the solver says it is solved."""
-
-    status = "AlmostSolved"
-
-    def __init__(self, solution: Any) -> None:
-        self.x, self.z = np.nan_to_num(solution.x), np.nan_to_num(solution.z)
-        self.obj_val = float(np.nan_to_num(solution.obj_val))
-        self.solve_time, self.iterations = solution.solve_time, solution.iterations
 
 
 def _disaggregated(problem: Problem) -> Model:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -78,47 +78,49 @@ def _written(model: Model, cut: Cut, share: float) -> EnvelopeCut:
     return EnvelopeCut(t, face, curves, share)
 
 
-class _RootDuals(NamedTuple):
-    """Multipliers of the roots in px and metres."""
+def repaired_roots(
+    problem: Problem,
+    *,
+    view_sums: IntArray,
+    scale: FloatArray,
+    weights: FloatArray,
+    single_view: FloatArray,
+    pixels: FloatArray,
+    cut_at: IntArray,
+    cuts: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Returns multipliers of roots in the range in which they prove a small bound.
 
-    alpha: FloatArray  # [Z]
-    beta: FloatArray  # [Z] m/px^0.5
-    shares: FloatArray  # [k] of the cuts
+    A solver's may be negative, too large or no numbers. Its program maximises sum weights u with
+    u^2 <= z, where u is a root in units of `scale` and z the pixels in units of scale^2. Cuts share
+    at most the whole root; for a root r that they leave `rest` of, the best beta is
+    (rest - alpha) / (2 r), and no root is larger than if all robots had the best view at all steps.
 
+    Parameters
+    ----------
+    view_sums : [z] numbers of the view sums that the program has
+    scale : [z] px^0.5/m
+    weights : [z]
+    single_view : [z] multipliers of u <= sum of roots of pixels
+    pixels : [z] multipliers of z <= sum of pixels
+    cut_at : [k] position of each cut's view sum among `view_sums`
+    cuts : [k] multipliers of the cuts
 
-class RootRows(NamedTuple):
-    """The rows of a solved program that bound the roots, and their multipliers.
-
-    The program maximises sum weights u with u^2 <= z, where u is a root in units of `scale` and
-    z the pixels in units of scale^2.
+    Returns
+    -------
+    alpha [Z] and beta [Z] in px and metres, and the shares of the cuts [k].
     """
-
-    view_sums: IntArray  # [z] numbers of the view sums that the program has
-    scale: FloatArray  # [z] px^0.5/m
-    weights: FloatArray  # [z]
-    single_view: FloatArray  # [z] multipliers of u <= sum of roots of pixels
-    pixels: FloatArray  # [z] multipliers of z <= sum of pixels
-    cut_at: IntArray  # [k] position of each cut's view sum among `view_sums`
-    cuts: FloatArray  # [k] multipliers of the cuts
-
-    def repaired(self, problem: Problem) -> _RootDuals:
-        """Returns multipliers in the range in which they prove a small bound.
-
-        A solver's may be negative, too large or no numbers. Cuts share at most the whole root;
-        for a root r that they leave `rest` of, the best beta is (rest - alpha) / (2 r), and no
-        root is larger than if all robots had the best view at all steps.
-        """
-        shares = np.clip(np.nan_to_num(self.cuts) / self.weights[self.cut_at], 0.0, 1.0)
-        taken = np.bincount(self.cut_at, shares, minlength=len(self.weights))
-        shares = shares / np.maximum(taken, 1.0)[self.cut_at]
-        rest = np.maximum(1 - taken, 0.0)
-        largest = np.sqrt(problem.most_views) * self.scale
-        alpha = np.clip(np.nan_to_num(self.single_view / self.weights), 0.0, rest)
-        beta = np.nan_to_num(self.pixels / (self.weights * self.scale))
-        beta = np.maximum(beta, (rest - alpha) / (2 * largest))
-        nearly = rest - alpha < 1e-9
-        result = _RootDuals(problem.no_pixels() + 1.0, problem.no_pixels(), shares)
-        # A little more than the rest, so that no rounding makes it less.
-        result.alpha[self.view_sums] = np.where(nearly, rest + 1e-12, alpha)
-        result.beta[self.view_sums] = np.where(nearly, 0.0, beta)
-        return result
+    shares = np.clip(np.nan_to_num(cuts) / weights[cut_at], 0.0, 1.0)
+    taken = np.bincount(cut_at, shares, minlength=len(weights))
+    shares = shares / np.maximum(taken, 1.0)[cut_at]
+    rest = np.maximum(1 - taken, 0.0)
+    largest = np.sqrt(problem.most_views) * scale
+    own_alpha = np.clip(np.nan_to_num(single_view / weights), 0.0, rest)
+    own_beta = np.nan_to_num(pixels / (weights * scale))
+    own_beta = np.maximum(own_beta, (rest - own_alpha) / (2 * largest))
+    nearly = rest - own_alpha < 1e-9
+    alpha, beta = problem.no_pixels() + 1.0, problem.no_pixels()
+    # A little more than the rest, so that no rounding makes it less.
+    alpha[view_sums] = np.where(nearly, rest + 1e-12, own_alpha)
+    beta[view_sums] = np.where(nearly, 0.0, own_beta)
+    return alpha, beta, shares

@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -33,6 +32,9 @@ from cocap_opt.stop import Stop, never
 
 MOST_EDGES = 400_000  # of the time-expanded graph
 Compile = Callable[[Problem], Model]  # robots that are alike as one class, or disaggregated
+
+# Robots in each node [N] and along each edge [E], in fractions where a solver splits them.
+Amounts = tuple[FloatArray, FloatArray]
 
 UNUSED = 1e-6  # amounts below are rounding errors
 
@@ -168,7 +170,7 @@ class Flow:
 
     # -- back and forth between flows and paths --------------------------------------------
 
-    def amounts(self, paths: Sequence[Path]) -> "Amounts":
+    def amounts(self, paths: Sequence[Path]) -> Amounts:
         """Returns how many robots are in each node and along each edge, for one path per robot."""
         x, y = np.zeros(self.n_nodes), np.zeros(self.n_edges)
         for k, robot_class in enumerate(self.model.classes):
@@ -178,7 +180,7 @@ class Flow:
                 for tail, head in pairwise(nodes):
                     low, high = np.searchsorted(self.tails, [tail, tail + 1])
                     y[low + int(np.flatnonzero(self.heads[low:high] == head)[0])] += 1.0
-        return Amounts(x, y)
+        return x, y
 
     def _node(self, number: int, t: int, state: int) -> int:
         first, end = np.searchsorted(self.owner, [number, number + 1])
@@ -255,13 +257,6 @@ class Flow:
         if np.isinf(gain[robots, chosen]).any():
             return None
         return [heads[k] for k in chosen.tolist()]
-
-
-class Amounts(NamedTuple):
-    """Robots of a flow, in fractions where a solver splits them."""
-
-    x: FloatArray  # [N] in each node
-    y: FloatArray  # [E] along each edge
 
 
 @dataclass
@@ -378,8 +373,14 @@ class Roots:
         nodes: IntArray = self.seen.indices[part].astype(np.int64)
         return nodes, self.seen.data[part] * self.scale[z]
 
-    def cut_rows(self, cuts: Sequence[Cut]) -> "_CutRows":
-        """Returns envelope cuts as rows u <= constants + phi x, in units of the roots."""
+    def cut_rows(self, cuts: Sequence[Cut]) -> tuple[sparse.csr_array, FloatArray, IntArray]:
+        """Returns envelope cuts as rows u <= constants + phi x, in units of the roots.
+
+        Returns
+        -------
+        phi [k, N] of a robot in each node, constants [k], and the position of each cut's view sum
+        among `used` [k].
+        """
         at = np.searchsorted(self.used, [cut.view_sum for cut in cuts]).astype(np.int64)
         entries = [self.entries(z) for z in at.tolist()]
         scales = self.scale[at]
@@ -393,12 +394,4 @@ class Roots:
             np.cumsum([0, *(len(nodes) for nodes, _ in entries)]),
         )
         phi = sparse.csr_array(parts, shape=(len(cuts), len(self.owner)))
-        return _CutRows(phi, np.array([cut.constant for cut in cuts]) / scales, at)
-
-
-class _CutRows(NamedTuple):
-    """Envelope cuts as rows of a program, in units of the roots."""
-
-    phi: sparse.csr_array  # [k, N] of a robot in each node
-    constants: FloatArray  # [k]
-    at: IntArray  # [k] position of each cut's view sum among `Roots.used`
+        return phi, np.array([cut.constant for cut in cuts]) / scales, at

@@ -9,7 +9,6 @@ exchange their amounts.
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -165,12 +164,8 @@ def loose_view_sums(
     return sorted(found, key=lambda one: (-one.most * weights[one.view_sum], one.view_sum))
 
 
-@dataclass(frozen=True)
-class _Marginal:
-    """Breakpoints of a class, and how much of a robot is at each."""
-
-    points: FloatArray  # [K] px^0.5/m
-    mass: FloatArray  # [K]
+# Breakpoints of a class [K], px^0.5/m, and how much of a robot is at each [K].
+_Marginal = tuple[FloatArray, FloatArray]
 
 
 def _marginals(seen: Seen, largest: FloatArray, sizes: tuple[int, ...]) -> dict[int, _Marginal]:
@@ -187,17 +182,17 @@ def _marginals(seen: Seen, largest: FloatArray, sizes: tuple[int, ...]) -> dict[
         found[number] = _distinct(seen.roots[own], seen.amounts[own], float(largest[number]))
     while _are_too_many(found, sizes):
         merges = {number: _cheapest_merge(marginal) for number, marginal in found.items()}
-        number, merge = min(merges.items(), key=lambda item: item[1])
-        if merge.loss < math.inf:
-            found[number] = _merged(found[number], merge.at)
+        number, (loss, at) = min(merges.items(), key=lambda item: item[1])
+        if loss < math.inf:
+            found[number] = _merged(found[number], at)
         else:
             del found[min(found, key=lambda k: weight[k])]
-    return {k: _Marginal(m.points, _spread(m.points, seen, k)) for k, m in found.items()}
+    return {k: (points, _spread(points, seen, k)) for k, (points, _) in found.items()}
 
 
 def _are_too_many(marginals: Mapping[int, _Marginal], sizes: tuple[int, ...]) -> bool:
     """Returns True where breakpoints have to be merged."""
-    points = {number: len(marginal.points) for number, marginal in marginals.items()}
+    points = {number: len(at) for number, (at, _) in marginals.items()}
     choices = math.prod(math.comb(sizes[k] + n, n) for k, n in points.items() if sizes[k] > 1)
     work = sum(sizes[k] * n for k, n in points.items())
     return choices > MOST_CHOICES or sum(points.values()) > MOST_BREAKPOINTS or work > MOST_WORK
@@ -212,33 +207,29 @@ def _distinct(roots: FloatArray, amounts: FloatArray, largest: float) -> _Margin
     top = largest * (1 + 1e-9)
     keep = (points < top * (1 - 1e-3)) & (points > 1e-3 * top)
     rest = float(mass[points >= top * (1 - 1e-3)].sum())
-    return _Marginal(np.append(points[keep], top), np.append(mass[keep], rest))
+    return np.append(points[keep], top), np.append(mass[keep], rest)
 
 
-class _Merge(NamedTuple):
-    """Two neighbouring breakpoints that may become one."""
+def _cheapest_merge(marginal: _Marginal) -> tuple[float, int]:
+    """Returns the least loss by merging a breakpoint with the next, and its position.
 
-    loss: float
-    at: int  # position of the first
-
-
-def _cheapest_merge(marginal: _Marginal) -> _Merge:
-    """Returns the merge of two breakpoints that loses least; the last one is left alone."""
-    points, mass = marginal.points, marginal.mass
+    The last one is left alone.
+    """
+    points, mass = marginal
     if len(points) < 3:
-        return _Merge(math.inf, -1)
+        return math.inf, -1
     losses = np.diff(points[:-1]) * np.minimum(mass[1:-1], mass[:-2])
     at = int(np.argmin(losses))
-    return _Merge(float(losses[at]), at)
+    return float(losses[at]), at
 
 
 def _merged(marginal: _Marginal, at: int) -> _Marginal:
     """Returns a marginal with two breakpoints as one, at their mean."""
-    points, mass = marginal.points.copy(), marginal.mass.copy()
+    points, mass = (part.copy() for part in marginal)
     both = mass[at] + mass[at + 1]
     points[at] = (points[at] * mass[at] + points[at + 1] * mass[at + 1]) / both
     mass[at] = both
-    return _Marginal(np.delete(points, at + 1), np.delete(mass, at + 1))
+    return np.delete(points, at + 1), np.delete(mass, at + 1)
 
 
 def _spread(points: FloatArray, seen: Seen, number: int) -> FloatArray:
@@ -265,8 +256,7 @@ def _potentials(
     Returns phi at the breakpoints of all classes; None if the cut gets too high. Wherever this is
     stopped, `Cut.valid` makes a valid cut of what it returns.
     """
-    points = np.concatenate([marginal.points for marginal in marginals.values()])
-    mass = np.concatenate([marginal.mass for marginal in marginals.values()])
+    points, mass = (np.concatenate(part) for part in zip(*marginals.values(), strict=True))
     mass = np.maximum(mass, LEAST_MASS)
     unit = float(points.max())
     counts = np.unique(_first_corners(marginals, sizes), axis=0)
@@ -276,7 +266,7 @@ def _potentials(
         prices = program.solve(counts, np.sqrt(counts @ points**2) / unit)
         if prices is None:  # not to be expected; any phi is valid
             break
-        values, total = prices.mass * unit, prices.total * unit
+        values, total = prices[0] * unit, prices[1] * unit
         height = total + float(mass @ values)
         if known - height < least:
             return None
@@ -292,25 +282,23 @@ def _potentials(
 
 def _curves(marginals: Mapping[int, _Marginal], values: FloatArray) -> dict[int, Curve]:
     """Returns the curves with these values at the breakpoints of all classes."""
-    ends = np.cumsum([len(marginal.points) for marginal in marginals.values()])[:-1]
-    return {
-        number: Curve(marginal.points, own)
-        for (number, marginal), own in zip(marginals.items(), np.split(values, ends), strict=True)
-    }
+    ends = np.cumsum([len(points) for points, _ in marginals.values()])[:-1]
+    parts = zip(marginals.items(), np.split(values, ends), strict=True)
+    return {number: Curve(points, own) for (number, (points, _)), own in parts}
 
 
 def _first_corners(marginals: Mapping[int, _Marginal], sizes: tuple[int, ...]) -> IntArray:
     """Returns corners [n, K] that a good mixture is likely to be made of, and the empty one."""
     rows, first = [], 0
-    for number, marginal in marginals.items():
-        ends = np.rint(np.cumsum(marginal.mass[::-1]) * SCENARIOS).astype(np.int64)
+    for number, (at, mass) in marginals.items():
+        ends = np.rint(np.cumsum(mass[::-1]) * SCENARIOS).astype(np.int64)
         robots = min(math.ceil(ends[-1] / SCENARIOS), sizes[number])
         which = np.searchsorted(ends, np.arange(robots * SCENARIOS), side="right")
-        last = first + len(marginal.points)
+        last = first + len(at)
         rows.append(np.where(which < len(ends), last - 1 - which, -1).reshape(-1, SCENARIOS))
         first = last
     entries = np.concatenate(rows)
-    points = np.append(np.concatenate([marginal.points for marginal in marginals.values()]), 0.0)
+    points = np.append(np.concatenate([at for at, _ in marginals.values()]), 0.0)
     dealt = np.take_along_axis(entries, _rearranged(points[entries] ** 2), axis=1)
     counts = np.zeros((SCENARIOS + 1, len(points)), dtype=np.int64)  # the last has none
     np.add.at(counts, (np.arange(SCENARIOS)[None, :], dealt), 1)
@@ -354,13 +342,6 @@ def _smallest(values: FloatArray, count: int) -> IntArray:
     return np.sort(some)
 
 
-class Prices(NamedTuple):
-    """Multipliers of a transport problem."""
-
-    mass: FloatArray  # [K] >= 0
-    total: float
-
-
 class Transport:
     """max norms x, counts.T x <= mass, sum x = 1, x >= 0, whose columns come one after the other.
 
@@ -379,8 +360,13 @@ class Transport:
             rows, lower, np.append(mass, 1.0), 0, np.zeros(rows, dtype=np.int32), none, np.zeros(0)
         )
 
-    def solve(self, counts: IntArray, norms: FloatArray) -> Prices | None:
-        """Solves with more columns; None where the solver fails."""
+    def solve(self, counts: IntArray, norms: FloatArray) -> tuple[FloatArray, float] | None:
+        """Solves with more columns; None where the solver fails.
+
+        Returns
+        -------
+        The multipliers of the mass [K] >= 0, and that of the total.
+        """
         columns, rows = counts.shape[0], counts.shape[1] + 1
         self._solver.addCols(
             columns, -norms, np.zeros(columns), np.full(columns, np.inf), columns * rows,
@@ -392,4 +378,4 @@ class Transport:
         if self._solver.getModelStatus() != self._optimal:
             return None
         multipliers = -np.array(self._solver.getSolution().row_dual)
-        return Prices(np.maximum(multipliers[:-1], 0.0), float(multipliers[-1]))
+        return np.maximum(multipliers[:-1], 0.0), float(multipliers[-1])

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -56,8 +55,8 @@ class Slots:
         numbers: IntArray = flow.steps[nodes] * self.n_cells + flow.places[nodes]
         return numbers
 
-    def find(self, t: IntArray, layer: int, x: IntArray, y: IntArray) -> "_Found":
-        """Returns which of these cells at steps t are slots."""
+    def find(self, t: IntArray, layer: int, x: IntArray, y: IntArray) -> tuple[IntArray, IntArray]:
+        """Returns which of these cells [n] at steps t are slots, by position, and their slots."""
         _, width, depth = self.sizes
         inside = np.flatnonzero((x >= 0) & (x < width) & (y >= 0) & (y < depth))
         level = np.full(len(inside), layer)
@@ -65,7 +64,7 @@ class Slots:
         wanted += t[inside] * self.n_cells
         slots = np.minimum(np.searchsorted(self.numbers, wanted), len(self) - 1)
         found = self.numbers[slots] == wanted
-        return _Found(inside[found], slots[found])
+        return inside[found], slots[found]
 
     def reach(self, flow: Flow) -> sparse.csr_array:
         """Returns 1 where a robot can be in a slot [K, R]."""
@@ -81,13 +80,6 @@ class Slots:
                 columns.append(np.full(len(at), robot))
         shape = (len(self), len(problem.robots))
         return incidence(np.concatenate(rows), np.concatenate(columns), shape)
-
-
-class _Found(NamedTuple):
-    """Cells that are slots."""
-
-    which: IntArray  # [n] positions among the cells that were looked for
-    slots: IntArray  # [n]
 
 
 def incidence(rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sparse.csr_array:

@@ -29,7 +29,6 @@ from cocap_opt.formulations.integer_programs.outer_approximation import (
 )
 from cocap_opt.formulations.integer_programs.program import Answer, Call, Program, Solver
 from cocap_opt.formulations.integer_programs.scip_nonlinear import scip_nonlinear
-from cocap_opt.formulations.relaxations.flow import Amounts
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Snapshot, silent
 from cocap_opt.model import compiled
 from cocap_opt.problem import NO_RULES, Plan, Problem
@@ -293,7 +292,7 @@ def test_solutions_that_are_none_are_dropped() -> None:
 
     def half(program: Program, call: Call) -> Answer:
         flow = program.flow
-        solution = Amounts(np.full(flow.n_nodes, 0.4), np.full(flow.n_edges, 0.4))
+        solution = np.full(flow.n_nodes, 0.4), np.full(flow.n_edges, 0.4)
         return Answer(solution, 1e6, Limit.NUMERICS, message="half a robot")
 
     def crash(program: Program, call: Call) -> Answer:

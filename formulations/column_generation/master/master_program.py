@@ -27,7 +27,7 @@ from cocap_opt.formulations.column_generation.master.conic_program import (
     ConicProgram,
     ConicSolution,
 )
-from cocap_opt.formulations.relaxations.duals import Duals, RootRows
+from cocap_opt.formulations.relaxations.duals import Duals, repaired_roots
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop
 
@@ -205,7 +205,8 @@ class MasterProgram:
     def _duals(self, solution: ConicSolution) -> Duals:
         """Returns the multipliers of the rows, repaired where they are out of range."""
         seen, shares = self._is_seen, np.zeros(len(self.cuts))
-        roots = RootRows(
+        alpha, beta, shares[seen] = repaired_roots(
+            self.model.problem,
             view_sums=self._views.view_sums,
             scale=self._views.scale,
             weights=self._weights / self._unit,
@@ -213,12 +214,11 @@ class MasterProgram:
             pixels=solution.multipliers("pixels"),
             cut_at=self._cut_at[seen],
             cuts=solution.multipliers("cuts")[seen],
-        ).repaired(self.model.problem)
-        shares[seen] = roots.shares
+        )
         rows = self._prices(solution, "rows")
         return Duals(
-            alpha=roots.alpha,
-            beta=roots.beta,
+            alpha=alpha,
+            beta=beta,
             rows=tuple(zip(self.rows, rows.tolist(), strict=True)),
             cuts=tuple(zip(self.cuts, shares.tolist(), strict=True)),
             decisions=self._prices(solution, "decisions"),
