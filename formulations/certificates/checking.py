@@ -19,7 +19,6 @@ from cocap_opt.stop import LimitReached, Stop, never
 from cocap_opt.text import other_scene
 
 Progress = Callable[[int, int], None]
-_PriceStaged = Callable[[Model, Staged, Stop, Progress, bool], Pricing]
 
 
 def certify(
@@ -106,13 +105,8 @@ def _priced(
 ) -> Pricing:
     """Returns the bound that a certificate proves, in stages or at once."""
     if isinstance(certificate, Staged):
-        price_staged = _upper_storey()
+        # So plain certificates are checked without any search.
+        from cocap_opt.formulations.certificates.staged import price_staged
+
         return price_staged(model, certificate, stop, progress, plain)
     return Pricing.of(model, certificate, stop=stop)
-
-
-def _upper_storey() -> _PriceStaged:
-    """Loads what prices staged certificates, so that plain ones are checked without any search."""
-    from cocap_opt.formulations.certificates.staged import price_staged
-
-    return price_staged

@@ -7,7 +7,6 @@ definition.
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -40,7 +39,8 @@ def values_to_go(
     Parameters are those of `plain_sweep`.
     """
     graph, objective = robot_class.graph, problem.objective
-    shape, stay, bonuses, places, states, moves = _Terms.of(graph, objective, charges)
+    shape, stay = (graph.n_orientations, graph.n_places), reward_of_staying(objective)
+    bonuses, places, states, moves = _terms(graph, objective, charges)
     value = np.where(graph.free, reward[-1].reshape(shape), -np.inf)
     if robot_class.goal is not None:
         _, x, y = graph.coordinates(np.arange(graph.n_places))
@@ -83,7 +83,8 @@ def values_so_far(
     problem, robot_class, reward, charges : as in `plain_sweep`
     """
     graph, objective = robot_class.graph, problem.objective
-    shape, stay, bonuses, places, states, moves = _Terms.of(graph, objective, charges)
+    shape, stay = (graph.n_orientations, graph.n_places), reward_of_staying(objective)
+    bonuses, places, states, moves = _terms(graph, objective, charges)
     value = np.where(graph.free, first.reshape(shape), -np.inf)
     yield value.reshape(-1)
     turns = _turned_from(graph)
@@ -106,31 +107,32 @@ def values_so_far(
         yield value.reshape(-1)
 
 
-class _Terms(NamedTuple):
-    """The rewards for moves and the charges of a sweep, as arrays over the graph."""
+def _terms(
+    graph: TimeGraph, objective: Objective, charges: Charges
+) -> tuple[
+    dict[int, FloatArray], dict[int, FloatArray], dict[int, FloatArray],
+    dict[tuple[int, int], FloatArray],
+]:  # fmt: skip
+    """Returns rewards for moves and charges as arrays; what people close is charged, too.
 
-    shape: tuple[int, int]  # (O, P)
-    stay: float  # reward of the step that changes nothing
-    bonuses: dict[int, FloatArray]  # of each move k, for each place it may begin in
-    places: dict[int, FloatArray]  # by step, [P]
-    states: dict[int, FloatArray]  # by step, [O, P]
-    moves: dict[tuple[int, int], FloatArray]  # by step and move k, [P] where it begins
-
-    @classmethod
-    def of(cls, graph: TimeGraph, objective: Objective, charges: Charges) -> "_Terms":
-        """Returns the terms of one sweep; what people close is charged, too."""
-        shape = (graph.n_orientations, graph.n_places)
-        terms = cls(shape, reward_of_staying(objective), _bonuses(graph, objective), {}, {}, {})
-        charged = Charges.joined([graph.closed, charges])
-        for (t, place), cost in charged.places.items():
-            terms.places.setdefault(t, np.zeros(graph.n_places))[place] += cost
-        for (t, state), cost in charged.states.items():
-            terms.states.setdefault(t, np.zeros(shape)).reshape(-1)[state] += cost
-        for (t, tail, head), cost in charged.moves.items():
-            leads = graph.allowed[:, tail] & (tail + graph.shifts == head)
-            for k in np.flatnonzero(leads).tolist():
-                terms.moves.setdefault((t, k), np.zeros(graph.n_places))[tail] += cost
-        return terms
+    Returns
+    -------
+    The bonuses of each move k, for each place it may begin in; the charges of places by step [P],
+    of states by step [O, P], and of moves by step and k [P], where they begin.
+    """
+    shape = (graph.n_orientations, graph.n_places)
+    places, states = dict[int, FloatArray](), dict[int, FloatArray]()
+    moves: dict[tuple[int, int], FloatArray] = {}
+    charged = Charges.joined([graph.closed, charges])
+    for (t, place), cost in charged.places.items():
+        places.setdefault(t, np.zeros(graph.n_places))[place] += cost
+    for (t, state), cost in charged.states.items():
+        states.setdefault(t, np.zeros(shape)).reshape(-1)[state] += cost
+    for (t, tail, head), cost in charged.moves.items():
+        leads = graph.allowed[:, tail] & (tail + graph.shifts == head)
+        for k in np.flatnonzero(leads).tolist():
+            moves.setdefault((t, k), np.zeros(graph.n_places))[tail] += cost
+    return _bonuses(graph, objective), places, states, moves
 
 
 def reward_of_staying(objective: Objective) -> float:

@@ -8,8 +8,9 @@ import contextlib
 import math
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,8 @@ def highs(
     UnsupportedError
         If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
     """
-    with _MathOptSolver("HIGHS") as solver:
+    with contextlib.closing(_SolverProcess()) as process:
+        solver = partial(_solve, "HIGHS", process)
         return outer_approximation(problem, stop, start, report, gap, solver, root)
 
 
@@ -74,98 +76,79 @@ def scip(
     UnsupportedError
         If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
     """
-    with _MathOptSolver("GSCIP") as solver:
+    with contextlib.closing(_SolverProcess()) as process:
+        solver = partial(_solve, "GSCIP", process)
         return outer_approximation(problem, stop, start, report, gap, solver, root)
 
 
-class _MathOptSolver:
-    """A solver that MathOpt has, in a process that ends with the `with` statement.
+def _solve(name: str, process: "_SolverProcess", program: Program, call: Call) -> Answer:
+    """Solves a program by the solver that MathOpt calls so."""
+    response = process.solve(_request(name, program, call), call)
+    return _answer(program, response, late=bool(call.stop.reached()))
+
+
+def _request(name: str, program: Program, call: Call) -> bytes:
+    """Returns the message that asks a solver for a solution of a program."""
+    from ortools.math_opt import parameters_pb2, rpc_pb2
+
+    request = rpc_pb2.SolveRequest(
+        solver_type=parameters_pb2.SolverTypeProto.Value(f"SOLVER_TYPE_{name}")
+    )
+    _fill_model(request.model, LinearProgram.of(program))
+    parameters = request.parameters
+    parameters.relative_gap_tolerance = call.tolerance
+    parameters.absolute_gap_tolerance = 0.0
+    if math.isfinite(seconds := call.stop.seconds_left):
+        parameters.time_limit.FromNanoseconds(int(1e9 * seconds))
+    if name == "HIGHS":
+        # MathOpt's own parameter for threads is an error with HiGHS.
+        parameters.highs.int_options["threads"] = 1
+    else:
+        parameters.threads = 1
+        # SCIP's presolve takes minutes and all memory on flows that it solves in a second.
+        parameters.presolve = parameters_pb2.EMPHASIS_OFF
+    if call.hint is not None:
+        values = program.point(call.hint)
+        hint = request.model_parameters.solution_hints.add()
+        hint.variable_values.ids.extend(range(len(values)))
+        hint.variable_values.values.extend(values.tolist())
+    return bytes(request.SerializeToString())
+
+
+def _answer(program: Program, data: bytes | None, late: bool) -> Answer:
+    """Reads a response; without one the process has ended.
 
     Parameters
     ----------
-    name : MathOpt's name for it
+    late : a limit was reached by the end of the solve. Then no proof is believed: where its
+        time ends in the root node, HiGHS drops that node, calls its start optimal or finds
+        no plan.
     """
+    from ortools.math_opt import result_pb2, rpc_pb2
 
-    def __init__(self, name: str) -> None:
-        self.name, self._process = name, _SolverProcess()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._process.end()
-
-    def __call__(self, program: Program, call: Call) -> Answer:
-        """Solves a program."""
-        response = self.respond(self.request(program, call), call)
-        return self.answer(program, response, late=bool(call.stop.reached()))
-
-    def respond(self, request: bytes, call: Call) -> bytes | None:
-        """Returns the process's response to a request; None where it ended without one."""
-        return self._process.solve(request, call)
-
-    def request(self, program: Program, call: Call) -> bytes:
-        """Returns the message that asks for a solution of a program."""
-        from ortools.math_opt import parameters_pb2, rpc_pb2
-
-        request = rpc_pb2.SolveRequest(
-            solver_type=parameters_pb2.SolverTypeProto.Value(f"SOLVER_TYPE_{self.name}")
-        )
-        _fill_model(request.model, LinearProgram.of(program))
-        parameters = request.parameters
-        parameters.relative_gap_tolerance = call.tolerance
-        parameters.absolute_gap_tolerance = 0.0
-        if math.isfinite(seconds := call.stop.seconds_left):
-            parameters.time_limit.FromNanoseconds(int(1e9 * seconds))
-        if self.name == "HIGHS":
-            # MathOpt's own parameter for threads is an error with HiGHS.
-            parameters.highs.int_options["threads"] = 1
-        else:
-            parameters.threads = 1
-            # SCIP's presolve takes minutes and all memory on flows that it solves in a second.
-            parameters.presolve = parameters_pb2.EMPHASIS_OFF
-        if call.hint is not None:
-            values = program.point(call.hint)
-            hint = request.model_parameters.solution_hints.add()
-            hint.variable_values.ids.extend(range(len(values)))
-            hint.variable_values.values.extend(values.tolist())
-        return bytes(request.SerializeToString())
-
-    @staticmethod
-    def answer(program: Program, data: bytes | None, late: bool) -> Answer:
-        """Reads a response; without one the process has ended.
-
-        Parameters
-        ----------
-        late : a limit was reached by the end of the solve. Then no proof is believed: where its
-            time ends in the root node, HiGHS drops that node, calls its start optimal or finds
-            no plan.
-        """
-        from ortools.math_opt import result_pb2, rpc_pb2
-
-        if data is None:
-            return _failure("the solver's process has ended")
-        response = rpc_pb2.SolveResponse.FromString(data)
-        if response.status.code:
-            return _failure(f"the solver failed: {response.status.message}")
-        result, why = response.result, response.result.termination
-        nodes, reasons = int(result.solve_stats.node_count), result_pb2.TerminationReasonProto
-        dual_bound = float(why.objective_bounds.dual_bound)
-        proofs = {
-            reasons.TERMINATION_REASON_OPTIMAL: dual_bound,
-            # The roots are bounded, so that it cannot be unbounded.
-            reasons.TERMINATION_REASON_INFEASIBLE: -math.inf,
-            reasons.TERMINATION_REASON_INFEASIBLE_OR_UNBOUNDED: -math.inf,
-        }
-        solution = _solution(program, result)
-        if why.reason in proofs and late:
-            return Answer(solution, math.inf, Limit.TIME, nodes)
-        if why.reason in proofs:
-            return Answer(solution, proofs[why.reason] * program.unit, nodes=nodes)
-        timed_out = late or why.limit == result_pb2.LimitProto.LIMIT_TIME
-        limit = Limit.TIME if timed_out else Limit.NUMERICS
-        bound = math.inf if math.isnan(dual_bound) else dual_bound * program.unit
-        return Answer(solution, bound, limit, nodes, why.detail)
+    if data is None:
+        return _failure("the solver's process has ended")
+    response = rpc_pb2.SolveResponse.FromString(data)
+    if response.status.code:
+        return _failure(f"the solver failed: {response.status.message}")
+    result, why = response.result, response.result.termination
+    nodes, reasons = int(result.solve_stats.node_count), result_pb2.TerminationReasonProto
+    dual_bound = float(why.objective_bounds.dual_bound)
+    proofs = {
+        reasons.TERMINATION_REASON_OPTIMAL: dual_bound,
+        # The roots are bounded, so that it cannot be unbounded.
+        reasons.TERMINATION_REASON_INFEASIBLE: -math.inf,
+        reasons.TERMINATION_REASON_INFEASIBLE_OR_UNBOUNDED: -math.inf,
+    }
+    solution = _solution(program, result)
+    if why.reason in proofs and late:
+        return Answer(solution, math.inf, Limit.TIME, nodes)
+    if why.reason in proofs:
+        return Answer(solution, proofs[why.reason] * program.unit, nodes=nodes)
+    timed_out = late or why.limit == result_pb2.LimitProto.LIMIT_TIME
+    limit = Limit.TIME if timed_out else Limit.NUMERICS
+    bound = math.inf if math.isnan(dual_bound) else dual_bound * program.unit
+    return Answer(solution, bound, limit, nodes, why.detail)
 
 
 def _fill_model(model: Any, linear: LinearProgram) -> None:
@@ -230,7 +213,7 @@ class _SolverProcess:
 
         response = call.attend(lambda: _exchange(process, request), interrupt)
         if response is None:
-            self.end()
+            self.close()
         return response
 
     def _started(self) -> "subprocess.Popen[bytes]":
@@ -245,7 +228,7 @@ class _SolverProcess:
             )
         return self._process
 
-    def end(self) -> None:
+    def close(self) -> None:
         """Ends the process, if there is one."""
         if self._process is not None:
             self._process.kill()

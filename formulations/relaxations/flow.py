@@ -13,7 +13,7 @@ Sources: Yu and LaValle 2013 (anonymous path finding as integer flow); Royset an
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -62,18 +62,13 @@ class Flow:
         UnsupportedError
             If the time-expanded graph has more than MOST_EDGES edges.
         """
-        parts = _Parts()
+        parts, n_nodes, n_edges = [], 0, 0
         for k, robot_class in enumerate(model.classes):
-            parts.add(k, robot_class, _useful(model, robot_class), stop)
-        return cls(
-            model,
-            owner=_joined(parts.owner),
-            steps=_joined(parts.steps),
-            states=_joined(parts.states),
-            tails=_joined(parts.tails),
-            heads=_joined(parts.heads),
-            supply=np.concatenate(parts.supply),
-        )
+            useful = _useful(model, robot_class)
+            part = _class_part(k, robot_class, useful, n_nodes, MOST_EDGES - n_edges, stop)
+            n_nodes, n_edges = n_nodes + len(part[0]), n_edges + len(part[3])
+            parts.append(part)
+        return cls(model, *(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
     @property
     def n_nodes(self) -> int:
@@ -259,44 +254,34 @@ class Flow:
         return [heads[k] for k in chosen.tolist()]
 
 
-@dataclass
-class _Parts:
-    """Nodes and edges class by class, while a flow is built."""
+def _class_part(
+    k: int, robot_class: RobotClass, useful: BoolArray, first: int, most_edges: int, stop: Stop
+) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray, FloatArray]:
+    """Returns what class k adds to a flow, in the order of its fields, from node `first` on.
 
-    owner: list[IntArray] = field(default_factory=list)
-    steps: list[IntArray] = field(default_factory=list)
-    states: list[IntArray] = field(default_factory=list)
-    supply: list[FloatArray] = field(default_factory=list)
-    tails: list[IntArray] = field(default_factory=list)
-    heads: list[IntArray] = field(default_factory=list)
-    n_nodes: int = 0
-    n_edges: int = 0
-
-    def add(self, k: int, robot_class: RobotClass, useful: BoolArray, stop: Stop) -> None:
-        """Adds the useful nodes [T+1, S] of class k, and the edges between them."""
-        t, state = np.nonzero(useful)
-        starts = [
-            np.searchsorted(state[t == 0], start)
-            for start in robot_class.starts
-            if useful[0, start]
-        ]
-        supply = np.zeros(len(t))
-        np.add.at(supply, starts, 1)
-        for tails, heads in _edges(robot_class.graph, useful):
-            stop.check()
-            self.n_edges += len(tails)
-            if self.n_edges > MOST_EDGES:
-                raise UnsupportedError(
-                    f"a flow model takes at most {MOST_EDGES} edges of the time-expanded graph, "
-                    "here there are more; column-generation takes any number"
-                )
-            self.tails.append(self.n_nodes + tails)
-            self.heads.append(self.n_nodes + heads)
-        self.owner.append(np.full(len(t), k))
-        self.steps.append(t)
-        self.states.append(state)
-        self.supply.append(supply)
-        self.n_nodes += len(t)
+    Parameters
+    ----------
+    useful : [T+1, S] the nodes
+    most_edges : that a flow can still have
+    """
+    t, state = np.nonzero(useful)
+    starts = [
+        np.searchsorted(state[t == 0], start) for start in robot_class.starts if useful[0, start]
+    ]
+    supply = np.zeros(len(t))
+    np.add.at(supply, starts, 1)
+    tails, heads = list[IntArray](), list[IntArray]()
+    for here, there in _edges(robot_class.graph, useful):
+        stop.check()
+        most_edges -= len(here)
+        if most_edges < 0:
+            raise UnsupportedError(
+                f"a flow model takes at most {MOST_EDGES} edges of the time-expanded graph, "
+                "here there are more; column-generation takes any number"
+            )
+        tails.append(first + here)
+        heads.append(first + there)
+    return np.full(len(t), k), t, state, _joined(tails), _joined(heads), supply
 
 
 def _useful(model: Model, robot_class: RobotClass) -> BoolArray:

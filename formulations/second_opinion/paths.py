@@ -3,7 +3,7 @@
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from cocap_opt.graph.networks import Node, ends, keep_ways_to
 from cocap_opt.problem import Cell, Objective, Problem, State
@@ -11,14 +11,8 @@ from cocap_opt.problem import Cell, Objective, Problem, State
 if TYPE_CHECKING:
     from cocap_opt.graph.networks import Graph
 
+Worth = tuple[float, float]  # a sum, and that of the absolute values that it is made of
 Uses = dict[tuple[object, ...], float]  # cost of (t, Cell), (t, State) and (t, Cell, Cell)
-
-
-class Worth(NamedTuple):
-    """A sum, and that of the absolute values that it is made of."""
-
-    value: float
-    magnitude: float
 
 
 def longest_path(
@@ -45,14 +39,14 @@ def longest_path(
     weighted = _weighted(problem.objective, graph, worths, cells, uses)
     keep_ways_to(weighted, ends(weighted, problem, robot))
     if start not in weighted or worths[start] == -math.inf:
-        return Worth(-math.inf, 0.0)
+        return -math.inf, 0.0
     edges = [edge for _, _, edge in weighted.edges(data=True)]
     lift = max(0.0, -min(edge["weight"] for edge in edges))
     for edge in edges:
         edge["weight"] += lift
     length = float(nx.dag_longest_path_length(weighted))
     lifted, first = problem.horizon * lift, worths[start]
-    return Worth(length - lifted + first, length + lifted + abs(first))
+    return length - lifted + first, length + lifted + abs(first)
 
 
 def _weighted(

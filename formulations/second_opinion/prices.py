@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from cocap_opt.formulations.certificates import ClassCurve, Decision, EnvelopeCut, ReferencePixels
 from cocap_opt.formulations.certificates.format import Certificate
-from cocap_opt.formulations.second_opinion.paths import Worth, longest_path
+from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap
+from cocap_opt.formulations.second_opinion.paths import Uses, Worth, longest_path
 from cocap_opt.formulations.second_opinion.sight import Sight
-from cocap_opt.formulations.second_opinion.uses import uses_of
 from cocap_opt.graph.networks import reached_graph
 from cocap_opt.problem import Problem
 
@@ -74,9 +74,9 @@ class Prices:
         for own, (certificate, _) in zip(terms, leaves, strict=True):
             own += self._kappas(certificate, visible)
         return [
-            Worth(
-                math.fsum(own) + math.fsum(path.value for path in best),
-                math.fsum(map(abs, own)) + math.fsum(path.magnitude for path in best),
+            (
+                math.fsum(own) + math.fsum(value for value, _ in best),
+                math.fsum(map(abs, own)) + math.fsum(magnitude for _, magnitude in best),
             )
             for own, best in zip(terms, paths, strict=True)
         ]
@@ -94,7 +94,7 @@ class Prices:
             for node in graph
             if node in sight.seen
         }
-        uses = uses_of(certificate, decisions, number)
+        uses = _uses_of(certificate, decisions, number)
         return longest_path(self._problem, robot, graph, paid, uses)
 
     def _row(self, t: int) -> int:
@@ -199,3 +199,37 @@ def _unbettered(corners: Iterable[tuple[float, float]]) -> list[tuple[float, flo
         if not kept or value < kept[-1][1]:
             kept.append((pixels, value))
     return kept
+
+
+# -- uses that are charged: being in cells and states, and moves -------------------------------
+
+
+def _uses_of(certificate: Certificate, decisions: Sequence[Decision], number: int) -> Uses:
+    """Returns what robots of a class pay for each use of a resource; infinity closes it."""
+    if isinstance(certificate, ReferencePixels):
+        return {}
+    priced = [(row.resource, row.multiplier) for row in certificate.rows]
+    for decision, nu in zip(decisions, certificate.decisions, strict=True):
+        priced.append((decision.resource, math.inf if decision.closes else decision.sign * nu))
+    costs: Uses = {}
+    for resource, cost in priced:
+        if getattr(resource, "class_number", None) in (None, number):
+            for use in _ways_to_use(resource):
+                costs[use] = costs.get(use, 0.0) + cost
+    return costs
+
+
+def _ways_to_use(resource: Resource) -> Iterator[tuple[object, ...]]:
+    """Yields what uses a resource: being in a cell or in a state at t, or a move from t on."""
+    t = resource.t
+    if isinstance(resource, Cells):
+        yield from ((t, cell) for cell in resource.cells)
+    elif isinstance(resource, Swap):
+        one, other = resource.cells
+        yield from ((t, one, other), (t, other, one))
+    elif isinstance(resource, Moves):
+        yield from ((t, tail, head) for tail, head in resource.moves)
+    elif isinstance(resource, Move):
+        yield (t, *resource.cells)
+    else:
+        yield (t, resource.state)

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 from itertools import product
 from typing import Any
@@ -22,7 +23,13 @@ from strategies import Calls, examples, tiny
 from cocap_opt.formulations.certificates import verify
 from cocap_opt.formulations.column_generation.column_generation import column_generation
 from cocap_opt.formulations.integer_programs.cp_sat import cp_sat
-from cocap_opt.formulations.integer_programs.mathopt import _MathOptSolver, highs, scip
+from cocap_opt.formulations.integer_programs.mathopt import (
+    _answer,
+    _request,
+    _SolverProcess,
+    highs,
+    scip,
+)
 from cocap_opt.formulations.integer_programs.outer_approximation import (
     certified_root,
     outer_approximation,
@@ -330,28 +337,28 @@ def test_what_goes_wrong_in_the_solvers_process_is_told() -> None:
         solver_type=parameters_pb2.SolverTypeProto.Value("SOLVER_TYPE_GUROBI")
     )
     problem = load_scene("tiny-trap")
-    with _MathOptSolver("HIGHS") as solver:
+    with closing(_SolverProcess()) as process:
         for _ in range(2):
-            data = solver.respond(unknown.SerializeToString(), call_of(never))
+            data = process.solve(unknown.SerializeToString(), call_of(never))
 
             def told(program: Program, call: Call, data: bytes | None = data) -> Answer:
-                return _MathOptSolver.answer(program, data, late=False)
+                return _answer(program, data, late=False)
 
             result = solved_by(told, problem)
             assert result.limit is Limit.NUMERICS and "the solver failed" in result.message
         # And one that ends the process.
-        assert solver.respond(b"\xff", call_of(never)) is None
+        assert process.solve(b"\xff", call_of(never)) is None
 
 
 def test_a_proof_at_the_time_limit_is_not_believed() -> None:
     """HiGHS calls its start optimal, with no bound, where its time ends in the root node."""
     problem, answers = load_scene("tiny-trap"), list[Answer]()
-    with _MathOptSolver("HIGHS") as highs_solver:
+    with closing(_SolverProcess()) as process:
 
         def solver(program: Program, call: Call) -> Answer:
-            request = highs_solver.request(program, call)
-            data = highs_solver.respond(request, call._replace(stop=never))
-            late = highs_solver.answer(program, data, late=True)
+            request = _request("HIGHS", program, call)
+            data = process.solve(request, call._replace(stop=never))
+            late = _answer(program, data, late=True)
             answers.append(late)
             return late
 

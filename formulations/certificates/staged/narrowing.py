@@ -62,12 +62,8 @@ from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
-
-class _Earlier(NamedTuple):
-    """Prices that were replaced at a step, and the constant that they had."""
-
-    constant: float  # rounding included
-    rewards: list[FloatArray]  # of each class, the prices [S]
+# The constant that replaced prices of a step had, rounding included, and those of each class [S].
+_Earlier = tuple[float, list[FloatArray]]
 
 
 class _Closing(NamedTuple):
@@ -302,8 +298,7 @@ class Narrowing:
             t, graph = step.t, self.model.classes[step.class_number].graph
             if (constant := float(constants[t])) < math.inf:
                 before = [reward[t].copy() for reward in rewards]
-                replaced = _Earlier(constant + self._rounding(abs(constant)), before)
-                earlier[t] = (*earlier[t], replaced)
+                earlier[t] = (*earlier[t], (constant + self._rounding(abs(constant)), before))
             reward = rewards[step.class_number][t]
             reward += step.others
             reward[[graph.index(state) for state in step.states]] = step.prices
@@ -366,8 +361,8 @@ class Narrowing:
     def joint_states_of(self, t: int, states: Sequence[IntArray]) -> JointStates:
         """Returns the joint states of some of the states that are left to each class at a step."""
         ceilings = tuple(
-            self.ceiling_of(earlier.constant, np.concatenate(self._raised(t, earlier, states)))
-            for earlier in self._earlier[t]
+            self.ceiling_of(constant, np.concatenate(self._raised(t, rewards, states)))
+            for constant, rewards in self._earlier[t]
         )
         price, charge, slack = (
             [array[t, at] for array, at in zip(arrays, states, strict=True)]
@@ -387,25 +382,26 @@ class Narrowing:
         """Returns the states of each class that ceilings leave in a joint state of more profit."""
         states = [np.flatnonzero(is_left[t]) for is_left in self.left]
         sizes = self.model.class_sizes
-        for earlier in self._earlier[t] if above > -math.inf else ():
-            raised = self._raised(t, earlier, states)
+        for constant, rewards in self._earlier[t] if above > -math.inf else ():
+            raised = self._raised(t, rewards, states)
             least = [float(more.min(initial=0.0)) for more in raised]
             together = exact_sum(n * more for n, more in zip(sizes, least, strict=True))
-            magnitude = abs(earlier.constant) - together
+            magnitude = abs(constant) - together
             states = [
                 at[
-                    earlier.constant - (together - fewest) - more
+                    constant - (together - fewest) - more
                     + self._rounding_of_sums(magnitude + np.abs(more)) > above
                 ]
                 for at, more, fewest in zip(states, raised, least, strict=True)
             ]  # fmt: skip
         return states
 
-    def _raised(self, t: int, earlier: _Earlier, states: Sequence[IntArray]) -> list[FloatArray]:
-        """Returns by how much the prices of states of each class are higher than earlier."""
+    def _raised(
+        self, t: int, earlier: Sequence[FloatArray], states: Sequence[IntArray]
+    ) -> list[FloatArray]:
+        """Returns by how much the prices of states of each class are higher than earlier ones."""
         return [
-            now[t, at] - was[at]
-            for now, was, at in zip(self.rewards, earlier.rewards, states, strict=True)
+            now[t, at] - was[at] for now, was, at in zip(self.rewards, earlier, states, strict=True)
         ]
 
     def ceiling_of(self, constant: float, raised: FloatArray) -> Ceiling:

@@ -15,17 +15,17 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.staged.compiled_search import compiled
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 
-# What each entry of `Memory.progress` is; the depth is -1 where no search is going on.
+# What each entry of `_Memory.progress` is; the depth is -1 where no search is going on.
 DEPTH, IS_NEW, IS_DONE, FOUND, NODES = range(5)
 
-# The rows of `Memory.values`, and the first two of `Memory.profits` and `Memory.largest`.
+# The rows of `_Memory.values`, and the first two of `_Memory.profits` and `_Memory.largest`.
 PRICED, CHARGED, MOST = range(3)
 
-# The rows of `Memory.seen`.
+# The rows of `_Memory.seen`.
 PIXELS, ROOTS = range(2)
 
 
-class Inputs(NamedTuple):
+class _Inputs(NamedTuple):
     """The arrays that a search reads: of n states, F faces, C classes, R robots and B bounds."""
 
     first: IntArray  # [n+1] first entry of each state's coverage
@@ -42,7 +42,7 @@ class Inputs(NamedTuple):
     is_limit: BoolArray  # [B]
 
 
-class Memory(NamedTuple):
+class _Memory(NamedTuple):
     """The arrays that a search writes: at each depth of R + 1, of n states, F faces, B bounds."""
 
     progress: IntArray  # depth, is its node new, is all done, found so far, nodes so far
@@ -58,7 +58,7 @@ class Memory(NamedTuple):
     collected: IntArray  # [most, R] positions of those that are collected
 
 
-class MoveLists(NamedTuple):
+class _MoveLists(NamedTuple):
     """The states that may be taken from each of L joint states before, robot by robot."""
 
     first: IntArray  # [K+1] first entry of each list of states
@@ -72,7 +72,7 @@ _compiled = partial(compiled, forceinline=True)
 
 
 @_compiled
-def _end(memory: Memory, depth: int, best: float) -> float:
+def _end(memory: _Memory, depth: int, best: float) -> float:
     """Takes down a joint state that is complete; returns the largest profit so far."""
     if len(memory.collected):
         for k in range(depth):
@@ -86,7 +86,7 @@ def _end(memory: Memory, depth: int, best: float) -> float:
 
 
 @_compiled
-def _at_most(so_far: float, data: Inputs, depth: int, largest: FloatArray, row: int) -> float:
+def _at_most(so_far: float, data: _Inputs, depth: int, largest: FloatArray, row: int) -> float:
     """Returns what is reached at most if each robot that is left adds its class's largest."""
     for c in range(data.counts.shape[1]):
         if data.counts[depth, c]:
@@ -96,7 +96,7 @@ def _at_most(so_far: float, data: Inputs, depth: int, largest: FloatArray, row: 
 
 @_compiled
 def _keep_within_bounds(
-    data: Inputs, memory: Memory, depth: int, least: float, floor: float
+    data: _Inputs, memory: _Memory, depth: int, least: float, floor: float
 ) -> None:
     """Drops states which no ceiling or limit leaves a profit above the least wanted."""
     states, largest = memory.states, memory.largest
@@ -119,7 +119,7 @@ def _keep_within_bounds(
 
 
 @_compiled
-def _gain(data: Inputs, memory: Memory, depth: int) -> None:
+def _gain(data: _Inputs, memory: _Memory, depth: int) -> None:
     """Computes what each state would gain here, and the largest of each class."""
     values, seen, largest = memory.values, memory.seen, memory.largest
     for c in range(largest.shape[1]):
@@ -139,7 +139,7 @@ def _gain(data: Inputs, memory: Memory, depth: int) -> None:
 
 
 @_compiled
-def _keep_high(data: Inputs, memory: Memory, depth: int, least: float, floor: float) -> None:
+def _keep_high(data: _Inputs, memory: _Memory, depth: int, least: float, floor: float) -> None:
     """Drops states that reach too little with the largest gains of the robots that are left."""
     states, values, largest = memory.states, memory.values, memory.largest
     most = _at_most(memory.profits[PRICED, depth], data, depth, largest, PRICED)
@@ -162,7 +162,7 @@ def _keep_high(data: Inputs, memory: Memory, depth: int, least: float, floor: fl
 
 
 @_compiled
-def _begin_with_highest(memory: Memory, depth: int) -> None:
+def _begin_with_highest(memory: _Memory, depth: int) -> None:
     """Sorts the states of the next robot's class by their gains, and begins with the first.
 
     They come nearly sorted from the node above; of equals the first stays first.
@@ -181,7 +181,7 @@ def _begin_with_highest(memory: Memory, depth: int) -> None:
 
 
 @_compiled
-def _is_exhausted(data: Inputs, memory: Memory, depth: int, least: float) -> bool:
+def _is_exhausted(data: _Inputs, memory: _Memory, depth: int, least: float) -> bool:
     """Returns True if no child that is left reaches more than the least wanted."""
     i, values = memory.child[depth], memory.values
     if i >= memory.numbers[depth, 1]:
@@ -192,7 +192,7 @@ def _is_exhausted(data: Inputs, memory: Memory, depth: int, least: float) -> boo
 
 
 @_compiled
-def _descend(data: Inputs, memory: Memory, depth: int, least: float) -> None:
+def _descend(data: _Inputs, memory: _Memory, depth: int, least: float) -> None:
     """Takes the next child's state and goes down: what is seen and priced there."""
     i, seen, profits = memory.child[depth], memory.seen, memory.profits
     s = memory.states[depth, i]
@@ -213,7 +213,7 @@ def _descend(data: Inputs, memory: Memory, depth: int, least: float) -> None:
 
 
 @_compiled
-def _hand_down(data: Inputs, memory: Memory, depth: int, taken: int, least: float) -> None:
+def _hand_down(data: _Inputs, memory: _Memory, depth: int, taken: int, least: float) -> None:
     """Hands down the states that do not conflict with the one taken and do not come before it."""
     states, values = memory.states, memory.values
     others = data.counts[depth + 1, data.classes[depth]]
@@ -233,7 +233,7 @@ def _hand_down(data: Inputs, memory: Memory, depth: int, taken: int, least: floa
 
 
 @_compiled
-def advance(data: Inputs, memory: Memory, best: float, floor: float, nodes: int) -> float:
+def _advance(data: _Inputs, memory: _Memory, best: float, floor: float, nodes: int) -> float:
     """Goes on with a search for so many nodes; returns the largest profit so far."""
     depth = memory.progress[DEPTH]
     while depth >= 0 and nodes > 0:
@@ -261,7 +261,7 @@ def advance(data: Inputs, memory: Memory, best: float, floor: float, nodes: int)
 
 
 @_compiled
-def _begin_with_choices(memory: Memory, choices: MoveLists, tail: int) -> None:
+def _begin_with_choices(memory: _Memory, choices: _MoveLists, tail: int) -> None:
     """Begins a search among the states that may be taken from a joint state before."""
     n = 0
     for robot in range(choices.lists.shape[1]):
@@ -274,8 +274,8 @@ def _begin_with_choices(memory: Memory, choices: MoveLists, tail: int) -> None:
 
 
 @compiled
-def follow(
-    data: Inputs, memory: Memory, choices: MoveLists, tail: int, end: int, nodes: int,
+def _follow(
+    data: _Inputs, memory: _Memory, choices: _MoveLists, tail: int, end: int, nodes: int,
     tails: IntArray,
 ) -> int:  # fmt: skip
     """Collects what follows each of some joint states; returns the number of the first not done.
@@ -293,7 +293,7 @@ def follow(
         if memory.progress[DEPTH] < 0:
             _begin_with_choices(memory, choices, tail)
         before = memory.progress[FOUND]
-        advance(data, memory, -np.inf, choices.floors[tail], nodes - memory.progress[NODES])
+        _advance(data, memory, -np.inf, choices.floors[tail], nodes - memory.progress[NODES])
         for k in range(before, memory.progress[FOUND]):
             tails[k] = tail
         if not memory.progress[IS_DONE]:
@@ -314,8 +314,8 @@ class CompiledSearch:
     floor : least worth, less charges, of a joint state that counts
     """
 
-    data: Inputs
-    memory: Memory
+    data: _Inputs
+    memory: _Memory
     best: float
     floor: float
 
@@ -329,7 +329,7 @@ class CompiledSearch:
         most_found : if not 0, the search is for `follow`, which collects up to so many in a call
         """
         bounds, classes = joint.bounds, np.repeat(np.arange(len(joint.sizes)), joint.sizes)
-        data = Inputs(
+        data = _Inputs(
             *joint.sparse,
             joint.weights,
             joint.price,
@@ -357,7 +357,7 @@ class CompiledSearch:
 
     def advance(self, nodes: int) -> bool:
         """Goes on for so many nodes; returns True once all is done."""
-        self.best = float(advance(self.data, self.memory, self.best, self.floor, nodes))
+        self.best = float(_advance(self.data, self.memory, self.best, self.floor, nodes))
         return bool(self.memory.progress[IS_DONE])
 
     def follow(
@@ -384,9 +384,9 @@ class CompiledSearch:
         numbers of the ones that they follow [M] and the positions of their states [M, R].
         """
         nodes = min(nodes, len(self.memory.collected))  # each collects one joint state at most
-        arrays = MoveLists(*choices, floors)
+        arrays = _MoveLists(*choices, floors)
         found = np.zeros(len(self.memory.collected), dtype=np.int64)
-        tail = int(follow(self.data, self.memory, arrays, *tails, nodes, found))
+        tail = int(_follow(self.data, self.memory, arrays, *tails, nodes, found))
         n = int(self.memory.progress[FOUND])
         return tail, found[:n], self.memory.collected[:n].copy()
 
@@ -396,11 +396,11 @@ class CompiledSearch:
         return int(self.memory.progress[NODES])
 
 
-def _beginning(data: Inputs, profits: FloatArray, most_found: int) -> Memory:
+def _beginning(data: _Inputs, profits: FloatArray, most_found: int) -> _Memory:
     """Returns the memory of a search whose root is its next node, or that `follow` begins."""
     depths, n_classes = data.counts.shape
     robots, n, n_faces = depths - 1, len(data.class_of), len(data.weights)
-    return Memory(
+    return _Memory(
         progress=np.array([-1 if most_found else 0, 1, 0, 0, 0]),
         states=np.tile(np.arange(n), (depths, 1)),
         numbers=np.tile([n, 0], (depths, 1)),
