@@ -93,18 +93,18 @@ class Pricing(NamedTuple):
             At a limit.
         """
         prices = CertificatePrices.of(model, certificate, decisions, stop)
-        pixels, resources = prices.pixels, prices.resources
-        total = pixels.constant + resources.constant
-        magnitude = pixels.magnitude + resources.magnitude
+        pixels, charged = prices.pixels, prices.costs
+        total = pixels.constant + prices.row_constant
+        magnitude = pixels.magnitude + prices.row_magnitude
         if not math.isfinite(magnitude):
             raise CertificateError("certificate: multipliers too large, the bound is infinite")
         # The same with all numbers counted as positive: the sum of absolute values along a path.
-        sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in resources.costs]
+        sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in charged]
         for number, robot_class in enumerate(model.classes):
             reward = prices.rewards(number)
             values, made_of = (
                 plain_sweep(model.problem, robot_class, reward, charges_of(model, number, costs))
-                for costs in (resources.costs, sizes)
+                for costs in (charged, sizes)
             )
             best = [float(values[start]) for start in robot_class.starts]
             if -math.inf in best:  # a robot without any path: there is no plan
@@ -113,7 +113,7 @@ class Pricing(NamedTuple):
             magnitude += exact_sum(made_of[start] for start in robot_class.starts)
         if not (math.isfinite(total) and math.isfinite(magnitude)):
             raise CertificateError("certificate: too large, the bound is infinite")
-        rounding = rounding_factor(model, len(resources.costs), pixels.cuts) * magnitude
+        rounding = rounding_factor(model, len(charged), pixels.cuts) * magnitude
         return cls(math.nextafter(total + rounding, math.inf), rounding)
 
     @classmethod
@@ -158,7 +158,9 @@ class CertificatePrices(NamedTuple):
 
     model: Model
     pixels: "_PixelPrices"
-    resources: "_ResourcePrices"
+    row_constant: float  # of rows and decisions
+    row_magnitude: float  # sum of the absolute values that it is made of
+    costs: list[tuple[Resource, float]]
 
     @classmethod
     def of(
@@ -171,9 +173,8 @@ class CertificatePrices(NamedTuple):
         """Returns the prices of a certificate; raises what `Pricing.of` does."""
         if isinstance(certificate, Multipliers):
             pixels = _prices_by_multipliers(model, certificate, stop)
-            return cls(model, pixels, _resource_prices(model, certificate, decisions))
-        pixels = _prices_by_reference(model, certificate)
-        return cls(model, pixels, _ResourcePrices(0.0, 0.0, []))
+            return cls(model, pixels, *_resource_prices(model, certificate, decisions))
+        return cls(model, _prices_by_reference(model, certificate), 0.0, 0.0, [])
 
     def rewards(self, number: int) -> FloatArray:
         """Returns what a robot of class `number` gets for being in a state [T+1, S]."""
@@ -181,7 +182,7 @@ class CertificatePrices(NamedTuple):
 
     def charges(self, number: int) -> Charges:
         """Returns what the robots of class `number` are charged."""
-        return charges_of(self.model, number, self.resources.costs)
+        return charges_of(self.model, number, self.costs)
 
 
 def rounding_factor(model: Model, n_costs: int, n_cuts: int) -> float:
@@ -321,18 +322,13 @@ def _array(model: Model, values: Table, field: str) -> FloatArray:
 # -- prices of resources -----------------------------------------------------------------------
 
 
-class _ResourcePrices(NamedTuple):
-    """The costs that a certificate puts on resources, and the constants that go with them."""
-
-    constant: float
-    magnitude: float  # sum of the absolute values that the constant is made of
-    costs: list[tuple[Resource, float]]
-
-
 def _resource_prices(
     model: Model, certificate: Multipliers, decisions: Sequence[Decision]
-) -> _ResourcePrices:
-    """Returns the costs: conflict rows at their multipliers, closed decisions at infinity."""
+) -> tuple[float, float, list[tuple[Resource, float]]]:
+    """Returns the costs: conflict rows at their multipliers, closed decisions at infinity.
+
+    Before them stand the constant that goes with them, and what its absolute values add up to.
+    """
     _check_rows(model, certificate.rows)
     if len(certificate.decisions) != len(decisions):
         raise CertificateError(
@@ -349,7 +345,7 @@ def _resource_prices(
             terms.append(decision.sign * multiplier * decision.robots)
             costs.append((decision.resource, decision.sign * multiplier))
     largest = exact_sum(abs(cost) for _, cost in costs if math.isfinite(cost))
-    return _ResourcePrices(exact_sum(terms), exact_sum(map(abs, terms)) + largest, costs)
+    return exact_sum(terms), exact_sum(map(abs, terms)) + largest, costs
 
 
 def _check_rows(model: Model, rows: tuple[Row, ...]) -> None:

@@ -1,7 +1,7 @@
 """Integer programs over the aggregated flow, and the generic solvers that take them.
 
-`program` says what is solved, `outer_approximation` how often; `linear_program` is the same as
-matrices. `mathopt` (HiGHS, SCIP), `cp_sat` and `scip_nonlinear` translate it for a solver.
+`program` says what is solved, in words and as matrices, `outer_approximation` how often. `mathopt`
+(HiGHS, SCIP), `cp_sat` and `scip_nonlinear` translate it for a solver.
 """
 
 __all__ = ["cp_sat", "mathopt", "outer_approximation", "scip_nonlinear"]

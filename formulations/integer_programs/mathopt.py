@@ -14,13 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from cocap_opt.formulations.integer_programs.linear_program import LinearProgram
 from cocap_opt.formulations.integer_programs.outer_approximation import (
     Root,
     certified_root,
     outer_approximation,
 )
-from cocap_opt.formulations.integer_programs.program import Answer, Call, Program
+from cocap_opt.formulations.integer_programs.program import Answer, Call, LinearProgram, Program
 from cocap_opt.formulations.relaxations.flow import Amounts
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.problem import Plan, Problem

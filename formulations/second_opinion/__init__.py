@@ -13,7 +13,10 @@ Then a longest path begins at the start and ends at step T; it has T edges, whic
 off again.
 """
 
-from cocap_opt.formulations.second_opinion.opinion import SecondOpinion, require_small
-from cocap_opt.formulations.second_opinion.prices import TooLargeError
+from cocap_opt.formulations.second_opinion.opinion import (
+    SecondOpinion,
+    TooLargeError,
+    require_small,
+)
 
 __all__ = ["SecondOpinion", "TooLargeError", "require_small"]

@@ -1,17 +1,43 @@
-"""The second opinion on a file, and what is too large for one."""
+"""The second opinion on a file: the sums that its numbers prove, in plain loops."""
+
+from __future__ import annotations  # networkx graphs take type arguments in stubs only
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
 
-from cocap_opt.formulations.certificates import Branch, CertificateFile, Pricing, ProofFile, Staged
-from cocap_opt.formulations.second_opinion.prices import Leaf, Prices, TooLargeError
-from cocap_opt.graph.networks import edges_in_reach
+from cocap_opt.formulations.certificates import (
+    Branch,
+    CertificateFile,
+    ClassCurve,
+    Decision,
+    EnvelopeCut,
+    Pricing,
+    ProofFile,
+    ReferencePixels,
+    Staged,
+)
+from cocap_opt.formulations.certificates.format import Certificate
+from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap
+from cocap_opt.formulations.second_opinion.paths import Uses, Worth, longest_path
+from cocap_opt.formulations.second_opinion.sight import Sight
+from cocap_opt.graph.networks import edges_in_reach, reached_graph
 from cocap_opt.problem import Problem
+
+if TYPE_CHECKING:
+    from cocap_opt.graph.networks import Graph
 
 TOLERANCE = 1e-9  # of the absolute values that a bound is made of, by which two opinions may part
 MOST_EDGES = 2_000_000  # of one drone's graph: a gigabyte
 MOST_WORK = 40_000_000  # edges of all drones at all leaves: some minutes
+MOST_CORNERS = 50_000  # of a cut, that are gone through in plain loops
+
+_Leaf = tuple[Certificate, Sequence[Decision]]  # and the decisions that hold where it does
+
+
+class TooLargeError(ValueError):
+    """The graphs are larger than networkx can price in minutes; the message says how large."""
 
 
 class SecondOpinion(NamedTuple):
@@ -26,7 +52,7 @@ class SecondOpinion(NamedTuple):
         problem: Problem,
         file: CertificateFile | ProofFile,
         progress: Callable[[int, int], None] = lambda done, total: None,
-    ) -> "SecondOpinion":
+    ) -> SecondOpinion:
         """Returns the bound of a certificate, or the largest of all leaves of a proof.
 
         Parameters
@@ -40,13 +66,13 @@ class SecondOpinion(NamedTuple):
             If that would take longer than some minutes, or more than a gigabyte for a drone.
         """
         require_small(problem, file)
-        leaves: list[Leaf]
+        leaves: list[_Leaf]
         if isinstance(file, ProofFile):
             leaves = [(leaf.certificate, decisions) for _, leaf, decisions in file.leaves()]
         else:
             assert not isinstance(file.certificate, Staged)
             leaves = [(file.certificate, ())]
-        return cls(*max(Prices(problem, file.classes == "single").of(leaves, progress)))
+        return cls(*max(_Prices(problem, file.classes == "single").of(leaves, progress)))
 
     def agrees(self, pricing: Pricing) -> bool:
         """Returns True if the sweep finds the same bound.
@@ -90,3 +116,213 @@ def require_small(problem: Problem, file: CertificateFile | ProofFile) -> None:
             f"networkx would price {edges:,} edges at {leaves:,} "
             f"{'leaf' if leaves == 1 else 'leaves'}; at most {MOST_WORK:,} in all are allowed"
         )
+
+
+# -- sums ------------------------------------------------------------------------------------------
+
+
+class _Prices:
+    """The sums of a problem's certificates.
+
+    Parameters
+    ----------
+    single : every robot is a class of its own; else those are alike that differ in their start only
+    """
+
+    def __init__(self, problem: Problem, single: bool) -> None:
+        self._problem = problem
+        kinds: list[object] = [
+            i if single else (robot.motion, robot.camera, robot.goal)
+            for i, robot in enumerate(problem.robots)
+        ]
+        numbers = {kind: number for number, kind in enumerate(dict.fromkeys(kinds))}
+        self._classes = [numbers[kind] for kind in kinds]  # [R] number of each robot's class
+        self._weights = problem.view_sum_weights.reshape(problem.view_sum_steps, -1).tolist()
+
+    def of(self, leaves: Sequence[_Leaf], progress: Callable[[int, int], None]) -> list[Worth]:
+        """Returns the bounds that some leaves prove.
+
+        The robots come one by one, since a graph by networkx is large.
+
+        Parameters
+        ----------
+        progress : told how many best paths are found, and of how many
+        """
+        terms = [list(self._constants(*leaf)) for leaf in leaves]
+        paths: list[list[Worth]] = [[] for _ in leaves]
+        sights: dict[object, Sight] = {}
+        for robot, spec in enumerate(self._problem.robots):
+            graph = reached_graph(self._problem, robot)
+            alike = spec.motion, spec.camera
+            sight = sights.setdefault(alike, Sight(self._problem, spec))
+            sight.look(graph)
+            for n, leaf in enumerate(leaves):
+                paths[n].append(self._best_path(robot, graph, sight, leaf))
+                progress(robot * len(leaves) + n + 1, len(leaves) * len(self._problem.robots))
+        visible = {
+            (self._row(t), face)
+            for sight in sights.values() for (_, t), faces in sight.seen.items()
+            for face, _ in faces
+        }  # fmt: skip
+        for own, (certificate, _) in zip(terms, leaves, strict=True):
+            own += self._kappas(certificate, visible)
+        return [
+            (
+                math.fsum(own) + math.fsum(value for value, _ in best),
+                math.fsum(map(abs, own)) + math.fsum(magnitude for _, magnitude in best),
+            )
+            for own, best in zip(terms, paths, strict=True)
+        ]
+
+    def _best_path(self, robot: int, graph: Graph, sight: Sight, leaf: _Leaf) -> Worth:
+        """Returns the worth of a robot's best path through all that it can reach."""
+        certificate, decisions = leaf
+        number = self._classes[robot]
+        pay = self._payment(certificate, number)
+        paid = {
+            node: math.fsum(
+                self._weights[self._row(node[1])][face] * pay(self._row(node[1]), face, pixels)
+                for face, pixels in sight.seen[node]
+            )
+            for node in graph
+            if node in sight.seen
+        }
+        uses = _uses_of(certificate, decisions, number)
+        return longest_path(self._problem, robot, graph, paid, uses)
+
+    def _row(self, t: int) -> int:
+        """Returns the row of a table in which the pixels of step t count."""
+        return 0 if self._problem.objective.over_time else t
+
+    def _constants(
+        self, certificate: Certificate, decisions: Sequence[Decision]
+    ) -> Iterator[float]:
+        """Yields what is to be added whatever is flown and seen: cuts, rows and decisions."""
+        if isinstance(certificate, ReferencePixels):
+            for weights, pixels in zip(self._weights, certificate.pixels, strict=True):
+                yield from (w * math.sqrt(z) for w, z in zip(weights, pixels, strict=True))
+            return
+        sizes = tuple(map(self._classes.count, range(max(self._classes) + 1)))
+        for cut in certificate.cuts:
+            yield self._weights[cut.t][cut.face] * cut.share * _highest_corner(cut.curves, sizes)
+        for row in certificate.rows:
+            yield row.multiplier
+        for decision, nu in zip(decisions, certificate.decisions, strict=True):
+            if not decision.closes:
+                yield decision.sign * nu * decision.robots
+
+    def _kappas(
+        self, certificate: Certificate, visible: Iterable[tuple[int, int]]
+    ) -> Iterator[float]:
+        """Yields what is to be added for each view sum (row, face) that somebody can see."""
+        if isinstance(certificate, ReferencePixels):
+            return
+        shares: dict[tuple[int, int], list[float]] = {}
+        for cut in certificate.cuts:
+            shares.setdefault((cut.t, cut.face), []).append(cut.share)
+        for row, face in visible:
+            alpha, beta = certificate.alpha[row][face], certificate.beta[row][face]
+            rest = 1 - math.fsum(shares.get((row, face), []))
+            if self._weights[row][face] > 0 and alpha < rest:
+                yield self._weights[row][face] * (rest - alpha) ** 2 / (4 * beta)
+
+    def _payment(self, certificate: Certificate, number: int) -> Callable[[int, int, float], float]:
+        """Returns what a class is paid for pixels of a face in a row, before weights."""
+        if isinstance(certificate, ReferencePixels):
+            reference = certificate.pixels
+            return lambda row, face, pixels: (
+                pixels
+                / (math.sqrt(reference[row][face] + pixels) + math.sqrt(reference[row][face]))
+            )
+        cuts: dict[tuple[int, int], list[EnvelopeCut]] = {}
+        for cut in certificate.cuts:
+            cuts.setdefault((cut.t, cut.face), []).append(cut)
+
+        def pay(row: int, face: int, pixels: float) -> float:
+            root = math.sqrt(pixels)
+            paid = certificate.alpha[row][face] * root + certificate.beta[row][face] * pixels
+            return paid + math.fsum(
+                cut.share * _phi(cut.curves, number, root) for cut in cuts.get((row, face), ())
+            )
+
+        return pay
+
+
+def _phi(curves: Sequence[ClassCurve], number: int, root: float) -> float:
+    """Returns phi of a class at a root: linear between breakpoints, slope 1 beyond the last."""
+    for curve in curves:
+        if curve.class_number == number:
+            before, height = 0.0, 0.0
+            for at, value in zip(curve.roots, curve.values, strict=True):
+                if root <= at:
+                    return height + (value - height) * (root - before) / (at - before)
+                before, height = at, value
+            return height + root - before
+    return root
+
+
+@lru_cache(maxsize=4096)  # the leaves of a proof share most of their cuts
+def _highest_corner(curves: tuple[ClassCurve, ...], sizes: tuple[int, ...]) -> float:
+    """Returns the least constant of a cut: its largest excess at a corner, or 0.
+
+    A corner has every robot of the curves' classes at a breakpoint, or at 0: robot by robot, those
+    are kept that no other betters in both pixels and value.
+
+    Parameters
+    ----------
+    sizes : number of robots of each class
+    """
+    corners = [(0.0, 0.0)]
+    for curve in curves:
+        points = [(0.0, 0.0), *zip((r * r for r in curve.roots), curve.values, strict=True)]
+        for _ in range(sizes[curve.class_number]):
+            corners = _unbettered((p + q, v + w) for p, v in corners for q, w in points)
+            if len(corners) > MOST_CORNERS:
+                raise TooLargeError(
+                    f"a cut has more than {MOST_CORNERS:,} corners, which is too many for plain "
+                    "loops"
+                )
+    return max(0.0, max(math.sqrt(pixels) - value for pixels, value in corners))
+
+
+def _unbettered(corners: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Returns the corners (pixels, value) of which no other has more pixels for less value."""
+    kept: list[tuple[float, float]] = []
+    for pixels, value in sorted(set(corners), key=lambda corner: (-corner[0], corner[1])):
+        if not kept or value < kept[-1][1]:
+            kept.append((pixels, value))
+    return kept
+
+
+# -- uses that are charged: being in cells and states, and moves -------------------------------
+
+
+def _uses_of(certificate: Certificate, decisions: Sequence[Decision], number: int) -> Uses:
+    """Returns what robots of a class pay for each use of a resource; infinity closes it."""
+    if isinstance(certificate, ReferencePixels):
+        return {}
+    priced = [(row.resource, row.multiplier) for row in certificate.rows]
+    for decision, nu in zip(decisions, certificate.decisions, strict=True):
+        priced.append((decision.resource, math.inf if decision.closes else decision.sign * nu))
+    costs: Uses = {}
+    for resource, cost in priced:
+        if getattr(resource, "class_number", None) in (None, number):
+            for use in _ways_to_use(resource):
+                costs[use] = costs.get(use, 0.0) + cost
+    return costs
+
+
+def _ways_to_use(resource: Resource) -> Iterator[tuple[object, ...]]:
+    """Yields what uses a resource: being in a cell or in a state at t, or a move from t on."""
+    t = resource.t
+    if isinstance(resource, Cells):
+        yield from ((t, cell) for cell in resource.cells)
+    elif isinstance(resource, Swap):
+        one, other = resource.cells
+        yield from ((t, one, other), (t, other, one))
+    elif isinstance(resource, Moves):
+        yield from ((t, tail, head) for tail, head in resource.moves)
+    elif isinstance(resource, Move):
+        yield (t, *resource.cells)
+    else:
+        yield (t, resource.state)

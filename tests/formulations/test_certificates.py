@@ -53,7 +53,7 @@ from cocap_opt.formulations.column_generation.branch_and_price import branch_and
 from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import MOST_BREAKPOINTS, Seen
 from cocap_opt.formulations.second_opinion import TooLargeError
-from cocap_opt.formulations.second_opinion.prices import _highest_corner
+from cocap_opt.formulations.second_opinion.opinion import _highest_corner
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State

@@ -101,7 +101,7 @@ class _BoundParts(NamedTuple):
             values = plain_sweep(problem, one, prices.rewards(number), prices.charges(number))
             for robot, start in zip(one.robots, one.starts, strict=True):
                 best[robot] = float(values[start])
-        return cls(prices.pixels.constants, prices.resources.constant, tuple(best))
+        return cls(prices.pixels.constants, prices.row_constant, tuple(best))
 
     @property
     def total(self) -> float:

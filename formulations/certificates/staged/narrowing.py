@@ -192,7 +192,7 @@ class Narrowing:
     @property
     def bound(self) -> float:
         """B, which no plan above the target exceeds, but for rounding."""
-        return float(self.constants.sum()) + self._prices.resources.constant + self._sweeps.worth
+        return float(self.constants.sum()) + self._prices.row_constant + self._sweeps.worth
 
     @property
     def rounding(self) -> float:
@@ -201,9 +201,9 @@ class Narrowing:
 
     def _rounding(self, constants: float) -> float:
         """Returns the most that rounding changes of a sum of constants, multipliers and prices."""
-        pixels, resources = self._prices.pixels, self._prices.resources
-        magnitude = pixels.magnitude + resources.magnitude + self._sweeps.magnitude + constants
-        return rounding_factor(self.model, len(resources.costs), pixels.cuts) * magnitude
+        pixels, prices = self._prices.pixels, self._prices
+        magnitude = pixels.magnitude + prices.row_magnitude + self._sweeps.magnitude + constants
+        return rounding_factor(self.model, len(prices.costs), pixels.cuts) * magnitude
 
     @property
     def pricing(self) -> Pricing:
