@@ -85,16 +85,21 @@ class Changes(NamedTuple):
                     )
 
 
-def tolerated_delay(flight: Flight) -> float | None:
-    """Returns seconds below which drones may be behind each other, by the scene's own rules.
+def tolerated_delay(flight: Flight, rules: CollisionRules | None = None) -> float | None:
+    """Returns seconds below which drones may be behind each other.
 
     They are rounded down to hundredths, and inf where any delay will do. None: there is one drone
     only, or the scene has no separation.
+
+    Parameters
+    ----------
+    rules : have a separation, of several drones; None: the scene's own
     """
-    rules = flight.flown.problem.rules
-    if not rules.separation or rules.none or len(flight.flown.pieces) == 1:
-        return None
-    return told_delay(flight, rules)
+    if rules is None:
+        rules = flight.flown.problem.rules
+        if not rules.separation or rules.none or len(flight.flown.pieces) == 1:
+            return None
+    return _rounded_down(bearable_delay(flight.flown, rules))
 
 
 def tolerated_delay_of_people(flight: Flight) -> float | None:
@@ -106,20 +111,6 @@ def tolerated_delay_of_people(flight: Flight) -> float | None:
     if not problem.actors or not problem.airspace.people_aside:
         return None
     return _rounded_down(bearable_delay_of_people(flight.flown))
-
-
-def told_delay(flight: Flight, rules: CollisionRules) -> float:
-    """Returns seconds below which drones may be behind each other, rounded down to hundredths.
-
-    Parameters
-    ----------
-    rules : have a separation
-
-    Returns
-    -------
-    inf where any delay will do.
-    """
-    return _rounded_down(bearable_delay(flight.flown, rules))
 
 
 def people_and_delay(flight: Flight, delay: float | None) -> Iterator[str]:

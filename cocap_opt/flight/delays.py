@@ -18,7 +18,6 @@ import numpy as np
 
 from cocap_opt.data import LARGEST, FloatArray
 from cocap_opt.flight.bernstein import parted, values
-from cocap_opt.flight.safety import walk_of
 from cocap_opt.flight.trajectory import Trajectory
 from cocap_opt.problem import CollisionRules
 from cocap_opt.problem.rules import TOLERANCE
@@ -55,7 +54,7 @@ def bearable_delay_of_people(flown: Trajectory) -> float:
     """
     airspace, pieces, most = flown.problem.airspace, flown.pieces[:, :, :3], np.inf
     for actor in flown.problem.actors if airspace.people_aside else ():
-        walks = np.broadcast_to(walk_of(flown.problem, actor, flown.parts), pieces.shape)
+        walks = np.broadcast_to(flown.walk_of(actor), pieces.shape)
         first, second = np.concatenate([pieces, walks]), np.concatenate([walks, pieces])
         most = _bearable(first, second, airspace.rules_beside(actor), most, flown.piece_seconds)
     return most

@@ -14,11 +14,10 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.flight.bernstein import parted
 from cocap_opt.flight.filming import Film, parts_of
-from cocap_opt.flight.safety import come_too_near, walk_of
+from cocap_opt.flight.safety import come_too_near
 from cocap_opt.flight.trajectory import (
     DEGREE,
     Trajectory,
-    between_drones,
     least_length,
 )
 from cocap_opt.problem import Actor, Airspace
@@ -77,9 +76,9 @@ class Robustness:
         reward = film.reward(film.coverages(self._flown.at(film.moments)))
         pieces, duration = late / self._flown.piece_seconds, self._ways.shape[1]
         drones = _punctual(self._ways, pieces, duration)
-        walks = [_late(walk_of(problem, actor, self._flown.parts), pieces, duration)
+        walks = [_late(self._flown.walk_of(actor), pieces, duration)
                  for actor in problem.actors]  # fmt: skip
-        return self._outcome(reward, between_drones(self._flown.pieces), drones, walks)
+        return self._outcome(reward, self._flown.between_drones, drones, walks)
 
     def with_laggard(self, lag: float) -> Outcome:
         """Returns the worst of the outcomes if a drone is late by seconds >= 0, any of them."""
@@ -103,7 +102,7 @@ class Robustness:
         drones = np.concatenate(
             [_late(way, pieces, duration)[None], _punctual(others, pieces, duration)]
         )
-        walks = [_punctual(walk_of(self._problem, actor, self._flown.parts), pieces, duration)
+        walks = [_punctual(self._flown.walk_of(actor), pieces, duration)
                  for actor in self._problem.actors]  # fmt: skip
         return self._outcome(
             self._film.reward(coverages), between.reshape(-1, 3, DEGREE + 1), drones, walks

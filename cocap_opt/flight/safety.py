@@ -31,8 +31,8 @@ import numpy as np
 
 from cocap_opt.data import LARGEST, BoolArray, FloatArray, IntArray
 from cocap_opt.flight.bernstein import Peak, ever_positive, parted, product, squared_length
-from cocap_opt.flight.trajectory import DEGREE, Trajectory, between_drones, evenly
-from cocap_opt.problem import Actor, CollisionRules, Motion, Problem
+from cocap_opt.flight.trajectory import DEGREE, Trajectory
+from cocap_opt.problem import CollisionRules, Motion, Problem
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.world.columns import Columns
 
@@ -81,7 +81,7 @@ def dangers(flown: Trajectory, known: dict[_Piece, str] | None = None) -> list[D
 
 def _between_drones(flown: Trajectory) -> Iterator[Danger]:
     rules, count = flown.problem.rules, flown.pieces.shape[1]
-    ways = between_drones(flown.pieces)
+    ways = flown.between_drones
     if rules.none or not rules.separation or not len(ways):
         return
     pairs = list(combinations(range(len(flown.pieces)), 2))
@@ -97,7 +97,7 @@ def _near_people(flown: Trajectory) -> Iterator[Danger]:
     if not airspace.people_aside:
         return
     for j, actor in enumerate(problem.actors):
-        ways = flown.pieces[:, :, :3] - walk_of(problem, actor, flown.parts)
+        ways = flown.pieces[:, :, :3] - flown.walk_of(actor)
         near = come_too_near(ways.reshape(-1, 3, DEGREE + 1), airspace.rules_beside(actor))
         for k in np.flatnonzero(near).tolist():
             step, part = divmod(k % count, flown.parts)
@@ -105,27 +105,17 @@ def _near_people(flown: Trajectory) -> Iterator[Danger]:
             yield Danger(step, (k // count,), words, part, j)
 
 
-def walk_of(problem: Problem, actor: Actor, parts: int) -> FloatArray:
-    """Returns the coefficients [T parts, 3, 6] of the walk of the middle of a person's body."""
-    middles = actor.middles[: problem.horizon + 1] - [*problem.height_map.origin, 0.0]
-    return evenly(middles, parts)
-
-
 def come_too_near(ways: FloatArray, rules: CollisionRules) -> BoolArray:
     """Returns an array [n], true if ways [n, 3, 6] break a separation at any moment.
 
     What cannot be proved not to counts as if it did.
     """
-    return ever_positive(_nearness(ways, rules))
-
-
-def _nearness(ways: FloatArray, rules: CollisionRules) -> list[FloatArray]:
-    """Returns polynomials that are positive together while ways [n, 3, 6] break a separation."""
+    # Polynomials that are positive together while the separation is broken.
     if not rules.vertical:
-        return [(rules.separation - TOLERANCE) ** 2 - squared_length(ways)]
+        return ever_positive([(rules.separation - TOLERANCE) ** 2 - squared_length(ways)])
     most, z = rules.vertical - TOLERANCE, ways[:, 2]
     aside = (rules.separation - TOLERANCE) ** 2 - squared_length(ways[:, :2])
-    return [aside] if most >= LARGEST / 2 else [aside, most**2 - product(z, z)]
+    return ever_positive([aside] if most >= LARGEST / 2 else [aside, most**2 - product(z, z)])
 
 
 def _in_matter(flown: Trajectory, known: dict[_Piece, str]) -> Iterator[Danger]:
@@ -201,7 +191,7 @@ class Nearest(NamedTuple):
     @classmethod
     def of_drones(cls, flown: Trajectory) -> Self | None:
         """Returns when two drones are nearest to each other; None for one drone."""
-        ways = between_drones(flown.pieces)
+        ways = flown.between_drones
         if not len(ways):
             return None
         first, second = (side.astype(np.int64) for side in np.triu_indices(len(flown.pieces), 1))
@@ -216,7 +206,7 @@ class Nearest(NamedTuple):
         problem, pieces = flown.problem, flown.pieces
         if not problem.actors:
             return None
-        walks = np.array([walk_of(problem, actor, flown.parts)[:, :2] for actor in problem.actors])
+        walks = np.array([flown.walk_of(actor)[:, :2] for actor in problem.actors])
         ways = (pieces[:, None, :, :2] - walks).reshape(-1, 2, DEGREE + 1)
         drone, person = np.divmod(np.arange(len(pieces) * len(walks)), len(walks))
         return cls._of(flown, ways, drone, person)

@@ -19,7 +19,7 @@ from cocap_opt.flight.bernstein import (
     squared_length,
     values,
 )
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import Actor, Plan, Problem
 
 DEGREE = 5
 YAW, PITCH = 3, 4  # rows besides x, y and z
@@ -149,7 +149,19 @@ class Trajectory:
 
     def least_distance(self) -> float:
         """Returns the least distance (m) between two drones at any moment; inf for one drone."""
-        return least_length(between_drones(self.pieces))
+        return least_length(self.between_drones)
+
+    @property
+    def between_drones(self) -> FloatArray:
+        """The ways [pairs N, 3, 6] from each drone to each later one, piece after piece."""
+        first, second = np.triu_indices(len(self.pieces), 1)
+        ways = self.pieces[second] - self.pieces[first]
+        return np.asarray(ways[:, :, :3].reshape(-1, 3, DEGREE + 1))
+
+    def walk_of(self, actor: Actor) -> FloatArray:
+        """Returns the coefficients [T parts, 3, 6] of the walk of the middle of a person's body."""
+        middles = actor.middles[: self.problem.horizon + 1]
+        return evenly(middles - [*self.problem.height_map.origin, 0.0], self.parts)
 
 
 def waypoints(problem: Problem, plan: Plan) -> FloatArray:
@@ -198,10 +210,3 @@ def split(pieces: FloatArray, parts: int) -> FloatArray:
     joined = np.stack([*cut, rest], axis=-3)
     result: FloatArray = joined.reshape(*pieces.shape[:-3], -1, *pieces.shape[-2:])
     return result
-
-
-def between_drones(pieces: FloatArray) -> FloatArray:
-    """Returns the ways [pairs N, 3, 6] from each drone to each later one, piece after piece."""
-    first, second = np.triu_indices(len(pieces), 1)
-    ways: FloatArray = (pieces[second] - pieces[first])[:, :, :3].reshape(-1, 3, DEGREE + 1)
-    return ways

@@ -6,7 +6,7 @@ directly from what is in reach: of the product of places, orientations and steps
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -73,27 +73,22 @@ def time_expanded_graph(problem: Problem, robot: int) -> Graph:
     form.
     """
     graph = reached_graph(problem, robot)
-    keep_ways_to(graph, ends(graph, problem, robot))
+    keep_paths(graph, problem, robot)
     return graph
 
 
-def ends(graph: Graph, problem: Problem, robot: int) -> list[Node]:
-    """Returns the nodes of step T at which a path of a robot may end."""
-    goal = problem.robots[robot].goal
-    return [
-        (state, t) for state, t in graph
-        if t == problem.horizon and goal in (None, (state.x, state.y))
-    ]  # fmt: skip
-
-
-def keep_ways_to(graph: Graph, ends: Collection[Node]) -> None:
-    """Removes the nodes from which no way leads to one of the ends.
+def keep_paths(graph: Graph, problem: Problem, robot: int) -> None:
+    """Removes the nodes from which no way leads to step T, at the robot's goal, if it has one.
 
     Parameters
     ----------
     graph : its nodes are in the order of their steps, as `reached_graph` has them
     """
-    kept = set(ends)
+    goal = problem.robots[robot].goal
+    kept = {
+        (state, t) for state, t in graph
+        if t == problem.horizon and goal in (None, (state.x, state.y))
+    }  # fmt: skip
     for node in reversed(list(graph)):
         if any(head in kept for head in graph[node]):
             kept.add(node)

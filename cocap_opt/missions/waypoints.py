@@ -26,7 +26,7 @@ from typing import NamedTuple
 from cocap_opt.data import FieldError, ProblemError
 from cocap_opt.flight.changes import (
     people_and_delay,
-    told_delay,
+    tolerated_delay,
     tolerated_delay_of_people,
     written_delay,
 )
@@ -99,7 +99,7 @@ def waypoint_mission(
     known = zones(flight, flight.geodesy)
     fence = [zone for zone in known if has_fence and not crossed(flight, zone)]
     missions = [Mission(*drone, fence) for drone in zip(found, items, strict=True)]
-    delay = told_delay(flight, _asked(flight)) if len(found) > 1 else None
+    delay = tolerated_delay(flight, _asked(flight)) if len(found) > 1 else None
     to_people = tolerated_delay_of_people(flight)
     late = lateness(autopilot, found)
     behind = max(map(autopilot.behind, found))

@@ -110,8 +110,9 @@ class _FacesFrom:
         ----------
         first : number of the first orientation
         """
-        looks = _Looks(axes, self._eyes, self._planes)
-        orientation, eye, actor, whole = self._in_view(looks, wanted[..., None] & self._open)
+        ways = np.moveaxis(axes, 1, 0)  # [3, O, 3]
+        eyes = [_dots(way, self._eyes) for way in ways]  # [O, n] m each
+        orientation, eye, actor, whole = self._in_view(ways, eyes, wanted[..., None] & self._open)
         pair = eye * len(self._planes.reaches) + actor
         counts = self._counts[pair]
         entry = np.repeat(np.arange(len(counts)), counts)
@@ -119,18 +120,31 @@ class _FacesFrom:
         face = self._faces[turned]
         state = (orientation * len(self._eyes) + eye)[entry]
         faces = (orientation * len(self._planes.areas))[entry] + face
-        depth = looks.corners(2, state, faces)
+        vertices = np.moveaxis(self._planes.polygons, 1, 0)  # [V, F, 3]
+        corners = [[_dots(way, vertex).ravel() for vertex in vertices] for way in ways]
+
+        def off(k: int, states: IntArray, turned: IntArray) -> list[FloatArray]:
+            """Returns how far each corner [n] of faces is to the right, up or ahead (0, 1, 2)."""
+            here = eyes[k].take(states)
+            return [corner.take(turned) - here for corner in corners[k]]
+
+        depth = off(2, state, faces)
         pixels = self._of_whole(depth, face) * self._density[turned]
         cut = np.flatnonzero(~whole[entry])
-        beside = [looks.corners(k, state[cut], faces[cut]) for k in (0, 1)]
+        beside = [off(k, state[cut], faces[cut]) for k in (0, 1)]
         pixels[cut] = self._of_cut(beside, [d[cut] for d in depth], face[cut], pixels[cut])
         seen = np.flatnonzero(pixels)
         return state[seen] + first * len(self._eyes), face[seen], pixels[seen]
 
     def _in_view(
-        self, looks: "_Looks", wanted: BoolArray
+        self, ways: FloatArray, eyes: list[FloatArray], wanted: BoolArray
     ) -> tuple[IntArray, IntArray, IntArray, BoolArray]:
         """Returns the actors, of those wanted [O, n, A], that may be in the image of states.
+
+        Parameters
+        ----------
+        ways : [3, O, 3] right, up and forward
+        eyes : [O, n] m along each of them
 
         Returns
         -------
@@ -138,8 +152,8 @@ class _FacesFrom:
         whole : [m] true if all of the actor is in the image
         """
         right, up, depth = (
-            middle[:, None] - eye[..., None]  # [O, n, A] m
-            for middle, eye in zip(looks.middles, looks.eyes, strict=True)
+            _dots(way, self._planes.middles)[:, None] - eye[..., None]  # [O, n, A] m
+            for way, eye in zip(ways, eyes, strict=True)
         )
         # From the nearest side of the image, inwards, m.
         room = np.minimum(*(
@@ -147,8 +161,8 @@ class _FacesFrom:
             for slope, off in zip(self._slopes, (right, up), strict=True)
         ))  # fmt: skip
         reach = self._planes.reaches + _SLACK
-        orientations, eyes, actors = np.nonzero((room >= -reach) & wanted)
-        return orientations, eyes, actors, room[orientations, eyes, actors] >= reach[actors]
+        found = np.nonzero((room >= -reach) & wanted)
+        return *found, room[found] >= reach[found[2]]
 
     def _of_whole(self, depth: list[FloatArray], face: IntArray) -> FloatArray:
         """Returns the coverage [n] of faces that the border does not cut, per density.
@@ -184,27 +198,6 @@ class _FacesFrom:
             high = np.where(behind, slope, np.minimum(high, slope))
             least *= np.where(high < low - _ROUNDING, 0.0, np.maximum(high - low, 0) + _ROUNDING)
         return np.where(behind, least, np.minimum(least, whole))
-
-
-class _Looks:
-    """Points as seen along some orientations [O] from eyes [n]."""
-
-    def __init__(self, axes: FloatArray, eyes: FloatArray, planes: Planes) -> None:
-        ways = np.moveaxis(axes, 1, 0)  # [3, O, 3]
-        self.eyes = [_dots(way, eyes) for way in ways]  # [O, n] m each
-        self.middles = [_dots(way, planes.middles) for way in ways]  # [O, A] m each
-        corners = np.moveaxis(planes.polygons, 1, 0)  # [V, F, 3]
-        self._corners = [[_dots(way, c).ravel() for c in corners] for way in ways]
-
-    def corners(self, way: int, states: IntArray, turned: IntArray) -> list[FloatArray]:
-        """Returns how far each corner [n] of faces is to the right, up, or ahead (0, 1, 2), m.
-
-        Parameters
-        ----------
-        states, turned : [n] numbers of pairs of an orientation and an eye, and of one and a face
-        """
-        here = self.eyes[way].take(states)
-        return [corner.take(turned) - here for corner in self._corners[way]]
 
 
 def _dots(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@ The column of a height map is solid from minus infinity to its top. A mesh adds 
 cell that it meets, or several where it overhangs itself.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -46,16 +46,21 @@ class Spans(NamedTuple):
             If the mesh reaches into too many cells.
         """
         corners, margin = vertices[triangles], np.full(2, MARGIN if solid else -MARGIN)
-        parts = [NO_SPANS]
+        parts = []
         for triangle, x, y in _pairs(corners, shape, margin):
             inside, low, high = _surface(corners[triangle], x, y, margin)
             parts.append(cls((x * shape[1] + y)[inside], low, high))
         if not solid:
-            return _joined(parts).merged()
+            return Spans.joined(parts).merged()
         parts.append(_interior(vertices, outward(vertices, triangles), shape))
-        matter = _joined(parts).merged()
+        matter = Spans.joined(parts).merged()
         thin = [_thin(corners, axis, shape, matter) for axis in (0, 1)]
-        return _joined([matter, *thin]).merged()
+        return Spans.joined([matter, *thin]).merged()
+
+    @classmethod
+    def joined(cls, parts: Iterable["Spans"]) -> "Spans":
+        """Returns the spans of several parts, one after the other."""
+        return cls(*(np.concatenate(column) for column in zip(NO_SPANS, *parts, strict=True)))
 
     def merged(self) -> "Spans":
         """Returns the same matter, overlapping spans of a cell made one; by cell, from below."""
@@ -111,10 +116,6 @@ class Columns(NamedTuple):
         """Returns the solid intervals of one cell; the first is that of the height map."""
         intervals = zip(self.low[:, x, y].tolist(), self.high[:, x, y].tolist(), strict=True)
         return [(low, high) for low, high in intervals if low <= high]
-
-
-def _joined(parts: list[Spans]) -> Spans:
-    return Spans(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def _thin(corners: FloatArray, axis: int, shape: tuple[int, int], matter: Spans) -> Spans:
@@ -210,7 +211,7 @@ def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int])
     At an altitude at which no triangle is in a cell, one point shows if all of the cell is inside
     the solid; altitudes at which a triangle is in the cell are found by `_surface`.
     """
-    parts = [NO_SPANS]
+    parts = []
     for triangle, x, y in _pairs(vertices[triangles], shape, np.zeros(2)):
         numbers = triangles[triangle]
         point = np.column_stack([x + PROBE[0], y + PROBE[1]])
@@ -224,7 +225,7 @@ def _interior(vertices: FloatArray, triangles: IntArray, shape: tuple[int, int])
         # On the way up, a solid is entered where its surface looks down.
         step = np.where(down[hit], 1.0, -1.0)
         parts.append(Spans((x * shape[1] + y)[hit], altitude, step))
-    cells, altitude, step = _joined(parts)
+    cells, altitude, step = Spans.joined(parts)
     order = np.lexsort([altitude, cells])
     cells, altitude = cells[order], altitude[order]
     winding = np.cumsum(step[order])

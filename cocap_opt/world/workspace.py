@@ -20,7 +20,7 @@ from cocap_opt.data import (
     require,
     within,
 )
-from cocap_opt.world.columns import NO_SPANS, Columns, Spans
+from cocap_opt.world.columns import Columns, Spans
 from cocap_opt.world.triangles import close, closed_parts, counting, enclosing
 
 MOST_TRIANGLES = 1_000_000
@@ -274,8 +274,7 @@ def _forbidden(workspace: Workspace) -> Columns:
 
 
 def _joined(meshes: tuple[Mesh, ...], height_map: HeightMap) -> Spans:
-    spans = [NO_SPANS, *(_spans(mesh, height_map) for mesh in meshes)]
-    return Spans(*(np.concatenate(parts) for parts in zip(*spans, strict=True)))
+    return Spans.joined(_spans(mesh, height_map) for mesh in meshes)
 
 
 def _spans(mesh: Mesh, height_map: HeightMap) -> Spans:

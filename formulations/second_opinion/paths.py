@@ -5,7 +5,7 @@ from __future__ import annotations  # networkx graphs take type arguments in stu
 import math
 from typing import TYPE_CHECKING
 
-from cocap_opt.graph.networks import Node, ends, keep_ways_to
+from cocap_opt.graph.networks import Node, keep_paths
 from cocap_opt.problem import Cell, Objective, Problem, State
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def longest_path(
     start = problem.robots[robot].start, 0
     worths = {node: worth(node) for node in graph}
     weighted = _weighted(problem.objective, graph, worths, cells, uses)
-    keep_ways_to(weighted, ends(weighted, problem, robot))
+    keep_paths(weighted, problem, robot)
     if start not in weighted or worths[start] == -math.inf:
         return -math.inf, 0.0
     edges = [edge for _, _, edge in weighted.edges(data=True)]
