@@ -51,6 +51,19 @@ class Geodesy:
         x, y = (np.array([value]) for value in point)
         self._require_true(*(float(value[0]) for value in self.degrees(x, y)))
 
+    @staticmethod
+    def is_meant_for(crs: str, place: Place) -> bool | None:
+        """Returns True if a place is in the area for which a reference system is made.
+
+        None: nobody says for which it is.
+
+        Raises
+        ------
+        ProblemError
+            If the system is none that is taken here.
+        """
+        return _holds(_system(crs).area_of_use, place)
+
     def degrees(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Returns latitudes and longitudes [n] (degrees) of points [n] of the scene (m)."""
         east, north = x + self._corner[0], y + self._corner[1]
@@ -192,19 +205,6 @@ class Geodesy:
                 f"must have true metres, but those of {self.name} are {1 / max(scales):.3g} m "
                 f"long at latitude {latitude:.1f}; EPSG:{zone} has true ones there",
             )
-
-
-def is_meant_for(crs: str, place: Place) -> bool | None:
-    """Returns True if a place is in the area for which a reference system is made.
-
-    None: nobody says for which it is.
-
-    Raises
-    ------
-    ProblemError
-        If the system is none that `Geodesy` takes.
-    """
-    return _holds(_system(crs).area_of_use, place)
 
 
 def _holds(area: Any, place: Place) -> bool | None:

@@ -10,7 +10,7 @@ import numpy as np
 from cocap_opt.data import FieldError, FloatArray, ProblemError
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.filming import parts_of, view_reward
-from cocap_opt.flight.pace import Demand, tightest
+from cocap_opt.flight.pace import Demand
 from cocap_opt.flight.safety import Danger, Nearest, dangers
 from cocap_opt.flight.smooth import Smooth, spare
 from cocap_opt.flight.strain import steep_ground, sufficient_step
@@ -172,7 +172,7 @@ class Flight(NamedTuple):
     def rows(self) -> list[dict[str, Any]]:
         """Returns the tightest moment of each drone."""
         rows = []
-        for demand in tightest(self.demands):
+        for demand in Demand.tightest(self.demands):
             scale = 180 / math.pi if demand.kind in _ANGLES else 1.0
             limit = None if demand.limit is None else demand.limit * scale
             rows.append({

@@ -48,6 +48,13 @@ class Demand(NamedTuple):
                 found.append(cls(i, kind, most, t, getattr(limits, kind)))
         return found
 
+    @staticmethod
+    def tightest(found: list["Demand"]) -> list["Demand"]:
+        """Returns of each drone the demand that is nearest to its limit; without any, its speed."""
+        drones = sorted({demand.drone for demand in found})
+        by_drone = [[demand for demand in found if demand.drone == i] for i in drones]
+        return [max(row, key=lambda demand: demand.share) for row in by_drone]
+
     @property
     def share(self) -> float:
         """The value as a share of the limit; 0 where none is known."""
@@ -62,13 +69,6 @@ class Demand(NamedTuple):
     def slower(self) -> float:
         """The number of times by which steps must be longer for the limit to be kept."""
         return math.sqrt(self.share) if self.kind in _SECOND else self.share
-
-
-def tightest(found: list[Demand]) -> list[Demand]:
-    """Returns of each drone the demand that is nearest to its limit; without any, its speed."""
-    drones = sorted({demand.drone for demand in found})
-    by_drone = [[demand for demand in found if demand.drone == i] for i in drones]
-    return [max(row, key=lambda demand: demand.share) for row in by_drone]
 
 
 def _peaks(flown: Trajectory, drone: int, is_smooth: bool) -> Iterator[tuple[str, Peak]]:

@@ -7,6 +7,7 @@ directly from what is in reach: of the product of places, orientations and steps
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
 
 from collections.abc import Iterator
+from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -134,56 +135,40 @@ class _GridSteps:
         self._problem, self._spec = problem, problem.robots[robot]
         self._window = window = _reach(problem, robot)
         self._moves = list(allowed_moves(problem.workspace, self._spec.motion, window))
-        self._heads: dict[Place, list[Place]] = {}
-        self._open: dict[tuple[int, Place], list[Place]] = {}
-        self._turned: dict[tuple[int, int], list[tuple[int, int]]] = {}
-        self._after: dict[State | tuple[int, State], list[State]] = {}
+        self._keeps_away = problem.airspace.people_aside > 0
+        self._turns, self._heads = cache(self._find_turns), cache(self._find_heads)
+        self._open_heads, self._after = cache(self._find_open_heads), cache(self._find_after)
 
     def after(self, t: int, state: State) -> list[State]:
         """Returns the states at step t+1 to which one step leads from a state at t."""
-        people = self._problem.airspace.people_aside > 0
-        key = (t, state) if people else state
-        if key not in self._after:
-            here = state.layer, state.x, state.y
-            places = self._open_heads(t, here) if people else self._heads_of(here)
-            self._after[key] = [
-                State(x, y, layer, heading, pitch)
-                for layer, x, y in places
-                for heading, pitch in self._turns(state.heading, state.pitch)
-            ]
-        return self._after[key]
+        return self._after(t if self._keeps_away else 0, state)
 
-    def _turns(self, heading: int, pitch: int) -> list[tuple[int, int]]:
+    def _find_after(self, t: int, state: State) -> list[State]:
+        here = state.layer, state.x, state.y
+        heads = self._open_heads(t, here) if self._keeps_away else self._heads(here)
+        return [
+            State(x, y, layer, heading, pitch)
+            for layer, x, y in heads
+            for heading, pitch in self._turns(state.heading, state.pitch)
+        ]
+
+    def _find_turns(self, heading: int, pitch: int) -> list[tuple[int, int]]:
         """Returns the headings and pitches to which one step can turn."""
-        if (heading, pitch) not in self._turned:
-            motion, pitches = self._spec.motion, len(self._spec.camera.tilts)
-            self._turned[heading, pitch] = list(
-                product(
-                    sorted(motion.headings_after(heading)),
-                    sorted(motion.pitches_after(pitch, pitches)),
-                )
-            )
-        return self._turned[heading, pitch]
+        motion, pitches = self._spec.motion, len(self._spec.camera.tilts)
+        headings = sorted(motion.headings_after(heading))
+        return list(product(headings, sorted(motion.pitches_after(pitch, pitches))))
 
-    def _heads_of(self, place: Place) -> list[Place]:
+    def _find_heads(self, place: Place) -> list[Place]:
         """Returns the places to which a move leads, whoever is near."""
-        if place not in self._heads:
-            layer, x, y = place
-            at = layer, x - self._window.x0, y - self._window.y0
-            self._heads[place] = [
-                (layer + climb, x + dx, y + dy)
-                for (climb, dx, dy), starts in self._moves
-                if starts[at]
-            ]
-        return self._heads[place]
+        layer, x, y = place
+        at = layer, x - self._window.x0, y - self._window.y0
+        return [
+            (layer + climb, x + dx, y + dy) for (climb, dx, dy), starts in self._moves if starts[at]
+        ]
 
-    def _open_heads(self, t: int, place: Place) -> list[Place]:
+    def _find_open_heads(self, t: int, place: Place) -> list[Place]:
         """Returns the places to which a move leads from step t on without coming near anybody."""
-        if (t, place) not in self._open:
-            self._open[t, place] = [
-                head for head in self._heads_of(place) if not any(self._too_near(t, place, head))
-            ]
-        return self._open[t, place]
+        return [head for head in self._heads(place) if not any(self._too_near(t, place, head))]
 
     def _too_near(self, t: int, tail: Place, head: Place) -> Iterator[bool]:
         """Yields for each person if a move comes too near, on the way or when it ends."""

@@ -217,6 +217,7 @@ class FaceGeometry:
         radii = np.array([shape.radius for shape in self._shapes]) + ROUNDING
         targets = middle[..., :2].reshape(-1, 2), np.tile(radii, steps), feet.ravel()
         candidates = Candidates(self._fixed, *targets, self._lowest_eye)
+        by_step = np.arange(n * steps).reshape(n, steps).T.ravel()  # bodies are actor by actor
         return Faces(
             first,
             np.concatenate(polygons, axis=1) if n else np.zeros((steps, 0, 3, 3)),
@@ -227,7 +228,7 @@ class FaceGeometry:
             middle,
             reaches,
             np.stack(points, axis=1) if n else np.zeros((steps, 0, 1, 3)),
-            _in_steps(bodies, steps),
+            Bodies.joined([Bodies.none(), *bodies]).taken(by_step),
             candidates,
         )
 
@@ -314,15 +315,6 @@ class _Turned:
             corners.max(axis=1),
             np.zeros(len(normals), dtype=bool),
         )
-
-
-def _in_steps(actors: list[Bodies], steps: int) -> Bodies:
-    """Returns the bodies of actors, each [L], step by step."""
-    if not actors:
-        return Bodies.none()
-    joined = Bodies.joined(actors)
-    order = np.arange(len(actors) * steps).reshape(len(actors), steps).T.ravel()
-    return joined.taken(order)
 
 
 def _doubled_area(polygon: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.flight.earth import Geodesy, Place, is_meant_for
+from cocap_opt.flight.earth import Geodesy, Place
 from cocap_opt.problem import Earth
 from cocap_opt.scenarios.earth import same_system, short_name, utm
 from cocap_opt.scenarios.tables import Coordinate, Table
@@ -192,7 +192,7 @@ def require_likely(earth: Earth, height_map: HeightMap) -> None:
     """
     corner = height_map.centre(0, 0)
     place = _degrees(Geodesy(earth, corner), corner)
-    meant = is_meant_for(earth.crs, place)
+    meant = Geodesy.is_meant_for(earth.crs, place)
     if earth.origin is not None or meant is None:
         return
     where = (
@@ -212,4 +212,4 @@ def require_likely(earth: Earth, height_map: HeightMap) -> None:
 def _are_swapped(crs: str, place: Place) -> bool:
     """Returns True if a system is made for a place only with latitude and longitude swapped."""
     swapped = place[1], place[0]
-    return is_meant_for(crs, place) is False and is_meant_for(crs, swapped) is True
+    return Geodesy.is_meant_for(crs, place) is False and Geodesy.is_meant_for(crs, swapped) is True

@@ -9,7 +9,7 @@ from cocap_opt.data import BoolArray, FloatArray, ProblemError
 from cocap_opt.flight.bernstein import Peak, derivative, elevated, ever_positive, product, values
 from cocap_opt.flight.delays import bearable_delay
 from cocap_opt.flight.filming import view_reward
-from cocap_opt.flight.pace import Demand, tightest
+from cocap_opt.flight.pace import Demand
 from cocap_opt.flight.robustness import Robustness
 from cocap_opt.flight.safety import Nearest, dangers
 from cocap_opt.flight.smooth import Smooth, _Blends, spare
@@ -301,7 +301,7 @@ def test_demands_are_the_largest_of_all_samples() -> None:
         for demand in asked:
             most = max(float(sampled_kinds[demand.kind][demand.drone].max()), 0.0)
             assert demand.most == pytest.approx(most, rel=2e-3, abs=2e-3)
-        assert [demand.drone for demand in tightest(asked)] == list(range(len(flown.pieces)))
+        assert [demand.drone for demand in Demand.tightest(asked)] == list(range(len(flown.pieces)))
 
 
 def test_a_step_that_would_do_does() -> None:
