@@ -20,6 +20,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Multipliers
 from cocap_opt.formulations.certificates.format import OPTIMISTIC
+from cocap_opt.formulations.certificates.sweep import reward_of_staying
 from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.value_iteration import backward_sweep
@@ -45,7 +46,7 @@ def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
     It takes a fraction of a second to a few seconds, for which `Model.prepare` leaves time.
     """
     model = compiled(problem)
-    prices = _Prices.of(model)
+    prices = _Prices(model)
     best = prices.quick_file() if prices.are_dear else prices.best_file()
     if best.proved == math.inf:
         return CertifiedResult.without_bound(limit)
@@ -72,21 +73,14 @@ _Steps = tuple[FloatArray, FloatArray]
 class _Prices:
     """The bounds that multipliers prove, on known coverage and on ceilings for the rest."""
 
-    def __init__(self, model: Model, sums: list[_Sums], visible: BoolArray) -> None:
-        self._model, self._sums = model, sums
-        self._digest = problem_digest(model.problem)
-        problem = model.problem
+    def __init__(self, model: Model) -> None:
+        problem, self._model = model.problem, model
+        visible = np.zeros(len(problem.view_sum_weights), dtype=bool)
+        collect = _most if _states(model) > _TOO_MANY else _sums
+        self._sums = [collect(model, k, visible) for k in range(len(model.classes))]
+        self._digest = problem_digest(problem)
         weights = np.where(visible, problem.view_sum_weights, 0.0)
         self._weights = weights.reshape(problem.view_sum_steps, -1).sum(axis=1)
-
-    @classmethod
-    def of(cls, model: Model) -> "_Prices":
-        """Collects coverage and ceilings of all classes."""
-        problem = model.problem
-        visible = np.zeros(len(problem.view_sum_weights), dtype=bool)
-        classes = range(len(model.classes))
-        make = _most if _states(model) > _TOO_MANY else _sums
-        return cls(model, [make(model, k, visible) for k in classes], visible)
 
     def alone(self) -> _Steps:
         """Returns the multipliers of drones that are alone."""
@@ -139,10 +133,9 @@ class _Prices:
 
         Each of their moves is rewarded in all ways.
         """
-        objective, problem = self._model.problem.objective, self._model.problem
-        paid = objective.stationarity + objective.keep_cell
-        paid += objective.keep_heading + objective.balanced
-        total = self._constants(steps) + len(problem.robots) * problem.horizon * paid
+        problem = self._model.problem
+        moves = len(problem.robots) * problem.horizon
+        total = self._constants(steps) + moves * reward_of_staying(problem.objective)
         for robot_class, sums in zip(self._model.classes, self._sums, strict=True):
             alpha, beta = (np.broadcast_to(x, len(sums[0])) for x in steps)
             total += len(robot_class.robots) * sum(

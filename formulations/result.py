@@ -18,7 +18,6 @@ __all__ = [
     "Report",
     "Snapshot",
     "checked_start",
-    "proved_reason",
     "silent",
 ]
 
@@ -99,15 +98,6 @@ def checked_start(problem: Problem, plan: Plan | None) -> tuple[Plan | None, str
     if verdict.valid:
         return plan, ""
     return None, f"start rejected: {(*verdict.violations, *verdict.conflicts)[0]}"
-
-
-def proved_reason(own: Reason, bound: float, gap: float) -> Reason:
-    """Returns why a method stopped; "finished" where it says "optimal" and its bound leaves more.
-
-    A generic solver calls a plan optimal by its own word; only a bound that is proved counts.
-    """
-    is_open = math.isfinite(bound) and gap > OPTIMALITY
-    return Reason.FINISHED if own is Reason.OPTIMAL and is_open else own
 
 
 class Snapshot(NamedTuple):

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from cocap_opt.files.documents import PlanFile, problem_digest
-from cocap_opt.formulations.result import CertifiedResult, proved_reason
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Reason, Result, relative_gap
@@ -123,8 +123,13 @@ class Judged(NamedTuple, Generic[_R_co]):
 
     @property
     def reason(self) -> Reason:
-        """Why the method stopped; not "optimal" where its certificate leaves something open."""
-        return proved_reason(self.result.reason, self.result.bound, self.gap)
+        """Why the method stopped; "finished" where it says "optimal" and its bound leaves more.
+
+        A generic solver calls a plan optimal by its own word; only a bound that is proved counts.
+        """
+        own = self.result.reason
+        is_open = math.isfinite(self.result.bound) and self.gap > OPTIMALITY
+        return Reason.FINISHED if own is Reason.OPTIMAL and is_open else own
 
     def remarks(self, problem: Problem) -> list[str]:
         """Returns what is to be said of the result and its plan, each in a few words."""

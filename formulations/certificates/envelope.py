@@ -113,6 +113,8 @@ class Partial(NamedTuple):
 # Which partial corners to keep: their positions, and what stands for them.
 Thin = Callable[[Partial], tuple[IntArray, Partial]]
 
+_Steps = list[tuple[IntArray, IntArray]]  # parents and choices, stage by stage
+
 
 class _Stage(NamedTuple):
     """The choices of robots of one class: how many of them are at each of some breakpoints."""
@@ -168,10 +170,10 @@ class Corners:
         """Returns the largest |s| - sum phi of all corners, or little more."""
         known = self._ascent()
         least = known - 1e-12 * math.sqrt(self._most_pixels)
-        heights = self.above(least, _undominated).heights
+        heights, _ = self.above(least, _undominated)
         return float(heights.max(initial=max(known, 0.0)))
 
-    def above(self, least: float, thin: Thin) -> "_HighCorners":
+    def above(self, least: float, thin: Thin) -> tuple[FloatArray, _Steps]:
         """Returns the corners at which |s| - sum phi is at least `least`, by dynamic programming.
 
         A partial sum of pixels z and value v = -sum phi is dropped where no completion can
@@ -181,11 +183,15 @@ class Corners:
         Parameters
         ----------
         thin : drops more of the partial corners after each stage
+
+        Returns
+        -------
+        |s| - sum phi of each corner [n], or more where `thin` merged some, and the way to them.
         """
         thetas = 0.5 / np.sqrt(max(self._most_pixels, 1e-300) * _TANGENTS)
         ahead, rest = self._completions(thetas)
         kept = Partial(np.zeros(1), np.zeros(1), np.zeros(1, dtype=np.int64), np.zeros(1))
-        steps: list[tuple[IntArray, IntArray]] = []
+        steps: _Steps = []
         for k, stage in enumerate(self._stages):
             z = (kept.pixels[:, None] + stage.pixels).ravel()
             v = (kept.values[:, None] - stage.values).ravel()
@@ -200,7 +206,22 @@ class Corners:
             which, kept = thin(Partial(z, v, placed, most).take(able))
             chosen = able[which]
             steps.append((chosen // len(stage.pixels), chosen % len(stage.pixels)))
-        return _HighCorners(np.sqrt(kept.pixels) + kept.values, self._stages, steps)
+        return np.sqrt(kept.pixels) + kept.values, steps
+
+    def counts(self, steps: _Steps, which: IntArray) -> IntArray:
+        """Returns how many robots are at each breakpoint in some of the corners [n, sum of K].
+
+        Parameters
+        ----------
+        steps : the way to the corners that `above` has found
+        """
+        points = max(stage.first + stage.counts.shape[1] for stage in self._stages)
+        counts = np.zeros((len(which), points), dtype=np.int64)
+        for stage, (parents, choices) in zip(self._stages[::-1], steps[::-1], strict=True):
+            at = slice(stage.first, stage.first + stage.counts.shape[1])
+            counts[:, at] += stage.counts[choices[which]]
+            which = parents[which]
+        return counts
 
     def _completions(self, thetas: FloatArray) -> tuple[list[FloatArray], FloatArray]:
         """Returns the most that stages add to tangents of slopes theta [thetas].
@@ -243,27 +264,6 @@ class Corners:
                 left[stage.number] -= int(stage.placed[chosen[k]])
             height = math.sqrt(max(pixels, 0.0)) + value
         return best
-
-
-class _HighCorners(NamedTuple):
-    """The corners that `Corners.above` found."""
-
-    heights: FloatArray  # [n] |s| - sum phi, or more where `thin` merged some
-    stages: list[_Stage]
-    steps: list[tuple[IntArray, IntArray]]  # parents and choices, stage by stage
-
-    def counts(self, which: IntArray) -> IntArray:
-        """Returns how many robots are at each breakpoint in these corners [n, sum of K]."""
-        points = max(stage.first + stage.counts.shape[1] for stage in self.stages)
-        counts = np.zeros((len(which), points), dtype=np.int64)
-        for stage, (parents, choices) in zip(
-            reversed(self.stages), reversed(self.steps), strict=True
-        ):
-            counts[:, stage.first : stage.first + stage.counts.shape[1]] += stage.counts[
-                choices[which]
-            ]
-            which = parents[which]
-        return counts
 
 
 @lru_cache(maxsize=256)

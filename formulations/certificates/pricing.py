@@ -93,18 +93,17 @@ class Pricing(NamedTuple):
             At a limit.
         """
         prices = CertificatePrices.of(model, certificate, decisions, stop)
-        pixels, charged = prices.pixels, prices.costs
-        total = pixels.constant + prices.row_constant
-        magnitude = pixels.magnitude + prices.row_magnitude
+        total = prices.pixels.constant + prices.row_constant
+        magnitude = prices.pixels.magnitude + prices.row_magnitude
         if not math.isfinite(magnitude):
             raise CertificateError("certificate: multipliers too large, the bound is infinite")
         # The same with all numbers counted as positive: the sum of absolute values along a path.
-        sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in charged]
+        sizes = [(r, -abs(c) if math.isfinite(c) else c) for r, c in prices.costs]
         for number, robot_class in enumerate(model.classes):
             reward = prices.rewards(number)
             values, made_of = (
                 plain_sweep(model.problem, robot_class, reward, charges_of(model, number, costs))
-                for costs in (charged, sizes)
+                for costs in (prices.costs, sizes)
             )
             best = [float(values[start]) for start in robot_class.starts]
             if -math.inf in best:  # a robot without any path: there is no plan
@@ -113,7 +112,7 @@ class Pricing(NamedTuple):
             magnitude += exact_sum(made_of[start] for start in robot_class.starts)
         if not (math.isfinite(total) and math.isfinite(magnitude)):
             raise CertificateError("certificate: too large, the bound is infinite")
-        rounding = rounding_factor(model, len(charged), pixels.cuts) * magnitude
+        rounding = prices.rounding_factor * magnitude
         return cls(math.nextafter(total + rounding, math.inf), rounding)
 
     @classmethod
@@ -184,20 +183,21 @@ class CertificatePrices(NamedTuple):
         """Returns what the robots of class `number` are charged."""
         return charges_of(self.model, number, self.costs)
 
+    @property
+    def rounding_factor(self) -> float:
+        """The relative error of a bound, of the sum of absolute values that it is made of.
 
-def rounding_factor(model: Model, n_costs: int, n_cuts: int) -> float:
-    """Returns the relative error of a bound, of the sum of absolute values it is made of.
-
-    Every number is a sum of at most `terms` terms, each the result of a few operations: the
-    error is below gamma_n times the sum of absolute values (Higham, Accuracy and Stability of
-    Numerical Algorithms, 2002, section 3.1), doubled for safety. Marginal gains at reference
-    pixels z are differences of roots up to sqrt(z + c); the constant holds w sqrt(z), so that
-    what cancels is counted too. A step adds a term for each face, and up to four rewards for
-    its move.
-    """
-    terms = (model.problem.horizon + 1) * (model.n_faces + 5) + n_costs
-    terms += 8 * len(model.problem.robots) + 64 + 2 * n_cuts
-    return 2 * terms * UNIT_ROUNDOFF / (1 - terms * UNIT_ROUNDOFF)
+        Every number is a sum of at most `terms` terms, each the result of a few operations: the
+        error is below gamma_n times the sum of absolute values (Higham, Accuracy and Stability of
+        Numerical Algorithms, 2002, section 3.1), doubled for safety. Marginal gains at reference
+        pixels z are differences of roots up to sqrt(z + c); the constant holds w sqrt(z), so that
+        what cancels is counted too. A step adds a term for each face, and up to four rewards for
+        its move.
+        """
+        problem = self.model.problem
+        terms = (problem.horizon + 1) * (self.model.n_faces + 5) + len(self.costs)
+        terms += 8 * len(problem.robots) + 64 + 2 * self.pixels.cuts
+        return 2 * terms * UNIT_ROUNDOFF / (1 - terms * UNIT_ROUNDOFF)
 
 
 # -- prices of pixels --------------------------------------------------------------------------

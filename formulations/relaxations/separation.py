@@ -120,7 +120,7 @@ class Seen:
         return cut if known - self.height(cut) > least else None
 
 
-class Loose(NamedTuple):
+class _Loose(NamedTuple):
     """A view sum of which a cut can cut something off a mixture."""
 
     most: float  # that it can cut off, px^0.5/m
@@ -137,7 +137,7 @@ def loose_view_sums(
     sizes: tuple[int, ...],
     least: float,
     stop: Stop,
-) -> list[Loose]:
+) -> list[_Loose]:
     """Returns the view sums where enough can be cut off, most first; raises LimitReached.
 
     Parameters
@@ -160,7 +160,7 @@ def loose_view_sums(
         height = min(*roots, *(own.height(cut) for cut in known.get(view_sum, [])))
         most, enough = height - own.coupled(sizes), least / float(weights[view_sum])
         if most >= enough:
-            found.append(Loose(most, enough, view_sum, own, height))
+            found.append(_Loose(most, enough, view_sum, own, height))
     return sorted(found, key=lambda one: (-one.most * weights[one.view_sum], one.view_sum))
 
 
@@ -272,11 +272,12 @@ def _potentials(
             return None
         enough = NEARLY * (known - height) if known < math.inf else 0.0
         above = total + max(enough, TOLERANCE * unit)
-        better = Corners(_curves(marginals, values), sizes).above(above, _most_promising)
-        found = np.flatnonzero(better.heights > above)
+        corners = Corners(_curves(marginals, values), sizes)
+        heights, steps = corners.above(above, _most_promising)
+        found = np.flatnonzero(heights > above)
         if not len(found):
             break
-        counts = better.counts(found[_smallest(-better.heights[found], GENERATED)])
+        counts = corners.counts(steps, found[_smallest(-heights[found], GENERATED)])
     return values
 
 

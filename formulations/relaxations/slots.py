@@ -1,5 +1,6 @@
 """Cells at steps that robots of a flow can be in."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,8 +24,7 @@ class Slots:
         """Returns the slots of some nodes."""
         problem = flow.model.problem
         sizes = (len(problem.layers), *problem.height_map.shape)
-        none = cls(np.zeros(0, dtype=np.int64), sizes)
-        return cls(np.unique(none.number_of(flow, nodes)), sizes)
+        return cls(np.unique(flow.steps[nodes] * math.prod(sizes) + flow.places[nodes]), sizes)
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -32,8 +32,7 @@ class Slots:
     @property
     def n_cells(self) -> int:
         """Number of cells of the map, in all layers."""
-        layers, width, depth = self.sizes
-        return layers * width * depth
+        return math.prod(self.sizes)
 
     @cached_property
     def t(self) -> IntArray:

@@ -345,8 +345,9 @@ def test_all_corners_are_gone_through_and_once(
     monkeypatch.setattr(envelope, "STAGE_CHOICES", choices)
     for points, size in ((1, 4), (3, 2), (4, 5)):
         curve = envelope.Curve(np.arange(1.0, points + 1), np.ones(points))
-        corners = envelope.Corners({0: curve}, (size,)).above(-math.inf, keep_all)
-        counts = corners.counts(np.arange(len(corners.heights)))
+        corners = envelope.Corners({0: curve}, (size,))
+        heights, steps = corners.above(-math.inf, keep_all)
+        counts = corners.counts(steps, np.arange(len(heights)))
         assert len(counts) == math.comb(size + points, points)
         assert len(np.unique(counts, axis=0)) == len(counts)
         assert counts.min() >= 0

@@ -10,7 +10,7 @@ from pool import meetings, problems
 from strategies import Calls, drawn_problems, examples, tiny
 
 from cocap_opt.formulations.certificates import verify
-from cocap_opt.formulations.relaxations import cell_cliques
+from cocap_opt.formulations.relaxations import collision_rows
 from cocap_opt.formulations.relaxations import flow as flows
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.cone_program import (
@@ -255,7 +255,7 @@ def test_large_scenes_are_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> N
     with pytest.raises(UnsupportedError, match="at most 10 edges"):
         single_view(tiny())
     monkeypatch.undo()
-    monkeypatch.setattr(cell_cliques, "MOST_ENTRIES", 1)
+    monkeypatch.setattr(collision_rows, "MOST_ENTRIES", 1)
     problem = tiny().replace(rules=CollisionRules(separation=5.0))
     with pytest.raises(UnsupportedError, match="separation rows"):
         single_view(problem)

@@ -50,7 +50,6 @@ from cocap_opt.formulations.certificates.pricing import (
     UNIT_ROUNDOFF,
     CertificatePrices,
     Pricing,
-    rounding_factor,
 )
 from cocap_opt.formulations.certificates.staged.joint_states import Ceiling, JointStates
 from cocap_opt.formulations.certificates.sweep import (
@@ -201,9 +200,9 @@ class Narrowing:
 
     def _rounding(self, constants: float) -> float:
         """Returns the most that rounding changes of a sum of constants, multipliers and prices."""
-        pixels, prices = self._prices.pixels, self._prices
-        magnitude = pixels.magnitude + prices.row_magnitude + self._sweeps.magnitude + constants
-        return rounding_factor(self.model, len(prices.costs), pixels.cuts) * magnitude
+        prices, sweeps = self._prices, self._sweeps
+        magnitude = prices.pixels.magnitude + prices.row_magnitude + sweeps.magnitude + constants
+        return prices.rounding_factor * magnitude
 
     @property
     def pricing(self) -> Pricing:
