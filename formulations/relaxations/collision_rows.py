@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -12,7 +13,6 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.resources import Cells, Moves, Resource, Swap
 from cocap_opt.formulations.relaxations.flow import Flow
 from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
-from cocap_opt.formulations.relaxations.slots import Slots, incidence
 from cocap_opt.model import Model
 from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import UnsupportedError
@@ -33,7 +33,7 @@ class ConflictRows:
     """Rows "at most one robot"; those that only one robot can reach are left out."""
 
     flow: Flow
-    slots: Slots
+    slots: "_Slots"
     occupied: sparse.csr_array  # [K, N] 1 where a node lies in a slot
     cliques: sparse.csr_array  # [rows, K] slots of which at most one robot is in any
     moves: tuple[Swap | Moves, ...]  # [W] of which at most one robot makes any
@@ -52,7 +52,7 @@ class ConflictRows:
         later = np.flatnonzero(flow.steps > 0)
         if problem.rules.none or len(problem.robots) < 2:
             later = later[:0]
-        slots = Slots.of(flow, later)
+        slots = _Slots.of(flow, later)
         at = np.searchsorted(slots.numbers, slots.number_of(flow, later))
         reach = slots.reach(flow)
         cliques = sparse.csr_array(_cliques_of_cells(problem, slots))
@@ -65,7 +65,7 @@ class ConflictRows:
         return cls(
             flow=flow,
             slots=slots,
-            occupied=incidence(at, later, (len(slots), flow.n_nodes)),
+            occupied=_incidence(at, later, (len(slots), flow.n_nodes)),
             cliques=cliques[shared],
             moves=moves[0],
             crossing=moves[1],
@@ -90,10 +90,87 @@ class ConflictRows:
         return tuple((self.resource(row), float(values[row])) for row in large)
 
 
+# -- cells at steps -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Slots:
+    """Cells at steps that robots can be in, each numbered t (number of cells) + cell."""
+
+    numbers: IntArray  # [K] increasing
+    sizes: tuple[int, int, int]  # layers, width and depth of the map
+
+    @classmethod
+    def of(cls, flow: Flow, nodes: IntArray) -> "_Slots":
+        """Returns the slots of some nodes."""
+        problem = flow.model.problem
+        sizes = (len(problem.layers), *problem.height_map.shape)
+        return cls(np.unique(flow.steps[nodes] * math.prod(sizes) + flow.places[nodes]), sizes)
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells of the map, in all layers."""
+        return math.prod(self.sizes)
+
+    @cached_property
+    def t(self) -> IntArray:
+        """Step of each slot [K]."""
+        return self.numbers // self.n_cells
+
+    @cached_property
+    def at(self) -> IntArray:
+        """Layer, x and y of each slot [3, K]."""
+        return np.array(np.unravel_index(self.numbers % self.n_cells, self.sizes))
+
+    def cell(self, k: int) -> Cell:
+        """Returns the cell of slot k."""
+        layer, x, y = self.at[:, k].tolist()
+        return Cell(x, y, layer)
+
+    def number_of(self, flow: Flow, nodes: IntArray) -> IntArray:
+        """Returns the numbers that the slots of some nodes have [n]."""
+        numbers: IntArray = flow.steps[nodes] * self.n_cells + flow.places[nodes]
+        return numbers
+
+    def find(self, t: IntArray, layer: int, x: IntArray, y: IntArray) -> tuple[IntArray, IntArray]:
+        """Returns which of these cells [n] at steps t are slots, by position, and their slots."""
+        _, width, depth = self.sizes
+        inside = np.flatnonzero((x >= 0) & (x < width) & (y >= 0) & (y < depth))
+        level = np.full(len(inside), layer)
+        wanted = np.ravel_multi_index((level, x[inside], y[inside]), self.sizes)
+        wanted += t[inside] * self.n_cells
+        slots = np.minimum(np.searchsorted(self.numbers, wanted), len(self) - 1)
+        found = self.numbers[slots] == wanted
+        return inside[found], slots[found]
+
+    def reach(self, flow: Flow) -> sparse.csr_array:
+        """Returns 1 where a robot can be in a slot [K, R]."""
+        problem = flow.model.problem
+        rows, columns = [], []
+        for k, robot_class in enumerate(flow.model.classes):
+            own = np.flatnonzero(flow.owner == k)
+            for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
+                reached = robot_class.graph.reachable([start], problem.horizon)
+                mine = own[reached[flow.steps[own], flow.states[own]]]
+                at = np.flatnonzero(np.isin(self.numbers, self.number_of(flow, mine)))
+                rows.append(at)
+                columns.append(np.full(len(at), robot))
+        shape = (len(self), len(problem.robots))
+        return _incidence(np.concatenate(rows), np.concatenate(columns), shape)
+
+
+def _incidence(rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sparse.csr_array:
+    """Returns a matrix with ones at these rows [n] and columns [n]."""
+    return sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=shape)
+
+
 # -- cliques of cells, of which at most one robot is in one at a step ----------------------------
 
 
-def _cliques_of_cells(problem: Problem, slots: Slots) -> sparse.csr_array:
+def _cliques_of_cells(problem: Problem, slots: _Slots) -> sparse.csr_array:
     """Returns sets of slots that hold all pairs that are too close, and only such pairs."""
     if not problem.rules.separation or not len(slots):
         return sparse.eye_array(len(slots), format="csr")
@@ -109,7 +186,7 @@ def _cliques_of_cells(problem: Problem, slots: Slots) -> sparse.csr_array:
     return _distinct(sparse.csr_array(sparse.vstack(blocks)))
 
 
-def _laid(shape: "_Shape", slots: Slots) -> sparse.csr_array:
+def _laid(shape: "_Shape", slots: _Slots) -> sparse.csr_array:
     """Returns a shape laid wherever one of its cells falls into a slot [rows, K]."""
     layer, x, y = slots.at
     laid = [np.column_stack([slots.t, x - i, y - j])[layer == k] for k, i, j in shape]
@@ -117,10 +194,10 @@ def _laid(shape: "_Shape", slots: Slots) -> sparse.csr_array:
     t, u, v = origins.T
     found = [slots.find(t, k, u + i, v + j) for k, i, j in shape]
     rows, columns = (np.concatenate(part) for part in zip(*found, strict=True))
-    return incidence(rows, columns, (len(origins), len(slots)))
+    return _incidence(rows, columns, (len(origins), len(slots)))
 
 
-def _pairs_too_close(problem: Problem, slots: Slots) -> sparse.csr_array:
+def _pairs_too_close(problem: Problem, slots: _Slots) -> sparse.csr_array:
     """Returns the slots, and all pairs of one step that are too close: this fits any terrain."""
     layer, x, y = slots.at
     altitude = problem.height_map.altitudes(problem.layers)[layer, x, y]
@@ -138,7 +215,7 @@ def _pairs_too_close(problem: Problem, slots: Slots) -> sparse.csr_array:
     rows, columns = np.concatenate([number, number]), np.concatenate([one, other])
     alone = sparse.eye_array(len(slots), format="csr")
     return sparse.csr_array(
-        sparse.vstack([alone, incidence(rows, columns, (len(near), len(slots)))])
+        sparse.vstack([alone, _incidence(rows, columns, (len(near), len(slots)))])
     )
 
 
@@ -235,7 +312,7 @@ def _passing_moves(flow: Flow) -> _MoveRows:
     if len(distinct) > MOST_PASSING:
         raise UnsupportedError(TOO_MANY_ENTRIES)
     moves = [(flow.cell(tail), flow.cell(head)) for tail, head in distinct.tolist()]
-    used = incidence(which, np.arange(flow.n_edges), (len(moves), flow.n_edges))
+    used = _incidence(which, np.arange(flow.n_edges), (len(moves), flow.n_edges))
     return _passing_at_steps(flow, moves, used, _passing_cliques(flow.model, moves))
 
 
@@ -268,7 +345,7 @@ def _passing_at_steps(
     rows, columns = (
         np.concatenate([np.zeros(0, dtype=np.int64), *part]) for part in (members, cliques)
     )
-    own = incidence(rows, columns, (len(cliques), len(moves)))
+    own = _incidence(rows, columns, (len(cliques), len(moves)))
     resources, blocks, entries = list[Swap | Moves](), [sparse.csr_array((0, flow.n_edges))], 0
     steps = flow.steps[flow.tails]
     for t in np.unique(steps).tolist():
@@ -288,7 +365,7 @@ def _passing_at_steps(
     return tuple(resources), sparse.csr_array(sparse.vstack(blocks))
 
 
-def _swaps(flow: Flow, slots: Slots, reach: sparse.csr_array) -> _MoveRows:
+def _swaps(flow: Flow, slots: _Slots, reach: sparse.csr_array) -> _MoveRows:
     """Returns the swaps, either way, that the edges of a flow allow."""
     one, other = flow.places[flow.tails], flow.places[flow.heads]
     moving = np.flatnonzero(one != other)
@@ -299,7 +376,7 @@ def _swaps(flow: Flow, slots: Slots, reach: sparse.csr_array) -> _MoveRows:
     pairs, at = np.unique(keys, axis=0, return_inverse=True)
     both = np.zeros((len(pairs), 2), dtype=bool)
     both[at, (one < other).astype(np.int64)] = True
-    crossing = incidence(at, moving, (len(pairs), flow.n_edges))
+    crossing = _incidence(at, moving, (len(pairs), flow.n_edges))
     kept = np.flatnonzero(both.all(axis=1))
     t, *ends = pairs[kept].T
     one, other = (

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from cocap_opt.formulations.certificates import (
     Branch,
     CertificateFile,
@@ -21,9 +23,12 @@ from cocap_opt.formulations.certificates import (
 from cocap_opt.formulations.certificates.format import Certificate
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap
 from cocap_opt.formulations.second_opinion.paths import Uses, Worth, longest_path
-from cocap_opt.formulations.second_opinion.sight import Sight
-from cocap_opt.graph.networks import edges_in_reach, reached_graph
-from cocap_opt.problem import Problem
+from cocap_opt.graph.motion import Window
+from cocap_opt.graph.networks import Node, edges_in_reach, reached_graph
+from cocap_opt.graph.timegraph import TimeGraph
+from cocap_opt.problem import Problem, Robot
+from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.views import Views
 
 if TYPE_CHECKING:
     from cocap_opt.graph.networks import Graph
@@ -150,11 +155,11 @@ class _Prices:
         """
         terms = [list(self._constants(*leaf)) for leaf in leaves]
         paths: list[list[Worth]] = [[] for _ in leaves]
-        sights: dict[object, Sight] = {}
+        sights: dict[object, _Sight] = {}
         for robot, spec in enumerate(self._problem.robots):
             graph = reached_graph(self._problem, robot)
             alike = spec.motion, spec.camera
-            sight = sights.setdefault(alike, Sight(self._problem, spec))
+            sight = sights.setdefault(alike, _Sight(self._problem, spec))
             sight.look(graph)
             for n, leaf in enumerate(leaves):
                 paths[n].append(self._best_path(robot, graph, sight, leaf))
@@ -174,7 +179,7 @@ class _Prices:
             for own, best in zip(terms, paths, strict=True)
         ]
 
-    def _best_path(self, robot: int, graph: Graph, sight: Sight, leaf: _Leaf) -> Worth:
+    def _best_path(self, robot: int, graph: Graph, sight: _Sight, leaf: _Leaf) -> Worth:
         """Returns the worth of a robot's best path through all that it can reach."""
         certificate, decisions = leaf
         number = self._classes[robot]
@@ -292,6 +297,51 @@ def _unbettered(corners: Iterable[tuple[float, float]]) -> list[tuple[float, flo
         if not kept or value < kept[-1][1]:
             kept.append((pixels, value))
     return kept
+
+
+# -- the faces that drones see from all nodes in their reach -----------------------------------
+
+
+class _Sight:
+    """The views of all robots that move and see alike.
+
+    Parameters
+    ----------
+    spec : any of these robots
+
+    Attributes
+    ----------
+    seen : the faces that nodes see, and their px/m2; nodes that see nothing are left out
+    """
+
+    def __init__(self, problem: Problem, spec: Robot) -> None:
+        self.seen: dict[Node, list[tuple[int, float]]] = {}
+        self._looked: set[Node] = set()
+        self._steps = range(problem.first_step, problem.horizon + 1)
+        alike = [
+            (robot.start.x, robot.start.y)
+            for robot in problem.robots
+            if (robot.motion, robot.camera) == (spec.motion, spec.camera)
+        ]
+        window = Window.around(alike, spec.motion.radius * problem.horizon, problem.workspace)
+        tilts = len(spec.camera.tilts)
+        self._graph = TimeGraph.of(problem.workspace, spec.motion, tilts, window)
+        self._views = Views.of(FaceGeometry(problem), problem, self._graph, spec.camera)
+
+    def look(self, nodes: Iterable[Node]) -> None:
+        """Evaluates the views of nodes; those that are known already are not evaluated again."""
+        by_step: dict[int, list[int]] = {t: [] for t in self._steps}
+        for state, t in set(nodes) - self._looked:
+            if t in by_step:
+                by_step[t].append(self._graph.index(state))
+            self._looked.add((state, t))
+        for t, states in by_step.items():
+            ordered = np.sort(np.array(states, dtype=np.int64))
+            for some in np.array_split(ordered, len(ordered) // self._views.batch + 1):
+                coverage = self._views.coverage(t, some)
+                for row, face in np.argwhere(coverage > 0).tolist():
+                    node = self._graph.state(int(some[row])), t
+                    self.seen.setdefault(node, []).append((face, float(coverage[row, face])))
 
 
 # -- uses that are charged: being in cells and states, and moves -------------------------------

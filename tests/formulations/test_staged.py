@@ -46,8 +46,7 @@ from cocap_opt.formulations.certificates.staged import (
     most_profitable,
 )
 from cocap_opt.formulations.certificates.staged import search as plain_search
-from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan, Choices, Following
-from cocap_opt.formulations.certificates.staged.joint_states import Ceiling
+from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan, _Choices, _Following
 from cocap_opt.formulations.certificates.staged.search import MostProfitable, all_that_count
 from cocap_opt.formulations.certificates.staged.stages import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
@@ -300,7 +299,7 @@ def with_ceilings(joint: JointStates, rng: np.random.Generator) -> JointStates:
         more = rng.choice([-1.0, 0.0, 2.0, 5.0], len(joint.states)) + rng.normal(0, 1e-3)
         earlier = replace(joint, price=joint.price - more)
         most = max(map(earlier.reduced_profit, every), default=0.0)
-        ceilings.append(Ceiling(most + 1e-9 + float(rng.choice([0.0, 3.0])), more))
+        ceilings.append((most + 1e-9 + float(rng.choice([0.0, 3.0])), more))
     return replace(joint, ceilings=tuple(ceilings))
 
 
@@ -311,7 +310,7 @@ def with_limits(joint: JointStates, rng: np.random.Generator) -> JointStates:
         slack = rng.choice([0.0, 1.0, 4.0, 20.0], len(joint.states)) + rng.normal(0, 1e-3)
         earlier = replace(joint, price=joint.charge - slack)
         most = max(map(earlier.reduced_profit, every), default=0.0)
-        limits.append(Ceiling(most + 1e-9 + float(rng.choice([0.0, 3.0])), slack))
+        limits.append((most + 1e-9 + float(rng.choice([0.0, 3.0])), slack))
     return replace(joint, limits=tuple(limits))
 
 
@@ -322,7 +321,7 @@ def test_limits_leave_out_what_slacks_forbid(seed: int) -> None:
     rng = np.random.default_rng(seed)
     joint = replace(random_joint_states(rng), floor=0.0)
     slack, room = rng.uniform(0, 3, len(joint.states)), float(rng.uniform(0, 8))
-    found, _ = all_that_count(replace(joint, limits=(Ceiling(room, slack),)), 10**6)
+    found, _ = all_that_count(replace(joint, limits=((room, slack),)), 10**6)
     every, _ = all_that_count(joint, 10**6)
     within = [chosen for chosen in every if slack[list(chosen)].sum() <= room]
     assert sorted(found) == sorted(within)
@@ -676,7 +675,7 @@ def test_what_rounding_may_have_made_too_low_is_followed(
     graphs = [one.graph for one in model.classes]
     starts = np.array([[one.starts[0] for one in model.classes]])
     every = [np.arange(graph.n_states) for graph in graphs]
-    choices = Choices.of(graphs, 0, starts, every)
+    choices = _Choices.of(graphs, 0, starts, every)
     nothing = [np.zeros(len(some)) for some in choices.states]
     apart = choices.robots.tolist()
     joint = JointStates.of(model, 1, choices.states, nothing, nothing, -np.inf, apart=apart)
@@ -684,7 +683,7 @@ def test_what_rounding_may_have_made_too_low_is_followed(
     assert highest > 0
     for lacking, is_found in ((0.5, True), (2.0, False)):
         floors = np.array([highest + lacking * joint.margin])
-        moves = list(Following(10**6).found(joint, choices, floors, never))
+        moves = list(_Following(10**6).found(joint, choices, floors, never))
         assert [highest == joint.worth(heads[0]) for _, heads in moves] == [True] * is_found
 
 

@@ -51,7 +51,7 @@ _NODES_AT_ONCE = AT_ONCE  # between two looks at the stop, likewise
 Moved = tuple[IntArray, IntArray]
 
 
-class Choices(NamedTuple):
+class _Choices(NamedTuple):
     """The states to which each robot can move from each joint state.
 
     Attributes
@@ -73,7 +73,7 @@ class Choices(NamedTuple):
     @classmethod
     def of(
         cls, graphs: Sequence[TimeGraph], t: int, placed: IntArray, left: Sequence[IntArray]
-    ) -> "Choices":
+    ) -> "_Choices":
         """Returns the choices of a step.
 
         Parameters
@@ -112,7 +112,7 @@ class Choices(NamedTuple):
 
 
 @dataclass
-class Following:
+class _Following:
     """Searches for moves of the whole team.
 
     A search from one joint state is plain; once they have been long, all are compiled where they
@@ -131,7 +131,7 @@ class Following:
     _plain_nodes: int = 0  # that plain searches took
 
     def found(
-        self, joint: JointStates, choices: Choices, floors: FloatArray, stop: Stop
+        self, joint: JointStates, choices: _Choices, floors: FloatArray, stop: Stop
     ) -> Iterator[Moved]:
         """Yields the moves of all joint states of a step, some at a time.
 
@@ -182,7 +182,7 @@ class Following:
             raise NotEndedError
 
     def _compiled(
-        self, joint: JointStates, choices: Choices, floors: FloatArray, tail: int, stop: Stop
+        self, joint: JointStates, choices: _Choices, floors: FloatArray, tail: int, stop: Stop
     ) -> Iterator[Moved]:
         """Yields what compiled searches find, from one of the joint states on."""
         from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
@@ -251,7 +251,7 @@ def best_plan(
     if not may_be_used(narrowing.model):
         raise ValueError("joint paths: moves are rewarded, or views do not count at step 1")
     team = _Team(narrowing)
-    following = Following(most_nodes, plain)
+    following = _Following(most_nodes, plain)
     reached = [team.starts()]
     for t in range(1, narrowing.model.problem.horizon + 1):
         if not len(reached[-1].values):
@@ -297,7 +297,7 @@ class _Team:
         every = _Reached(values, placed, np.zeros(1, dtype=np.int64))
         return every if is_open else every.nothing
 
-    def after(self, t: int, before: _Reached, following: Following, stop: Stop) -> _Reached:
+    def after(self, t: int, before: _Reached, following: _Following, stop: Stop) -> _Reached:
         """Returns what is reached at a step from the one before, the best first.
 
         Raises
@@ -308,7 +308,7 @@ class _Team:
             At a limit.
         """
         left = [np.flatnonzero(is_left[t]) for is_left in self._narrowing.left]
-        choices = Choices.of(
+        choices = _Choices.of(
             [self._model.classes[number].graph for number in self._numbers.tolist()],
             t - 1, before.placed, [left[number] for number in self._numbers.tolist()],
         )  # fmt: skip

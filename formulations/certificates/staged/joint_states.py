@@ -18,7 +18,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -30,11 +29,9 @@ from cocap_opt.model import Model
 _ROWS = 500  # of a table of conflicts, for which distances are computed at once
 
 
-class Ceiling(NamedTuple):
-    """The most reduced profit of a joint state at other prices, and how much these were lower."""
-
-    profit: float
-    raised: FloatArray  # [n] by how much each state's price, or charge, is higher than then
+# The most reduced profit of a joint state at other prices, and by how much each state's price, or
+# charge, is higher than then [n].
+Ceiling = tuple[float, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +157,9 @@ class JointStates:
         constant : that no joint state's profit exceeds at the present prices, rounding included
         """
         raised = price - self.price
-        ceilings = [Ceiling(profit, before + raised) for profit, before in self.ceilings]
+        ceilings = [(profit, before + raised) for profit, before in self.ceilings]
         if constant < np.inf:
-            ceilings.append(Ceiling(constant, raised))
+            ceilings.append((constant, raised))
         return replace(self, price=price, ceilings=tuple(ceilings))
 
     def part(self, positions: IntArray, floor: float) -> "JointStates":
@@ -173,7 +170,7 @@ class JointStates:
         positions : [n] of the states, increasing
         """
         ceilings, limits = (
-            tuple(Ceiling(profit, raised[positions]) for profit, raised in bounds)
+            tuple((profit, raised[positions]) for profit, raised in bounds)
             for bounds in (self.ceilings, self.limits)
         )
         return replace(

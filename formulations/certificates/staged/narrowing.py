@@ -407,7 +407,7 @@ class Narrowing:
         """Returns a ceiling, rounding of the search included."""
         magnitude = abs(constant) + len(self.model.problem.robots) * np.abs(raised)
         rounding = float(self._rounding_of_sums(magnitude).max(initial=0.0))
-        return Ceiling(constant + rounding, raised)
+        return constant + rounding, raised
 
     def _rounding_of_sums(self, magnitude: FloatArray) -> FloatArray:
         """Returns the most that rounding changes of sums over all robots."""

@@ -185,7 +185,7 @@ class _PlainSearch:
         """Goes through the tree; raises NotEndedError and LimitReached."""
         joint = self._joint
         nothing, everything = np.zeros(len(joint.weights)), np.arange(len(joint.states))
-        below = tuple(ceiling.profit for ceiling in joint.bounds)
+        below = tuple(profit for profit, _ in joint.bounds)
         self._explore(_Partial((), nothing, 0.0, 0.0, below, joint.sizes, everything), stop)
 
     def _explore(self, node: _Partial, stop: Stop) -> None:
@@ -228,8 +228,8 @@ class _PlainSearch:
         classes = joint.class_of[states]
         most = _most(node.profit, gains, classes, counts)
         is_able = (most > self.best) & (_most(node.low, low, classes, counts) >= self._floor)
-        for k, bound in enumerate(joint.bounds):
-            at_most = _most(node.below[k], -bound.raised[states], classes, counts)
+        for k, (_, raised) in enumerate(joint.bounds):
+            at_most = _most(node.below[k], -raised[states], classes, counts)
             is_able &= at_most > self.best if k < len(joint.ceilings) else at_most >= self._floor
         able = np.flatnonzero(is_able)
         of_class = int(np.searchsorted(classes[able], robot_class, side="right"))
@@ -247,7 +247,7 @@ class _PlainSearch:
             node.pixels + joint.pixels[state],
             node.profit + float(children.gains[k]),
             node.low + float(children.low[k]),
-            tuple(below - float(bound.raised[state]) for below, bound in bounds),
+            tuple(below - float(raised[state]) for below, (_, raised) in bounds),
             counts,
             left[~joint.conflict[state, left]],
         )

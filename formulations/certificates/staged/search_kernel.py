@@ -341,12 +341,12 @@ class CompiledSearch:
                 for d in range(len(classes) + 1)
             ]),
             conflict=joint.conflict,
-            raised=np.array([bound.raised for bound in bounds]).reshape(
+            raised=np.array([raised for _, raised in bounds]).reshape(
                 len(bounds), len(joint.class_of)
             ),
             is_limit=np.arange(len(bounds)) >= len(joint.ceilings),
         )  # fmt: skip
-        profits = np.array([bound.profit for bound in bounds])
+        profits = np.array([profit for profit, _ in bounds])
         return cls(data, _beginning(data, profits, most_found), least, joint.floor - joint.margin)
 
     @property
