@@ -93,16 +93,11 @@ class Bodies(NamedTuple):
         corner = np.array(height_map.origin) - origin[:2]
         low = corner + height_map.resolution * first
         high = corner + height_map.resolution * (last + 1)
-        return cls._boxes(low, np.column_stack([high, heights - origin[2]]))
-
-    @classmethod
-    def _boxes(cls, low: FloatArray, high: FloatArray) -> "Bodies":
-        """Returns boxes without bottom from low [n, 2] to high [n, 3]."""
-        n = len(low)
-        offsets = np.column_stack([high[:, 2], -low[:, 0], high[:, 0], -low[:, 1], high[:, 1]])
+        n, tops = len(low), heights - origin[2]
+        offsets = np.column_stack([tops, -low[:, 0], high[:, 0], -low[:, 1], high[:, 1]])
         return cls(
-            np.broadcast_to(_COLUMN, (n, 5, 3)), offsets,
-            np.broadcast_to(_COLUMN_EDGES, (n, 8, 2)), low, high, np.ones(n, dtype=bool),
+            np.broadcast_to(_COLUMN, (n, 5, 3)), offsets, np.broadcast_to(_COLUMN_EDGES, (n, 8, 2)),
+            low, np.column_stack([high, tops]), np.ones(n, dtype=bool),
         )  # fmt: skip
 
     @classmethod
@@ -110,25 +105,19 @@ class Bodies(NamedTuple):
         """Returns the bodies of several parts, one after the other."""
         planes = max(part.normals.shape[1] for part in parts)
         pairs = max(part.neighbours.shape[1] for part in parts)
-
-        normals, offsets, neighbours = [], [], []
-        for part in parts:
-            normals.append(widened(part.normals, planes, 0.0))
-            offsets.append(widened(part.offsets, planes, 1.0))
-            neighbours.append(widened(part.neighbours, pairs, 0))
-        return cls(
-            np.concatenate(normals), np.concatenate(offsets), np.concatenate(neighbours),
-            np.concatenate([part.low for part in parts]),
-            np.concatenate([part.high for part in parts]),
-            np.concatenate([part.endless for part in parts]),
-        )  # fmt: skip
+        wide = [
+            part._replace(
+                normals=widened(part.normals, planes, 0.0),
+                offsets=widened(part.offsets, planes, 1.0),
+                neighbours=widened(part.neighbours, pairs, 0),
+            )
+            for part in parts
+        ]
+        return cls(*(np.concatenate(column) for column in zip(*wide, strict=True)))
 
     def taken(self, which: IntArray) -> "Bodies":
         """Returns some of the bodies."""
-        return Bodies(
-            self.normals[which], self.offsets[which], self.neighbours[which],
-            self.low[which], self.high[which], self.endless[which],
-        )  # fmt: skip
+        return Bodies._make(part[which] for part in self)
 
 
 def widened(values: NDArray[T], width: int, filling: float) -> NDArray[T]:

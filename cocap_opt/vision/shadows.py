@@ -24,6 +24,7 @@ from cocap_opt.world.triangles import clip
 _FLUSH = 1e-6  # m; a polygon that is nowhere deeper than this behind a plane lies in it
 _GRAZED = 1e-10  # m; nor is one hidden that reaches into the outline of a shadow by less
 _OVERLAP = 1e-11  # m, by which shadows are wider, so that no crack is between two that touch
+_Pieces = tuple[FloatArray, IntArray]  # as `Shadows.outside` returns them
 _ALWAYS = 1.0  # offset of a missing half-space, whose normal is 0: all points are inside
 
 
@@ -80,17 +81,13 @@ class Shadows(NamedTuple):
     def joined(cls, parts: "list[Shadows]") -> "Shadows":
         """Returns the shadows of several parts, one after the other."""
         size = max((part.offsets.shape[1] for part in parts), default=1)
-        none = np.zeros((0, size))
-        wide = [cls(np.zeros((0, size, 3)), none, none)]
-        for part in parts:
-            wide.append(
-                cls(
-                    widened(part.normals, size, 0.0),
-                    widened(part.offsets, size, _ALWAYS),
-                    widened(part.depths, size, 0.0),
-                )
-            )
-        return cls(*(np.concatenate(columns) for columns in zip(*wide, strict=True)))
+        nothing = cls(np.zeros((0, size, 3)), np.zeros((0, size)), np.zeros((0, size)))
+        columns = zip(nothing, *parts, strict=True)
+        wide = (
+            [widened(values, size, missing) for values in column]
+            for column, missing in zip(columns, (0.0, _ALWAYS, 0.0), strict=True)
+        )
+        return cls(*map(np.concatenate, wide))
 
     def taken(self, which: IntArray) -> "Shadows":
         """Returns some of the shadows."""
@@ -111,33 +108,29 @@ class Shadows(NamedTuple):
         outside = np.asarray(shallow.all(axis=2))
         return np.asarray(outside.any(axis=1)), np.asarray(~shallow.any(axis=(1, 2)))
 
+    def outside(
+        self, polygons: FloatArray, first: IntArray, counts: IntArray
+    ) -> tuple[FloatArray, IntArray]:
+        """Returns the convex pieces of convex polygons that are in no shadow.
 
-_Pieces = tuple[FloatArray, IntArray]  # as `unshadowed` returns them
+        Parameters
+        ----------
+        polygons : [m, V, 3] m, relative to the eye
+        first, counts : [m] the shadows that may fall on each: `counts` of them from `first` on
 
-
-def unshadowed(
-    polygons: FloatArray, shadows: Shadows, first: IntArray, counts: IntArray
-) -> tuple[FloatArray, IntArray]:
-    """Returns the convex pieces of convex polygons that are in no shadow.
-
-    Parameters
-    ----------
-    polygons : [m, V, 3] m, relative to the eye
-    first, counts : [m] the shadows that may fall on each: `counts` of them from `first` on
-
-    Returns
-    -------
-    pieces : [q, V, 3] m, relative to the eye; unused vertices repeat the last used one
-    owners : [q] number of the polygon that each is a piece of, increasing
-    """
-    owners, done, turn, whole = np.arange(len(polygons)), list[_Pieces](), 0, polygons
-    while len(owners):
-        more = turn < counts[owners]
-        done.append((polygons[~more], owners[~more]))
-        polygons, owners = polygons[more], owners[more]
-        polygons, at = _outside(polygons, owners, whole, shadows.taken(first[owners] + turn))
-        owners, turn = owners[at], turn + 1
-    return _joined(done)
+        Returns
+        -------
+        pieces : [q, V, 3] m, relative to the eye; unused vertices repeat the last used one
+        owners : [q] number of the polygon that each is a piece of, increasing
+        """
+        owners, done, turn, whole = np.arange(len(polygons)), list[_Pieces](), 0, polygons
+        while len(owners):
+            more = turn < counts[owners]
+            done.append((polygons[~more], owners[~more]))
+            polygons, owners = polygons[more], owners[more]
+            polygons, at = _outside(polygons, owners, whole, self.taken(first[owners] + turn))
+            owners, turn = owners[at], turn + 1
+        return _joined(done)
 
 
 def _outside(

@@ -15,7 +15,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.faces import FaceGeometry, Faces, Surface
 from cocap_opt.vision.projection import Projection, dot
-from cocap_opt.vision.shadows import Shadows, unshadowed
+from cocap_opt.vision.shadows import Shadows
 from cocap_opt.vision.skyline import Skyline
 
 _IN_ITS_PLANE = 1e-9  # m; an eye that is no farther before a face sees nothing of it
@@ -125,7 +125,7 @@ class Visibility:
         eye, face = eye[cut], face[cut]
         number = pair[eye, self._owners[face]]
         polygons = faces.polygons[steps[eye], face] - eyes[eye, None]
-        pieces, owners = unshadowed(polygons, shadows, first[number], counts[number])
+        pieces, owners = shadows.outside(polygons, first[number], counts[number])
         of_face = np.bincount(owners, minlength=len(eye))
         veil = None
         if self._mesh is not None:

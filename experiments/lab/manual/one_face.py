@@ -8,7 +8,7 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.vision.bodies import Bodies
-from cocap_opt.vision.shadows import Shadows, unshadowed
+from cocap_opt.vision.shadows import Shadows
 from cocap_opt.world.workspace import HeightMap
 
 
@@ -35,7 +35,7 @@ def shadow() -> Shadow:
     bodies = Bodies.of_columns(column, np.zeros(3))
     shadows = Shadows.of(bodies, np.zeros(1, dtype=np.int64), eye[None])
     one = np.ones(1, dtype=np.int64)
-    pieces, _ = unshadowed(face[None], shadows, 0 * one, one)
+    pieces, _ = shadows.outside(face[None], 0 * one, one)
     (x, y, z), (u, v, w) = low, high
     sides = [
         np.array([[x, y, z], [x, v, z], [x, v, w], [x, y, w]]),
