@@ -41,23 +41,26 @@ class Candidates:
     Attributes
     ----------
     bodies : all of them
+    tops, middles, halves : [B] m, [B, 2] m and [B, 2] m, of the bodies along z, and x and y
+    around, radii : [G, 2] m and [G] m, the given middles and radii of the cylinders
+    numbers, nearest : of each entry of a list, its body, and that one's least distance (m)
     """
 
     def __init__(
         self, bodies: Bodies, middles: FloatArray, radii: FloatArray, feet: FloatArray,
         lowest_eye: float,
     ) -> None:  # fmt: skip
-        self.bodies, self._tops = bodies, bodies.high[:, 2]
-        targets = self._around, self._radii, self._feet = middles, radii, feet
-        self._middles = (bodies.low + bodies.high[:, :2]) / 2
-        self._halves = (bodies.high[:, :2] - bodies.low) / 2
-        n, size = len(radii), _PAIRS // max(len(self._tops), 1)
+        self.bodies, self.tops = bodies, bodies.high[:, 2]
+        targets = self.around, self.radii, self._feet = middles, radii, feet
+        self.middles = (bodies.low + bodies.high[:, :2]) / 2
+        self.halves = (bodies.high[:, :2] - bodies.low) / 2
+        n, size = len(radii), _PAIRS // max(len(self.tops), 1)
         size = min(max(size, 1), _MOST_SECTORS // _SECTORS)
         parts = [
             _entries(bodies, targets, np.arange(first, min(first + size, n)), lowest_eye)
             for first in range(0, n, size)
         ]
-        keys, self._numbers, self._nearest = (
+        keys, self.numbers, self.nearest = (
             np.concatenate([part[k] for part in parts]) if parts else np.zeros(0) for k in range(3)
         )
         self._keys = keys
@@ -65,9 +68,9 @@ class Candidates:
 
     def of(self, targets: IntArray, eyes: FloatArray) -> "Lists":
         """Returns lists of the bodies that may hide targets [n] from eyes [n, 3]."""
-        way = eyes[:, :2] - self._around[targets]
+        way = eyes[:, :2] - self.around[targets]
         away = np.hypot(way[:, 0], way[:, 1])
-        radius, foot = self._radii[targets], self._feet[targets]
+        radius, foot = self.radii[targets], self._feet[targets]
         up = eyes[:, 2] - foot
         slope = np.where(up >= 0, np.inf, -np.inf)
         sloping = np.flatnonzero((up >= 0) & (away > radius))
@@ -79,33 +82,6 @@ class Candidates:
         # What reaches beyond the eye is out of the way, unless it is around the target.
         reach = np.maximum(away, np.nextafter(radius, np.inf))
         return Lists(self, targets, first, ends - first, way, away, reach, low)
-
-    def between(
-        self, entries: IntArray, reach: FloatArray, low: FloatArray
-    ) -> tuple[IntArray, IntArray]:
-        """Returns which entries [m] are nearer than `reach` and higher than `low`; their bodies."""
-        bodies = self._numbers[entries].astype(np.int64)
-        between = (self._nearest[entries] < reach) & (self._tops[bodies] > low)
-        kept: IntArray = np.flatnonzero(between)
-        return kept, bodies[kept]
-
-    def in_strip(
-        self, bodies: IntArray, targets: IntArray, way: FloatArray, away: FloatArray
-    ) -> BoolArray:
-        """Returns an array [m], true for bodies that meet the strip around a target and an eye.
-
-        Parameters
-        ----------
-        way : [m, 2] m, from the target's middle to the eye
-        away : [m] m, its length
-        """
-        with np.errstate(divide="ignore", invalid="ignore"):
-            across = np.stack([-way[:, 1], way[:, 0]], axis=1) / away[:, None]
-        off = self._middles[bodies] - self._around[targets]
-        aside = np.abs((across * off).sum(axis=1))
-        reach = (np.abs(across) * self._halves[bodies]).sum(axis=1) + self._radii[targets]
-        meets: BoolArray = ~(aside > reach * (1 + _ROUNDING))
-        return meets
 
 
 class Lists(NamedTuple):
@@ -130,13 +106,21 @@ class Lists(NamedTuple):
         take = np.minimum(self.counts[rows] - done, size)
         row = np.repeat(rows, take)
         entries = spans(self.first[rows] + done, take)
-        kept, bodies = self.candidates.between(entries, self.reach[row], self.low[row])
-        return row[kept], bodies
+        found = self.candidates
+        bodies = found.numbers[entries].astype(np.int64)
+        between = (found.nearest[entries] < self.reach[row]) & (found.tops[bodies] > self.low[row])
+        kept = np.flatnonzero(between)
+        return row[kept], bodies[kept]
 
     def in_strip(self, rows: IntArray, bodies: IntArray) -> BoolArray:
         """Returns an array [m], true for bodies that meet the strip around target and eye."""
-        targets = self.targets[rows]
-        return self.candidates.in_strip(bodies, targets, self.way[rows], self.away[rows])
+        found, targets, way = self.candidates, self.targets[rows], self.way[rows]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            across = np.stack([-way[:, 1], way[:, 0]], axis=1) / self.away[rows][:, None]
+        off = found.middles[bodies] - found.around[targets]
+        aside = np.abs((across * off).sum(axis=1))
+        reach = (np.abs(across) * found.halves[bodies]).sum(axis=1) + found.radii[targets]
+        return np.asarray(~(aside > reach * (1 + _ROUNDING)))
 
 
 def _entries(
