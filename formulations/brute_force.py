@@ -60,8 +60,7 @@ def brute_force(
             best, value = plan, reward
     except LimitReached as reached:
         if best is None:
-            stopped = CertifiedResult.of_start(problem, start, reached.limit)
-            return stopped.with_bound_of(early_bound(problem, reached.limit))
+            return early_bound(problem, reached.limit).with_start(problem, start)
         result = CertifiedResult(best, value, Reason.STOPPED, reached.limit)
     else:
         reason = Reason.INFEASIBLE if best is None else Reason.OPTIMAL

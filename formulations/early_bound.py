@@ -49,7 +49,7 @@ def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
     prices = _Prices(model)
     best = prices.quick_file() if prices.are_dear else prices.best_file()
     if best.proved == math.inf:
-        return CertifiedResult.without_bound(limit)
+        return CertifiedResult(None, -math.inf, Reason.STOPPED, limit)
     if best.proved < 0:  # a drone has no path
         return CertifiedResult.bounded(best, {})
     steps = problem.horizon + 1

@@ -51,34 +51,20 @@ class CertifiedResult(Result):
             None, -math.inf, reason, bound=file.proved, statistics=statistics, certificate=file
         )
 
-    @classmethod
-    def without_bound(cls, limit: Limit) -> "CertifiedResult":
-        """Returns the result of a method that was stopped before it had any bound."""
-        return cls(None, -math.inf, Reason.STOPPED, limit)
+    def with_start(self, problem: Problem, start: Plan | None) -> "CertifiedResult":
+        """Returns the bound of an exact method that was stopped at once, with a plan.
 
-    @classmethod
-    def of_start(cls, problem: Problem, start: Plan | None, limit: Limit) -> "CertifiedResult":
-        """Returns the result of an exact method that was stopped at once.
-
-        Its plan is the start, or else that nobody moves.
+        The plan is the start, or else that nobody moves. Where the bound proves that there is no
+        plan, nothing is added.
         """
+        if self.reason is Reason.INFEASIBLE:
+            return self
         plan, message = checked_start(problem, start)
         plan = Plan.hovering(problem) if plan is None else plan
         value = -math.inf if plan is None else check(problem, plan).reward
-        if plan is None:
-            words = f"no plan was found before the {limit} limit"
-            message = "; ".join(filter(None, (message, words)))
-        return cls(plan, value, Reason.STOPPED, limit, message=message)
-
-    def with_bound_of(self, other: "CertifiedResult") -> "CertifiedResult":
-        """Returns the same plan with the bound of another result, and what both say.
-
-        Where that proves that there is no plan, it is the other result.
-        """
-        if other.reason is Reason.INFEASIBLE:
-            return other
-        message = "; ".join(filter(None, (self.message, other.message)))
-        return replace(self, bound=other.bound, certificate=other.certificate, message=message)
+        missing = f"no plan was found before the {self.limit} limit" if plan is None else ""
+        words = "; ".join(filter(None, (message, missing, self.message)))
+        return replace(self, plan=plan, value=value, message=words)
 
     def stopped_by(self, limit: Limit) -> "CertifiedResult":
         """Returns the same result with the limit that stopped the method.

@@ -40,8 +40,7 @@ def branch_and_price(
         model.prepare_all(stop)
         search = Search(model, stop, report, Clock(), parameters=parameters)
     except LimitReached as reached:
-        stopped = CertifiedResult.of_start(problem, start, reached.limit)
-        return stopped.with_bound_of(early_bound(problem, reached.limit))
+        return early_bound(problem, reached.limit).with_start(problem, start)
     message = search.use_start(start)
     tree = Tree(search, gap)
     limit: Limit | None = None

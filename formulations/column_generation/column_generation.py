@@ -42,8 +42,7 @@ def column_generation(
         model.prepare_all(stop)
         search = Search(model, stop, report, Clock(), parameters=parameters)
     except LimitReached as reached:
-        stopped = CertifiedResult.of_start(problem, start, reached.limit)
-        return stopped.with_bound_of(early_bound(problem, reached.limit))
+        return early_bound(problem, reached.limit).with_start(problem, start)
     message = search.use_start(start)
     root = Root.of(search, OPTIMALITY / 2)
     limit: Limit | None = None

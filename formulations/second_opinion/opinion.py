@@ -159,7 +159,9 @@ class _Prices:
         for robot, spec in enumerate(self._problem.robots):
             graph = reached_graph(self._problem, robot)
             alike = spec.motion, spec.camera
-            sight = sights.setdefault(alike, _Sight(self._problem, spec))
+            if alike not in sights:
+                sights[alike] = _Sight(self._problem, spec)
+            sight = sights[alike]
             sight.look(graph)
             for n, leaf in enumerate(leaves):
                 paths[n].append(self._best_path(robot, graph, sight, leaf))

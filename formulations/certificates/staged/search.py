@@ -146,16 +146,6 @@ class _Partial(NamedTuple):
     states: IntArray  # positions of the states that may still be taken, class by class
 
 
-class _Children(NamedTuple):
-    """States that may be taken next, first those of the next robot's class, the best first."""
-
-    states: IntArray  # [n] their positions
-    gains: FloatArray  # [n] of worth, less prices
-    low: FloatArray  # [n] gains of worth, less charges
-    most: FloatArray  # [n] profit that is reached with them at most
-    of_class: int  # how many are of the next robot's class
-
-
 class _PlainSearch:
     """The plain search, written to be read; `compiled_search` does the same, faster.
 
@@ -200,14 +190,14 @@ class _PlainSearch:
             self._end(node)
             return
         counts = tuple(n - (c == robot_class) for c, n in enumerate(node.counts))
-        children = self._children(node, robot_class)
-        gains, most = children.gains, children.most
-        for k in range(children.of_class):
+        states, gains, low, most, of_class = self._children(node, robot_class)
+        for k in range(of_class):
             # Of this class, none of those before it is taken any more.
             if most[k] - counts[robot_class] * (gains[0] - gains[k]) <= self.best:
                 break
-            left = children.states[k if counts[robot_class] else children.of_class :]
-            self._explore(self._child(node, children, k, counts, left), stop)
+            left = states[k if counts[robot_class] else of_class :]
+            gained = float(gains[k]), float(low[k])
+            self._explore(self._child(node, int(states[k]), gained, counts, left), stop)
 
     def _end(self, node: _Partial) -> None:
         """Takes down a joint state that is complete."""
@@ -218,8 +208,18 @@ class _PlainSearch:
         elif node.profit > self.best:
             self.best, self.positions = node.profit, node.chosen
 
-    def _children(self, node: _Partial, robot_class: int) -> _Children:
-        """Returns the states that may be taken and reach enough."""
+    def _children(
+        self, node: _Partial, robot_class: int
+    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, int]:
+        """Returns the states that may be taken next and reach enough.
+
+        First come those of the next robot's class, the best first.
+
+        Returns
+        -------
+        Their positions [n], the gains of worth less prices [n], less charges [n], the profit that
+        is reached with them at most [n], and how many are of the next robot's class.
+        """
         joint, states, counts = self._joint, node.states, node.counts
         worth = np.sqrt(node.pixels) @ joint.weights
         gains = np.sqrt(node.pixels + joint.pixels[states]) @ joint.weights - worth
@@ -234,19 +234,19 @@ class _PlainSearch:
         able = np.flatnonzero(is_able)
         of_class = int(np.searchsorted(classes[able], robot_class, side="right"))
         able[:of_class] = able[:of_class][np.argsort(-gains[able[:of_class]], kind="stable")]
-        return _Children(states[able], gains[able], low[able], most[able], of_class)
+        return states[able], gains[able], low[able], most[able], of_class
 
     def _child(
-        self, node: _Partial, children: _Children, k: int, counts: tuple[int, ...], left: IntArray
-    ) -> _Partial:
-        """Returns the node where the k-th child's state is taken too."""
-        joint, state = self._joint, int(children.states[k])
-        bounds = zip(node.below, joint.bounds, strict=True)
+        self, node: _Partial, state: int, gained: tuple[float, float], counts: tuple[int, ...],
+        left: IntArray,
+    ) -> _Partial:  # fmt: skip
+        """Returns the node where a state is taken too, which gains this less prices and charges."""
+        joint, bounds = self._joint, zip(node.below, self._joint.bounds, strict=True)
         return _Partial(
             (*node.chosen, state),
             node.pixels + joint.pixels[state],
-            node.profit + float(children.gains[k]),
-            node.low + float(children.low[k]),
+            node.profit + gained[0],
+            node.low + gained[1],
             tuple(below - float(raised[state]) for below, (_, raised) in bounds),
             counts,
             left[~joint.conflict[state, left]],
