@@ -14,7 +14,6 @@ from cocap_opt.problem import Problem
 if TYPE_CHECKING:
     import pandas as pd
 
-AnyArray = NDArray[Any]
 _PART = 100_000  # states that are digested at once
 
 
@@ -105,7 +104,7 @@ def coverage_digest(problem: Problem) -> str:
 
 def _columns(
     model: Model, robot_class: RobotClass, nodes: IntArray
-) -> tuple[dict[str, AnyArray], IntArray]:
+) -> tuple[dict[str, NDArray[Any]], IntArray]:
     """Returns coverage from some nodes by columns, and the view sum that each row adds to."""
     graph, table = robot_class.graph, model.coverage(robot_class)
     owner = model.problem.face_owner

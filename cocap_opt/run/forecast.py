@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-PRICING = 2e-7  # s, of a state at a step in the search of a certificate's best paths: measured
+_PRICING = 2e-7  # s, of a state at a step in the search of a certificate's best paths: measured
 _GIGABYTE = 1e9
 _USABLE = 0.9  # of the memory that is free
 # Times an estimate: what a limit must allow so that nothing is said, and so that it is advised.
@@ -87,6 +87,29 @@ class Forecast(NamedTuple):
             parts.append(f"a first plan of all drones takes {about(self.planning)}")
         return ", ".join(parts)
 
+    def doubts(self, seconds: float, option: str, recipe: "RecipeTrial | None") -> str:
+        """Returns why a limit will not do and what would, in one line; empty if it will.
+
+        Parameters
+        ----------
+        seconds : the limit
+        option : what sets the limit, such as "--time-limit"
+        recipe : of which changes are tried; None where the scene is of no recipe
+        """
+        if self.fits(seconds):
+            return ""
+        if not self.has_memory:
+            problem, ways = f"of which {_free():.1f} GB are free", []
+        else:
+            problem = (
+                f"too much for a limit of {duration(seconds)}: drones may stay at their starts"
+            )
+            ways = [f"{option} {self.ample:g}"]
+        changes = () if recipe is None else recipe.that_fit(self, _NEAR * seconds)
+        ways += [f"{change.words} ({about(found.seconds)})" for change, found in changes]
+        way_out = f"; what would do: {'; or '.join(ways)}" if ways else ""
+        return f"{self.words}, {problem}{way_out}"
+
 
 def _free() -> float:
     """Returns the memory that is free, in GB."""
@@ -106,28 +129,6 @@ def duration(seconds: float) -> str:
 def about(seconds: float) -> str:
     """Returns estimated seconds in words."""
     return duration(seconds) if seconds < 1 else f"about {duration(seconds)}"
-
-
-def doubts(forecast: Forecast, seconds: float, option: str, recipe: "RecipeTrial | None") -> str:
-    """Returns why a limit will not do and what would, in one line; empty if it will.
-
-    Parameters
-    ----------
-    seconds : the limit
-    option : what sets the limit, such as "--time-limit"
-    recipe : of which changes are tried; None where the scene is of no recipe
-    """
-    if forecast.fits(seconds):
-        return ""
-    if not forecast.has_memory:
-        problem, ways = f"of which {_free():.1f} GB are free", []
-    else:
-        problem = f"too much for a limit of {duration(seconds)}: drones may stay at their starts"
-        ways = [f"{option} {forecast.ample:g}"]
-    changes = () if recipe is None else recipe.that_fit(forecast, _NEAR * seconds)
-    ways += [f"{change.words} ({about(found.seconds)})" for change, found in changes]
-    way_out = f"; what would do: {'; or '.join(ways)}" if ways else ""
-    return f"{forecast.words}, {problem}{way_out}"
 
 
 class RecipeTrial(NamedTuple):
@@ -208,7 +209,7 @@ def warn_of_checking(
         return
     states = sum(c.graph.n_states for c in model.classes) * (model.problem.horizon + 1)
     leaves = sum(map(_leaves, files))
-    forecast = Forecast(coverage, leaves * states * PRICING)
+    forecast = Forecast(coverage, leaves * states * _PRICING)
     if not forecast.has_memory:
         _log.warning(
             "%s: %s, of which %.1f GB are free", model.problem.name, forecast.words, _free()
@@ -254,7 +255,7 @@ def warn_of_limit(
     words, whose = "", problem.name if seed is None else f"{problem.name}, seed {seed}"
     if math.isfinite(seconds):
         recipe = RecipeTrial.of(scene, seed or 0, problem)
-        words = doubts(forecast, seconds, option, recipe)
+        words = forecast.doubts(seconds, option, recipe)
     elif forecast.seconds > _LONG:
         words = f"{forecast.words}; Ctrl-C or {option.removesuffix(' =')} ends it early"
     if words:

@@ -17,18 +17,3 @@ class Allowance(NamedTuple):
         if self.work is not None:
             criteria.append(WorkLimit(self.work))
         return FirstOf(*criteria)
-
-
-class Awaiting(FirstOf):
-    """Reached with another stop and, from `begin` on, once an allowance is spent.
-
-    What comes before `begin`, as coverage does, is charged to nobody.
-    """
-
-    def __init__(self, stop: Stop, allowance: Allowance) -> None:
-        super().__init__(stop)
-        self._allowance = allowance
-
-    def begin(self) -> None:
-        """Lets the allowance begin to count."""
-        self._criteria = (self._allowance.begin(*self._criteria),)

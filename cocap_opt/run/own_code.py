@@ -25,8 +25,11 @@ _PROJECT = "cocap_opt"  # whose code is in a digest of its own
 _NATIVE = (".so", ".pyd")  # endings of compiled modules
 
 
-class OwnCodeError(ValueError):
-    """The code of a module cannot be told; the message says why in one line."""
+class OwnPlannerError(ValueError):
+    """A planner cannot be found or called, raises, or returns no result; one line says which, why.
+
+    What a planner has raised is the cause of this error, with its traceback.
+    """
 
 
 class OwnCode(NamedTuple):
@@ -51,7 +54,7 @@ class OwnCode(NamedTuple):
 
         Raises
         ------
-        OwnCodeError
+        OwnPlannerError
             If it has no file, as what is typed at a prompt or into a notebook, or if it has changed
             since it was imported, or a module of one's own that it imports has.
         """
@@ -60,7 +63,7 @@ class OwnCode(NamedTuple):
             return cls(name, (), frozenset(), {})
         file = getattr(module, "__file__", None)
         if file is None or not Path(file).is_file() or Path(file).suffix != ".py":
-            raise OwnCodeError(f"{name} has no file of Python code")
+            raise OwnPlannerError(f"{name} has no file of Python code")
         _require_current(module, Path(file))
         top = Path(file).stem if name == "__main__" else name.partition(".")[0]
         root = Path(file).resolve().parents[0 if name == "__main__" else _depth(module)]
@@ -191,7 +194,7 @@ _packages = cache(packages_distributions)  # it reads the records of all that is
 
 
 def _require_current_files(root: Path, paths: Iterable[str]) -> None:
-    """Raises OwnCodeError if modules that are imported are not those that their files have now."""
+    """Raises OwnPlannerError if imported modules are not those that their files have now."""
     for path in paths:
         name = path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
         module, file = sys.modules.get(name), root / path
@@ -201,7 +204,7 @@ def _require_current_files(root: Path, paths: Iterable[str]) -> None:
 
 
 def _require_current(module: ModuleType, file: Path) -> None:
-    """Raises OwnCodeError if the functions of a module are not those that its file has now."""
+    """Raises OwnPlannerError if the functions of a module are not those that its file has now."""
     if type(module.__loader__) is not SourceFileLoader:  # another may have changed the code
         return
     try:
@@ -211,7 +214,7 @@ def _require_current(module: ModuleType, file: Path) -> None:
     for function in _functions(module):
         is_from_it = Path(function.__code__.co_filename).resolve() == file.resolve()
         if is_from_it and function.__code__ not in known:
-            raise OwnCodeError(
+            raise OwnPlannerError(
                 f"{file} has changed since it was imported ({function.__name__} is another); begin "
                 "Python anew, or reload it"
             )

@@ -19,7 +19,8 @@ import cloudpickle
 from cocap_opt.method import Method
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
-from cocap_opt.run.own_code import OwnCode, OwnCodeError, counted
+from cocap_opt.run.own_code import OwnCode, counted
+from cocap_opt.run.own_code import OwnPlannerError as OwnPlannerError
 from cocap_opt.stop import LimitReached, Stop
 from cocap_opt.text import meant, shortened
 
@@ -29,13 +30,6 @@ _Call = Callable[..., object]
 _imported: dict[str, str] = {}
 _folders: list[TemporaryDirectory[str]] = []  # that it was written into
 _put: list[str] = []  # the folders that it was imported from, put first on the path
-
-
-class OwnPlannerError(ValueError):
-    """A planner cannot be found or called, raises, or returns no result; one line says which, why.
-
-    What a planner has raised is the cause of this error, with its traceback.
-    """
 
 
 @dataclass(frozen=True)
@@ -70,10 +64,7 @@ class OwnPlanner:
             sys.path.insert(0, str(Path.cwd()))  # as `python -m` does
         call = _resolved(reference)
         module = reference.partition(":")[0]
-        try:
-            return cls(name, reference, OwnCode.of(module), _checked(call, reference))
-        except OwnCodeError as error:
-            raise OwnPlannerError(str(error)) from error
+        return cls(name, reference, OwnCode.of(module), _checked(call, reference))
 
     @classmethod
     def of_function(cls, call: _Call, name: str, kept: bool) -> "OwnPlanner":
@@ -100,7 +91,7 @@ class OwnPlanner:
             return cls(name, call=call)
         try:
             code = OwnCode.of(module)
-        except OwnCodeError as error:
+        except OwnPlannerError as error:
             if kept:
                 words = "put it into a module, or leave `out` away"
                 raise OwnPlannerError(
@@ -293,7 +284,7 @@ def _received(reference: str, code: OwnCode) -> _Call:
         if code.files:
             _put_first(roots)
         call = _resolved(reference)
-        with suppress(OwnCodeError):
+        with suppress(OwnPlannerError):
             if OwnCode.of(module).digest == code.digest:
                 _imported.update(dict.fromkeys(code.names, code.digest))
                 return call

@@ -53,11 +53,11 @@ def gaps_figure(rows: Sequence[Row]) -> Figure:
     rows : of the gap table
     """
     scenes = Row.grouped(rows, "scene")
-    heights = [1.1 + 0.42 * len(Row.grouped(some, "planner")) for some in scenes.values()]
+    heights = [1.1 + 0.42 * len(Row.grouped(runs, "planner")) for runs in scenes.values()]
     figure = new_figure(7.2, sum(heights))
     panels = figure.subplots(len(scenes), 1, height_ratios=heights, squeeze=False)[:, 0]
-    for ax, ((scene,), some) in zip(panels, scenes.items(), strict=True):
-        _draw_gaps(ax, some)
+    for ax, ((scene,), runs) in zip(panels, scenes.items(), strict=True):
+        _draw_gaps(ax, runs)
         ax.set_title(scene, fontsize=TITLE, loc="left")
     return figure
 
@@ -73,12 +73,12 @@ def _draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
     rows : of the gap table, of one scene
     """
     planners = Row.grouped(rows, "planner")
-    for y, some in enumerate(planners.values()):
-        _draw_planner(ax, y, some)
+    for y, runs in enumerate(planners.values()):
+        _draw_planner(ax, y, runs)
     if not all(row.bound_is_proved for row in rows):
         words = "faint: the bound is not proved to be the optimum"
         ax.set_title(words, fontsize=SMALL, loc="right", color=GREY)
-    labels = [_label(planner, some) for (planner,), some in planners.items()]
+    labels = [_label(planner, runs) for (planner,), runs in planners.items()]
     ax.set_yticks(range(len(planners)), labels)
     ax.set_ylim(len(planners) - 0.5, -0.5)
     _gap_axis(ax, max(Row.percent(rows, "gap"), default=0.0))
@@ -91,8 +91,10 @@ def _draw_planner(ax: Axes, y: float, rows: Sequence[Row]) -> None:
         return
     gaps = np.array(Row.percent(bounded, "gap"))
     proved = np.array([row.bound_is_proved for row in bounded])
-    for some, alpha in ((proved, 0.75), (~proved, 0.3)):
-        ax.plot(gaps[some], np.full(some.sum(), y), "|", color=BLUE, ms=13, mew=1.3, alpha=alpha)
+    for chosen, alpha in ((proved, 0.75), (~proved, 0.3)):
+        ax.plot(
+            gaps[chosen], np.full(chosen.sum(), y), "|", color=BLUE, ms=13, mew=1.3, alpha=alpha
+        )
     found = Mean.of(gaps.tolist())
     if not math.isnan(found.low):
         ax.plot([found.low, found.high], [y, y], color=RED, lw=3, solid_capstyle="butt")
@@ -155,7 +157,7 @@ def _draw_progress(ax: Axes, traces: Mapping[str, Trace]) -> Axes:
         proved = gaps[-1] <= _LEAST_GAP
         ax.plot(seconds[-1], gaps[-1], "o", color=colour, ms=7 if proved else 3.5,
                 mfc="white" if proved else colour, mew=1.6, clip_on=False, zorder=3)  # fmt: skip
-    most = max((100 * s.gap for some in shown.values() for s in some), default=0.0)
+    most = max((100 * s.gap for curve in shown.values() for s in curve), default=0.0)
     ax.set_ylim(_LEAST_GAP / 2, 2 * max(most, 10 * _LEAST_GAP))  # first: all may be at one height
     ax.set_xscale("log")
     ax.set_yscale("log")
@@ -202,14 +204,14 @@ def losses_figure(losses: Mapping[str, FloatArray]) -> Figure:
     ----------
     losses : % of the bound [R, T], by the plans' names
     """
-    rows = max(len(own) for own in losses.values())
+    rows = max(len(lost) for lost in losses.values())
     height = 0.8 + 0.22 * min(max(rows, 3), 24)
     figure = new_figure(6.4, 0.3 + height * len(losses))
     panels = figure.subplots(len(losses), 1, sharex=True, squeeze=False)[:, 0]
-    most = max(float(own.max(initial=0.0)) for own in losses.values())
-    for ax, (name, own) in zip(panels, losses.items(), strict=True):
-        drawn = _draw_losses(ax, own, most)
-        ax.set_title(f"{name}: {own.sum():.3f} %", fontsize=9, loc="left")
+    most = max(float(lost.max(initial=0.0)) for lost in losses.values())
+    for ax, (name, lost) in zip(panels, losses.items(), strict=True):
+        drawn = _draw_losses(ax, lost, most)
+        ax.set_title(f"{name}: {lost.sum():.3f} %", fontsize=9, loc="left")
         ax.label_outer()
     figure.colorbar(drawn, ax=panels.tolist(), label="% of the bound")
     return figure
@@ -278,7 +280,7 @@ def _placed(found: Iterable[Conflict]) -> list[tuple[float, Conflict]]:
         times.setdefault(conflict.t if at_step else conflict.t + 0.5, []).append(conflict)
     apart = min(0.12, 0.4 / max(map(len, times.values()), default=1))
     return [
-        (time + apart * (k - (len(some) - 1) / 2), conflict)
-        for time, some in times.items()
-        for k, conflict in enumerate(some)
+        (time + apart * (k - (len(together) - 1) / 2), conflict)
+        for time, together in times.items()
+        for k, conflict in enumerate(together)
     ]

@@ -66,11 +66,11 @@ def parts_table(explained: Mapping[str, Explained]) -> Table:
     """Returns the parts of each gap in % of the bound; they add up to it."""
     return [
         {"planner": planner}
-        | {name: _percent(one, one.explanation.total(*kinds)) for name, kinds in _PARTS.items()}
-        | {"gap": _percent(one, one.explanation.gap)}
-        for planner, one in explained.items()
+        | {name: _percent(told, told.explanation.total(*kinds)) for name, kinds in _PARTS.items()}
+        | {"gap": _percent(told, told.explanation.gap)}
+        for planner, told in explained.items()
     ]
 
 
-def _percent(one: Explained, amount: float) -> str:
-    return f"{round(100 * one.explanation.share(amount), 3) + 0.0:.3f}"
+def _percent(told: Explained, amount: float) -> str:
+    return f"{round(100 * told.explanation.share(amount), 3) + 0.0:.3f}"

@@ -93,8 +93,8 @@ def _about(rows: Sequence[Row]) -> str:
     """Returns scenes, numbers of seeds and planners in a line."""
     planners = dict.fromkeys(row.planner or "" for row in rows)
     scenes = ", ".join(
-        f"{scene} ({counted(len({row.seed for row in some}), 'seed')})"
-        for (scene,), some in Row.grouped(rows, "scene").items()
+        f"{scene} ({counted(len({row.seed for row in group}), 'seed')})"
+        for (scene,), group in Row.grouped(rows, "scene").items()
     )
     return f"{scenes}; {', '.join(planners)}"
 
@@ -114,9 +114,9 @@ def _results(rows: Sequence[Row], against: str) -> str:
 def _searches(folder: Path, rows: Sequence[Row]) -> str:
     """Returns figures of the bounds over time, one per scene."""
     parts = []
-    for (scene,), some in Row.grouped(rows, "scene").items():
+    for (scene,), group in Row.grouped(rows, "scene").items():
         traces = {}
-        for row in {row.seed: row for row in some}.values():
+        for row in {row.seed: row for row in group}.values():
             if (trace := _trace(folder, row)) is not None:
                 traces[f"seed {row.seed}"] = trace
         if traces:
@@ -142,17 +142,17 @@ def _trace(folder: Path, row: Row) -> Trace | None:
 def _plans(folder: Path, rows: Sequence[Row], most: int) -> str:
     """Returns players of the first scenes, each with the seed that shows most."""
     scenes = [
-        some
-        for (_,), some in Row.grouped(rows, "scene").items()
-        if (folder / Paths(some[0]).scene).is_file()
+        group
+        for (_,), group in Row.grouped(rows, "scene").items()
+        if (folder / Paths(group[0]).scene).is_file()
     ]
-    return "\n".join(_scene_plans(folder, some) for some in scenes[:most])
+    return "\n".join(_scene_plans(folder, group) for group in scenes[:most])
 
 
 def _scene_plans(folder: Path, rows: Sequence[Row]) -> str:
-    seed, some = _telling_seed(rows)
-    problem = load_scene(str(folder / Paths(some[0]).scene), 0)
-    shown = _telling_pair(some)
+    seed, group = _telling_seed(rows)
+    problem = load_scene(str(folder / Paths(group[0]).scene), 0)
+    shown = _telling_pair(group)
     if not shown:
         return ""
     plans = {row.planner or "": _plan(folder, row, problem) for row in shown}
@@ -176,17 +176,17 @@ def _gaps_explained(title: str, explained: Mapping[str, Explained]) -> str:
     if not explained:
         return ""
     losses = {
-        planner: 100 * one.explanation.share(1.0) * one.explanation.losses()
-        for planner, one in explained.items()
+        planner: 100 * told.explanation.share(1.0) * told.explanation.losses()
+        for planner, told in explained.items()
     }
     words = (
         f"{title}: what each drone loses by leaving a step as it does, against the best path that "
         "the bound knows from there."
     )
-    lost = any(own.max() >= 100 * SHOWN for own in losses.values())
+    lost = any(loss.max() >= 100 * SHOWN for loss in losses.values())
     drawn = _image(losses_figure(losses), words) if lost else ""
     table = {"What the gaps are made of (% of the bound)": parts_table(explained)}
-    costly = {planner: costliest(one) for planner, one in explained.items()}
+    costly = {planner: costliest(told) for planner, told in explained.items()}
     most = [f"{planner}: {words}." for planner, words in costly.items() if words]
     about = (
         "Drones lose by their paths, the bound pays for faces beyond what the drones get, it "
@@ -204,13 +204,13 @@ def _telling_seed(rows: Sequence[Row]) -> tuple[int | None, list[Row]]:
     rewards differ most.
     """
 
-    def told(some: Sequence[Row]) -> tuple[bool, int, float]:
-        rewards = [row.reward for row in some if row.valid and row.reward is not None]
+    def told(group: Sequence[Row]) -> tuple[bool, int, float]:
+        rewards = [row.reward for row in group if row.valid and row.reward is not None]
         apart = max(rewards) - min(rewards) if rewards else -1.0
-        plans = sum(row.reward is not None for row in some)
-        return plans > 1, max((row.conflicts or 0) for row in some), apart
+        plans = sum(row.reward is not None for row in group)
+        return plans > 1, max((row.conflicts or 0) for row in group), apart
 
-    seeds = {seed: some for (seed,), some in Row.grouped(rows, "seed").items()}
+    seeds = {seed: group for (seed,), group in Row.grouped(rows, "seed").items()}
     return max(seeds.items(), key=lambda item: told(item[1]))
 
 
@@ -300,15 +300,17 @@ def _settings(rows: Sequence[Row], run: RunFile) -> str:
         ),
         ("digest of the code", run.code[:16]),
     ]
-    for one in run.runs:
-        own = {
-            "command": shlex.join(one.command),
-            "begun (UTC)": one.began,
-            "computed by": one.workers,
-            **one.machine,
-            "packages": ", ".join(f"{name} {number}" for name, number in one.packages.items()),
+    for command_run in run.runs:
+        told = {
+            "command": shlex.join(command_run.command),
+            "begun (UTC)": command_run.began,
+            "computed by": command_run.workers,
+            **command_run.machine,
+            "packages": ", ".join(
+                f"{name} {number}" for name, number in command_run.packages.items()
+            ),
         }
-        facts += [(key, text) for key, text in own.items() if (key, text) not in facts]
+        facts += [(key, text) for key, text in told.items() if (key, text) not in facts]
     lines = (f"<dt>{_escaped(key)}</dt><dd>{_escaped(text)}</dd>" for key, text in facts)
     return f"<dl>{''.join(lines)}</dl>"
 

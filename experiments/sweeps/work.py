@@ -22,7 +22,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.run.engine import BOUND_METHOD, cover, run, warm_up
 from cocap_opt.run.judged import Judged, RefereeError
-from cocap_opt.run.limits import Allowance, Awaiting
+from cocap_opt.run.limits import Allowance
 from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
 from cocap_opt.stop import Clock, Stop, never
 
@@ -146,9 +146,8 @@ def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
     """Runs a planner."""
     cell, problem = task.cell, task.problem
     method = cell.planner if task.own is None else task.own.method
-    allowed = Awaiting(stop, cell.allowance)
-    cover(problem, cell.planner, allowed, watch)
-    allowed.begin()
+    cover(problem, cell.planner, stop, watch)  # which is charged to nobody
+    allowed = cell.allowance.begin(stop)
     columns = {"time_limit": cell.time_limit, "work_limit": cell.work_limit}
     try:
         judged = run(problem, method, allowed, name=cell.planner, seed=cell.seed)
@@ -289,9 +288,8 @@ class _Bounds:
         return _joined(best, bound)
 
     def _run(self, problem: Problem, start: Judged[Any], name: str) -> Judged[CertifiedResult]:
-        stop = Awaiting(self._stop, self._allowance)
-        cover(problem, BOUND_METHOD, stop, self._watch)
-        stop.begin()
+        cover(problem, BOUND_METHOD, self._stop, self._watch)  # which is charged to nobody
+        stop = self._allowance.begin(self._stop)
         return run(
             problem, BOUND_METHOD, stop, start=start.result.plan, report=self._report_to(name)
         )

@@ -190,15 +190,15 @@ def _means(rows: Sequence[Row]) -> list[Record]:
     """
     table = []
     for scene, planner in dict.fromkeys((row.scene, row.planner) for row in rows):
-        some = [row for row in rows if (row.scene, row.planner) == (scene, planner)]
+        group = [row for row in rows if (row.scene, row.planner) == (scene, planner)]
         table.append(
             {
                 "scene": scene,
                 "planner": planner,
-                "seeds": len(some),
-                "feasible": sum(row.valid for row in some),
-                "bounds proved": sum(row.bound_is_proved for row in some),
-                **{key: _mean(some, key) for key in _MEANS},
+                "seeds": len(group),
+                "feasible": sum(row.valid for row in group),
+                "bounds proved": sum(row.bound_is_proved for row in group),
+                **{key: _mean(group, key) for key in _MEANS},
             }
         )
     return table

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cocap_opt.experiments.tables.rows import PlanRow
 
-CELLS, CERTIFICATES, PLANS, SCENES, TRACES = FOLDERS = (
+CELLS, _CERTIFICATES, _PLANS, _SCENES, TRACES = FOLDERS = (
     "cells", "certificates", "plans", "scenes", "traces",
 )  # fmt: skip
 
@@ -21,17 +21,17 @@ class Paths:
     @property
     def scene(self) -> Path:
         """The scene as a file of cocap-opt."""
-        return Path(SCENES, f"{self._stem}.json")
+        return Path(_SCENES, f"{self._stem}.json")
 
     @property
     def plan(self) -> Path:
         """The planner's plan; there is no such file where the row has no reward."""
         assert self._planner is not None
-        return Path(PLANS, f"{self._stem}-{_file_name(self._planner)}.json")
+        return Path(_PLANS, f"{self._stem}-{_file_name(self._planner)}.json")
 
     def certificate(self, free: bool) -> Path:
         """The certificate of the bound under the rules, or of that without any rules."""
-        return Path(CERTIFICATES, f"{self._stem}{_suffix(free)}.json")
+        return Path(_CERTIFICATES, f"{self._stem}{_suffix(free)}.json")
 
     def trace(self, free: bool) -> Path:
         """The value and bound over time in the search for one of the two bounds."""

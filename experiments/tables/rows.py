@@ -23,7 +23,7 @@ from cocap_opt.stop import NO_LIMIT, Limit
 from cocap_opt.vision.faces import FaceGeometry
 
 ERROR = "error"  # the reason of a planner or a bound that ended by an error
-EXACT_COVERAGE, SAMPLED_COVERAGE = "exact", "sampled"
+_EXACT_COVERAGE, SAMPLED_COVERAGE = "exact", "sampled"
 OWN_STARTS = "those in the scene's own file"
 _REWARD = "sqrt(px/m2)"
 _ANY = {"unit": _REWARD, "least": -(2**63 - 1)}  # a bound below 0 proves that there is no plan
@@ -166,7 +166,7 @@ class PlannedRow(PlanRow):
     steps: Annotated[int, Column("Steps after the start.")]
     coverage: Annotated[
         str, Column("exact, or sampled: past meshes that are not convex, rays sample what is seen.")
-    ] = EXACT_COVERAGE
+    ] = _EXACT_COVERAGE
     time_limit: Annotated[
         _Number,
         Column("Time that the planner was allowed, from when coverage was there.", unit="s"),
@@ -207,7 +207,7 @@ class PlannedRow(PlanRow):
             "robots": len(problem.robots),
             "actors": len(problem.actors),
             "steps": problem.horizon,
-            "coverage": SAMPLED_COVERAGE if FaceGeometry.is_sampled(problem) else EXACT_COVERAGE,
+            "coverage": SAMPLED_COVERAGE if FaceGeometry.is_sampled(problem) else _EXACT_COVERAGE,
             **more,
         })  # fmt: skip
 

@@ -23,16 +23,16 @@ Table = list[dict[str, str]]
 _HEADING = 12  # characters of a line of a heading in LaTeX
 _LARGE = 1000  # rewards from which on no decimals are shown
 AGAINST = "sequential"  # what the paper compares itself with
-PLANNERS, DIFFERENCES, PRICE, TIME = (
+_PLANNERS, _DIFFERENCES, _PRICE, _TIME = (
     "Planners", "Paired differences", "Price of collision avoidance", "Time",
 )  # fmt: skip
 # Columns that a narrow terminal does without, the least useful first.
 _SPARE = {
-    PLANNERS: ("stopped by a limit", "gap to free (%)", "median seconds", "seeds",
+    _PLANNERS: ("stopped by a limit", "gap to free (%)", "median seconds", "seeds",
                "proved optimal", "mean reward", "largest gap (%)"),
-    DIFFERENCES: ("seeds", "equal", "worse", "better"),
-    PRICE: ("seeds", "largest (%)", "bound proved best"),
-    TIME: ("runs", "longest (s)", "shifted geometric mean (s)", "no valid plan"),
+    _DIFFERENCES: ("seeds", "equal", "worse", "better"),
+    _PRICE: ("seeds", "largest (%)", "bound proved best"),
+    _TIME: ("runs", "longest (s)", "shifted geometric mean (s)", "no valid plan"),
 }  # fmt: skip
 
 
@@ -49,10 +49,10 @@ class Tables(dict[str, Table]):
         """
         planners = {row.planner for row in rows}
         tables = {
-            PLANNERS: _planner_table(rows),
-            DIFFERENCES: _difference_table(rows, against) if against in planners else [],
-            PRICE: _price_table(rows),
-            TIME: _time_table(rows),
+            _PLANNERS: _planner_table(rows),
+            _DIFFERENCES: _difference_table(rows, against) if against in planners else [],
+            _PRICE: _price_table(rows),
+            _TIME: _time_table(rows),
         }
         return cls({title: table for title, table in tables.items() if table})
 
@@ -132,22 +132,22 @@ def _planner_table(rows: Sequence[Row]) -> Table:
     the mean is over fewer seeds than others', and their number is said.
     """
     table = []
-    for (scene, planner), some in Row.grouped(rows, "scene", "planner").items():
-        valid = [row for row in some if row.valid]
+    for (scene, planner), group in Row.grouped(rows, "scene", "planner").items():
+        valid = [row for row in group if row.valid]
         gaps = Row.percent(valid, "gap")
         table.append(
             {
                 "scene": scene,
                 "planner": planner,
-                "seeds": str(len(some)),
-                "obeys the rules": _share(len(valid), len(some)),
-                "mean reward": _spread(Row.values(some, "reward")),
-                "gap (%)": _of(Mean.in_words(gaps), len(gaps), len(some)),
+                "seeds": str(len(group)),
+                "obeys the rules": _share(len(valid), len(group)),
+                "mean reward": _spread(Row.values(group, "reward")),
+                "gap (%)": _of(Mean.in_words(gaps), len(gaps), len(group)),
                 "largest gap (%)": Mean.rounded(max(gaps, default=None), 3),
                 "gap to free (%)": Mean.in_words(Row.percent(valid, "gap_free")),
-                "proved optimal": _share(sum(row.is_optimal for row in valid), len(some)),
-                "stopped by a limit": str(sum(row.reason == Reason.STOPPED for row in some)),
-                "median seconds": _median(Row.values(some, "seconds")),
+                "proved optimal": _share(sum(row.is_optimal for row in valid), len(group)),
+                "stopped by a limit": str(sum(row.reason == Reason.STOPPED for row in group)),
+                "median seconds": _median(Row.values(group, "seconds")),
             }
         )
     return table
@@ -159,14 +159,14 @@ def _difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
     Only seeds are compared on which both plans obey the rules.
     """
     table = []
-    for (scene,), some in Row.grouped(rows, "scene").items():
-        reference = {row.seed: row.reward for row in some if row.planner == against and row.valid}
-        for (planner,), own in Row.grouped(some, "planner").items():
+    for (scene,), group in Row.grouped(rows, "scene").items():
+        reference = {row.seed: row.reward for row in group if row.planner == against and row.valid}
+        for (planner,), runs in Row.grouped(group, "planner").items():
             if planner == against:
                 continue
             pairs = [
                 (row.reward, other)
-                for row in own
+                for row in runs
                 if row.valid and row.reward is not None
                 if (other := reference.get(row.seed)) is not None
             ]
@@ -192,8 +192,8 @@ def _price_table(rows: Sequence[Row]) -> Table:
     what the free bound has more than the best plan that obeys them, in % of the free optimum.
     """
     table = []
-    for (scene,), some in Row.grouped(rows, "scene").items():
-        first = {row.seed: row for row in some}.values()
+    for (scene,), group in Row.grouped(rows, "scene").items():
+        first = {row.seed: row for row in group}.values()
         ends = [end for row in first if (end := row.price) is not None]
         table.append(
             {
@@ -217,15 +217,15 @@ def _time_table(rows: Sequence[Row]) -> Table:
     """
     timed = [row for row in rows if _is_timed(row)]
     scenes = Row.grouped(timed, "scene")
-    table = [row for (scene,), some in scenes.items() for row in _times(scene, some)]
+    table = [row for (scene,), group in scenes.items() for row in _times(scene, group)]
     if len(scenes) < 2:
         return table
     instances = {row.key for row in timed}
     everywhere = [
         row
-        for some in Row.grouped(timed, "planner").values()
-        if {row.key for row in some} == instances
-        for row in some
+        for group in Row.grouped(timed, "planner").values()
+        if {row.key for row in group} == instances
+        for row in group
     ]
     return table + _times("all", everywhere)
 
@@ -238,18 +238,18 @@ def _is_timed(row: Row) -> bool:
 
 def _times(scene: str, rows: Sequence[Row]) -> Table:
     """Returns rows of a table of times; ratios are over what all of its planners were run on."""
-    planners = {planner: some for (planner,), some in Row.grouped(rows, "planner").items()}
-    instances = [{row.key for row in some} for some in planners.values()]
+    planners = {planner: group for (planner,), group in Row.grouped(rows, "planner").items()}
+    instances = [{row.key for row in group} for group in planners.values()]
     common = set.intersection(*instances) if instances else set()
     obedient = {
-        planner: some
-        for planner, some in planners.items()
-        if all(row.valid or row.reward is None for row in some)
+        planner: group
+        for planner, group in planners.items()
+        if all(row.valid or row.reward is None for row in group)
     }
-    means = {planner: _mean_seconds(some) for planner, some in obedient.items()}
+    means = {planner: _mean_seconds(group) for planner, group in obedient.items()}
     alike = {
-        planner: _mean_seconds([row for row in some if row.key in common])
-        for planner, some in obedient.items()
+        planner: _mean_seconds([row for row in group if row.key in common])
+        for planner, group in obedient.items()
         if common
     }
     least = min(alike.values(), default=0.0)
@@ -257,16 +257,16 @@ def _times(scene: str, rows: Sequence[Row]) -> Table:
         {
             "scene": scene,
             "planner": planner,
-            "runs": str(len(some)),
-            "no valid plan": str(sum(not row.valid for row in some)),
+            "runs": str(len(group)),
+            "no valid plan": str(sum(not row.valid for row in group)),
             "shifted geometric mean (s)": Mean.rounded(means.get(planner), 3),
             "of the fastest": Mean.rounded(
                 alike[planner] / least if least > 0 and planner in alike else None, 1
             ),
-            "median (s)": _median(Row.values(some, "seconds")),
-            "longest (s)": Mean.rounded(max(Row.values(some, "seconds"), default=None), 3),
+            "median (s)": _median(Row.values(group, "seconds")),
+            "longest (s)": Mean.rounded(max(Row.values(group, "seconds"), default=None), 3),
         }
-        for planner, some in planners.items()
+        for planner, group in planners.items()
     ]
 
 

@@ -26,8 +26,8 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.run import named_planners, own_planners
 from cocap_opt.run.engine import run
-from cocap_opt.run.own_code import OwnCode, OwnCodeError
-from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
+from cocap_opt.run.own_code import OwnCode, OwnPlannerError
+from cocap_opt.run.own_planners import OwnPlanner
 from cocap_opt.stop import Stop, never
 
 MINE = '''
@@ -314,7 +314,7 @@ def test_a_module_that_has_changed_since_is_not_kept(mine: Path) -> None:
     planner = own("mymodule:best")
     assert OwnCode.of("mymodule") == planner.code
     (mine / "mymodule.py").write_text(MINE.replace("seed {seed}", "number {seed}"))
-    with pytest.raises(OwnCodeError, match="seeded is another"):
+    with pytest.raises(OwnPlannerError, match="seeded is another"):
         OwnCode.of("mymodule")
 
 
@@ -325,7 +325,7 @@ def test_a_helper_that_has_changed_since_is_not_kept(mine: Path) -> None:
     planner = own("mymodule:best")
     assert OwnCode.of("mymodule") == planner.code
     (mine / "pickings.py").write_text(helper.replace("return 1", "return 2"))
-    with pytest.raises(OwnCodeError, match=r"pickings\.py has changed .*one is another"):
+    with pytest.raises(OwnPlannerError, match=r"pickings\.py has changed .*one is another"):
         OwnCode.of("mymodule")
 
 

@@ -18,7 +18,7 @@ from cocap_opt.model.coverage_tables import CoverageTables
 from cocap_opt.player.player import Player
 from cocap_opt.problem import Ending, Plan
 from cocap_opt.run import forecast
-from cocap_opt.run.forecast import Forecast, RecipeTrial, doubts, duration
+from cocap_opt.run.forecast import Forecast, RecipeTrial, duration
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.recipe.lighter import lighter
 from cocap_opt.stop import Limit, Reason
@@ -131,16 +131,16 @@ def test_seconds_are_said_with_two_digits() -> None:
 def test_a_limit_that_will_do_is_not_doubted() -> None:
     """With a longer limit nothing is said; the limit that is advised is long enough."""
     found = Forecast(CoverageEstimate(views=10, seconds=50.0), planning=4.0)
-    assert doubts(found, 100.0, "--time-limit", None) == ""
-    words = doubts(found, 60.0, "--time-limit", None)
+    assert found.doubts(100.0, "--time-limit", None) == ""
+    words = found.doubts(60.0, "--time-limit", None)
     assert "coverage takes about 50 s" in words
     advised = float(words.rpartition("--time-limit ")[2])
-    assert doubts(found, advised, "--time-limit", None) == ""
+    assert found.doubts(advised, "--time-limit", None) == ""
 
 
 def test_memory_that_is_not_there_is_said() -> None:
     """A longer limit is no way out then."""
-    words = doubts(Forecast(CoverageEstimate(1, 1.0, 1e15)), 60.0, "--time-limit", None)
+    words = Forecast(CoverageEstimate(1, 1.0, 1e15)).doubts(60.0, "--time-limit", None)
     assert "1000000.0 GB" in words
     assert "--time-limit" not in words
 
