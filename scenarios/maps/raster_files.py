@@ -1,7 +1,7 @@
 """Height maps that surveys publish: ESRI ASCII grids, and GeoTIFF files through `geotiff`.
 
 They become a `Raster`, with the file's own cells, and holes where the file has no data;
-`cocap_opt.scenarios.maps.resample` brings it to the square cells of a planning problem.
+`cocap_opt.scenarios.maps.raster` brings it to the square cells of a planning problem.
 
 Source of the format of ESRI ASCII grids (`.asc`): ESRI, "Esri ASCII raster format", ArcGIS
 documentation: a header of keys and values, then `nrows` times `ncols` numbers, the northernmost

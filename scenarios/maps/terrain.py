@@ -10,9 +10,8 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.earth import same_system, short_name
-from cocap_opt.scenarios.maps.raster import Raster
+from cocap_opt.scenarios.maps.raster import Grid, Raster, refuse_too_many
 from cocap_opt.scenarios.maps.raster_files import read_raster
-from cocap_opt.scenarios.maps.resample import Grid, refuse_too_many
 from cocap_opt.scenarios.tables import (
     Coordinate,
     Flight,

@@ -1,6 +1,10 @@
-"""Faces of mesh files, with any number of corners, and the triangles that they are cut into."""
+"""What readers of mesh files share: lines and numbers of text, faces, and their triangles.
+
+Faces have any number of corners. Text may be of any encoding.
+"""
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -10,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
+from cocap_opt.scenarios.text import plain_number
 from cocap_opt.world.triangles import close, equal_rows, firsts
 
 _FLAT = 1e-9  # share of a face's size squared; less is no area
@@ -172,3 +177,45 @@ def _cut(corners: IntArray, flat: FloatArray, face: int) -> IntArray:
 def _ring(piece: BaseGeometry) -> list[tuple[float, float]]:
     """Returns the corners of a triangle, counter-clockwise."""
     return [(x, y) for x, y in orient(Polygon(piece.boundary.coords)).exterior.coords[:3]]
+
+
+def lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Yields the lines of a file with their numbers from 1; comments need not be UTF-8."""
+    content = path.read_bytes()
+    if b"\0" in content:
+        raise ProblemError("must be text of one byte a letter, not binary or UTF-16")
+    text = content.decode("utf-8-sig", errors="replace")
+    # Not by `splitlines`, which ends lines at letters of other encodings, too.
+    ends = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    yield from enumerate(ends, start=1)
+
+
+def numbers(values: Sequence[str], place: int | str) -> list[float]:
+    """Returns the numbers that words spell at a place, the number of a line or a name.
+
+    Raises
+    ------
+    ProblemError
+        If one is no number.
+    """
+    try:
+        return [plain_number(value) for value in values]
+    except ValueError as error:
+        where = place if isinstance(place, str) else f"line {place}"
+        raise ProblemError(
+            f"{where}: must be numbers with a decimal point, not {' '.join(values)[:40]!r}"
+        ) from error
+
+
+def whole(values: Sequence[str], line: int) -> list[int]:
+    """Returns the whole numbers that words of a line spell.
+
+    Raises
+    ------
+    ProblemError
+        If one is no whole number.
+    """
+    found = numbers(values, line)
+    if not all(value.is_integer() for value in found):
+        raise ProblemError(f"line {line}: must be whole numbers, not {' '.join(values)[:40]!r}")
+    return [int(value) for value in found]

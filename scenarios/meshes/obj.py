@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.meshes.faces import MeshFaces
-from cocap_opt.scenarios.meshes.text import lines, numbers
+from cocap_opt.scenarios.meshes.faces import MeshFaces, lines, numbers
 
 # Statements that give no geometry: names, groups, materials, texture and display.
 _NO_GEOMETRY = (

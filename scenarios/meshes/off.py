@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.meshes.faces import MeshFaces
-from cocap_opt.scenarios.meshes.text import lines, numbers, whole
+from cocap_opt.scenarios.meshes.faces import MeshFaces, lines, numbers, whole
 
 _BINARY = re.compile(rb"\s*\w*OFF\s+BINARY\b")
 _HEADER = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF\b")

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.meshes.faces import MeshFaces, strip
-from cocap_opt.scenarios.meshes.text import numbers
+from cocap_opt.scenarios.meshes.faces import MeshFaces, numbers, strip
 
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.meshes.faces import MeshFaces
-from cocap_opt.scenarios.meshes.text import lines, numbers
+from cocap_opt.scenarios.meshes.faces import MeshFaces, lines, numbers
 
 _HEAD = 84  # bytes before the triangles of a binary file; its number of triangles is the last 4
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

@@ -17,9 +17,8 @@ from strategies import examples
 
 from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.maps import raster, raster_files
-from cocap_opt.scenarios.maps.raster import Raster
+from cocap_opt.scenarios.maps.raster import Grid, Raster
 from cocap_opt.scenarios.maps.raster_files import read_raster
-from cocap_opt.scenarios.maps.resample import Grid
 from cocap_opt.world.workspace import HeightMap
 
 # Two rows as files hold them, the northernmost first, and what they are with x first.

@@ -11,8 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from strategies import examples
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.maps.raster import Raster
-from cocap_opt.scenarios.maps.resample import MOST_CELLS, Grid, How
+from cocap_opt.scenarios.maps.raster import MOST_CELLS, Grid, How, Raster
 from cocap_opt.world.workspace import HeightMap
 
 HOW: tuple[How, ...] = ("highest", "mean")
