@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.problem import Plan, Problem, State
-from cocap_opt.scenarios.built_in import bottleneck, bridge, corridor, field, passage, tiny
+from cocap_opt.scenarios.built_in import field, tiny, walled
 from cocap_opt.scenarios.formats import conventions, hughes, movingai
 from cocap_opt.scenarios.formats.options import NOTHING, Options
 from cocap_opt.scenarios.kinds import JSON, WKT, kind_of
@@ -25,10 +25,7 @@ __all__ = ["FORMATS", "NOTHING", "SCENES", "has_seed", "load_scene", "read_forei
 
 SCENES: Mapping[str, Callable[[int], Problem]] = MappingProxyType(
     {
-        **corridor.SCENES,  # corridor, corridor-tight
-        **bottleneck.SCENES,  # bottleneck, bottleneck-tight
-        **passage.SCENES,
-        **bridge.SCENES,
+        **walled.SCENES,  # corridor, bottleneck, both also tight, passage, bridge
         **field.SCENES,  # field, field-long, field-large
         **tiny.SCENES,  # tiny-approach and eight others
     }

@@ -3,4 +3,4 @@
 Each module has a dict `SCENES` of its scenes: functions from a seed to a Problem, by name.
 """
 
-__all__ = ["bottleneck", "bridge", "corridor", "field", "parts", "passage", "tiny"]
+__all__ = ["field", "parts", "tiny", "walled"]
