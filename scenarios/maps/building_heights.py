@@ -40,9 +40,7 @@ class Extent(NamedTuple):
     is_counted: bool = False  # in storeys
 
 
-class _Given(NamedTuple):
-    name: str  # as the file spells it
-    value: Any
+_Given = tuple[str, Any]  # name of a property as the file spells it, and its value
 
 
 def extent(properties: Mapping[str, Any], field: str) -> Extent:
@@ -89,11 +87,10 @@ def _known(properties: Mapping[str, Any], field: str) -> dict[str, _Given]:
         key = re.sub(r"[\s_:\-]", "", name).casefold()
         if key not in _KNOWN or value in (None, ""):
             continue
-        if key in found and not _is_same(found[key].value, value):
-            raise ProblemError(
-                f"{field}: {found[key].name} is {found[key].value!r:.40}, but {name} {value!r:.40}"
-            )
-        found[key] = _Given(name, value)
+        if key in found and not _is_same(found[key][1], value):
+            first, other = found[key]
+            raise ProblemError(f"{field}: {first} is {other!r:.40}, but {name} {value!r:.40}")
+        found[key] = name, value
     return found
 
 
@@ -148,12 +145,13 @@ def _length(
     found = next((given[name] for name in names if name in given), None)
     if found is None:
         return None
-    metres = _metres(found.value)
+    name, value = found
+    metres = _metres(value)
     if not (metres <= LARGEST and (metres > 0 if least is None else metres >= least)):
         above = "above" if least is None else ">="
         raise ProblemError(
-            f'{field}.{found.name}: must be a number of metres {above} 0, or such as "12.5 m" or '
-            f'"40 ft", or left out, not {found.value!r:.40}'
+            f'{field}.{name}: must be a number of metres {above} 0, or such as "12.5 m" or '
+            f'"40 ft", or left out, not {value!r:.40}'
         )
     return metres
 
@@ -163,14 +161,14 @@ def _number(given: Mapping[str, _Given], names: tuple[str, ...], field: str) -> 
     found = next((given[name] for name in names if name in given), None)
     if found is None:
         return None
+    name, value = found
     try:
-        count = math.nan if isinstance(found.value, bool) else float(found.value)
+        count = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError):
         count = math.nan
     if not 0 <= count <= LARGEST:
         raise ProblemError(
-            f"{field}.{found.name}: must be a number of storeys >= 0, or left out, not "
-            f"{found.value!r:.40}"
+            f"{field}.{name}: must be a number of storeys >= 0, or left out, not {value!r:.40}"
         )
     return count
 

@@ -76,16 +76,13 @@ class FoundPolygon(NamedTuple):
     properties: dict[str, Any]
 
 
-class Content(NamedTuple):
-    """The content of a file of GeoJSON."""
-
-    polygons: tuple[FoundPolygon, ...]
-    others: Counter[str]  # kinds of geometries that are no polygons
-    crs: Any  # as GeoJSON 2008 has it; msgspec.UNSET: it has none
-
-
-def read_geojson(text: str) -> Content:
+def read_geojson(text: str) -> tuple[list[FoundPolygon], Counter[str], Any]:
     """Returns the polygons of GeoJSON; what has no geometry, or an empty one, is left out.
+
+    Returns
+    -------
+    the polygons, the number of geometries of each kind that are no polygons, and the reference
+    system as GeoJSON 2008 has it (msgspec.UNSET: it has none)
 
     Raises
     ------
@@ -103,7 +100,7 @@ def read_geojson(text: str) -> Content:
         for field, feature in _features(content)
         for polygon in _polygons(feature.geometry, f"{field}geometry", others)
     ]
-    return Content(tuple(polygons), others, _system(content))
+    return polygons, others, _system(content)
 
 
 def _system(content: Any) -> Any:

@@ -225,11 +225,9 @@ def _of_polygons(
 def _found(text: str, kind: Kind) -> tuple[Sequence[FoundPolygon], Counter[str], StatedSystem]:
     """Returns the polygons of GeoJSON or WKT, what else it holds, and the system that it states."""
     if kind == GEOJSON:
-        content = read_geojson(text)
-        found = [
-            item._replace(polygon=_without_flat_holes(item.polygon)) for item in content.polygons
-        ]
-        return found, content.others, StatedSystem.by_crs(content.crs)
+        items, others, crs = read_geojson(text)
+        found = [item._replace(polygon=_without_flat_holes(item.polygon)) for item in items]
+        return found, others, StatedSystem.by_crs(crs)
     stated, plain = StatedSystem.by_srid(text)
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused later

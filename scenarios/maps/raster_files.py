@@ -15,14 +15,20 @@ from typing import BinaryIO
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
-from cocap_opt.scenarios.earth.beside import beside
-from cocap_opt.scenarios.earth.lengths import metres_of_heights
-from cocap_opt.scenarios.earth.units import require_true
+from cocap_opt.scenarios.earth.lengths import Stated, metres_of_heights, stated_heights, unknown
+from cocap_opt.scenarios.earth.units import (
+    NeedsPyprojError,
+    NotTrueError,
+    Units,
+    require_metres,
+    require_true,
+    units_of,
+)
 from cocap_opt.scenarios.kinds import ESRI_ASCII, TIFF, require
 from cocap_opt.scenarios.maps import geotiff
 from cocap_opt.scenarios.maps.raster import Layout, Raster, Window
 from cocap_opt.scenarios.tables import Unit
-from cocap_opt.scenarios.text import integer, naming, number, plain_number
+from cocap_opt.scenarios.text import integer, naming, number, plain_number, xml_root
 from cocap_opt.text import unread
 
 KEYS = (
@@ -32,6 +38,11 @@ KEYS = (
 CHUNK = 1 << 20  # bytes; a file is never held as text
 LONGEST = 200  # bytes, of a line of the header
 
+_PLAIN = {"Scale": 1, "Offset": 0}  # GDAL's, of heights that are stored as they are
+_MOST_BESIDE = 1 << 20  # bytes of a file beside a grid; WKT has some thousands
+
+# The reference system, None where a file only says its units, and the unit of the heights.
+_Said = tuple[str | None, Stated | None]
 Header = dict[str, str]
 
 
@@ -86,13 +97,14 @@ def _read(
         case ".asc":
             if band not in (None, 1):
                 raise ProblemError(f"band: must be 1 in an ESRI ASCII grid, not {band}")
-            told = beside(path)
-            scale = metres_of_heights(told.heights if told else None, unit, path.name)
+            told = _beside(path)
+            crs, heights = told or (None, None)
+            scale = metres_of_heights(heights, unit, path.name)
             raster = _read_esri_ascii(path, nodata, window, scale, in_metres=told is not None)
-            if told and told.crs:
+            if crs:
                 with naming("the reference system beside it"):
-                    require_true(told.crs, *raster.origin)
-            return raster._replace(crs=told.crs if told else None)
+                    require_true(crs, *raster.origin)
+            return raster._replace(crs=crs)
         case ".tif" | ".tiff":
             return geotiff.read(path, band, nodata, window, unit)
     raise ProblemError("must be named .asc, .tif or .tiff")
@@ -279,3 +291,80 @@ def _numbers(words: list[bytes], done: int, width: int) -> FloatArray:
             f"row {row + 1}, column {column + 1} from the north-west: must be a number, "
             f"not {words[k][:40].decode(errors='replace')!r}"
         ) from error
+
+
+# -- files beside a grid that tell its reference system
+
+
+def _beside(path: Path) -> _Said | None:
+    """Returns what `.prj`, `.qpj` and `.aux.xml` beside a grid say of its units; None without any.
+
+    They are named as the grid, with the ending in its place or after it, in large or small letters.
+
+    Raises
+    ------
+    ProblemError
+        If one says that x and y are no metres, or nobody can judge what it says; it is named.
+    """
+    found = [told for other in _files_beside(path) for told in _read_beside(other)]
+    if not found:
+        return None
+    units = [heights for _, heights in found if heights is not None]
+    if len({unit.metres for unit in units}) > 1:
+        raise ProblemError(
+            "heights: files beside it must say one unit, not "
+            f"{' and '.join(dict.fromkeys(unit.name for unit in units))}"
+        )
+    systems = [crs for crs, _ in found if crs is not None]
+    return systems[0] if systems else None, units[0] if units else None
+
+
+def _files_beside(path: Path) -> list[Path]:
+    names = [f"{path.stem}.prj", f"{path.name}.prj", f"{path.stem}.qpj", f"{path.name}.aux.xml"]
+    wanted = [name.casefold() for name in names]
+    files = [other for other in path.parent.iterdir() if other.name.casefold() in wanted]
+    return sorted(files, key=lambda other: (wanted.index(other.name.casefold()), other.name))
+
+
+def _read_beside(path: Path) -> Iterator[_Said]:
+    with naming(path):
+        with path.open("rb") as file:
+            content = file.read(_MOST_BESIDE + 1)
+        if len(content) > _MOST_BESIDE:
+            raise ProblemError(f"must have at most {_MOST_BESIDE} bytes")
+        if path.suffix.casefold() == ".xml":
+            yield from _of_xml(content)
+            return
+        text = content.decode("utf-8-sig", errors="replace")
+        try:
+            units = units_of(text)
+        except (NeedsPyprojError, NotTrueError):
+            raise
+        except ProblemError as error:
+            raise ProblemError(f"{error}; without this file metres are taken") from error
+        yield _of_system(text, units)
+
+
+def _of_system(text: str, units: Units) -> _Said:
+    require_metres(units)
+    is_one = not text.strip().casefold().startswith("projection")  # Arc/Info's is for people
+    return text.strip() if is_one else None, units.heights
+
+
+def _of_xml(content: bytes) -> Iterator[_Said]:
+    """Yields what GDAL and ArcGIS keep beside a raster: a system, a unit of heights."""
+    for element in xml_root(content, "XML").iter():
+        text = (element.text or "").strip()
+        match element.tag.rpartition("}")[2]:
+            case "SRS" | "WKT" if text:
+                yield _of_system(text, units_of(text))
+            case "UnitType" if text:
+                unit = stated_heights(text)
+                if unit is None:
+                    raise unknown(text)
+                yield None, unit
+            case ("Scale" | "Offset") as tag if number(text, tag) != _PLAIN[tag]:
+                raise ProblemError(
+                    f"{tag}: must be {_PLAIN[tag]} for a grid of text, not {text[:40]}; "
+                    "gdal_translate -unscale writes a map without"
+                )

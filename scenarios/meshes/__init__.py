@@ -11,7 +11,7 @@ strips and indented lines; plyfile 1.1 takes lists of length -3, and bytes after
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -28,22 +28,15 @@ from cocap_opt.scenarios.text import naming
 from cocap_opt.text import unread
 from cocap_opt.world.workspace import Mesh
 
-
-class MeshFormat(NamedTuple):
-    """A format of mesh files."""
-
-    read: Callable[[Path], MeshFaces]
-    up: Literal["y", "z"] = "z"  # axis that is upwards, z as in surveys
-    kind: Kind | None = None  # that its first bytes tell; None: none
-
-
-FORMATS: dict[str, MeshFormat] = {  # by the ending of the name
-    ".obj": MeshFormat(read_obj),
-    ".glb": MeshFormat(read_gltf, "y", GLB),
-    ".gltf": MeshFormat(read_gltf, "y", JSON),
-    ".stl": MeshFormat(read_stl, kind=STL),
-    ".ply": MeshFormat(read_ply, kind=PLY),
-    ".off": MeshFormat(read_off, kind=OFF),
+# By the ending of the name: the reader, the axis that is upwards (z as in surveys), and the kind
+# of file that its first bytes tell, if they do.
+FORMATS: dict[str, tuple[Callable[[Path], MeshFaces], Literal["y", "z"], Kind | None]] = {
+    ".obj": (read_obj, "z", None),
+    ".glb": (read_gltf, "y", GLB),
+    ".gltf": (read_gltf, "y", JSON),
+    ".stl": (read_stl, "z", STL),
+    ".ply": (read_ply, "z", PLY),
+    ".off": (read_off, "z", OFF),
 }
 
 
@@ -66,12 +59,12 @@ class MeshTable(Table):
         """
         path = folder / self.file
         with naming(path):
-            require(path, [known.kind for known in FORMATS.values() if known.kind])
-            found = FORMATS.get(path.suffix.lower())
-            if found is None:
+            require(path, [kind for _, _, kind in FORMATS.values() if kind])
+            if path.suffix.lower() not in FORMATS:
                 raise ProblemError(f"must be named {', '.join(FORMATS)}")
+            _, up, _ = FORMATS[path.suffix.lower()]
             vertices, triangles = read_mesh(path, PER_METRE[self.unit])
-            if (self.up or found.up) == "y":
+            if (self.up or up) == "y":
                 vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
             turn = math.radians(self.turn)
             return Mesh(vertices=_placed(vertices, turn, self.at), triangles=triangles)
@@ -103,7 +96,8 @@ def read_mesh(path: Path, per_metre: float = 1.0) -> tuple[FloatArray, IntArray]
     """
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused below
-            faces = FORMATS[path.suffix.lower()].read(path)
+            read, _, _ = FORMATS[path.suffix.lower()]
+            faces = read(path)
     except OSError as error:
         raise ProblemError(unread(error)) from error
     faces = faces._replace(vertices=faces.vertices / per_metre)

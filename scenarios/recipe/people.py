@@ -2,6 +2,7 @@
 
 import logging
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +13,6 @@ from cocap_opt.data import LARGEST, FloatArray, ProblemError
 from cocap_opt.problem import Actor, Shape
 from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.maps.terrain import Terrain
-from cocap_opt.scenarios.recipe.pace import IMPOSSIBLE, pace_warning
 from cocap_opt.scenarios.tables import (
     Count,
     Heading,
@@ -26,6 +26,9 @@ from cocap_opt.scenarios.tracks.times import SINCE_1970, Epoch, likely_unit
 from cocap_opt.scenarios.tracks.track import BODY, MOST_GAP, SLACK, STILL, Track, on_one_clock
 
 log = logging.getLogger(__name__)
+
+FASTEST = 12.0  # m/s; nobody runs faster, and few ride
+IMPOSSIBLE = 100.0  # m/s; above it a unit, a frame rate or a step is wrong
 
 _MOSTLY = 0.5  # of all ways between rows, from which on rows are too far apart for anything
 _LONGEST = 60.0  # s, for which somebody's way may be meant to be straight
@@ -78,7 +81,7 @@ class TracksTable(Table):
             for track in chosen
         ]
         names, causes = [f"id {track.id}" for track in chosen], "unit, fps, step and all its rows"
-        if warning := pace_warning(names, actors, step, causes):
+        if warning := _pace_warning(names, actors, step, causes):
             log.warning("%s: %s", self._named, warning)
         clock = chosen[0].clock
         return actors, clock and clock.later(begin)
@@ -245,7 +248,7 @@ class WalkTable(Table):
             yaw[:] = math.radians(self.heading)
         actor = Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape, name=self.name)
         x, y = self.points[0]
-        if warning := pace_warning(
+        if warning := _pace_warning(
             [f"the walk from ({x:g}, {y:g}) m"], [actor], step, "speed and step"
         ):
             log.warning("%s", warning)
@@ -320,3 +323,35 @@ def _is_there(track: Track, begin: float, seconds: float) -> bool:
 def _listed(tracks: list[Track]) -> str:
     shown = ", ".join(str(track.id) for track in tracks[:5])
     return shown + (f" and {len(tracks) - 5} more" if len(tracks) > 5 else "")
+
+
+def _pace_warning(names: Sequence[str], actors: Sequence[Actor], step: float, causes: str) -> str:
+    """Returns a warning about the first of some people who is too fast, or nothing if nobody is.
+
+    Parameters
+    ----------
+    names : of the people, as messages have them
+    step : seconds between steps
+    causes : what may be wrong, in words
+
+    Raises
+    ------
+    ProblemError
+        If nobody on the ground could be so fast.
+    """
+    warnings = []
+    for name, actor in zip(names, actors, strict=True):
+        ways = np.hypot(*np.diff(actor.poses[:, :2], axis=0).T)
+        t = int(np.argmax(ways))
+        speed = ways[t] / step
+        words = f"moves by {ways[t]:.4g} m from step {t} to {t + 1}, {speed:.4g} m/s"
+        if speed > IMPOSSIBLE:
+            raise ProblemError(
+                f"{name} must be slower than {IMPOSSIBLE:g} m/s, but {words}: are {causes} right?"
+            )
+        if speed > FASTEST:
+            warnings.append(f"{name} {words}")
+    if not warnings:
+        return ""
+    more = f"; {len(warnings)} of {len(actors)} people are so fast" if len(warnings) > 1 else ""
+    return f"{warnings[0]}{more}: are {causes} right?"

@@ -70,7 +70,7 @@ def test_a_mesh_format_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     part = '[[mesh]]\nfile = "tent.corners"\n'
     with pytest.raises(ValueError, match=r"must be named \.obj"):
         recipe(tmp_path, part)
-    monkeypatch.setitem(meshes.FORMATS, ".corners", meshes.MeshFormat(read_corners))
+    monkeypatch.setitem(meshes.FORMATS, ".corners", (read_corners, "z", None))
     (mesh,) = recipe(tmp_path, part).meshes
     assert (len(mesh.triangles), mesh.is_solid) == (4, True)
 
