@@ -199,7 +199,7 @@ def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
             _require_index(theirs, headings, f"line {line}, heading_idx")
             if (robot, t) in states:
                 raise ProblemError(f"line {line}: robot {robot} must have step {t} only once")
-            states[robot, t] = State(x, y, heading=_our_heading(theirs, headings))
+            states[robot, t] = State(x, y, heading=our_heading(theirs, headings))
         for robot in range(len(problem.robots)):
             missing = [t for t in steps if (robot, t) not in states]
             if missing:
@@ -208,83 +208,6 @@ def read_plan(path: Path, problem: Problem) -> tuple[tuple[State, ...], ...]:
                     f"but has none for step {missing[0]}"
                 )
     return tuple(tuple(states[i, t] for t in steps) for i in range(len(problem.robots)))
-
-
-class _Reported(NamedTuple):
-    """View reward of their plan at each step t = 0..T, computed by their program."""
-
-    as_reported: tuple[float, ...]  # [T+1], with the tilts that their cache mixes up
-    own_tilt: tuple[float, ...] | None  # [T+1], with each robot's own tilt, where there is that
-
-
-# The number that each face of a `TriangulatedCuboid` has there, in the order front (x = .5), left
-# (y = .5), back, right and top. Their 0 and 1 are the bottom.
-THEIR_FACES = (7, 6, 8, 9, 2, 3, 4, 5, 11, 10)
-
-
-class PeerResults(NamedTuple):
-    """Reader of what Greedy Perspectives' program computed for a problem made by `read`."""
-
-    problem: Problem
-
-    def view_rewards(self, path: Path) -> _Reported:
-        """Reads the view reward at each step that their program gave its plan.
-
-        The file has columns t, reported_view_reward and maybe own_tilt_view_reward, one row per
-        step. The row of 0 that their program writes after the last step is left out.
-
-        Raises
-        ------
-        ProblemError
-            If a value is no number, or the rows are not those of the steps in order; one line,
-            naming the file.
-        """
-        reported, by_own_tilts = "reported_view_reward", "own_tilt_view_reward"
-        last = self.problem.horizon
-        with naming(path):
-            rows = read_table(path, ("t", reported))
-            steps = [integer(row["t"], f"line {line}, t") for line, row in rows]
-            if steps == list(range(last + 2)) and _numbers(rows[-1:], reported) == (0.0,):
-                rows = rows[:-1]
-            elif steps != list(range(last + 1)):
-                raise ProblemError(f"t: must be the steps 0..{last}, one row each, in order")
-            own_tilt = _numbers(rows, by_own_tilts) if by_own_tilts in rows[0][1] else None
-            return _Reported(_numbers(rows, reported), own_tilt)
-
-    def coverage(self, path: Path) -> dict[tuple[int, State], FloatArray]:
-        """Reads the coverage that their program rendered.
-
-        The file has columns x, y, h, t, actor, face, ppa, one row per face that a state sees.
-
-        Returns
-        -------
-        dict
-            Coverage [F] in px/m2 by step and state.
-
-        Raises
-        ------
-        ProblemError
-            If a value is not a number or not part of the problem; one line, naming the file.
-        """
-        columns = ("x", "y", "h", "t", "actor", "face")
-        headings, per_actor = self.problem.robots[0].motion.headings, len(THEIR_FACES)
-        ours = {theirs: k for k, theirs in enumerate(THEIR_FACES)}
-        found: dict[tuple[int, State], FloatArray] = {}
-        with naming(path):
-            if len(self.problem.face_weights) != per_actor * len(self.problem.actors):
-                raise ProblemError("the scene must have been read with triangles")
-            for line, row in read_table(path, (*columns, "ppa")):
-                x, y, heading, t, actor, face = (
-                    integer(row[c], f"line {line}, {c}") for c in columns
-                )
-                _require_index(t, self.problem.horizon + 1, f"line {line}, t")
-                _require_index(actor, len(self.problem.actors), f"line {line}, actor")
-                _require_index(face, per_actor + 2, f"line {line}, face")
-                key = t, State(x, y, heading=_our_heading(heading, headings))
-                if face in ours:
-                    values = found.setdefault(key, np.zeros(len(self.problem.face_weights)))
-                    values[actor * per_actor + ours[face]] = number(row["ppa"], f"line {line}, ppa")
-        return found
 
 
 def start_sets(path: Path) -> int:
@@ -305,16 +228,12 @@ def start_sets(path: Path) -> int:
         return len(_start_rows(file, robots)) // robots
 
 
-def _numbers(rows: list[tuple[int, dict[str, str]]], column: str) -> tuple[float, ...]:
-    return tuple(number(row[column], f"line {line}, {column}") for line, row in rows)
-
-
 def _their_heading(theta: float, headings: int) -> int:
     """Returns their heading index of an angle (rad): truncated toward zero, wrapped to +-pi."""
     return int(math.remainder(theta, math.tau) / (math.tau / headings)) % headings
 
 
-def _our_heading(theirs: int, headings: int) -> int:
+def our_heading(theirs: int, headings: int) -> int:
     """Returns our heading index, counted from +x, of theirs, which is counted from +y."""
     return (theirs + headings // 4) % headings
 
@@ -418,7 +337,7 @@ def _actors(world: _World, shape: Cuboid | TriangulatedCuboid) -> tuple[Actor, .
 
 def _robot(pose: _Pose, camera: Camera, motion: Motion, height_map: HeightMap) -> Robot:
     x, y = height_map.cell_of(pose.x, pose.y)
-    heading = _our_heading(_their_heading(pose.theta, motion.headings), motion.headings)
+    heading = our_heading(_their_heading(pose.theta, motion.headings), motion.headings)
     return Robot(
         start=State(x, y, heading=heading), motion=motion.replace(layers=(pose.z,)), camera=camera
     )

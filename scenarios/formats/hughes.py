@@ -55,7 +55,7 @@ from cocap_opt.problem import (
 )
 from cocap_opt.scenarios.formats.options import NO_YES, NOTHING, Options
 from cocap_opt.scenarios.kinds import JSON
-from cocap_opt.scenarios.text import integer, naming, number, read_table, read_text
+from cocap_opt.scenarios.text import naming, read_text
 from cocap_opt.text import printable
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.world.workspace import HeightMap
@@ -234,38 +234,6 @@ def rewards_between_cells(path: Path, problem: Problem) -> tuple[float, ...] | N
     return tuple(
         _reward(problem, geometry, t, [path_[t] for path_ in paths]) for t in range(frames)
     )
-
-
-def solutions_beside(path: Path) -> dict[str, Path]:
-    """Returns the solutions beside a scene by the names of their planners."""
-    named = {file.stem.removeprefix("solution_"): file for file in path.parent.glob(BESIDE)}
-    below = {file.parent.name: file for file in path.parent.glob(BELOW)}
-    return dict(sorted({**below, **named}.items()))
-
-
-def stored_rewards(path: Path, problem: Problem) -> dict[str, tuple[float, ...]]:
-    """Reads `ppa_evaluation.csv`, the view rewards that they stored with their solutions.
-
-    Returns
-    -------
-    [T+1] rewards, frame by frame, by the names of the planners
-
-    Raises
-    ------
-    ProblemError
-        If a value is no number, or the rows are not the frames in order; one line, naming the
-        file.
-    """
-    frames = problem.horizon + 1
-    with naming(path):
-        rows = read_table(path, ("t",))
-        if [integer(row["t"], f"line {line}, t") for line, row in rows] != [*range(1, frames + 1)]:
-            raise ProblemError(f"t: must be the frames 1..{frames}, one row each, in order")
-        return {
-            planner: tuple(number(row[planner], f"line {line}, {planner}") for line, row in rows)
-            for planner in rows[0][1]
-            if planner != "t"
-        }
 
 
 def _reward(problem: Problem, geometry: FaceGeometry, t: int, states: list[_State]) -> float:

@@ -19,6 +19,7 @@ from studies import rows_of, study
 from cocap_opt.cli.main import main as cocap_opt
 from cocap_opt.experiments.lab.studies.others.cases import Case
 from cocap_opt.experiments.lab.studies.others.published import Scene
+from cocap_opt.experiments.lab.studies.others.stored_values import solutions_beside
 from cocap_opt.experiments.lab.studies.others.tables import OverSets
 from cocap_opt.experiments.sweeps import work
 from cocap_opt.experiments.tables.rows import Row
@@ -75,7 +76,7 @@ def meeting(tmp_path: Path) -> Path:
     for name, paths in (("assignment", stay), ("formation", between)):
         (folder / "meeting" / name).mkdir()
         (folder / "meeting" / name / "solution.json").write_text(json.dumps(solution(*paths)))
-    solutions = hughes.solutions_beside(folder / "meeting" / "scene.json")
+    solutions = solutions_beside(folder / "meeting" / "scene.json")
     assert list(solutions) == ["assignment", "formation", "greedy"]
     plans = [hughes.read_plan(solutions[name], problem) for name in ("assignment", "greedy")]
     verdicts = [check(problem, Plan(paths=paths)) for paths in plans]
@@ -354,7 +355,7 @@ def test_stored_rewards_are_held_against_stored_plans(meeting: Path, frame: int 
 def test_drones_in_one_cell_are_counted_where_no_rule_forbids_it(meeting: Path) -> None:
     """Their plans and ours have the same column, which asks for no rule of the scene."""
     paths = [[(1, 1, "NE")] * 3, [(1, 1, "NE"), (1, 1, "NE"), (2, 1, "NE")]]
-    for file in hughes.solutions_beside(meeting / "meeting" / "scene.json").values():
+    for file in solutions_beside(meeting / "meeting" / "scene.json").values():
         file.write_text(json.dumps(solution(*paths)))
     rows = {row["planner"]: row for row in rows_of(measure(meeting) / "others.csv")}
     assert (rows["their-greedy"]["shared cells"], rows["their-greedy"]["conflicts"]) == ("2", "0")

@@ -12,6 +12,7 @@ from scene_files import SEQUENCE, STARTS
 
 from cocap_opt.cli.main import main
 from cocap_opt.data import ProblemError
+from cocap_opt.experiments.lab.studies.others.stored_values import rendered_coverage
 from cocap_opt.files.documents import FileError, SceneFile, problem_digest
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.value_iteration import backward_sweep
@@ -204,9 +205,7 @@ def test_their_first_path_is_an_optimum_of_their_pixels(name: str) -> None:
     problem, plan = their_case(name)
     model = compiled(problem)
     graph, path = model.class_of[0].graph, model.paths(plan)[0]
-    seen = greedy_perspectives.PeerResults(problem).coverage(
-        data(f"greedy_perspectives/{name}/peer_coverage.csv")
-    )
+    seen = rendered_coverage(problem, data(f"greedy_perspectives/{name}/peer_coverage.csv"))
     reward = graph.no_reward(problem.horizon)
     for (t, state), pixels in seen.items():
         if graph.window.covers(state.x, state.y):  # it can be reached

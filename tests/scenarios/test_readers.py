@@ -15,6 +15,7 @@ from scene_files import SEQUENCE, STARTS
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.experiments.lab.studies.coverage.peers import _differences
+from cocap_opt.experiments.lab.studies.others.stored_values import rendered_coverage
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import VERTEX_ONLY, Cuboid, Plan, Problem, State, TriangulatedCuboid
 from cocap_opt.referee import check
@@ -622,7 +623,7 @@ def test_rendered_pixels_are_those_of_their_renderer(name: str) -> None:
     """
     folder = data(f"greedy_perspectives/{name}/peer_coverage.csv").parent
     problem = greedy_perspectives.read(folder / "seq.yaml", options=OWN_STARTS)
-    theirs = greedy_perspectives.PeerResults(problem).coverage(folder / "peer_coverage.csv")
+    theirs = rendered_coverage(problem, folder / "peer_coverage.csv")
     found, totals = _differences(problem, theirs, 60)
     assert len(found) > 100
     assert np.quantile([abs(d.rendered) for d in found], 0.95) <= 2.0
@@ -635,12 +636,12 @@ def test_coverage_of_greedy_perspectives_is_read_face_by_face(sequence: Path) ->
     problem = greedy_perspectives.read(sequence, options=OWN_STARTS)
     path = sequence.with_name("coverage.csv")
     path.write_text("x,y,h,t,actor,face,ppa\n1,2,0,1,0,7,80\n1,2,0,1,0,10,200\n1,2,0,1,0,0,5\n")
-    read = greedy_perspectives.PeerResults(problem).coverage(path)
+    read = rendered_coverage(problem, path)
     assert list(read) == [(1, State(1, 2, heading=2))]
     assert read[1, State(1, 2, heading=2)].tolist() == [80, 0, 0, 0, 0, 0, 0, 0, 0, 200]
     path.write_text("x,y,h,t,actor,face,ppa\n1,2,0,1,0,12,80\n")
     with pytest.raises(ProblemError, match=r"line 2, face: must be 0\.\.11"):
-        greedy_perspectives.PeerResults(problem).coverage(path)
+        rendered_coverage(problem, path)
 
 
 def test_movingai_options_are_words(scenario: Path) -> None:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.experiments.lab.studies.others.stored_values import rendered_coverage
 from cocap_opt.model import Model
 from cocap_opt.output.printing import Listing, Record
 from cocap_opt.problem import Problem, State
@@ -41,7 +42,7 @@ def peers(scene: Path, coverage: Path, states: int) -> None:
     states : at most so many random ones are compared
     """
     problem = greedy_perspectives.read(scene, options={"start-set": "yaml"})
-    theirs = greedy_perspectives.PeerResults(problem).coverage(coverage)
+    theirs = rendered_coverage(problem, coverage)
     found, totals = _differences(problem, theirs, states)
     rows: list[Record] = []
     for what in ("planned", "rendered"):

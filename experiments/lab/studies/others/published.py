@@ -12,10 +12,15 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 from cocap_opt.data import ProblemError
+from cocap_opt.experiments.lab.studies.others.stored_values import (
+    reported_rewards,
+    solutions_beside,
+    stored_rewards,
+)
 from cocap_opt.files.documents import FileError
 from cocap_opt.output.files import PlanReader
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.scenarios.formats import greedy_perspectives, hughes
+from cocap_opt.scenarios.formats import hughes
 
 Tell = Callable[[str], None]
 Rewards = tuple[float, ...]  # view reward of each step that counts
@@ -113,9 +118,9 @@ class Published(NamedTuple):
             return
         steps, found = slice(problem.first_step, None), cls("theirs", plan)
         try:
-            rewards = greedy_perspectives.PeerResults(problem).view_rewards(folder / _PEER_REWARD)
-            own = None if rewards.own_tilt is None else rewards.own_tilt[steps]
-            yield found._replace(reported=rewards.as_reported[steps], own_tilts=own)
+            reported, with_own_tilts = reported_rewards(problem, folder / _PEER_REWARD)
+            own_tilts = None if with_own_tilts is None else with_own_tilts[steps]
+            yield found._replace(reported=reported[steps], own_tilts=own_tilts)
         except ProblemError as error:
             tell(f"{scene.word}: their rewards are left out: {error}")
             yield found
@@ -123,7 +128,7 @@ class Published(NamedTuple):
     @classmethod
     def _of_hughes(cls, scene: Scene, problem: Problem, tell: Tell) -> Iterator[Self]:
         reported = _stored(scene, problem, tell)
-        solutions = hughes.solutions_beside(scene.path)
+        solutions = solutions_beside(scene.path)
         for planner in dict.fromkeys((*reported, *solutions)):
             found = cls(f"their-{planner}", reported=reported.get(planner))
             if planner in solutions:
@@ -170,7 +175,7 @@ def _is_hughes(path: Path) -> bool:
 def _stored(scene: Scene, problem: Problem, tell: Tell) -> Mapping[str, Rewards]:
     """Reads the rewards that are stored with a scene, by planners; none if they cannot be used."""
     try:
-        return hughes.stored_rewards(scene.path.parent / _STORED, problem)
+        return stored_rewards(scene.path.parent / _STORED, problem)
     except ProblemError as error:
         tell(f"{scene.word}: their rewards are left out: {error}")
         return {}
