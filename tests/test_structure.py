@@ -42,7 +42,7 @@ ORDER = {
         "relaxations", "column_generation", "integer_programs",
     ),
     "scenarios": (
-        "kinds", "text", "tables", "cameras", "airframes", "walking", "earth", "maps",
+        "kinds", "text", "tables", "hardware", "walking", "earth", "maps",
         "meshes", "tracks", "formats", "recipe", "built_in",
     ),
     "run": ("console", "output", "run", "pictures", "missions", "player"),

@@ -14,7 +14,7 @@ from cocap_opt.output.known_scenes import known_scenes
 from cocap_opt.output.printing import Listing, Record, print_result
 from cocap_opt.problem import Problem
 from cocap_opt.run.options import Option, UsageError
-from cocap_opt.scenarios.cameras import with_cameras
+from cocap_opt.scenarios.hardware import with_cameras
 
 _GRAPH = ".graphml"
 

@@ -27,8 +27,7 @@ from cocap_opt.missions.waypoints import lateness
 from cocap_opt.missions.zones import Zone, zones
 from cocap_opt.output.heights import over_datum
 from cocap_opt.problem import Problem
-from cocap_opt.scenarios.airframes import airframe_name
-from cocap_opt.scenarios.cameras import camera_name
+from cocap_opt.scenarios.hardware import airframe_name, camera_name
 
 ROWS = 12  # of a drone's table, at most, where nobody asked for others
 _MOST_ROWS = 10_000

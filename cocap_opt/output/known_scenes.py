@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from cocap_opt.output.printing import Record
 from cocap_opt.problem import Limits
 from cocap_opt.scenarios import FORMATS, SCENES
-from cocap_opt.scenarios.airframes import AIRFRAMES
-from cocap_opt.scenarios.cameras import CAMERAS
+from cocap_opt.scenarios.hardware import AIRFRAMES, CAMERAS
 
 
 def known_scenes() -> dict[str, list[Record]]:

@@ -85,19 +85,19 @@ class _Scale(msgspec.Struct):
     y: Annotated[float, Meta(ge=1, le=MOST_CELLS)]
 
 
-class _World(msgspec.Struct):
+class _Area(msgspec.Struct):
     scale: _Scale
 
 
-class _Actor(msgspec.Struct):
+class _Person(msgspec.Struct):
     location: tuple[Coordinate, Coordinate, Coordinate]  # m; the height does not count
     rotation: tuple[Coordinate, Coordinate, Coordinate]  # rad; the last one counts
     weight: Annotated[float, Meta(ge=0, le=MOST_WEIGHT)]
 
 
-class _Scene(msgspec.Struct):
-    scene: _World
-    actor_positions: Annotated[list[list[_Actor]], Meta(min_length=2)]
+class _HughesScene(msgspec.Struct):
+    scene: _Area
+    actor_positions: Annotated[list[list[_Person]], Meta(min_length=2)]
 
 
 class _State(msgspec.Struct):
@@ -167,7 +167,7 @@ def read(path: Path, seed: int = 0, options: Mapping[str, str] = NOTHING) -> Pro
     bonus = OPTIONS.chosen(options).get("bonus", False)
     path, solutions = _scene_and_solutions(path)
     with naming(path):
-        scene = _decode(path, _Scene)
+        scene = _decode(path, _HughesScene)
         frames = scene.actor_positions
         count = len(frames[0])
         for t, frame in enumerate(frames):
@@ -307,7 +307,7 @@ def _decode(path: Path, kind: type[T]) -> T:
         raise ProblemError(in_words(error, text, kind)) from error
 
 
-def _actor(frames: list[_Actor]) -> Actor:
+def _actor(frames: list[_Person]) -> Actor:
     poses = [(f.location[0], f.location[1], 0.0, f.rotation[2]) for f in frames]
     return Actor(
         poses=np.array(poses),

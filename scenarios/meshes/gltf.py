@@ -55,11 +55,11 @@ class _Versioned(msgspec.Struct, rename="camel"):
     asset: _Asset
 
 
-class _Scene(msgspec.Struct, rename="camel"):
+class _Roots(msgspec.Struct, rename="camel"):
     nodes: list[Index] = []
 
 
-class _Node(msgspec.Struct, rename="camel"):
+class _GltfNode(msgspec.Struct, rename="camel"):
     mesh: Index | None = None
     children: list[Index] = []
     matrix: Annotated[list[float], Meta(min_length=16, max_length=16)] | None = None
@@ -86,8 +86,8 @@ class _Mesh(msgspec.Struct, rename="camel"):
 
 class _Model(msgspec.Struct, rename="camel"):
     scene: Index | None = None
-    scenes: list[_Scene] = []
-    nodes: list[_Node] = []
+    scenes: list[_Roots] = []
+    nodes: list[_GltfNode] = []
     meshes: list[_Mesh] = []
     accessors: list[Accessor] = []
     buffer_views: list[BufferView] = []
@@ -209,7 +209,7 @@ def _roots(model: _Model) -> list[int]:
     return [index for index in range(len(model.nodes)) if index not in children]
 
 
-def _own_place(node: _Node, index: int) -> FloatArray:
+def _own_place(node: _GltfNode, index: int) -> FloatArray:
     """Returns the matrix [4, 4] of a node in that above it."""
     if node.matrix is not None:
         matrix: FloatArray = np.reshape(node.matrix, (4, 4)).T  # they are by columns
@@ -307,7 +307,7 @@ class _Reader:
         self._lines += primitive.mode in _LINES
         return primitive.mode in (_TRIANGLES, _STRIP, _FAN)
 
-    def _instances(self, node: _Node, index: int) -> list[FloatArray]:
+    def _instances(self, node: _GltfNode, index: int) -> list[FloatArray]:
         """Returns the matrices [4, 4] of the places at which a node has its mesh."""
         if INSTANCED not in node.extensions:
             return [np.eye(4)]

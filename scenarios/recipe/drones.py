@@ -14,8 +14,7 @@ from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.graph.motion import Window
 from cocap_opt.plausibility import buried
 from cocap_opt.problem import Actor, Airspace, Camera, CollisionRules, Limits, Motion, Robot, State
-from cocap_opt.scenarios.airframes import AIRFRAMES
-from cocap_opt.scenarios.cameras import CAMERAS
+from cocap_opt.scenarios.hardware import AIRFRAMES, CAMERAS
 from cocap_opt.scenarios.recipe.people import IMPOSSIBLE
 from cocap_opt.scenarios.tables import Coordinate, Count, Heading, Length, Table
 from cocap_opt.scenarios.text import rectangle

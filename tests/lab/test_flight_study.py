@@ -21,7 +21,7 @@ from cocap_opt.experiments.lab.studies.flight.wind import Wind
 from cocap_opt.flight.pace import Demand
 from cocap_opt.flight.smooth import Smooth
 from cocap_opt.output.files import save_csv
-from cocap_opt.scenarios.airframes import AIRFRAMES
+from cocap_opt.scenarios.hardware import AIRFRAMES
 
 ROOT = Path(__file__).parents[2]
 FLIGHTS = STORED / "flight.csv"

@@ -20,8 +20,7 @@ from cocap_opt.flight.flights import Flight
 from cocap_opt.missions import FORMATS
 from cocap_opt.missions.briefing import briefing
 from cocap_opt.problem import Limits
-from cocap_opt.scenarios.airframes import AIRFRAMES
-from cocap_opt.scenarios.cameras import CAMERAS
+from cocap_opt.scenarios.hardware import AIRFRAMES, CAMERAS
 
 # The package's name `sheet` is the writer.
 sheet_module = import_module("cocap_opt.missions.sheet")

@@ -15,7 +15,7 @@ from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Camera, Cone
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
-from cocap_opt.scenarios.cameras import CAMERAS, with_cameras
+from cocap_opt.scenarios.hardware import CAMERAS, with_cameras
 from cocap_opt.stop import never
 
 

@@ -25,7 +25,7 @@ from cocap_opt.problem import SEPARATION, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.engine import run
 from cocap_opt.scenarios import load_scene
-from cocap_opt.scenarios.airframes import AIRFRAMES
+from cocap_opt.scenarios.hardware import AIRFRAMES
 from cocap_opt.stop import TimeLimit
 
 SMOOTH, STRAIGHT = "smooth", "straight"
