@@ -13,6 +13,7 @@ TimeUnit = Literal["s", "ms", "us", "ns"]
 PER_METRE: dict[str, float] = {
     "m": 1.0, "cm": 100.0, "mm": 1000.0, "ft": 1 / 0.3048, "us-ft": 3937 / 1200,
 }  # fmt: skip
+PER_SECOND: dict[str, int] = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]  # m, or degrees
 Length = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]  # m
 Size = Annotated[float, Meta(ge=0, le=LARGEST)]  # m, or m/s

@@ -16,9 +16,13 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.earth.place import MapProjection
-from cocap_opt.scenarios.tracks.columns import settled
-from cocap_opt.scenarios.tracks.layout import settled_rate
-from cocap_opt.scenarios.tracks.table import Form, TrackTable, require_numbers
+from cocap_opt.scenarios.tracks.table import (
+    Form,
+    TrackTable,
+    require_numbers,
+    settled,
+    settled_rate,
+)
 
 _COLUMNS = {"id": "id", "frame": "frame", "x": "pos_x", "y": "pos_y"}  # by role
 _TABLE = "trajectory_data"

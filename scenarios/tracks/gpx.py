@@ -19,8 +19,7 @@ import numpy as np
 from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.text import plain_number, xml_root
-from cocap_opt.scenarios.tracks.columns import settled
-from cocap_opt.scenarios.tracks.table import Form, TrackTable
+from cocap_opt.scenarios.tracks.table import Form, TrackTable, settled
 from cocap_opt.scenarios.tracks.times import Times, moment_of, nanoseconds_of
 from cocap_opt.text import unread
 

@@ -3,22 +3,24 @@
 A row is a person at a moment.
 """
 
+import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cocap_opt.data import LARGEST, FloatArray, IntArray, ProblemError
-from cocap_opt.scenarios.tables import PER_METRE
-from cocap_opt.scenarios.tracks.columns import PER_SECOND
-from cocap_opt.scenarios.tracks.layout import check_rate
+from cocap_opt.scenarios.tables import PER_METRE, PER_SECOND
 from cocap_opt.scenarios.tracks.times import Epoch
 
 Values = dict[str, FloatArray]  # role -> [n]; ids that are words are kept apart
 DELIMITERS = (" ", "\t", ",", ";")
+MOST_FPS = 1e6
 MOST = 1e12  # of ids, frames and times
 _MOST = {"x": LARGEST, "y": LARGEST, "z": LARGEST, "latitude": 90.0, "longitude": 180.0}
+
+T = TypeVar("T", str, float)
 
 
 class Form(NamedTuple):
@@ -39,7 +41,7 @@ class Form(NamedTuple):
                 f"time_unit: must be {', '.join(PER_SECOND)}, not {self.time_unit!r}"
             )
         if self.fps is not None:
-            check_rate(self.fps)
+            _check_rate(self.fps)
         if self.delimiter is not None and self.delimiter not in DELIMITERS:
             allowed = "a blank, a tabulator, a comma or a semicolon"
             raise ProblemError(f"delimiter: must be {allowed}, not {self.delimiter!r}")
@@ -116,3 +118,32 @@ def require_numbers(values: Values, where: Callable[[int], str]) -> None:
                 f"{where(row)}, {role}: must be {kind} within +-{most:g}, not {column[row]:g}"
                 + ("; is it a time? Name it time in columns" if role == "frame" else "")
             )
+
+
+def settled(field: str, stated: set[T], given: T | None) -> T:
+    """Returns the value that the file states or the caller gives, which must be the same."""
+    if len(stated) > 1:
+        both = " and ".join(sorted(f"{value}" for value in stated))
+        raise ProblemError(f"{field}: must be one, but the file states {both}")
+    for value in stated:
+        if given not in (None, value):
+            raise ProblemError(f"{field}: must be {value}, as the file states, not {given}")
+        return value
+    if given is None:
+        raise ProblemError(f"{field}: must be given, for the file does not state it")
+    return given
+
+
+def settled_rate(stated: set[float], fps: float | None) -> float:
+    """Returns the frames per second that the file states or the caller gives."""
+    if fps is not None:  # 29.97 is 29.97003
+        fps = next((rate for rate in stated if math.isclose(fps, rate, rel_tol=1e-5)), float(fps))
+    rate = settled("fps", stated, fps)
+    _check_rate(rate)
+    return rate
+
+
+def _check_rate(fps: float) -> None:
+    """Raises a ProblemError if a frame rate is none."""
+    if not 0 < fps <= MOST_FPS:  # false for nan, too
+        raise ProblemError(f"fps: must be > 0 and at most {MOST_FPS:g} frames/s, not {fps:g}")

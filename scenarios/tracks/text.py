@@ -26,9 +26,16 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.tables import PER_METRE
 from cocap_opt.scenarios.text import read_text
-from cocap_opt.scenarios.tracks.columns import Name, Places, places_of, settled
-from cocap_opt.scenarios.tracks.layout import TextLayout, fields_of, is_number, require_values
-from cocap_opt.scenarios.tracks.table import Form, TrackTable, Values, require_numbers
+from cocap_opt.scenarios.tracks.layout import (
+    Name,
+    Places,
+    TextLayout,
+    fields_of,
+    is_number,
+    places_of,
+    require_values,
+)
+from cocap_opt.scenarios.tracks.table import Form, TrackTable, Values, require_numbers, settled
 from cocap_opt.scenarios.tracks.times import (
     A_DATE,
     Epoch,

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, ProblemError
-from cocap_opt.scenarios.tracks.columns import PER_SECOND
+from cocap_opt.scenarios.tables import PER_SECOND
 
 A_DATE = "a date with a time such as 2026-05-01T10:00:00.25"
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]|\d{8}T\d")
