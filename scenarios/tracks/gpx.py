@@ -20,7 +20,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.text import plain_number, xml_root
 from cocap_opt.scenarios.tracks.table import Form, TrackTable, settled
-from cocap_opt.scenarios.tracks.times import Times, moment_of, nanoseconds_of
+from cocap_opt.scenarios.tracks.times import moment_of, nanoseconds_of, since_first
 from cocap_opt.text import unread
 
 _OTHERS = {"rte": "route", "wpt": "waypoint"}  # that have no times, or are no ways
@@ -50,17 +50,17 @@ def read_gpx(path: Path, form: Form, projection: MapProjection) -> TrackTable:
     if not points:
         raise ProblemError(f"must have a track (trk) of points with times{_instead(root)}")
     _require_one_place_at_a_time(points)
-    times = Times.since_first([point.nanoseconds for point in points], is_universal=True)
+    times, clock = since_first([point.nanoseconds for point in points], is_universal=True)
     latitude, longitude = np.array([(point.latitude, point.longitude) for point in points]).T
     return TrackTable(
         ids=np.array([point.person for point in points]),
-        times=times.seconds,
+        times=times,
         points=projection.metres(latitude, longitude),
         heights=None,
         where=lambda row: points[row].place,
         unit=settled("unit", {"m"}, form.unit),
         rate=None,
-        clock=times.clock,
+        clock=clock,
         segments=np.array([point.segment for point in points]),
     )
 

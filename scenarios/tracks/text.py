@@ -114,14 +114,14 @@ def _values(
         return _column_of(text, layout, places["time"], count)
 
     if is_date(layout.row[places["time"]]):
-        times = times_of_dates(texts())
+        seconds, clock = times_of_dates(texts())
         others = {role: place for role, place in places.items() if role != "time"}
         values, words = _numbers_of(text, layout, others, count)
     else:
         values, words = _numbers_of(text, layout, places, count)
         ids = values["id"] if words is None else None
-        times = times_of_numbers(values["time"], ids, time_unit, texts)
-    return values | {"time": times.seconds}, words, times.clock
+        seconds, clock = times_of_numbers(values["time"], ids, time_unit, texts)
+    return values | {"time": seconds}, words, clock
 
 
 def _time_unit(

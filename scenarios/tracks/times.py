@@ -42,18 +42,15 @@ class Epoch(NamedTuple):
         return moment.isoformat(sep=" ").split("+")[0] + " UTC" * self.is_universal
 
 
-class Times(NamedTuple):
-    """The times of rows."""
+# Seconds of rows [n], and their clock; None: the file's own, which tells no date.
+Times = tuple[FloatArray, Epoch | None]
 
-    seconds: FloatArray  # [n]
-    clock: Epoch | None  # None: the file's own, which tells no date
 
-    @classmethod
-    def since_first(cls, nanoseconds: Sequence[int], is_universal: bool) -> "Times":
-        """Returns the times of moments, in ns since 1970, counted from the first of them."""
-        moments = np.array(nanoseconds, dtype=np.int64)
-        first = int(moments.min())
-        return cls((moments - first) / _NANO, Epoch(first, is_universal))
+def since_first(nanoseconds: Sequence[int], is_universal: bool) -> Times:
+    """Returns the times of moments, in ns since 1970, counted from the first of them."""
+    moments = np.array(nanoseconds, dtype=np.int64)
+    first = int(moments.min())
+    return (moments - first) / _NANO, Epoch(first, is_universal)
 
 
 def is_date(text: str) -> bool:
@@ -99,7 +96,7 @@ def times_of_dates(rows: Iterable[tuple[int, str]]) -> Times:
                 f"line {line}, time: must have an offset such as Z or +02:00 in all rows, or in "
                 f"none, unlike {text[:40]!r}"
             )
-    return Times.since_first(moments, bool(zoned))
+    return since_first(moments, bool(zoned))
 
 
 def nanoseconds_of(moment: datetime) -> int:
@@ -138,14 +135,14 @@ def times_of_numbers(
     """
     per_second = PER_SECOND[unit or "s"]
     if not len(values) or not np.isfinite(values).all():
-        return Times(values / per_second, None)  # refused later, with the line
+        return values / per_second, None  # refused later, with the line
     seconds = values / per_second
     if np.abs(seconds).max() > _MOST:
         raise ProblemError(_too_late(values, ids, unit))
     if not _DATES[0] <= seconds.min() <= seconds.max() <= _DATES[1]:
-        return Times(seconds, None)
+        return seconds, None
     scale = _NANO // per_second
-    return Times.since_first([round(Decimal(text) * scale) for _, text in texts()], True)
+    return since_first([round(Decimal(text) * scale) for _, text in texts()], True)
 
 
 def likely_unit(apart: float) -> str | None:
