@@ -10,21 +10,12 @@ column generation has some thousands of pairs with any arcs between them, all fa
 """
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
 
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Path
-
-
-class Successors(NamedTuple):
-    """States that one robot of a pair can go to next."""
-
-    states: IntArray  # [n] state numbers
-    positions: IntArray  # [n] their positions among the robot's states of step t+1
-    rewards: FloatArray  # [n] for the moves themselves
 
 
 class PairIteration(ABC):
@@ -50,8 +41,14 @@ class PairIteration(ABC):
         """
 
     @abstractmethod
-    def successors(self, which: int, t: int, state: int) -> Successors:
-        """Returns the states that robot 0 or 1 can go to from its state at step t."""
+    def successors(self, which: int, t: int, state: int) -> tuple[IntArray, IntArray, FloatArray]:
+        """Returns the states that robot 0 or 1 can go to from its state at step t.
+
+        Returns
+        -------
+        State numbers [n], their positions among the robot's states of step t+1, and the rewards
+        for the moves themselves.
+        """
 
     def forbidden(
         self, tails: tuple[int, int], heads: tuple[IntArray, IntArray]
@@ -84,12 +81,13 @@ class PairIteration(ABC):
             return None
         path_a, path_b = [starts[0]], [starts[1]]
         for t, following in enumerate(values[1:]):
-            a, b = self.successors(0, t, path_a[-1]), self.successors(1, t, path_b[-1])
-            ahead = following[np.ix_(a.positions, b.positions)]
-            ahead = ahead + a.rewards[:, None] + b.rewards[None, :]
-            forbidden = self.forbidden((path_a[-1], path_b[-1]), (a.states, b.states))
+            states_a, at_a, rewards_a = self.successors(0, t, path_a[-1])
+            states_b, at_b, rewards_b = self.successors(1, t, path_b[-1])
+            ahead = following[np.ix_(at_a, at_b)]
+            ahead = ahead + rewards_a[:, None] + rewards_b[None, :]
+            forbidden = self.forbidden((path_a[-1], path_b[-1]), (states_a, states_b))
             ahead = np.where(forbidden, CLOSED, ahead)
             row, column = np.unravel_index(np.argmax(ahead), ahead.shape)
-            path_a.append(int(a.states[row]))
-            path_b.append(int(b.states[column]))
+            path_a.append(int(states_a[row]))
+            path_b.append(int(states_b[column]))
         return tuple(path_a), tuple(path_b)

@@ -18,10 +18,10 @@ from cocap_opt.problem import Cell, Conflict
 
 # Relative. J is a sum of thousands of roots at most, each of which is right to 1e-16: what is left
 # of that in a difference is no gain, or rounds of best responses may go on with it for ever.
-LEAST_GAIN = 1e-12
+_LEAST_GAIN = 1e-12
 
 
-class FoundPath(Protocol):
+class _FoundPath(Protocol):
     """A path of one robot and what is seen along it, as a planner or column generation keeps it."""
 
     @property
@@ -32,7 +32,7 @@ class FoundPath(Protocol):
         """Returns view sums [Z] and those along this path together, as a new array."""
 
 
-P = TypeVar("P", bound=FoundPath)
+P = TypeVar("P", bound=_FoundPath)
 
 
 @dataclass(frozen=True)
@@ -126,4 +126,4 @@ class Team(Generic[P]):
 
     def gains_over(self, other: "Team[P]") -> bool:
         """Returns True if J is greater than another team's by more than rounding."""
-        return self.value > other.value * (1 + LEAST_GAIN)
+        return self.value > other.value * (1 + _LEAST_GAIN)

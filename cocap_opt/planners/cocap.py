@@ -25,7 +25,6 @@ paper's background section speaks of least cost. How nodes are made is in
 from collections.abc import Iterator
 
 from cocap_opt.planners.constraint_tree import (
-    BestNodes,
     ConstraintTree,
     FocalNodes,
     Node,
@@ -88,7 +87,7 @@ def cocap(problem: Problem, stop: Stop = never, low_level: LowLevel = value_iter
         obeys the rules: a low level fails only where there is no path, and every plan meets at
         least one of the two constraints of a conflict.
     """
-    return _searched(problem, stop, low_level, BestNodes())
+    return _searched(problem, stop, low_level, OpenNodes())
 
 
 def cocap_lazy(problem: Problem, stop: Stop = never) -> Result:
@@ -109,7 +108,7 @@ def cocap_vs_undiscounted(problem: Problem, stop: Stop = never) -> Result:
 @timed
 def cocap_rounds(problem: Problem, stop: Stop = never) -> Result:
     """Plan as `cocap` does, from a root that is planned in rounds of best responses."""
-    return _searched(problem, stop, value_iteration, BestNodes(), greedily_in_rounds)
+    return _searched(problem, stop, value_iteration, OpenNodes(), greedily_in_rounds)
 
 
 @timed

@@ -1,7 +1,6 @@
 """The constraint tree of CoCap: its nodes, which of them is next, and a plan to fall back on."""
 
 import heapq
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -30,8 +29,8 @@ class Node:
         return self.team.conflicts
 
 
-class OpenNodes(ABC):
-    """Queue of the nodes that are not expanded yet.
+class OpenNodes:
+    """Queue of the nodes that are not expanded yet: that of the greatest J first, then the oldest.
 
     Attributes
     ----------
@@ -42,22 +41,14 @@ class OpenNodes(ABC):
     def __init__(self) -> None:
         self.pushed = self.popped = 0
         self.last: Node | None = None
+        self._heap: list[tuple[float, int, Node]] = []  # less J, number, node
 
-    @abstractmethod
     def __bool__(self) -> bool:
-        """True if a node is left."""
-
-    @abstractmethod
-    def _put(self, node: Node) -> None:
-        """Adds a node, number `pushed`."""
-
-    @abstractmethod
-    def _take(self) -> Node:
-        """Takes the node that comes first."""
+        return bool(self._heap)
 
     def push(self, node: Node) -> None:
         """Add a node."""
-        self._put(node)
+        heapq.heappush(self._heap, (-node.value, self.pushed, node))
         self.pushed += 1
 
     def pop(self) -> Node:
@@ -65,20 +56,6 @@ class OpenNodes(ABC):
         self.popped += 1
         self.last = self._take()
         return self.last
-
-
-class BestNodes(OpenNodes):
-    """Queue from which the node of the greatest J comes first, then the oldest."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._heap: list[tuple[float, int, Node]] = []
-
-    def __bool__(self) -> bool:
-        return bool(self._heap)
-
-    def _put(self, node: Node) -> None:
-        heapq.heappush(self._heap, (-node.value, self.pushed, node))
 
     def _take(self) -> Node:
         return heapq.heappop(self._heap)[2]
@@ -99,22 +76,14 @@ class FocalNodes(OpenNodes):
     def __init__(self, within: float = 0.01) -> None:
         super().__init__()
         self._within = within
-        self._nodes: list[Node] = []
-
-    def __bool__(self) -> bool:
-        return bool(self._nodes)
-
-    def _put(self, node: Node) -> None:
-        self._nodes.append(node)
 
     def _take(self) -> Node:
-        least = max(node.value for node in self._nodes) * (1 - self._within)
-        focal = (n for n, node in enumerate(self._nodes) if node.value >= least)
-        return self._nodes.pop(min(focal, key=lambda n: _conflicts_then_value(self._nodes[n])))
-
-
-def _conflicts_then_value(node: Node) -> tuple[int, float]:
-    return len(node.conflicts), -node.value
+        greatest = -self._heap[0][0]
+        focal = (entry for entry in self._heap if -entry[0] >= greatest * (1 - self._within))
+        entry = min(focal, key=lambda entry: (len(entry[2].conflicts), *entry[:2]))
+        self._heap.remove(entry)
+        heapq.heapify(self._heap)
+        return entry[2]
 
 
 def _nothing(tree: "ConstraintTree") -> None:

@@ -16,8 +16,8 @@ angle.)
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -288,7 +288,7 @@ class _Formation:
 
     places: list[FloatArray]  # [T+1, 3] m of each robot
     views: list[LazyCoverage]  # of each robot
-    is_lazy: Literal[True] = field(default=True, init=False)
+    is_lazy: ClassVar = True
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
         """Find the path; raises LimitReached."""

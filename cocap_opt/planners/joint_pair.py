@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.coordination.pair_iteration import PairIteration, Successors
+from cocap_opt.coordination.pair_iteration import PairIteration
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
@@ -290,13 +290,13 @@ class Pair(PairIteration):
         staying = turning.of(0)
         return [turning, staying._replace(turns=False, rewards=np.array([self.bonuses.stay]))]
 
-    def successors(self, which: int, t: int, state: int) -> Successors:
+    def successors(self, which: int, t: int, state: int) -> tuple[IntArray, IntArray, FloatArray]:
         """Returns the states that a (0) or b (1) can go to from its state at step t."""
         side = (self.a, self.b)[which]
         graph = side.robot_class.graph
         heads = graph.successors(t, state)
         rewards = self.bonuses.of_edges(graph.shape, state, heads)
-        return Successors(heads, side.positions_of_states(t + 1, heads), rewards)
+        return heads, side.positions_of_states(t + 1, heads), rewards
 
     def forbidden(
         self, tails: tuple[int, int], heads: tuple[IntArray, IntArray]

@@ -17,8 +17,6 @@ views are evaluated at once, since a sweep takes as long as hundreds of them, an
 takes a tenth of what it takes alone.
 """
 
-from typing import Literal
-
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
@@ -48,7 +46,7 @@ class LazyValueIteration:
     there is: such a path is good by the views that are evaluated, and says which limit was near.
     """
 
-    is_lazy: Literal[True] = True
+    is_lazy = True
 
     def __init__(self) -> None:
         self._coverage: dict[tuple[Model, int], OptimisticCoverage] = {}  # by class

@@ -1,11 +1,12 @@
 """Low levels: planners of one robot against what the others see and occupy.
 
 A low level is complete: it finds a path wherever there is one. That is what lets CoCap call an
-exhausted constraint tree a proof. A lazy one evaluates only the views that it asks for.
+exhausted constraint tree a proof. A lazy one, whose attribute `is_lazy` is true, evaluates only the
+views that it touches; the others need the coverage of all states before.
 """
 
 from collections.abc import Callable
-from typing import Literal, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,17 +45,8 @@ class SingleRobotPath(NamedTuple):
 PlannedTeam = Team[SingleRobotPath]
 
 
-@runtime_checkable
-class LazyLowLevel(Protocol):
-    """A low level that evaluates only the views it touches; for others coverage is there before."""
-
-    is_lazy: Literal[True]
-
-    def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
-        """Plan a task, or raise LimitReached."""
-
-
-LowLevel = Callable[[SingleRobotTask], SingleRobotPath] | LazyLowLevel
+# Plans a task, or raises LimitReached.
+LowLevel = Callable[[SingleRobotTask], SingleRobotPath]
 
 
 def value_iteration(task: SingleRobotTask) -> SingleRobotPath:

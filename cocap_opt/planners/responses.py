@@ -9,13 +9,7 @@ from itertools import cycle
 
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.model import compiled
-from cocap_opt.planners.low_level import (
-    LazyLowLevel,
-    LowLevel,
-    PlannedTeam,
-    SingleRobotPath,
-    SingleRobotTask,
-)
+from cocap_opt.planners.low_level import LowLevel, PlannedTeam, SingleRobotPath, SingleRobotTask
 from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, LimitReached, Stop
 
@@ -45,7 +39,7 @@ class Responses:
         If a limit ends coverage early, the robots are planned with what there is
         (`Model.covered_by`).
         """
-        model, is_lazy = compiled(problem), isinstance(self._low_level, LazyLowLevel)
+        model, is_lazy = compiled(problem), getattr(self._low_level, "is_lazy", False)
         return PlannedTeam.nobody(model if is_lazy else model.covered_by(self._stop))
 
     def best(self, team: PlannedTeam, robot: int, rules: bool = True) -> SingleRobotPath:

@@ -13,6 +13,7 @@ of a state is known exactly, by value iteration with nobody in the way.
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ from cocap_opt.planners.low_level import PlannedTeam, SingleRobotPath, SingleRob
 from cocap_opt.stop import Stop
 
 
-class Layer(NamedTuple):
+class _Layer(NamedTuple):
     """The n states kept at one step, and the m edges to them from those of the step before."""
 
     states: IntArray  # [n] increasing
@@ -38,78 +39,50 @@ class Layer(NamedTuple):
     rewards: FloatArray  # [m] of the edges themselves
 
 
-class StateWorth(NamedTuple):
-    """Rewards and values of all states of a robot, given what others see."""
-
-    reward: FloatArray  # [T+1, S] of being there
-    value: FloatArray  # [T+1, S] and of the best way on, with nobody in it
-
-    @classmethod
-    def of(
-        cls, model: Model, robot_class: RobotClass, pixels: FloatArray, stop: Stop
-    ) -> "StateWorth":
-        """Returns what the states of a class are worth.
-
-        Parameters
-        ----------
-        pixels : [Z] px/m2 that others have in every view sum
-
-        Raises
-        ------
-        LimitReached
-            If a limit is reached before.
-        """
-        bonuses = Bonuses.of(model.problem.objective)
-        reward = marginal_reward(model, robot_class, pixels)
-        goal = robot_class.goal
-        value = backward_sweep(robot_class.graph, reward, bonuses, goal=goal, stop=stop)
-        return cls(reward, value)
+_Worth = tuple[FloatArray, FloatArray]  # [T+1, S] each: rewards of states, and with what is ahead
 
 
-def kept_layers(
-    team: PlannedTeam, robot: int, width: int, alone: StateWorth, stop: Stop
-) -> list[Layer]:
-    """Returns the states that are kept at the steps 0..T; all but the last ones have a way on.
+def _worth(model: Model, robot_class: RobotClass, pixels: FloatArray, stop: Stop) -> _Worth:
+    """Returns what the states of a class are worth, with nobody in the way; LimitReached.
 
     Parameters
     ----------
-    team : whole; what the others see in it is what states are worth by
-    width : states that are kept at a step at most, beside the one on the robot's own path
-    alone : what the states of its class are worth if nobody sees anything
-
-    Raises
-    ------
-    LimitReached
-        If a limit is reached before the states are there.
+    pixels : [Z] px/m2 that others have in every view sum
     """
-    robot_class = team.model.class_of[robot]
-    beside = StateWorth.of(team.model, robot_class, team.pixels(without=robot), stop)
-    return _without_dead_ends(list(_Beam(team, robot, width, (beside, alone)).layers()))
+    reward, goal = marginal_reward(model, robot_class, pixels), robot_class.goal
+    bonuses = Bonuses.of(model.problem.objective)
+    return reward, backward_sweep(robot_class.graph, reward, bonuses, goal=goal, stop=stop)
 
 
 class _Beam:
-    """Finds the states that are kept, step by step."""
+    """Finds the states that are kept, step by step.
+
+    Parameters
+    ----------
+    width : states that are kept at a step at most, beside the one on the robot's path in `team`
+    worth : what the states of its class are worth beside the others, and alone
+    """
 
     def __init__(
-        self, team: PlannedTeam, robot: int, width: int, worth: tuple[StateWorth, StateWorth]
+        self, team: PlannedTeam, robot: int, width: int, worth: tuple[_Worth, _Worth]
     ) -> None:
         self._graph, self._width, self._worth = team.model.class_of[robot].graph, width, worth
-        self._own = team.path(robot)
+        self._path = team.path(robot)
         self._bonuses = Bonuses.of(team.model.problem.objective)
         lengths = (np.array(self._graph.moves) ** 2).sum(axis=1)
         self._moves, self._turns = np.argsort(lengths, kind="stable"), _turns(self._graph)
         self._position = np.empty(self._graph.n_states, dtype=np.int64)  # of `_numbered` states
 
-    def layers(self) -> Iterator[Layer]:
+    def layers(self) -> Iterator[_Layer]:
         """Yields the layers of all steps."""
         nothing = np.zeros(0, dtype=np.int64)
-        layer = Layer(np.array(self._own[:1]), np.zeros((2, 1)), nothing, nothing, np.zeros(0))
+        layer = _Layer(np.array(self._path[:1]), np.zeros((2, 1)), nothing, nothing, np.zeros(0))
         yield layer
-        for t in range(len(self._own) - 1):
+        for t in range(len(self._path) - 1):
             layer = self._after(t, layer)
             yield layer
 
-    def _after(self, t: int, layer: Layer) -> Layer:
+    def _after(self, t: int, layer: _Layer) -> _Layer:
         """Returns the layer after that of step t."""
         tails, heads = self._edges(t, layer.states)
         rewards = np.zeros(len(heads))
@@ -118,12 +91,12 @@ class _Beam:
         states = self._numbered(heads)
         to, before = self._position[heads], np.full((2, len(states)), CLOSED)
         kept = np.zeros(len(states), dtype=np.bool_)
-        for best, so_far, worth in zip(before, layer.before, self._worth, strict=True):
-            gained = so_far + worth.reward[t, layer.states]
+        for best, so_far, (reward, value) in zip(before, layer.before, self._worth, strict=True):
+            gained = so_far + reward[t, layer.states]
             np.maximum.at(best, to, gained[tails] + rewards)
-            kept |= self._kept(t + 1, states, best + worth.value[t + 1, states])
+            kept |= self._kept(t + 1, states, best + value[t + 1, states])
         edges, position = kept[to], np.cumsum(kept) - 1
-        return Layer(
+        return _Layer(
             states[kept], before[:, kept], tails[edges], position[to[edges]], rewards[edges]
         )
 
@@ -148,7 +121,7 @@ class _Beam:
         kept = through > CLOSED
         if np.count_nonzero(kept) > self._width // 2:
             kept[np.argsort(-through, kind="stable")[self._width // 2 :]] = False
-            kept[self._position[self._own[t]]] = True
+            kept[self._position[self._path[t]]] = True
         return kept
 
 
@@ -164,7 +137,7 @@ def _turns(graph: TimeGraph) -> IntArray:
     return turns
 
 
-def _without_dead_ends(layers: list[Layer]) -> list[Layer]:
+def _without_dead_ends(layers: list[_Layer]) -> list[_Layer]:
     """Returns layers in which all states but the last ones have a way on."""
     result = [layers[-1]]
     for layer in reversed(layers[:-1]):
@@ -174,14 +147,14 @@ def _without_dead_ends(layers: list[Layer]) -> list[Layer]:
         result.append(after._replace(tails=position[after.tails]))
         states, before = layer.states[goes_on], layer.before[:, goes_on]
         heads = position[layer.heads[edges]]
-        result.append(Layer(states, before, layer.tails[edges], heads, layer.rewards[edges]))
+        result.append(_Layer(states, before, layer.tails[edges], heads, layer.rewards[edges]))
     return result[::-1]
 
 
 # States of a robot that are kept at a step. Measured on passage and bottleneck-tight, seeds 0 to 9:
 # J is 0.14 and 0.09 % below the optimum with 80, 0.11 and 0.05 % with 120, and 0.12 and 0.07 % with
 # 160 and 42 responses for each robot, which take as long.
-WIDTH = 120
+_WIDTH = 120
 
 
 class RestrictedValueIteration:
@@ -198,13 +171,15 @@ class RestrictedValueIteration:
         If a limit is reached before the states are there.
     """
 
-    def __init__(self, team: PlannedTeam, stop: Stop, width: int = WIDTH) -> None:
-        model, seen = team.model, team.model.problem.no_pixels()
-        alone = [StateWorth.of(model, robot_class, seen, stop) for robot_class in model.classes]
+    def __init__(self, team: PlannedTeam, stop: Stop, width: int = _WIDTH) -> None:
+        model, nothing = team.model, team.model.problem.no_pixels()
+        alone = [_worth(model, robot_class, nothing, stop) for robot_class in model.classes]
         self._graphs = []
         for robot, robot_class in enumerate(model.class_of):
-            worth = alone[model.classes.index(robot_class)]
-            self._graphs.append(_Graph(model, robot, kept_layers(team, robot, width, worth, stop)))
+            beside = _worth(model, robot_class, team.pixels(without=robot), stop)
+            worth = beside, alone[model.classes.index(robot_class)]
+            layers = _without_dead_ends(list(_Beam(team, robot, width, worth).layers()))
+            self._graphs.append(_Graph(model, robot, layers))
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
         """Plan a task.
@@ -219,16 +194,6 @@ class RestrictedValueIteration:
         if path is None:
             return SingleRobotPath(None, task.model.problem.no_pixels(), 0)
         return SingleRobotPath(path, task.model.robot_pixels(task.robot, path), 0)
-
-
-class _StepEdges(NamedTuple):
-    """Where the nodes and edges of one step are among those of all steps."""
-
-    nodes: slice
-    after: slice  # nodes of the next step
-    edges: slice
-    heads: IntArray  # [m] position of each edge's head among the nodes of the next step
-    tails: IntArray  # [n] position of each node's first edge among those of the step
 
 
 class _Keys:
@@ -251,7 +216,7 @@ class _Keys:
 class _Graph:
     """The kept states of a robot at all steps, the N nodes, and the M edges between them."""
 
-    def __init__(self, model: Model, robot: int, layers: list[Layer]) -> None:
+    def __init__(self, model: Model, robot: int, layers: list[_Layer]) -> None:
         graph, sizes = model.class_of[robot].graph, [len(layer.states) for layer in layers]
         t = np.repeat(np.arange(len(layers)), sizes)
         states = np.concatenate([layer.states for layer in layers])
@@ -266,7 +231,7 @@ class _Graph:
         shift = self._shifts.searchsorted(places[self._heads] - places[self._tails])
         self._moves = self._places.of[self._tails] * len(self._shifts) + shift  # [M]
 
-    def _connect(self, layers: list[Layer], first: IntArray) -> None:
+    def _connect(self, layers: list[_Layer], first: IntArray) -> None:
         """Numbers the edges.
 
         Parameters
@@ -281,13 +246,15 @@ class _Graph:
         rewards = np.concatenate([layer.rewards for layer, *_ in into])
         self._rewards = rewards if rewards.any() else None
         self._indptr = self._tails.searchsorted(np.arange(first[-1] + 1))
-        self._steps = []  # from the last but one to the first
-        for nodes in reversed(range(len(into))):
-            node, end, last = first[nodes : nodes + 3].tolist()
+        self._last = slice(int(first[-2]), int(first[-1]))  # nodes of the last step
+        # From the last step but one to the first, its nodes and edges; the position [m] of each
+        # edge's head among the nodes of the next step, and [n] of each node's first edge.
+        self._steps: list[tuple[slice, slice, IntArray, IntArray]] = []
+        for node, end in reversed([*pairwise(first[:-1].tolist())]):
             indptr = self._indptr[node : end + 1]
             edges = slice(int(indptr[0]), int(indptr[-1]))
-            heads, tails = self._heads[edges] - end, indptr[:-1] - indptr[0]
-            self._steps.append(_StepEdges(slice(node, end), slice(end, last), edges, heads, tails))
+            ends = self._heads[edges] - end, indptr[:-1] - indptr[0]
+            self._steps.append((slice(node, end), edges, *ends))
 
     def _look(self, model: Model, robot: int, nodes: IntArray) -> None:
         """Takes down what nodes see, entry by entry."""
@@ -307,12 +274,14 @@ class _Graph:
         value = self._rewards_of_nodes(pixels, charges)
         edge_rewards = self._rewards_of_edges(charges)
         ahead = np.empty(len(self._heads))  # value of taking each edge
-        for nodes, after, edges, heads, tails in self._steps:
+        after = self._last
+        for nodes, edges, heads, tails in self._steps:
             values = ahead[edges]
             value[after].take(heads, out=values, mode="clip")  # without a copy, unlike "raise"
             if edge_rewards is not None:
                 values += edge_rewards[edges]
             value[nodes] += np.maximum.reduceat(values, tails)
+            after = nodes
         if value[0] == CLOSED:
             return None
         node, path = 0, [self._states[0]]

@@ -23,7 +23,7 @@ far more than searching. The paper names no gamma; `cocap-opt study gamma` measu
 import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from itertools import count
 
 import numpy as np
 
@@ -47,6 +47,7 @@ _FINAL_DISCOUNT = 0.2
 _TIE = 6  # digits; angles and distances that agree to these are equal
 
 _Way = tuple[float, float]  # off the heading (rad), and far (m), the nearest actor is
+_Entry = tuple[float, int, _Way, int, int]  # of the queue: -key, -k, way, number, state
 
 
 @dataclass(frozen=True)
@@ -95,10 +96,14 @@ def _algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: _Disco
     T = task.model.problem.horizon
     start = (1, task.model.start(task.robot))
     Rbar, parent, processed = {start: 0.0}, {start: start}, set[tuple[int, int]]()
-    queue = _Queue()
-    queue.push(0.0, (0.0, 0.0), start)  # 1
-    while queue:  # 2
-        k, v = node = queue.pop()  # 3
+    # The greatest key is first. Ties go to the deeper state, then to the one that looks more
+    # directly at the nearest actor, then to the nearer one: without a view there is nothing else to
+    # go by. Last to the older.
+    numbers = count()
+    OPEN: list[_Entry] = [(0.0, -1, (0.0, 0.0), next(numbers), start[1])]  # 1
+    while OPEN:  # 2
+        _, less_k, _, _, v = heapq.heappop(OPEN)  # 3
+        k, v = node = -less_k, v
         if k == T + 1:  # 4
             return _trace(parent, node)
         if node in processed:  # 5
@@ -110,7 +115,8 @@ def _algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: _Disco
             value = discount.collect(Rbar[node], R, k)  # 7
             if child not in processed and value > Rbar.get(child, CLOSED):  # 8
                 Rbar[child], parent[child] = value, node  # 9
-                queue.push(discount.key(value, k, T), way, child)
+                key = discount.key(value, k, T)
+                heapq.heappush(OPEN, (-key, -(k + 1), way, next(numbers), w))
     return None  # 10
 
 
@@ -122,7 +128,7 @@ class ViewSearch:
     discount : of the views to come
     """
 
-    is_lazy: Literal[True] = True
+    is_lazy = True
 
     def __init__(self, discount: _Discount | None = None) -> None:
         self._discount = discount or Compounded()
@@ -140,30 +146,6 @@ class ViewSearch:
             if t >= model.problem.first_step:
                 pixels[model.problem.view_sums_at(t)] += coverage(t, np.array([state]))[0]
         return SingleRobotPath(path, pixels, coverage.evaluated - evaluated_before)
-
-
-class _Queue:
-    """States to be processed, the greatest key first.
-
-    Ties go to the deeper state, then to the one that looks more directly at the nearest actor,
-    then to the nearer one: without a view there is nothing else to go by. Last to the older.
-    """
-
-    def __init__(self) -> None:
-        self._heap: list[tuple[float, int, _Way, int, int]] = []
-        self._pushed = 0
-
-    def __bool__(self) -> bool:
-        return bool(self._heap)
-
-    def push(self, key: float, way: _Way, node: tuple[int, int]) -> None:
-        self._pushed += 1
-        k, state = node
-        heapq.heappush(self._heap, (-key, -k, way, self._pushed, state))
-
-    def pop(self) -> tuple[int, int]:
-        _, minus_k, _, _, state = heapq.heappop(self._heap)
-        return -minus_k, state
 
 
 def _rewarded_successors(

@@ -19,7 +19,7 @@ from cocap_opt.planners.cocap_lns import (
     cocap_lns,
     neighbourhood_search,
 )
-from cocap_opt.planners.constraint_tree import BestNodes, FocalNodes, Node
+from cocap_opt.planners.constraint_tree import FocalNodes, Node, OpenNodes
 from cocap_opt.planners.low_level import (
     PlannedTeam,
     SingleRobotPath,
@@ -192,7 +192,7 @@ def _node(value: float, conflicts: int) -> Node:
 def test_a_focal_list_takes_the_fewest_conflicts_within_a_share_of_the_best() -> None:
     """Best first takes the greatest J; the focal list gives up at most 1 % of it."""
     nodes = [_node(100.0, 5), _node(99.5, 1), _node(99.2, 1), _node(98.0, 0)]
-    focal, best = FocalNodes(), BestNodes()
+    focal, best = FocalNodes(), OpenNodes()
     for node in nodes:
         focal.push(node)
         best.push(node)

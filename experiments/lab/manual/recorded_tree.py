@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from cocap_opt.planners.cocap import algorithm_1
-from cocap_opt.planners.constraint_tree import BestNodes, ConstraintTree, Node
+from cocap_opt.planners.constraint_tree import ConstraintTree, Node, OpenNodes
 from cocap_opt.planners.low_level import value_iteration
 from cocap_opt.planners.responses import Responses
 from cocap_opt.problem import Cell, Conflict, Plan, Problem
@@ -63,7 +63,7 @@ class RecordedNode:
         return model.places.cells[model.classes.index(model.class_of[robot])][place]
 
 
-class _Recorder(BestNodes):
+class _Recorder(OpenNodes):
     """Queue of open nodes that remembers all nodes that were ever in it."""
 
     def __init__(self) -> None:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.coordination.best_response import best_response
-from cocap_opt.coordination.pair_iteration import PairIteration, Successors
+from cocap_opt.coordination.pair_iteration import PairIteration
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.column_generation.master.columns import Arc, Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
@@ -411,13 +411,13 @@ class _ArcPair(PairIteration):
         places = states % side.robot_class.graph.n_places
         return self._model.places.where(side.robot_class, places)
 
-    def successors(self, which: int, t: int, state: int) -> Successors:
+    def successors(self, which: int, t: int, state: int) -> tuple[IntArray, IntArray, FloatArray]:
         """Returns the states that arcs of robot 0 or 1 lead to."""
         side = self._sides[which]
         at = int(np.searchsorted(side.states[t], state))
         own = np.flatnonzero(side.tails[t] == at)
         heads = side.heads[t][own]
-        return Successors(side.states[t + 1][heads], heads, side.rewards[t][own])
+        return side.states[t + 1][heads], heads, side.rewards[t][own]
 
 
 def _side(model: Model, robot: int, arcs: Iterable[Arc], others: Sequence[Column]) -> _Side | None:
