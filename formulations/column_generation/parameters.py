@@ -144,7 +144,10 @@ class RootParameters(Section):
 
 @dataclass(frozen=True)
 class LargeRootParameters(Section):
-    """The root of very many robots, without masters: whose turn it is."""
+    """The root of very many robots, without masters: whose turn it is, and moves over known arcs.
+
+    Moves are those of a large neighbourhood search (Shaw 1998).
+    """
 
     many_robot_steps: int = _parameter(
         1500, "robots x steps", "from which on masters take too long: one of field-large's 64 "
@@ -173,6 +176,9 @@ class LargeRootParameters(Section):
     least_gain: float = _parameter(
         5e-4, SHARE, "of what is open, that a turn must gain for more of its kind"
     )
+    most_others: int = _parameter(3, "robots", "that are taken out beside the first one")
+    most_turns: int = _parameter(20, "turns", "of each robot that answers, in one move")
+    neighbours: int = _parameter(4, "robots", "that answer beside those that are taken out")
 
 
 @dataclass(frozen=True)
@@ -305,7 +311,7 @@ class TrialParameters(Section):
 
 @dataclass(frozen=True)
 class BundleParameters(Section):
-    """The bundle method over prices of states (Kiwiel 1990)."""
+    """The bundle method over prices of states (Kiwiel 1990), and its search for joint states."""
 
     most_iterations: int = _parameter(60, "iterations", "of a bundle")
     most_listed_iterations: int = _parameter(
@@ -321,6 +327,10 @@ class BundleParameters(Section):
         30, "joint states of a step", "in the master: the highest at the centre, and as many of "
         "the latest prices",
     )  # fmt: skip
+    known_starts: int = _parameter(6, "starts", "at joint states that are known")
+    random_starts: int = _parameter(3, "starts", "that are changed at random")
+    highest_starts: int = _parameter(4, "starts", "at the highest ones, where it is compiled")
+    many_random_starts: int = _parameter(10, "starts", "changed at random, where it is compiled")
 
 
 @dataclass(frozen=True)
@@ -427,25 +437,6 @@ class LocalSearchParameters(Section):
 
 
 @dataclass(frozen=True)
-class ArcSearchParameters(Section):
-    """Large neighbourhood search over known arcs (Shaw 1998)."""
-
-    most_others: int = _parameter(3, "robots", "that are taken out beside the first one")
-    most_turns: int = _parameter(20, "turns", "of each robot that answers, in one move")
-    neighbours: int = _parameter(4, "robots", "that answer beside those that are taken out")
-
-
-@dataclass(frozen=True)
-class JointSearchParameters(Section):
-    """Local search for joint states of a step: where it starts."""
-
-    known_starts: int = _parameter(6, "starts", "at joint states that are known")
-    random_starts: int = _parameter(3, "starts", "that are changed at random")
-    highest_starts: int = _parameter(4, "starts", "at the highest ones, where it is compiled")
-    many_random_starts: int = _parameter(10, "starts", "changed at random, where it is compiled")
-
-
-@dataclass(frozen=True)
 class Parameters:
     """All parameters of column generation and branch-and-price; the defaults suit most scenes.
 
@@ -467,8 +458,6 @@ class Parameters:
     ascent: AscentParameters = AscentParameters()
     alike_cuts: AlikeCutParameters = AlikeCutParameters()
     local_search: LocalSearchParameters = LocalSearchParameters()
-    arc_search: ArcSearchParameters = ArcSearchParameters()
-    joint_search: JointSearchParameters = JointSearchParameters()
 
     def rows(self) -> Iterator[tuple[str, str, str, str]]:
         """Yields name, value, unit and meaning of each parameter, as the reference lists them."""

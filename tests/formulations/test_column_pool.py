@@ -13,6 +13,7 @@ from strategies import Calls, examples
 from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.mixture_ascent import mixture_ascent
+from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.formulations.column_generation.primal import local_search
 from cocap_opt.formulations.column_generation.primal.column_pool import ColumnPool
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
@@ -23,6 +24,7 @@ from cocap_opt.objective import objective
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import never
 
 some_problems = st.one_of(meetings(), problems(robots=[2, 3], goals=False))
 
@@ -32,7 +34,9 @@ def pooled(model: Model) -> tuple[ColumnPool, list[list[Column]]]:
     search = Search(model)
     pool, own = ColumnPool(model), [{} for _ in model.problem.robots]
     if search.alone.bound > -np.inf:
-        steps = islice(mixture_ascent(model, search.pricer, search.alone), 3)
+        steps = islice(
+            mixture_ascent(model, search.pricer, search.alone, never, DEFAULTS.ascent), 3
+        )
         for column, amount in chain.from_iterable(step.mixture.used() for step in steps):
             pool.add(column, amount)
             own[column.robot][column.path] = column
@@ -66,7 +70,7 @@ def test_plans_of_a_pool_obey_the_rules_and_no_column_raises_them(problem: Probl
     pool, own = pooled(model)
     if not all(own):
         return
-    for found in islice(pool.drawn(np.random.default_rng(0)), 5):
+    for found in islice(pool.drawn(np.random.default_rng(0), DEFAULTS.local_search.draws), 5):
         verdict = check(problem, model.plan(found.key))
         assert verdict.valid
         assert verdict.reward == pytest.approx(found.value, rel=1e-9, abs=1e-9)
@@ -153,7 +157,7 @@ def test_more_responses_find_no_worse_plans_and_each_is_told() -> None:
     """The course of local search does not depend on how long it may go on; it is never silent."""
     model = compiled(load_scene("bottleneck", 1))
     search = Search(model)
-    *_, last = islice(mixture_ascent(model, search.pricer, search.alone), 6)
+    *_, last = islice(mixture_ascent(model, search.pricer, search.alone, never, DEFAULTS.ascent), 6)
     values = []
     for allowed in (1, 20, 60):
         allowance, told = Allowance(allowed), []

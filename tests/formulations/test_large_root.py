@@ -19,7 +19,11 @@ from cocap_opt.formulations.column_generation.branch_and_price import branch_and
 from cocap_opt.formulations.column_generation.master.alike_cuts import alike_cut, grown_multisets
 from cocap_opt.formulations.column_generation.master.mixture_ascent import mixture_ascent, raised
 from cocap_opt.formulations.column_generation.master.pricing import Priced
-from cocap_opt.formulations.column_generation.parameters import LargeRootParameters, Parameters
+from cocap_opt.formulations.column_generation.parameters import (
+    DEFAULTS,
+    LargeRootParameters,
+    Parameters,
+)
 from cocap_opt.formulations.column_generation.primal.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot
@@ -30,7 +34,7 @@ from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit, LimitReached
+from cocap_opt.stop import Limit, LimitReached, never
 
 AS_LARGE = Parameters(large_root=LargeRootParameters(many_robot_steps=0))  # no masters
 
@@ -47,7 +51,7 @@ def test_the_highest_multiset_grows_by_gains_alone(
     """Of the multisets that are gone through, the highest is as high as that of all corners."""
     roots, shares = np.array(sorted(dict(curve).items())).T
     values = roots * shares
-    grown = grown_multisets(roots**2, values, robots)
+    grown = grown_multisets(roots**2, values, robots, DEFAULTS.alike_cuts.most_growing)
     constant = Cut.valid(0, {0: Curve(roots, values)}, (robots,)).constant
     assert grown is not None
     assert grown.heights.max() == pytest.approx(constant, abs=1e-9)
@@ -62,7 +66,7 @@ def test_a_cut_of_robots_that_are_alike_is_valid_and_cuts(
     roots, amounts = np.array(views).T
     seen = Seen(np.zeros(len(roots), dtype=np.int64), roots, amounts)
     known = float(min(np.sqrt(amounts @ roots**2), amounts @ roots))
-    cut = alike_cut(3, seen, 1.0, robots, known, 1e-4)
+    cut = alike_cut(3, seen, 1.0, robots, known, 1e-4, DEFAULTS.alike_cuts)
     if cut is not None:
         assert seen.height(cut) < known
         assert Cut.valid(3, cut.curves, (robots,)).constant <= cut.constant + 1e-9
@@ -75,7 +79,7 @@ def test_cuts_have_no_more_breakpoints_than_a_certificate_may(robots: int) -> No
     seen = Seen(np.zeros(3, dtype=np.int64), roots, amounts)
     known = float(min(np.sqrt(amounts @ roots**2), amounts @ roots))
     for cut in (
-        alike_cut(0, seen, 1.0, robots, known, 1e-6),
+        alike_cut(0, seen, 1.0, robots, known, 1e-6, DEFAULTS.alike_cuts),
         seen.best_cut(0, np.ones(1), (robots,), known, 1e-6),
     ):
         assert cut is None or robots * len(cut.curves[0].roots) <= MOST_WORK
@@ -90,7 +94,15 @@ def test_a_root_far_below_others_has_no_beta() -> None:
     )  # fmt: skip
     cut = Cut(0, {0: Curve(np.array([1.0, 100.0]), np.array([0.5, 99.5]))}, 0.5)
     heights = sparse.csr_array(cut.phi(0, roots))
-    program = _RuledProgram(base, [cut], np.zeros(0), 1.0, heights, sparse.csr_array((3, 0)))
+    program = _RuledProgram(
+        base,
+        [cut],
+        np.zeros(0),
+        1.0,
+        heights,
+        sparse.csr_array((3, 0)),
+        DEFAULTS.ruled_ascent.least_share,
+    )
     for amount in np.linspace(0.0, 1.0, 200):
         judged = program.judged(np.array([1.0, amount, 0.01]))
         left = 1.0 - float(judged.shares[0]) - float(judged.alpha[0])
@@ -104,7 +116,7 @@ def test_every_step_under_rules_gives_a_bound(problem: Problem) -> None:
     search = Search(compiled(problem))
     if search.alone.bound == -np.inf or problem.objective.over_time:
         return
-    first = next(mixture_ascent(search.model, search.pricer, search.alone))
+    first = next(mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent))
     ascent = RuledAscent(search, first.mixture, first.priced)
     best = optimum(problem).value
     for _ in range(4):
@@ -123,9 +135,13 @@ def test_plans_over_known_arcs_obey_the_rules_and_get_no_worse(problem: Problem)
     search = Search(compiled(problem))
     if search.alone.bound == -np.inf or search.incumbent is None or problem.objective.over_time:
         return
-    steps = islice(mixture_ascent(search.model, search.pricer, search.alone), 3)
+    steps = islice(
+        mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent), 3
+    )
     columns = [column for step in steps for column in step.priced.columns]
-    arcs = ArcSearch(search.model, search.incumbent, columns)
+    arcs = ArcSearch(
+        search.model, search.incumbent, columns, never, lambda: None, DEFAULTS.large_root
+    )
     arcs.search(5, np.random.default_rng(0))
     plan = arcs.plan()
     assert plan is not None
@@ -138,14 +154,18 @@ def test_plans_over_known_arcs_obey_the_rules_and_get_no_worse(problem: Problem)
 def test_work_without_masters_asks_often_whether_to_stop() -> None:
     """Mixtures are raised, and plans changed, in steps; a large team's take tenths of a second."""
     search = Search(compiled(load_scene("corridor", 0)))
-    columns = next(mixture_ascent(search.model, search.pricer, search.alone)).mixture.columns
+    columns = next(
+        mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent)
+    ).mixture.columns
     robots = np.array([column.robot for column in columns])
     amounts = np.full(len(robots), 0.5)
     with pytest.raises(LimitReached):
-        raised(lambda at: at, robots, amounts, -np.inf, Calls(2))
+        raised(lambda at: at, robots, amounts, -np.inf, Calls(2), DEFAULTS.ascent)
     told: list[int] = []
     assert search.incumbent is not None
-    arcs = ArcSearch(search.model, search.incumbent, columns, tell=lambda: told.append(1))
+    arcs = ArcSearch(
+        search.model, search.incumbent, columns, never, lambda: told.append(1), DEFAULTS.large_root
+    )
     arcs.search(3, search.rng)
     assert len(told) == 3
 
@@ -154,10 +174,14 @@ def test_work_without_masters_asks_often_whether_to_stop() -> None:
 def test_moves_over_known_arcs_make_a_good_plan_of_hovering_drones(scene: str) -> None:
     """Twenty moves over the arcs of four pricings come within half a percent of the optimum."""
     search = Search(compiled(load_scene(scene, 0)))
-    steps = islice(mixture_ascent(search.model, search.pricer, search.alone), 4)
+    steps = islice(
+        mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent), 4
+    )
     columns = [column for step in steps for column in step.priced.columns]
     assert search.incumbent is not None and search.value < 0.5 * OPTIMA[scene]
-    arcs = ArcSearch(search.model, search.incumbent, columns)
+    arcs = ArcSearch(
+        search.model, search.incumbent, columns, never, lambda: None, DEFAULTS.large_root
+    )
     arcs.search(20, np.random.default_rng(0))
     plan = arcs.plan()
     assert plan is not None
@@ -167,7 +191,9 @@ def test_moves_over_known_arcs_make_a_good_plan_of_hovering_drones(scene: str) -
 def large_root(scene: str) -> LargeRoot:
     """The root of a scene after a first ascent, as if it were large."""
     search = Search(compiled(load_scene(scene, 0)))
-    (first,) = islice(mixture_ascent(search.model, search.pricer, search.alone), 1)
+    (first,) = islice(
+        mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent), 1
+    )
     return LargeRoot.of(search, first.mixture, min(search.alone, first.priced, key=bound_of))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.envelope import Curve, Cut, multisets
 from cocap_opt.formulations.certificates.format import MOST_WORK
-from cocap_opt.formulations.column_generation.parameters import DEFAULTS, AlikeCutParameters
+from cocap_opt.formulations.column_generation.parameters import AlikeCutParameters
 from cocap_opt.formulations.relaxations.separation import Seen, Transport
 
 _ROUNDING = 1e-12  # of the largest root
@@ -30,7 +30,7 @@ def alike_cut(
     robots: int,
     known: float,
     least: float,
-    parameters: AlikeCutParameters = DEFAULTS.alike_cuts,
+    parameters: AlikeCutParameters,
 ) -> Cut | None:
     """Returns the cut of one class that is tightest at a mixture, or nearly so.
 
@@ -63,7 +63,7 @@ def alike_cut(
     return cut if known - seen.height(cut) > least else None
 
 
-class Multisets(NamedTuple):
+class _Multisets(NamedTuple):
     """Multisets of breakpoints, and how far their roots are above the sums of phi."""
 
     counts: IntArray  # [n, K] robots at each breakpoint
@@ -74,8 +74,8 @@ def grown_multisets(
     pixels: FloatArray,
     values: FloatArray,
     robots: int,
-    most: int = DEFAULTS.alike_cuts.most_growing,
-) -> Multisets | None:
+    most: int,
+) -> _Multisets | None:
     """Returns the multisets that grow by gains alone, among which is the highest one.
 
     None where they are too many.
@@ -89,8 +89,8 @@ def grown_multisets(
     size = len(pixels)
     each, numbers = np.eye(size, dtype=np.int64), np.arange(size)
     counts, last = np.zeros((1, size), dtype=np.int64), np.zeros(1, dtype=np.int64)
-    sums, paid = np.zeros(1), np.zeros(1)
-    found = [Multisets(counts, np.zeros(1))]
+    sums, prices = np.zeros(1), np.zeros(1)
+    found = [_Multisets(counts, np.zeros(1))]
     for _ in range(robots):
         gains = np.sqrt(sums[:, None] + pixels) - np.sqrt(sums)[:, None] - values
         which, at = np.nonzero((gains >= -_ROUNDING) & (numbers >= last[:, None]))
@@ -99,9 +99,9 @@ def grown_multisets(
         if len(which) > most:
             return None
         counts, last = counts[which] + each[at], at
-        sums, paid = sums[which] + pixels[at], paid[which] + values[at]
-        found.append(Multisets(counts, np.sqrt(sums) - paid))
-    return Multisets(*(np.concatenate(part) for part in zip(*found, strict=True)))
+        sums, prices = sums[which] + pixels[at], prices[which] + values[at]
+        found.append(_Multisets(counts, np.sqrt(sums) - prices))
+    return _Multisets(*(np.concatenate(part) for part in zip(*found, strict=True)))
 
 
 def _values(
@@ -113,10 +113,10 @@ def _values(
         size -= 1
     counts, program = multisets(len(pixels), size), Transport(mass)
     for _ in range(parameters.most_rounds):
-        prices = program.solve(counts, np.sqrt(counts @ pixels))
-        if prices is None:  # not to be expected
+        found = program.solve(counts, np.sqrt(counts @ pixels))
+        if found is None:  # not to be expected
             return None
-        values, total = prices
+        values, total = found
         height = total + float(mass @ values)
         grown = grown_multisets(pixels, values, robots, parameters.most_growing)
         if height > known or grown is None:

@@ -30,8 +30,8 @@ class Coefficients:
         classes, _, tails, heads = np.array(self.arcs, dtype=np.int64).reshape(-1, 4).T
         rewards = np.zeros(len(self.arcs))
         for number in np.unique(classes).tolist():
-            own, shape = classes == number, self.model.classes[number].graph.shape
-            rewards[own] = bonuses.of_edges(shape, tails[own], heads[own])
+            of_class, shape = classes == number, self.model.classes[number].graph.shape
+            rewards[of_class] = bonuses.of_edges(shape, tails[of_class], heads[of_class])
         return rewards
 
     def views(self) -> "_Views":
@@ -51,8 +51,8 @@ class Coefficients:
                 used = resource.footprint(self.model, number)
                 for place in used.places:
                     found += into.get((number, t, place), [])
-                for one, other in used.moves:
-                    found += along.get((number, t, one, other), [])
+                for tail, head in used.moves:
+                    found += along.get((number, t, tail, head), [])
                 for state in used.states:
                     near = into.get((number, t, state % robot_class.graph.n_places), [])
                     found += [k for k in near if self._state(k, t) == state]
@@ -69,11 +69,11 @@ class Coefficients:
         along: _Along = defaultdict(list)
         n_places = [robot_class.graph.n_places for robot_class in self.model.classes]
         for k, (number, t, tail, head) in enumerate(self.arcs):
-            one, other = tail % n_places[number], head % n_places[number]
-            along[number, t, one, other].append(k)
-            into[number, t + 1, other].append(k)
+            start, end = tail % n_places[number], head % n_places[number]
+            along[number, t, start, end].append(k)
+            into[number, t + 1, end].append(k)
             if t == 0:
-                into[number, 0, one].append(k)
+                into[number, 0, start].append(k)
         return into, along
 
 
@@ -115,9 +115,11 @@ def _entries_of_class(model: Model, number: int, arcs: Sequence[Arc]) -> _Entrie
     """Returns the pixels of those arcs that belong to one class."""
     robot_class = model.classes[number]
     table, n_states = model.coverage(robot_class), robot_class.graph.n_states
-    own = [(k, arc) for k, arc in enumerate(arcs) if arc.class_number == number]
-    first = [(k, arc.tail) for k, arc in own if arc.t == 0]
-    nodes = [(arc.t + 1) * n_states + arc.head for _, arc in own] + [state for _, state in first]
+    of_class = [(k, arc) for k, arc in enumerate(arcs) if arc.class_number == number]
+    first = [(k, arc.tail) for k, arc in of_class if arc.t == 0]
+    nodes = [(arc.t + 1) * n_states + arc.head for _, arc in of_class] + [
+        state for _, state in first
+    ]
     which, entries = table.entries(np.array(nodes, dtype=np.int64))
-    numbers = np.array([k for k, _ in (*own, *first)], dtype=np.int64)
+    numbers = np.array([k for k, _ in (*of_class, *first)], dtype=np.int64)
     return _Entries(numbers[which], table.view_sums[entries], table.pixels[entries])

@@ -43,8 +43,8 @@ class Arc(NamedTuple):
         for arc in arcs:
             by_step[arc.t].append(arc)
         reached = [set(starts)]
-        for some in by_step:
-            reached.append({arc.enters for arc in some if arc.leaves in reached[-1]})
+        for arcs_at in by_step:
+            reached.append({arc.enters for arc in arcs_at if arc.leaves in reached[-1]})
         leading = [reached[-1]]
         for t in range(horizon - 1, -1, -1):
             tails = {arc.leaves for arc in by_step[t] if arc.enters in leading[-1]}

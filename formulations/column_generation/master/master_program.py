@@ -128,7 +128,7 @@ class MasterProgram:
         """Adds rows sign * (flow on the users' arcs) - slack <= limit."""
         program.add_inequalities(name, limits)
         row = np.repeat(np.arange(len(users)), [len(arcs) for arcs in users])
-        arcs = np.array([k for some in users for k in some], dtype=np.int64)
+        arcs = np.array([k for arcs_of in users for k in arcs_of], dtype=np.int64)
         program.put(name, "flow", row, arcs, signs[row] if len(users) else np.zeros(0))
         each = np.arange(len(users))
         program.put(name, "slack", each, first_slack + each, -np.ones(len(users)))

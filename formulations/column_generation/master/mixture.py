@@ -190,7 +190,7 @@ def _widest(
         heads = left.get((number, t, path[-1]), {})
         if not heads:
             return (), 0.0
-        head = max(heads, key=lambda one: heads[one])
+        head = max(heads, key=lambda state: heads[state])
         least = min(least, heads[head])
         path.append(head)
     return tuple(path), float(least)

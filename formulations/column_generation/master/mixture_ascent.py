@@ -24,10 +24,10 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.pricing import Priced, Pricer
-from cocap_opt.formulations.column_generation.parameters import DEFAULTS, AscentParameters
+from cocap_opt.formulations.column_generation.parameters import AscentParameters
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import Stop
 
 SHARPNESS = 64  # k
 _NOTHING = 1e-12  # px/m2
@@ -45,8 +45,8 @@ def mixture_ascent(
     model: Model,
     pricer: Pricer,
     first: Priced,
-    stop: Stop = never,
-    parameters: AscentParameters = DEFAULTS.ascent,
+    stop: Stop,
+    parameters: AscentParameters,
 ) -> Iterator[_Raised]:
     """Yields better and better mixtures, without end.
 
@@ -118,12 +118,12 @@ class MixtureProgram:
     def gradient(self, amounts: FloatArray) -> FloatArray:
         """Returns what the multipliers of a mixture pay for each column [n]."""
         duals = self.judged(amounts)[1]
-        return self.paid(duals.alpha, duals.beta)
+        return self.priced(duals.alpha, duals.beta)
 
-    def paid(self, alpha: FloatArray, beta: FloatArray) -> FloatArray:
+    def priced(self, alpha: FloatArray, beta: FloatArray) -> FloatArray:
         """Returns what is paid for the pixels of each column, and its rewards for moves [n]."""
-        paid = self.roots @ (self.weights * alpha)
-        return np.asarray(paid + self.pixels @ (self.weights * beta) + self.bonus)
+        price = self.roots @ (self.weights * alpha)
+        return np.asarray(price + self.pixels @ (self.weights * beta) + self.bonus)
 
 
 def raised(
@@ -132,8 +132,8 @@ def raised(
     amounts: FloatArray,
     enough: float,
     stop: Stop,
+    parameters: AscentParameters,
     least_factor: float = 0.0,
-    parameters: AscentParameters = DEFAULTS.ascent,
 ) -> FloatArray:
     """Returns amounts of a larger value, at best by all but `enough`; raises LimitReached.
 

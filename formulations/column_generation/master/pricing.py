@@ -54,8 +54,8 @@ class Pricer:
         base = {at: views.base(duals, self._weights) for at, views in self._shared.items()}
         columns = []
         for number, robot_class in enumerate(model.classes):
-            own = base[id(model.coverage(robot_class))]
-            reward = model.spread(robot_class, self._paid(number, duals, own))
+            prices = base[id(model.coverage(robot_class))]
+            reward = model.spread(robot_class, self._prices(number, duals, prices))
             charges = charges_of(model, number, costs)
             value = backward_sweep(
                 robot_class.graph, reward, bonuses, charges, robot_class.goal, self._stop
@@ -84,19 +84,19 @@ class Pricer:
                 total += decision.sign * nu * decision.robots
         return total
 
-    def _paid(self, number: int, duals: Duals, base: FloatArray) -> FloatArray:
-        """Returns the payment of each node of a class's coverage table [n].
+    def _prices(self, number: int, duals: Duals, base: FloatArray) -> FloatArray:
+        """Returns the prices of the nodes of a class's coverage table [n].
 
         Parameters
         ----------
-        base : [n] payment of the nodes to every class that shares the table
+        base : [n] prices of the nodes for every class that shares the table
         """
-        views, paid = self._views[number], base.copy()
+        views, prices = self._views[number], base.copy()
         for cut, share in duals.cuts:
             if share > 0:
                 nodes, roots = views.of_view_sum(cut.view_sum)
-                paid[nodes] += share * self._weights[cut.view_sum] * cut.phi(number, roots)
-        return paid
+                prices[nodes] += share * self._weights[cut.view_sum] * cut.phi(number, roots)
+        return prices
 
 
 def _costs(duals: Duals, decisions: Sequence[Decision]) -> list[tuple[Resource, float]]:
@@ -117,10 +117,10 @@ class _Views:
         self._roots = sparse.csr_array((np.sqrt(table.pixels), *by_node), shape)
 
     def base(self, duals: Duals, weights: FloatArray) -> FloatArray:
-        """Returns the payment of each node by alpha and beta [n]."""
-        paid: FloatArray = np.asarray(self._roots @ (weights * duals.alpha))
-        paid += np.asarray(self._pixels @ (weights * duals.beta))
-        return paid
+        """Returns the prices of the nodes by alpha and beta [n]."""
+        prices: FloatArray = np.asarray(self._roots @ (weights * duals.alpha))
+        prices += np.asarray(self._pixels @ (weights * duals.beta))
+        return prices
 
     def of_view_sum(self, view_sum: int) -> tuple[IntArray, FloatArray]:
         """Returns the nodes that see a view sum, and the roots of the pixels that they see."""

@@ -30,7 +30,7 @@ class ResourceUse(NamedTuple):
     def of(cls, model: Model, mixture: Mixture) -> "ResourceUse":
         """Returns the use of resources by a mixture."""
         cells: defaultdict[Resource, float] = defaultdict(float)
-        own: defaultdict[Resource, float] = defaultdict(float)
+        of_classes: defaultdict[Resource, float] = defaultdict(float)
         states: defaultdict[Resource, float] = defaultdict(float)
         moves: defaultdict[Resource, float] = defaultdict(float)
         several = len(model.classes) > 1
@@ -40,11 +40,11 @@ class ResourceUse(NamedTuple):
             for t, (number, cell) in enumerate(zip(along.states, along.cells, strict=True)):
                 cells[Cells(t, (cell,))] += amount
                 if several:
-                    own[Cells(t, (cell,), along.class_number)] += amount
+                    of_classes[Cells(t, (cell,), along.class_number)] += amount
                 states[Visit(t, graph.state(number), along.class_number)] += amount
                 if t and cell != along.cells[t - 1]:
                     moves[Move(t - 1, (along.cells[t - 1], cell), along.class_number)] += amount
-        return cls(dict(cells), dict(own), dict(states), dict(moves))
+        return cls(dict(cells), dict(of_classes), dict(states), dict(moves))
 
     @property
     def has_integral_states(self) -> bool:

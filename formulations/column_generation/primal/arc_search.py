@@ -12,11 +12,11 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.column_generation.master.columns import Column
-from cocap_opt.formulations.column_generation.parameters import DEFAULTS, ArcSearchParameters
+from cocap_opt.formulations.column_generation.parameters import LargeRootParameters
 from cocap_opt.formulations.column_generation.primal.arc_graph import ArcGraph
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.model import Model, Path
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import Stop
 
 _GAIN = 1e-9  # relative, from which on a path counts as better
 
@@ -39,9 +39,9 @@ class ArcSearch:
         model: Model,
         plan: Incumbent,
         columns: Iterable[Column],
-        stop: Stop = never,
-        tell: Callable[[], None] = lambda: None,
-        parameters: ArcSearchParameters = DEFAULTS.arc_search,
+        stop: Stop,
+        tell: Callable[[], None],
+        parameters: LargeRootParameters,
     ) -> None:
         self._parameters = parameters
         self._model, self._stop, self._tell = model, stop, tell
@@ -49,7 +49,7 @@ class ArcSearch:
         by_class: list[list[Column]] = [[] for _ in model.classes]
         for column in (*columns, *plan.columns):
             by_class[column.along.class_number].append(column)
-        self._graphs = [ArcGraph(model, number, own) for number, own in enumerate(by_class)]
+        self._graphs = [ArcGraph(model, number, known) for number, known in enumerate(by_class)]
         self._seen = model.problem.no_pixels()
         self.columns = [*plan.columns]
         for column in plan.columns:
@@ -112,15 +112,15 @@ class ArcSearch:
 
     def _responds(self, robot: int) -> bool:
         """Takes a robot's best response; returns True if it gains."""
-        own = self.columns[robot]
-        self._take(own)
+        before = self.columns[robot]
+        self._take(before)
         path = self._best_path(robot)
-        best = own if path in (None, own.path) else Column.of(self._model, robot, path)
-        if self._gain(best) <= self._gain(own) * (1 + _GAIN):
-            best = own
+        best = before if path in (None, before.path) else Column.of(self._model, robot, path)
+        if self._gain(best) <= self._gain(before) * (1 + _GAIN):
+            best = before
         self.columns[robot] = best
         self._put(best)
-        return best is not own
+        return best is not before
 
     def _best_path(self, robot: int) -> Path | None:
         """Returns a robot's best path over the arcs, beside all that are in sight."""
@@ -142,8 +142,8 @@ class ArcSearch:
     def _overlaps(self, robot: int) -> FloatArray:
         """Returns how much each robot's roots share with those of one robot [R]; 0 for itself."""
         roots = self._model.problem.no_pixels()
-        own = self.columns[robot]
-        roots[own.view_sums] = np.sqrt(own.pixels)
+        column = self.columns[robot]
+        roots[column.view_sums] = np.sqrt(column.pixels)
         shared = np.array(
             [np.minimum(roots[c.view_sums], np.sqrt(c.pixels)).sum() for c in self.columns]
         )

@@ -14,7 +14,6 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.column_generation.master.columns import Column
-from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.model import Model, Path
 
 LEAST_AMOUNT = 1e-3  # of a robot, with which every column is drawn now and then
@@ -127,9 +126,7 @@ class ColumnPool:
             self.add(column, 0.0)
         return self._ascended([*columns], self._choices(), range(len(columns)))
 
-    def drawn(
-        self, rng: np.random.Generator, draws: int = DEFAULTS.local_search.draws
-    ) -> Iterator[LocalOptimum]:
+    def drawn(self, rng: np.random.Generator, draws: int) -> Iterator[LocalOptimum]:
         """Yields the local optima above random roundings; fewer where these end in conflicts."""
         choices = self._choices()
         for _ in range(draws):

@@ -135,9 +135,9 @@ def _visited_states(model: Model, plans: Iterable[PlanKey]) -> list[BoolArray]:
     steps = np.arange(model.problem.horizon + 1)
     visited = []
     for robot_class in model.classes:
-        own = np.zeros((len(steps), robot_class.graph.n_states), dtype=np.bool_)
+        on_paths = np.zeros((len(steps), robot_class.graph.n_states), dtype=np.bool_)
         for paths in plans:
             for robot in robot_class.robots:
-                own[steps, paths[robot]] = True
-        visited.append(own)
+                on_paths[steps, paths[robot]] = True
+        visited.append(on_paths)
     return visited

@@ -85,7 +85,7 @@ def step_envelopes(
     if search.incumbent is None or narrowing is None:
         return
     steps = range(model.problem.first_step, model.problem.horizon + 1)
-    known = Known.of(search.incumbent, steps, search.rng, search.parameters.joint_search)
+    known = Known.of(search.incumbent, steps, search.rng, search.parameters.bundle)
     for column in columns:
         known.add_path(column.along.class_number, column.path)
     before = narrowing.pricing.bound
@@ -357,8 +357,8 @@ class _Envelopes:
     def _n_listed(self, most: float) -> int:
         """Returns the number of states up to a slack, at all steps."""
         return sum(
-            int(np.count_nonzero(left[self.steps.start :] & (own[self.steps.start :] <= most)))
-            for own, left in zip(self.narrowing.slack, self.narrowing.left, strict=True)
+            int(np.count_nonzero(left[self.steps.start :] & (slack[self.steps.start :] <= most)))
+            for slack, left in zip(self.narrowing.slack, self.narrowing.left, strict=True)
         )
 
     def _visited(self, t: int) -> list[tuple[int, int]]:
@@ -372,8 +372,8 @@ class _Envelopes:
     def _listed(self, t: int, most: float) -> list[IntArray]:
         """Returns of each class the states of a step up to a slack, not too many of the least."""
         slack = [
-            np.where(left[t], own[t], np.inf)
-            for own, left in zip(self.narrowing.slack, self.narrowing.left, strict=True)
+            np.where(left[t], slack[t], np.inf)
+            for slack, left in zip(self.narrowing.slack, self.narrowing.left, strict=True)
         ]
         for number, state in self._visited(t):
             if self.narrowing.left[number][t, state]:
@@ -382,9 +382,10 @@ class _Envelopes:
         order = order[: self.lengths.most(t)]
         short = np.zeros(sum(map(len, slack)), dtype=np.bool_)
         short[order] = True
-        parts = np.split(short, np.cumsum([len(own) for own in slack])[:-1])
+        parts = np.split(short, np.cumsum([len(values) for values in slack])[:-1])
         return [
-            np.flatnonzero(part & (own <= most)) for part, own in zip(parts, slack, strict=True)
+            np.flatnonzero(part & (values <= most))
+            for part, values in zip(parts, slack, strict=True)
         ]
 
     def _few_nodes(self, states: int) -> int:

@@ -7,7 +7,7 @@ import numpy as np
 
 from cocap_opt.formulations.certificates.staged import JointStates, compiled_search
 from cocap_opt.formulations.certificates.staged.search import plain_nodes
-from cocap_opt.formulations.column_generation.parameters import DEFAULTS, JointSearchParameters
+from cocap_opt.formulations.column_generation.parameters import BundleParameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.step_envelopes.joint_ascent import (
     ascended,
@@ -34,7 +34,7 @@ class Known:
     """
 
     rng: np.random.Generator
-    parameters: JointSearchParameters = DEFAULTS.joint_search
+    parameters: BundleParameters
     paths: dict[tuple[int, Path], None] = field(default_factory=dict)
     is_thorough: bool = False
     _joint: dict[int, dict[JointKey, None]] = field(default_factory=dict)
@@ -45,7 +45,7 @@ class Known:
         incumbent: Incumbent,
         steps: Iterable[int],
         rng: np.random.Generator,
-        parameters: JointSearchParameters = DEFAULTS.joint_search,
+        parameters: BundleParameters,
     ) -> "Known":
         """Returns the paths and the joint states of a plan."""
         known = cls(rng, parameters)
@@ -72,9 +72,9 @@ class Known:
         if not positions:
             return False
         key = tuple(sorted(joint.keys[k] for k in positions))
-        own = self._joint.setdefault(joint.t, {})
-        is_new = key not in own
-        own[key] = None
+        states = self._joint.setdefault(joint.t, {})
+        is_new = key not in states
+        states[key] = None
         return is_new
 
     def note(self, nodes: int, joint: JointStates, stop: Stop) -> None:
@@ -84,14 +84,14 @@ class Known:
 
     def at(self, joint: JointStates) -> list[list[int]]:
         """Returns the positions of the joint states that are known and still count."""
-        at = {one: k for k, one in enumerate(joint.keys)}
+        at = {place: k for k, place in enumerate(joint.keys)}
         keys = self._joint.get(joint.t, {})
-        found = [[at[one] for one in key] for key in keys if all(one in at for one in key)]
+        found = [[at[place] for place in key] for key in keys if all(place in at for place in key)]
         if not found:
             return []
         teams = np.array(found, dtype=np.int64)
         counts = that_count(joint, teams).tolist()
-        return [team for team, one_counts in zip(found, counts, strict=True) if one_counts]
+        return [team for team, does_count in zip(found, counts, strict=True) if does_count]
 
     def ascended(self, joint: JointStates) -> list[tuple[int, ...]]:
         """Returns joint states that count and that no robot can raise alone."""
@@ -108,8 +108,8 @@ class Known:
         ]:
             changed = list(start)
             for k in self.rng.integers(robots, size=robots // 2 + 1).tolist():
-                own = joint.class_of[changed[k]]
-                first, end = np.searchsorted(joint.class_of, [own, own + 1])
+                number = joint.class_of[changed[k]]
+                first, end = np.searchsorted(joint.class_of, [number, number + 1])
                 changed[k] = int(self.rng.integers(first, end))
             starts.append(changed)
         return [tuple(team) for team in ascended(joint, starts, self.is_thorough).tolist()]

@@ -15,7 +15,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates.format import StepPrices
 from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
 from cocap_opt.formulations.column_generation.master.columns import Arc
-from cocap_opt.formulations.column_generation.parameters import DEFAULTS, BundleParameters
+from cocap_opt.formulations.column_generation.parameters import BundleParameters
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.column_generation.step_envelopes.step_master import (
     KnownArcs,
@@ -64,7 +64,7 @@ class PriceBundle:
         joints: dict[int, JointStates],
         ceilings: Mapping[int, float],
         stop: Stop,
-        parameters: BundleParameters = DEFAULTS.bundle,
+        parameters: BundleParameters,
     ) -> None:
         self._parameters = parameters
         self._narrowing, self._known, self.joints = narrowing, known, joints
@@ -224,8 +224,8 @@ class PriceBundle:
             reward = self._unpriced[number].copy()
             for t, joint in self.joints.items():
                 reward[t] += others.get(t, 0.0)
-                own = joint.class_of == number
-                reward[t, joint.states[own]] = prices[self._spans[t]][own]
+                of_class = joint.class_of == number
+                reward[t, joint.states[of_class]] = prices[self._spans[t]][of_class]
             charges = self._narrowing.charges(number)
             value = backward_sweep(
                 robot_class.graph, reward, self._bonuses, charges, robot_class.goal, self._stop
@@ -304,7 +304,7 @@ class PriceBundle:
         others = self.others({t: constant}).get(t, 0.0)
         parts = []
         for number, robot_class in enumerate(self._model.classes):
-            own, graph = joint.class_of == number, robot_class.graph
-            states = tuple(graph.state(int(state)) for state in joint.states[own])
-            parts.append(StepPrices(t, number, states, tuple(prices[own].tolist()), others))
+            of_class, graph = joint.class_of == number, robot_class.graph
+            states = tuple(graph.state(int(state)) for state in joint.states[of_class])
+            parts.append(StepPrices(t, number, states, tuple(prices[of_class].tolist()), others))
         return parts

@@ -125,7 +125,7 @@ class LargeRoot:
             columns.values(),
             search.stop,
             search.report_again,
-            search.parameters.arc_search,
+            self._parameters,
         )
         try:
             arcs.search(self._parameters.moves, search.rng)

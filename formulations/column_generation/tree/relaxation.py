@@ -135,8 +135,8 @@ class Relaxation:
             search.pricer(solution.duals.blended(best.duals, share), self.decisions)
             for share in self._parameters.smoothing
         ]
-        self.best = min(best, priced, *between, key=lambda some: some.bound)
-        columns = [column for some in (priced, *between) for column in some.columns]
+        self.best = min(best, priced, *between, key=lambda pricing: pricing.bound)
+        columns = [column for part in (priced, *between) for column in part.columns]
         return _Iteration(solution, columns, priced.bound < best.bound)
 
     def _improve_plans(self) -> None:
@@ -216,12 +216,12 @@ class Relaxation:
             solution.mixture.seen(), self.master.cuts, search.weights, search.model.class_sizes,
             self._parameters.least_cut * abs(self.best.bound), search.stop,
         )  # fmt: skip
-        for one in loose[: self._parameters.most_cuts]:
+        for candidate in loose[: self._parameters.most_cuts]:
             search.stop.check()
             search.report_again()
-            cut = one.seen.best_cut(
-                one.view_sum, search.largest[:, one.view_sum], search.model.class_sizes,
-                one.height, one.least,
+            cut = candidate.seen.best_cut(
+                candidate.view_sum, search.largest[:, candidate.view_sum], search.model.class_sizes,
+                candidate.height, candidate.least,
             )  # fmt: skip
             if cut is not None:
                 self.master.add_cut(cut)

@@ -86,7 +86,9 @@ class Root:
         with search.rounding_at_a_limit(lambda: mixture):
             for step in islice(steps, self._parameters.most_raises):
                 mixture = step.mixture
-                relaxation.best = min(relaxation.best, step.priced, key=lambda some: some.bound)
+                relaxation.best = min(
+                    relaxation.best, step.priced, key=lambda pricing: pricing.bound
+                )
                 search.report(search.snapshot(relaxation.best.bound))
                 if relaxation.best.bound - step.value <= enough * relaxation.best.bound:
                     break
@@ -182,7 +184,7 @@ class Root:
     def _can_disaggregate(self) -> bool:
         """Returns True if the root is still open, and its robots can be disaggregated."""
         model = self.search.model
-        states = sum(len(one.robots) * one.graph.n_states for one in model.classes)
+        states = sum(len(group.robots) * group.graph.n_states for group in model.classes)
         return (
             self.relaxation.best.bound > self.cutoff()
             and self.search.incumbent is not None

@@ -28,7 +28,7 @@ from cocap_opt.formulations.column_generation.master.mixture_ascent import (
     raised,
 )
 from cocap_opt.formulations.column_generation.master.pricing import Priced
-from cocap_opt.formulations.column_generation.parameters import DEFAULTS, RuledAscentParameters
+from cocap_opt.formulations.column_generation.parameters import RuledAscentParameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.relaxations.separation import Seen, loose_view_sums
@@ -83,14 +83,14 @@ class RuledAscent:
             mixture.amounts,
             search.parameters.ascent.rough * open_,
             search.stop,
-            self._parameters.least_factor,
             search.parameters.ascent,
+            self._parameters.least_factor,
         )
         judged = program.judged(amounts)
         duals = judged.duals(self.rows, self.cuts)
         self.value, self._charges, self._shares = judged.value, judged.charges, judged.shares
         self._priced = search.pricer(duals)
-        self.best = min(self.best, self._priced, key=lambda some: some.bound)
+        self.best = min(self.best, self._priced, key=lambda pricing: pricing.bound)
         kept = np.flatnonzero(amounts > self._parameters.least_amount)
         self.mixture = Mixture([mixture.columns[n] for n in kept.tolist()], amounts[kept])
         self._add_columns()
@@ -130,21 +130,22 @@ class RuledAscent:
             self._parameters.least_cut * abs(self.best.bound), search.stop,
         )  # fmt: skip
         loose = [
-            one
-            for one in loose
-            if one.most >= self._parameters.again * self._in_vain.get(one.view_sum, 0.0)
+            loose_sum
+            for loose_sum in loose
+            if loose_sum.most >= self._parameters.again * self._in_vain.get(loose_sum.view_sum, 0.0)
         ]
-        for one in loose[: self._parameters.most_cuts]:
+        for loose_sum in loose[: self._parameters.most_cuts]:
             search.stop.check()
             search.report_again()
-            number = int(one.seen.classes[0])
+            number = int(loose_sum.seen.classes[0])
             cut = alike_cut(
-                one.view_sum, one.seen, float(search.largest[number, one.view_sum]),
-                search.model.class_sizes[number], one.height, one.least,
+                loose_sum.view_sum, loose_sum.seen,
+                float(search.largest[number, loose_sum.view_sum]),
+                search.model.class_sizes[number], loose_sum.height, loose_sum.least,
                 search.parameters.alike_cuts,
             )  # fmt: skip
             if cut is None:
-                self._in_vain[one.view_sum] = one.most
+                self._in_vain[loose_sum.view_sum] = loose_sum.most
             else:
                 added.append(cut)
         self.cuts += added
@@ -162,7 +163,7 @@ class RuledAscent:
                 yield view_sum, seen
 
 
-class _Judged(NamedTuple):
+class _Multipliers(NamedTuple):
     """The value of a mixture, and its multipliers."""
 
     value: float
@@ -197,14 +198,14 @@ class _RuledProgram:
     def __init__(
         self, base: MixtureProgram, cuts: Sequence[Cut], charges: FloatArray, steepness: float,
         heights: sparse.csr_array, uses: sparse.csr_array,
-        least_share: float = DEFAULTS.ruled_ascent.least_share,
+        least_share: float,
     ) -> None:  # fmt: skip
         self._base, self._heights, self._uses = base, heights, uses
         self._charges, self._steepness, self._least_share = charges, steepness, least_share
         self._at = np.array([cut.view_sum for cut in cuts], dtype=np.int64)
         self._constants = np.array([cut.constant for cut in cuts])
 
-    def judged(self, amounts: FloatArray) -> _Judged:
+    def judged(self, amounts: FloatArray) -> _Multipliers:
         """Returns the value of a mixture, and the multipliers of its view sums and rows."""
         base, at = self._base, self._at
         alone, together = amounts @ base.roots, np.sqrt(amounts @ base.pixels)
@@ -214,8 +215,8 @@ class _RuledProgram:
         seen = least > _DARK
         least = np.where(seen, least, 1.0)
         of_alone, of_together, of_cuts = (
-            np.minimum(own / np.maximum(values, _DARK), 1.0) ** (SHARPNESS + 1)
-            for own, values in ((least, alone), (least, together), (least[at], heights))
+            np.minimum(bounds / np.maximum(values, _DARK), 1.0) ** (SHARPNESS + 1)
+            for bounds, values in ((least, alone), (least, together), (least[at], heights))
         )
         total = of_alone + of_together + np.bincount(at, of_cuts, minlength=len(least))
         total = np.where(seen, total, 1.0)
@@ -228,15 +229,15 @@ class _RuledProgram:
         charges = self._charges + self._steepness * (amounts @ self._uses - 1)
         value = base.weights @ np.where(seen, least, 0.0) + amounts @ base.bonus
         shares = np.where(seen[at], of_cuts / total[at], 0.0)
-        return _Judged(float(value), alpha, beta, shares, np.maximum(charges, 0.0))
+        return _Multipliers(float(value), alpha, beta, shares, np.maximum(charges, 0.0))
 
     def gradient(self, amounts: FloatArray) -> FloatArray:
         """Returns what the multipliers of a mixture pay for each column [n], less its charges."""
         base, judged = self._base, self.judged(amounts)
-        paid = base.paid(judged.alpha, judged.beta)
-        paid += self._heights @ (base.weights[self._at] * judged.shares)
-        paid -= self._uses @ judged.charges
-        return paid
+        prices = base.priced(judged.alpha, judged.beta)
+        prices += self._heights @ (base.weights[self._at] * judged.shares)
+        prices -= self._uses @ judged.charges
+        return prices
 
 
 def _cut_heights(
@@ -259,6 +260,6 @@ def _uses(model: Model, columns: Sequence[Column], rows: Collection[Resource]) -
     """Returns which resources columns use [n, rows]."""
     horizon = model.problem.horizon
     users = Coefficients(model, [arc for column in columns for arc in column.arcs]).users([*rows])
-    at = np.repeat(np.arange(len(rows)), [len(own) for own in users])
-    of = np.array([arc // horizon for own in users for arc in own], dtype=np.int64)
+    at = np.repeat(np.arange(len(rows)), [len(arcs) for arcs in users])
+    of = np.array([arc // horizon for arcs in users for arc in arcs], dtype=np.int64)
     return sparse.csr_array((np.ones(len(of)), (of, at)), (len(columns), len(rows)))
