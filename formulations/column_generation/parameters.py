@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-SHARE = "share"  # the unit of parameters between 0 and 1
+_SHARE = "share"  # the unit of parameters between 0 and 1
 
 
 def _parameter(default: float | tuple[float, ...], unit: str, meaning: str) -> Any:
@@ -18,7 +18,7 @@ def _parameter(default: float | tuple[float, ...], unit: str, meaning: str) -> A
     return field(default=default, metadata={"unit": unit, "meaning": meaning})
 
 
-class Section:
+class _Section:
     """The parameters of one part of the search, checked where they are made."""
 
     def __post_init__(self) -> None:
@@ -31,7 +31,7 @@ class Section:
                 _is_allowed(number, whole, parameter.metadata["unit"]) for number in several
             ):
                 kind = "a whole number" if whole else "a number"
-                most = " between 0 and 1" if parameter.metadata["unit"] == SHARE else " from 0 on"
+                most = " between 0 and 1" if parameter.metadata["unit"] == _SHARE else " from 0 on"
                 raise ValueError(
                     f"{type(self).__name__}.{parameter.name}: {given!r} is not {kind}{most}"
                 )
@@ -41,11 +41,11 @@ def _is_allowed(number: object, whole: bool, unit: str) -> bool:
     """Returns True for a finite number from 0 on, whole where it has to be, a share up to 1."""
     if isinstance(number, bool) or not isinstance(number, int if whole else int | float):
         return False
-    return math.isfinite(number) and 0 <= number <= (1 if unit == SHARE else math.inf)
+    return math.isfinite(number) and 0 <= number <= (1 if unit == _SHARE else math.inf)
 
 
 @dataclass(frozen=True)
-class SearchParameters(Section):
+class SearchParameters(_Section):
     """What all nodes share: accuracy, and how often local search responds."""
 
     exact: float = _parameter(
@@ -70,7 +70,7 @@ class SearchParameters(Section):
 
 
 @dataclass(frozen=True)
-class RelaxationParameters(Section):
+class RelaxationParameters(_Section):
     """The relaxation of a node: accuracy, rounds of cuts, pricing between multipliers."""
 
     accuracy: float = _parameter(
@@ -84,16 +84,16 @@ class RelaxationParameters(Section):
     most_cut_rounds: int = _parameter(20, "rounds", "of cuts in a node")
     most_cuts: int = _parameter(300, "cuts", "in a round: those that can cut off most")
     early: float = _parameter(
-        0.1, SHARE, "of what is open: once bound and master are nearer, cuts are looked for "
+        0.1, _SHARE, "of what is open: once bound and master are nearer, cuts are looked for "
         "(field-long, seed 0, is at 1.70 % after 25 s, at 2.8 % if cuts have to wait)",
     )  # fmt: skip
     tail: float = _parameter(1e-5, "of the bound", "what a round of cuts must gain for another one")
-    tail_open: float = _parameter(0.05, SHARE, "of what is open, likewise")
+    tail_open: float = _parameter(0.05, _SHARE, "of what is open, likewise")
     most_penalty_raises: int = _parameter(
         8, "times", "the penalty of broken rules is multiplied by 10"
     )
     smoothing: tuple[float, ...] = _parameter(
-        (0.25, 0.5, 0.75), SHARE, "of the master's multipliers, priced with the best ones for the "
+        (0.25, 0.5, 0.75), _SHARE, "of the master's multipliers, priced with the best ones for the "
         "rest: they oscillate less (Wentges 1997)",
     )  # fmt: skip
     least_responses: int = _parameter(
@@ -103,7 +103,7 @@ class RelaxationParameters(Section):
 
 
 @dataclass(frozen=True)
-class RootParameters(Section):
+class RootParameters(_Section):
     """The root: its first mixture, and what is tried before the tree."""
 
     enough: float = _parameter(0.003, "of the bound", "to which the first mixture is raised")
@@ -118,7 +118,7 @@ class RootParameters(Section):
         20_000_000, "robots x steps x states", "up to which each robot becomes a class of its own"
     )
     least_gain: float = _parameter(
-        0.12, SHARE, "of what is open, that the first cuts of disaggregated robots must close, "
+        0.12, _SHARE, "of what is open, that the first cuts of disaggregated robots must close, "
         "times by how much they make the master larger",
     )  # fmt: skip
     few_joint_states: float = _parameter(
@@ -139,11 +139,11 @@ class RootParameters(Section):
     far: float = _parameter(
         0.003, "relative gap", "that no tree closes soon: any gain above `least_gain_far` is taken"
     )
-    least_gain_far: float = _parameter(0.02, SHARE, "of what is open, likewise")
+    least_gain_far: float = _parameter(0.02, _SHARE, "of what is open, likewise")
 
 
 @dataclass(frozen=True)
-class LargeRootParameters(Section):
+class LargeRootParameters(_Section):
     """The root of very many robots, without masters: whose turn it is, and moves over known arcs.
 
     Moves are those of a large neighbourhood search (Shaw 1998).
@@ -174,7 +174,7 @@ class LargeRootParameters(Section):
         1.2, "times", "what is expected of a kind of work grows so after each turn of others"
     )
     least_gain: float = _parameter(
-        5e-4, SHARE, "of what is open, that a turn must gain for more of its kind"
+        5e-4, _SHARE, "of what is open, that a turn must gain for more of its kind"
     )
     most_others: int = _parameter(3, "robots", "that are taken out beside the first one")
     most_turns: int = _parameter(20, "turns", "of each robot that answers, in one move")
@@ -182,13 +182,13 @@ class LargeRootParameters(Section):
 
 
 @dataclass(frozen=True)
-class TreeParameters(Section):
+class TreeParameters(_Section):
     """The nodes below the root: when they are branched on, and diving."""
 
     rough: float = _parameter(
-        0.1, SHARE, "of what is open: less is not worth converging to before branching"
+        0.1, _SHARE, "of what is open: less is not worth converging to before branching"
     )
-    rough_root: float = _parameter(0.02, SHARE, "likewise, at the root, whose bound holds for all")
+    rough_root: float = _parameter(0.02, _SHARE, "likewise, at the root, whose bound holds for all")
     nearly_integral: float = _parameter(
         1e-7, "robots", "amounts that count as integral where nothing else is left to branch on"
     )
@@ -196,7 +196,7 @@ class TreeParameters(Section):
         0.75, "of a robot", "from which on a dive decides that a state is used by one more"
     )
     dive_share: float = _parameter(
-        0.15, SHARE, "of the undecided states, at least, that are decided in a round of a dive"
+        0.15, _SHARE, "of the undecided states, at least, that are decided in a round of a dive"
     )
     most_dive_rounds: int = _parameter(40, "rounds", "of a dive")
     dive_pricings: int = _parameter(2, "pricings", "in each round of a dive")
@@ -209,7 +209,7 @@ class TreeParameters(Section):
 
 
 @dataclass(frozen=True)
-class EnvelopeParameters(Section):
+class EnvelopeParameters(_Section):
     """Step envelopes: rounds, and how long the search of a step may take."""
 
     most_states_left: int = _parameter(
@@ -233,22 +233,22 @@ class EnvelopeParameters(Section):
         4, "times", "that joint states which only the exact search finds correct a bundle"
     )
     least_round: float = _parameter(
-        0.05, SHARE, "of what is open, that a round must close for another one"
+        0.05, _SHARE, "of what is open, that a round must close for another one"
     )
     wide: float = _parameter(
         8.0, "times the first slack", "lists are wide: their rounds take as long as trials for "
         "higher targets, which close more",
     )  # fmt: skip
     least_wide: float = _parameter(
-        0.12, SHARE, "of what is open, that a round of wide lists closes"
+        0.12, _SHARE, "of what is open, that a round of wide lists closes"
     )
     least_listed: float = _parameter(
-        0.1, SHARE, "likewise, for lists that stay as long as they are"
+        0.1, _SHARE, "likewise, for lists that stay as long as they are"
     )
 
 
 @dataclass(frozen=True)
-class ListParameters(Section):
+class ListParameters(_Section):
     """The lists of states that step envelopes are searched among: their lengths and their slack."""
 
     slack: float = _parameter(1.4, "of what is open per step", "of states that are listed at first")
@@ -261,7 +261,9 @@ class ListParameters(Section):
     fewest: int = _parameter(30, "states", "on a later list: the search of fewer is short anyway")
     most: int = _parameter(600, "states", "on a later list: the search of more is hopeless")
     mean: float = _parameter(
-        0.6, SHARE, "of the most on the first lists: with fewer on the mean, there is time for more"
+        0.6,
+        _SHARE,
+        "of the most on the first lists: with fewer on the mean, there is time for more",
     )
     long_search: float = _parameter(
         200_000.0, "nodes", "from which on a search is long, and the step's next list is shorter"
@@ -284,7 +286,7 @@ class ListParameters(Section):
 
 
 @dataclass(frozen=True)
-class TrialParameters(Section):
+class TrialParameters(_Section):
     """Trials of the paths of all robots together: when they are made, and of how many nodes."""
 
     fewest_nodes: int = _parameter(
@@ -296,11 +298,11 @@ class TrialParameters(Section):
         2.0, "times", "as many must be allowed for another trial after one that has failed"
     )
     share_of_nodes: float = _parameter(
-        0.25, SHARE, "of what stages took, that all trials may take: most of them are in vain"
+        0.25, _SHARE, "of what stages took, that all trials may take: most of them are in vain"
     )
     shares: tuple[float, ...] = _parameter(
-        (0.75, 0.5, 0.375, 0.25, 0.125, 0.0), SHARE, "of what is open, by which higher targets are "
-        "above the best plan, one after the other",
+        (0.75, 0.5, 0.375, 0.25, 0.125, 0.0), _SHARE, "of what is open, by which higher targets "
+        "are above the best plan, one after the other",
     )  # fmt: skip
     next_times: int = _parameter(
         10, "times", "as many nodes as the trial before (field, seed 1: it takes about four times)"
@@ -310,16 +312,16 @@ class TrialParameters(Section):
 
 
 @dataclass(frozen=True)
-class BundleParameters(Section):
+class BundleParameters(_Section):
     """The bundle method over prices of states (Kiwiel 1990), and its search for joint states."""
 
     most_iterations: int = _parameter(60, "iterations", "of a bundle")
     most_listed_iterations: int = _parameter(
         14, "iterations", "where only some states are listed: the next round has better lists"
     )
-    converged: float = _parameter(0.02, SHARE, "of what is open: less is not worth an iteration")
-    serious: float = _parameter(0.1, SHARE, "of what the master promises, for a new centre")
-    good: float = _parameter(0.3, SHARE, "of what the master promises, for a longer step")
+    converged: float = _parameter(0.02, _SHARE, "of what is open: less is not worth an iteration")
+    serious: float = _parameter(0.1, _SHARE, "of what the master promises, for a new centre")
+    good: float = _parameter(0.3, _SHARE, "of what the master promises, for a longer step")
     first_weight: float = _parameter(
         5.0, "over the mean price", "weight of the distance to the centre at first"
     )
@@ -334,7 +336,7 @@ class BundleParameters(Section):
 
 
 @dataclass(frozen=True)
-class RecombinationParameters(Section):
+class RecombinationParameters(_Section):
     """Recombination: the best plan along the states of several plans."""
 
     first_plans: int = _parameter(
@@ -353,7 +355,7 @@ class RecombinationParameters(Section):
 
 
 @dataclass(frozen=True)
-class RuledAscentParameters(Section):
+class RuledAscentParameters(_Section):
     """The ascent of a mixture under collision rules and cuts, for very many robots."""
 
     least_amount: float = _parameter(
@@ -385,7 +387,7 @@ class RuledAscentParameters(Section):
 
 
 @dataclass(frozen=True)
-class AscentParameters(Section):
+class AscentParameters(_Section):
     """The ascent of the first mixture, without a master: steps by its gradient."""
 
     power: float = _parameter(
@@ -393,14 +395,14 @@ class AscentParameters(Section):
     )
     most_steps: int = _parameter(60, "steps", "in which a mixture is raised between two pricings")
     rough: float = _parameter(
-        0.02, SHARE, "of bound less value: what these steps may leave to gain"
+        0.02, _SHARE, "of bound less value: what these steps may leave to gain"
     )
     least_mean: float = _parameter(1e-6, "J", "a robot that gains no more keeps its amounts")
     least_amount: float = _parameter(1e-4, "of a robot", "below which a column is dropped")
 
 
 @dataclass(frozen=True)
-class AlikeCutParameters(Section):
+class AlikeCutParameters(_Section):
     """Envelope cuts where many robots of one class share a view sum."""
 
     breakpoints: int = _parameter(5, "breakpoints", "of a cut at most; certificates allow few")
@@ -408,14 +410,14 @@ class AlikeCutParameters(Section):
     most_added: int = _parameter(60, "multisets", "that are added at a time")
     most_rounds: int = _parameter(12, "rounds", "of adding multisets")
     most_growing: int = _parameter(4000, "multisets", "of one size that are gone through")
-    nearly: float = _parameter(0.02, SHARE, "of what a cut can cut off that may be left")
+    nearly: float = _parameter(0.02, _SHARE, "of what a cut can cut off that may be left")
     least_mass: float = _parameter(
         1e-6, "robots", "everywhere, which keeps phi low where there is no mass"
     )
 
 
 @dataclass(frozen=True)
-class LocalSearchParameters(Section):
+class LocalSearchParameters(_Section):
     """Local search: roundings of a mixture, best responses, best pairs."""
 
     draws: int = _parameter(60, "roundings", "at random, of which the best are taken up")
@@ -423,7 +425,7 @@ class LocalSearchParameters(Section):
     most_partners: int = _parameter(5, "robots", "with which each is paired")
     perturbed: int = _parameter(3, "robots", "that are planned anew at a time")
     promising: float = _parameter(
-        0.01, SHARE, "of J, up to which a worse local optimum is worth best pairs"
+        0.01, _SHARE, "of J, up to which a worse local optimum is worth best pairs"
     )
     least_amount: float = _parameter(
         1e-6, "of a robot", "from which on a column of a mixture is used"

@@ -167,7 +167,7 @@ def test_stages_are_repeated_for_a_better_plan() -> None:
     steps = range(1, search.model.problem.horizon + 1)
     stages = envelopes._Envelopes(
         search, narrowing, duals, Known.of(better, steps, search.rng, DEFAULTS.bundle), steps,
-        PathTrials(search, is_on=False), ListLengths(len(steps)),
+        PathTrials(search, is_on=False), ListLengths(len(steps), DEFAULTS.lists),
     )  # fmt: skip
     stages._lower()
     stages._pay(root.cutoff)

@@ -77,7 +77,7 @@ def best_along(problem: Problem, plans: list[Incumbent], model: Model) -> float:
 
 def known(plans: list[Incumbent]) -> Recombination:
     """A recombination of some plans."""
-    found = Recombination()
+    found = Recombination(DEFAULTS.recombination)
     for plan in plans:
         found.add(plan)
     return found
@@ -185,7 +185,7 @@ def test_a_better_plan_is_kept_where_a_limit_ends_the_next_recombination(
 def test_the_best_plans_are_kept() -> None:
     """Once there are twice as many as are kept, the others are forgotten."""
     plan = some_plans(compiled(tiny()), np.random.default_rng(0))[0]
-    found, most = Recombination(), DEFAULTS.recombination.most_plans
+    found, most = Recombination(DEFAULTS.recombination), DEFAULTS.recombination.most_plans
     values = [float(k * 37 % 1000) for k in range(3 * most)]
     for k, value in enumerate(values):
         columns = [

@@ -24,7 +24,7 @@ from cocap_opt.formulations.certificates.staged import (
     compiled_search,
     may_be_used,
 )
-from cocap_opt.formulations.column_generation.parameters import DEFAULTS, RecombinationParameters
+from cocap_opt.formulations.column_generation.parameters import RecombinationParameters
 from cocap_opt.formulations.column_generation.primal.column_pool import PlanKey
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.model import Model
@@ -47,7 +47,7 @@ class Recombination:
     values : J of each plan
     """
 
-    parameters: RecombinationParameters = DEFAULTS.recombination
+    parameters: RecombinationParameters
     values: dict[PlanKey, float] = field(default_factory=dict)
     _done: set[frozenset[PlanKey]] = field(default_factory=set)
     _failure: _Failure | None = None

@@ -8,7 +8,7 @@ they are too short on the whole, or where a round has closed little.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from cocap_opt.formulations.column_generation.parameters import DEFAULTS, ListParameters
+from cocap_opt.formulations.column_generation.parameters import ListParameters
 
 
 @dataclass
@@ -24,7 +24,7 @@ class ListLengths:
     """
 
     steps: int
-    parameters: ListParameters = DEFAULTS.lists
+    parameters: ListParameters
     widening: float = 1.0
     _bearable: dict[int, int] = field(default_factory=dict)  # states, of steps with long searches
 

@@ -23,7 +23,7 @@ from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 
 
-class Tried(NamedTuple):
+class _Tried(NamedTuple):
     """A trial that has ended."""
 
     bound: float  # on all plans
@@ -43,7 +43,7 @@ class PathTrials:
     """
 
     search: Search
-    best: Tried | None = None
+    best: _Tried | None = None
     nodes: int = 0
     is_on: bool = True
     _failed_room: float = field(default=math.inf)
@@ -110,7 +110,7 @@ class PathTrials:
         self.nodes += found.nodes
         if found.paths:
             self.search.offer(Incumbent.along(narrowing.model, found.paths))
-        tried = Tried(higher.pricing_of(found.value).bound, target, stages)
+        tried = _Tried(higher.pricing_of(found.value).bound, target, stages)
         if self.best is None or tried.bound < self.best.bound:
             self.best = tried
         return True

@@ -6,7 +6,6 @@ best paths, are what the master problem (`step_master`) knows at the next iterat
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -30,14 +29,6 @@ from cocap_opt.model import Path
 from cocap_opt.stop import Stop
 
 CLEARLY = 1e-9  # of the bound, by which a height is above a constant
-
-
-class _Judged(NamedTuple):
-    """The outcome of judging prices by local search."""
-
-    bound: float
-    constants: Mapping[int, float]  # by step
-    new: int  # joint states and paths that were not known
 
 
 class PriceBundle:
@@ -182,8 +173,13 @@ class PriceBundle:
             found[k] = max(found[k], least)
         return found
 
-    def _judged(self, solved: StepSolution) -> "_Judged":
-        """Returns what prices prove as far as local search can tell."""
+    def _judged(self, solved: StepSolution) -> tuple[float, dict[int, float], int]:
+        """Returns the bound that prices prove as far as local search can tell, and its findings.
+
+        Returns
+        -------
+        bound, constants by step, and the number of joint states and paths that were not known
+        """
         known = self._known
         new, constants = 0, dict(solved.constants)
         for t, joint in self.joints.items():
@@ -196,7 +192,7 @@ class PriceBundle:
         total, paths = self.best_paths(solved.prices, constants)
         new += sum(known.add_path(number, path) for number, path in paths)
         bound = total + exact_sum(constants.values()) + self.rest
-        return _Judged(bound, constants, new)
+        return bound, constants, new
 
     def others(self, constants: Mapping[int, float]) -> dict[int, float]:
         """Returns what states without a price are paid more, by step, for lower constants.
