@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Self, overload
 
 from cocap_opt.problem import Ending, Plan, Problem
-from cocap_opt.problem.pictures import top_view
+from cocap_opt.problem.pictures import TopView
 from cocap_opt.stop import Limit
 from cocap_opt.stop import Reason as Reason
 
@@ -138,7 +138,7 @@ class Result:
         words = f"<pre>{html.escape(self.summary())}</pre>"
         if self.problem is None or self.plan is None:
             return words
-        return words + top_view(self.problem, self.plan).image()
+        return words + TopView.of(self.problem, self.plan).image()
 
 
 def relative_gap(value: float, bound: float) -> float:

@@ -17,7 +17,7 @@ from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.briefing import Section, briefing
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.zones import ZONE, outlines
-from cocap_opt.problem.pictures import DRONE_COLOURS, PERSON, top_view
+from cocap_opt.problem.pictures import DRONE_COLOURS, PERSON, TopView
 from cocap_opt.text import shortened
 
 _A4 = 210 / 25.4, 297 / 25.4  # inches
@@ -92,7 +92,7 @@ def _frame(flight: Flight) -> FloatArray:
 def _draw_map(ax: Axes, flight: Flight) -> None:
     """Draws the flights; numbers stand at the starts."""
     flown, problem = flight.flown, flight.flown.problem
-    top_view(problem).draw_map(ax)
+    TopView.of(problem).draw_map(ax)
     for mesh in problem.airspace.no_fly:
         for outline in outlines(mesh):
             corners = np.array(outline.exterior.coords)

@@ -65,10 +65,6 @@ class CoverageEstimate(NamedTuple):
         seconds = of_large.extrapolated(of_small, total, batches)
         return cls(total, seconds, entries * _BYTES_PER_ENTRY)
 
-    def with_memory(self, more: float) -> "CoverageEstimate":
-        """Returns the same with more bytes."""
-        return self._replace(memory=self.memory + more)
-
     def __add__(self, other: object) -> "CoverageEstimate":
         """Returns the estimate of both, one after the other."""
         assert isinstance(other, CoverageEstimate)

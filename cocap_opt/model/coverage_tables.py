@@ -164,7 +164,8 @@ class CoverageTables:
             reachable = self.reachable(spec).copy()
             reachable[: self.steps(spec)] = False
             found = CoverageEstimate.of(self.views(spec), graph.n_places, reachable)
-            total += found.with_memory(steps * graph.n_states * _BYTES_PER_STATE)
+            sweeps = steps * graph.n_states * _BYTES_PER_STATE
+            total += found._replace(memory=found.memory + sweeps)
         return total
 
     def _made(self, spec: Robot, stop: Stop, progress: Progress) -> CoverageTable:

@@ -34,7 +34,7 @@ from cocap_opt.pictures.style import (
     set_frame,
 )
 from cocap_opt.problem import Plan, Problem, pictures
-from cocap_opt.problem.pictures import top_view
+from cocap_opt.problem.pictures import TopView
 from cocap_opt.referee import Verdict, check
 from cocap_opt.text import printable
 
@@ -96,7 +96,7 @@ def _draw_terrain(ax: Axes, problem: Problem) -> Axes:
     Cells that block the lowest flight height are dark; lighter cells are free there, with a mesh
     above or below.
     """
-    view = top_view(problem)
+    view = TopView.of(problem)
     view.draw_map(ax)
     words = {
         2: (pictures.WALL, f"blocks {view.height:g} m"),

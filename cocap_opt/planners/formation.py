@@ -36,26 +36,24 @@ from cocap_opt.timing import timed
 from cocap_opt.world.workspace import HeightMap
 
 
-class CirclePlaces(NamedTuple):
-    """Where the n robots of a circle would be at every step, for K ways to turn it."""
-
-    middle: FloatArray  # [T+1, 2] m, centroid of the actors
-    at: FloatArray  # [n, T+1, K, 2] m
-    height: tuple[float, ...]  # [n] m, at which the robots fly
-    above: tuple[float, ...]  # [n] m, of these over the middle of the tallest actor
-
-
 class Circle(NamedTuple):
-    """Robots on a circle, counter-clockwise, and the actors inside."""
+    """The n robots on a circle, counter-clockwise, where they would be, and the actors inside."""
 
     robots: tuple[int, ...]
     actors: tuple[int, ...]
+    middle: FloatArray  # [T+1, 2] m, centroid of the actors
+    at: FloatArray  # [n, T+1, K, 2] m, of the robots at every step, for K ways to turn the circle
+    height: tuple[float, ...]  # [n] m, at which the robots fly
+    above: tuple[float, ...]  # [n] m, of these over the middle of the tallest actor
 
     @classmethod
-    def share_out(cls, problem: Problem) -> "list[Circle]":
+    def share_out(
+        cls, problem: Problem, standoff: float, height: float, orientations: int
+    ) -> "list[Circle]":
         """Share robots and actors out evenly: actors by number, robots for the least way in all.
 
-        Around their circle robots are in the order in which they start around it.
+        Around their circle robots are in the order in which they start around it. The parameters
+        are those of `formation`.
         """
         from scipy.optimize import linear_sum_assignment  # a quarter of what imports take
 
@@ -72,36 +70,42 @@ class Circle(NamedTuple):
         bearings = np.arctan2(ways[robots, seats, 1], ways[robots, seats, 0])
         ordered = robots[np.lexsort([bearings, of_seat[seats]])]
         parts = np.split(ordered, np.cumsum(sizes)[:-1])
+        turns = math.tau * np.arange(orientations) / orientations
         return [
-            cls(tuple(group.tolist()), tuple(inside.tolist()))
+            cls._around(
+                problem, tuple(inside.tolist()), tuple(group.tolist()), (standoff, height), turns
+            )
             for group, inside in zip(parts, actors, strict=True)
         ]
 
-    def places(
-        self, problem: Problem, standoff: float, height: float, orientations: int
-    ) -> CirclePlaces:
-        """Evenly spaced places around the actors, outside of the outermost of them."""
-        middle = _middle(problem, self.actors)
-        actors = [problem.actors[j] for j in self.actors]
+    @classmethod
+    def _around(
+        cls,
+        problem: Problem,
+        inside: tuple[int, ...],
+        robots: tuple[int, ...],
+        wanted: tuple[float, float],
+        turns: FloatArray,
+    ) -> "Circle":
+        """Returns evenly spaced places around the actors, outside of the outermost of them."""
+        (standoff, height), middle = wanted, _middle(problem, inside)
+        actors = [problem.actors[j] for j in inside]
         ways = np.array([actor.poses[: problem.horizon + 1, :2] for actor in actors]) - middle
         spread = np.hypot(ways[..., 0], ways[..., 1]).max(axis=0)
         heads = max(float(actor.poses[0, 2]) + actor.shape.height / 2 for actor in actors)
-        turns = math.tau * np.arange(orientations) / orientations
         at, heights, above = [], [], []
-        for seat, robot in enumerate(problem.robots[i] for i in self.robots):
+        for seat, robot in enumerate(problem.robots[i] for i in robots):
             nearest = min(robot.motion.layers, key=lambda layer: abs(layer - height))
             over = problem.height_map.altitude(robot.start.x, robot.start.y, nearest) - heads
-            bearings = turns + math.tau * seat / len(self.robots)
+            bearings = turns + math.tau * seat / len(robots)
             radius = (spread + _distance_in_view(robot, over, standoff))[:, None, None]
             way = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)  # [K, 2]
             at.append(middle[:, None] + radius * way)
             heights.append(nearest)
             above.append(over)
-        return CirclePlaces(middle, np.array(at), tuple(heights), tuple(above))
+        return cls(robots, inside, middle, np.array(at), tuple(heights), tuple(above))
 
-    def rewards(
-        self, model: Model, places: CirclePlaces, views: list[LazyCoverage], stop: Stop
-    ) -> FloatArray:
+    def rewards(self, model: Model, views: list[LazyCoverage], stop: Stop) -> FloatArray:
         """View reward [T+1, K] of a circle's robots if all are in their places and look inwards.
 
         A robot sees nothing from a place that is blocked, or that it cannot have reached yet.
@@ -112,13 +116,13 @@ class Circle(NamedTuple):
         """
         problem = model.problem
         reach = [_reachable(model, robot) for robot in self.robots]
-        _, steps, turns, _ = places.at.shape
+        _, steps, turns, _ = self.at.shape
         rewards = np.zeros((steps, turns))
         for t in range(problem.first_step, problem.horizon + 1):
             stop.check()
             pixels = np.zeros((turns, len(problem.face_weights)))
             for seat, robot in enumerate(self.robots):
-                which, states = _looking_inwards(model, robot, seat, places, t)
+                which, states = self._looking_inwards(model, seat, t)
                 there = reach[seat][t, states]
                 if there.any():
                     pixels[which[there]] += views[robot](t, states[there])
@@ -126,7 +130,7 @@ class Circle(NamedTuple):
             rewards[t] = (np.sqrt(pixels) * weights).sum(axis=1)
         return rewards
 
-    def best_turns(self, problem: Problem, places: CirclePlaces, rewards: FloatArray) -> IntArray:
+    def best_turns(self, problem: Problem, rewards: FloatArray) -> IntArray:
         """Find the turns [T+1] of greatest reward [T+1, K] in all, by value iteration.
 
         A circle turns only if all its robots are fast enough for it. Ties do not turn.
@@ -136,14 +140,51 @@ class Circle(NamedTuple):
         calmest = np.argsort(np.minimum(apart, len(turns) - apart), axis=1, kind="stable")
         best = np.empty((problem.horizon, len(turns)), dtype=np.int64)
         for t in range(problem.horizon - 1, -1, -1):
-            ahead = np.where(_can_follow(problem, self, places, t), value[t + 1], CLOSED)
+            ahead = np.where(self._can_follow(problem, t), value[t + 1], CLOSED)
             first = np.take_along_axis(ahead, calmest, axis=1).argmax(axis=1)
             best[t] = calmest[turns, first]
             value[t] += ahead[turns, best[t]]
-        chosen = [_nearest_best(problem, self, places, value[0])]
+        chosen = [self._nearest_best(problem, value[0])]
         for row in best:
             chosen.append(int(row[chosen[-1]]))
         return np.array(chosen)
+
+    def _looking_inwards(self, model: Model, seat: int, t: int) -> tuple[IntArray, IntArray]:
+        """Turns [m] of K whose place is in anybody's reach, and states [m] that look inwards."""
+        problem, robot = model.problem, self.robots[seat]
+        graph = model.class_of[robot].graph
+        motion, tilts = graph.motion, np.array(problem.robots[robot].camera.tilts)
+        at = self.at[seat, t]
+        cells = [problem.height_map.cell_of(x, y) for x, y in at.tolist()]
+        turns = np.flatnonzero([graph.window.covers(x, y) for x, y in cells])
+        layer = motion.layers.index(self.height[seat])
+        place = np.array([graph.place(layer, *cells[turn]) for turn in turns], dtype=np.int64)
+        way = self.middle[t] - at[turns]
+        yaw = np.arctan2(way[:, 1], way[:, 0])
+        heading = np.rint(yaw / math.tau * motion.headings).astype(np.int64) % motion.headings
+        down = np.arctan2(self.above[seat], np.hypot(way[:, 0], way[:, 1]))
+        pitch = np.abs(tilts - down[:, None]).argmin(axis=1)
+        return turns, (heading * len(tilts) + pitch) * graph.n_places + place
+
+    def _can_follow(self, problem: Problem, t: int) -> BoolArray:
+        """Tell which turns [K] of the next step all robots can reach from each turn [K] of step t.
+
+        Where the actors outrun a robot, it is enough that turning takes it no farther than not to.
+        """
+        before, after = self.at[:, t, :, None], self.at[:, t + 1, None, :]
+        far = np.abs(after - before).max(axis=-1)  # [n, K, K] m
+        speed = np.array([problem.robots[robot].motion.radius for robot in self.robots])
+        reach = (speed * problem.height_map.resolution)[:, None, None]
+        unturned = np.diagonal(far, axis1=1, axis2=2)[:, :, None]
+        result: BoolArray = (far <= np.maximum(reach, unturned)).all(axis=0)
+        return result
+
+    def _nearest_best(self, problem: Problem, value: FloatArray) -> int:
+        """Turn of greatest value [K]; of several the one that is nearest to the starts."""
+        starts = [problem.height_map.centre(*problem.robots[i].start[:2]) for i in self.robots]
+        way = self.at[:, 0] - np.array(starts)[:, None]
+        far = np.hypot(way[..., 0], way[..., 1]).sum(axis=0)
+        return int(np.lexsort([far, -value])[0])
 
 
 def _middle(problem: Problem, actors: tuple[int, ...]) -> FloatArray:
@@ -174,47 +215,6 @@ def _reachable(model: Model, robot: int) -> BoolArray:
     reach = graph.reachable([model.start(robot)], model.problem.horizon)
     places = reach.reshape(len(reach), graph.n_orientations, graph.n_places).any(axis=1)
     return np.tile(places, graph.n_orientations)
-
-
-def _looking_inwards(
-    model: Model, robot: int, seat: int, places: CirclePlaces, t: int
-) -> tuple[IntArray, IntArray]:
-    """For which turns [m] of K a place is in reach of anybody, and states [m] that look inwards."""
-    problem, graph = model.problem, model.class_of[robot].graph
-    motion, tilts = graph.motion, np.array(problem.robots[robot].camera.tilts)
-    at = places.at[seat, t]
-    cells = [problem.height_map.cell_of(x, y) for x, y in at.tolist()]
-    turns = np.flatnonzero([graph.window.covers(x, y) for x, y in cells])
-    layer = motion.layers.index(places.height[seat])
-    place = np.array([graph.place(layer, *cells[turn]) for turn in turns], dtype=np.int64)
-    way = places.middle[t] - at[turns]
-    yaw = np.arctan2(way[:, 1], way[:, 0])
-    heading = np.rint(yaw / math.tau * motion.headings).astype(np.int64) % motion.headings
-    down = np.arctan2(places.above[seat], np.hypot(way[:, 0], way[:, 1]))
-    pitch = np.abs(tilts - down[:, None]).argmin(axis=1)
-    return turns, (heading * len(tilts) + pitch) * graph.n_places + place
-
-
-def _can_follow(problem: Problem, circle: Circle, places: CirclePlaces, t: int) -> BoolArray:
-    """Tell which turns [K] of the next step all robots can reach from each turn [K] of step t.
-
-    Where the actors outrun a robot, it is enough that turning takes it no farther than not to.
-    """
-    before, after = places.at[:, t, :, None], places.at[:, t + 1, None, :]
-    far = np.abs(after - before).max(axis=-1)  # [n, K, K] m
-    speed = np.array([problem.robots[robot].motion.radius for robot in circle.robots])
-    reach = (speed * problem.height_map.resolution)[:, None, None]
-    unturned = np.diagonal(far, axis1=1, axis2=2)[:, :, None]
-    result: BoolArray = (far <= np.maximum(reach, unturned)).all(axis=0)
-    return result
-
-
-def _nearest_best(problem: Problem, circle: Circle, places: CirclePlaces, value: FloatArray) -> int:
-    """Turn of greatest value [K]; of several the one that is nearest to the starts."""
-    starts = [problem.height_map.centre(*problem.robots[i].start[:2]) for i in circle.robots]
-    way = places.at[:, 0] - np.array(starts)[:, None]
-    far = np.hypot(way[..., 0], way[..., 1]).sum(axis=0)
-    return int(np.lexsort([far, -value])[0])
 
 
 STANDOFF = 5.0  # m, from the outermost actor (Greedy Perspectives)
@@ -250,13 +250,11 @@ def formation(
     views = LazyCoverage.of_robots(model)
     places = [_starts(problem, robot) for robot in range(len(problem.robots))]
     with suppress(LimitReached):  # sequential planning hears of it, too
-        for circle in Circle.share_out(problem):
-            around = circle.places(problem, standoff, height, orientations)
-            rewards = circle.rewards(model, around, views, stop)
-            turns = circle.best_turns(problem, around, rewards)
+        for circle in Circle.share_out(problem, standoff, height, orientations):
+            turns = circle.best_turns(problem, circle.rewards(model, views, stop))
             for seat, robot in enumerate(circle.robots):
-                at = around.at[seat, np.arange(len(turns)), turns]
-                places[robot] = _flown(problem.height_map, at, around.height[seat])
+                at = circle.at[seat, np.arange(len(turns)), turns]
+                places[robot] = _flown(problem.height_map, at, circle.height[seat])
 
     result = sequential(problem, stop, _Formation(places, views))
     evaluated = sum(source.evaluated for source in set(views))

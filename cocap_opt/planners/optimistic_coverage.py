@@ -15,7 +15,6 @@ from cocap_opt.arithmetic import spans
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import marginal_gain
-from cocap_opt.problem import Problem
 from cocap_opt.stop import Stop
 from cocap_opt.vision.coverage import usable_cores
 from cocap_opt.vision.sights import Seen
@@ -52,7 +51,7 @@ class OptimisticCoverage:
         self.rewards = robot_class.graph.no_reward(problem.horizon)
         self._flat = self.rewards.reshape(-1)
         steps = _steps(model, robot_class, stop)
-        self._entries = _ByViewSum.of(problem, steps)
+        self._set_bounds(steps)
         nodes = np.concatenate([step.nodes for step in steps])
         alone = np.concatenate([step.rewards for step in steps])
         self._flat[nodes] = alone + _SLACK * alone.max(initial=0.0)
@@ -61,6 +60,21 @@ class OptimisticCoverage:
         self._rows: dict[int, int] = {}  # of evaluated nodes
         self._found, self._new = _Evaluated.nothing(), list[_Evaluated]()
         self.evaluated = 0
+
+    def _set_bounds(self, steps: "list[_StepBounds]") -> None:
+        """Takes down the bounds on what nodes see of each face, in the order of the view sums."""
+        nodes, pixels, counts = (
+            np.concatenate(column)
+            for column in zip(*((s.seeing, s.pixels, s.counts) for s in steps), strict=True)
+        )
+        if self._problem.objective.over_time:
+            faces = np.tile(np.arange(self._n_faces), len(steps))
+            order = np.argsort(np.repeat(faces, counts), kind="stable")
+            nodes, pixels = nodes[order], pixels[order]
+            counts = counts.reshape(len(steps), -1).sum(axis=0)
+        self._bounded, self._bounds = nodes, pixels  # [n], and [n] px/m2, > 0
+        self._bound_counts = counts  # [Z] entries of each view sum
+        self._first_bounds = np.cumsum(counts) - counts  # [Z]
 
     def unknown(self, nodes: IntArray) -> IntArray:
         """Returns those of nodes [n] that are not evaluated and may see something, increasing."""
@@ -74,14 +88,15 @@ class OptimisticCoverage:
         """Lets `rewards` be on top of the pixels [Z] that others have."""
         before, self._pixels = self._pixels, pixels.copy()
         changed = np.flatnonzero(pixels != before)
-        n_parts = int(self._entries.counts[changed].sum()) // _AT_ONCE + 1
+        n_parts = int(self._bound_counts[changed].sum()) // _AT_ONCE + 1
         for part in np.array_split(changed, n_parts):
-            entries, of = self._entries.of_view_sums(part)
-            seen = self._entries.pixels[entries]
+            counts = self._bound_counts[part]
+            entries, of = spans(self._first_bounds[part], counts), np.repeat(part, counts)
+            seen = self._bounds[entries]
             others = np.sqrt(pixels[part]) - np.sqrt(before[part])
             gains = np.sqrt(pixels[of] + seen) - np.sqrt(before[of] + seen)
-            gains -= np.repeat(others, self._entries.counts[part])
-            np.add.at(self._flat, self._entries.nodes[entries], gains * self._weights[of])
+            gains -= np.repeat(others, counts)
+            np.add.at(self._flat, self._bounded[entries], gains * self._weights[of])
         self._found = _Evaluated.joined(self._found, *self._new)
         self._new.clear()
         self._flat[self._found.nodes] = self._gains(self._found)
@@ -173,34 +188,6 @@ def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_StepBound
         return list(pool.map(at, range(problem.horizon + 1)))
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-class _ByViewSum(NamedTuple):
-    """Upper bounds on what nodes see of each face, in the order of the view sums."""
-
-    nodes: IntArray  # [n]
-    pixels: FloatArray  # [n] px/m2, > 0
-    first: IntArray  # [Z] first entry of each view sum
-    counts: IntArray  # [Z] number of its entries
-
-    @classmethod
-    def of(cls, problem: Problem, steps: list[_StepBounds]) -> Self:
-        """Returns the entries of all steps."""
-        nodes, pixels, counts = (
-            np.concatenate(column)
-            for column in zip(*((s.seeing, s.pixels, s.counts) for s in steps), strict=True)
-        )
-        if problem.objective.over_time:
-            faces = np.tile(np.arange(len(steps[0].counts)), len(steps))
-            order = np.argsort(np.repeat(faces, counts), kind="stable")
-            nodes, pixels = nodes[order], pixels[order]
-            counts = counts.reshape(len(steps), -1).sum(axis=0)
-        return cls(nodes, pixels, np.cumsum(counts) - counts, counts)
-
-    def of_view_sums(self, view_sums: IntArray) -> tuple[IntArray, IntArray]:
-        """Returns the numbers of the entries [n] of some view sums, and the view sum of each."""
-        counts = self.counts[view_sums]
-        return spans(self.first[view_sums], counts), np.repeat(view_sums, counts)
 
 
 class _Evaluated(NamedTuple):

@@ -108,7 +108,7 @@ class PlayerPlan:
         ways = at - actor.middles[: len(at)]
         for t in range(len(at) - 1):
             if airspace.near_person(actor, t, at[t], at[t + 1]):
-                share = float(airspace.rules_beside(actor).closest(ways[t], ways[t + 1]).share)
+                share = float(airspace.rules_beside(actor).closest(ways[t], ways[t + 1])[0])
                 x, y, _ = (1 - share) * ways[t] + share * ways[t + 1]
                 yield t + share, math.hypot(x, y), j
 
@@ -148,11 +148,11 @@ class PlayerPlan:
         rules, cell = self._problem.rules, self._problem.height_map.resolution
         if not self._pairs or rules.separation:
             return []
-        closest = rules.closest(self._ways[:, :-1], self._ways[:, 1:])
-        apart = np.where(self._in_conflict(), np.inf, closest.distance)
+        shares, distances = rules.closest(self._ways[:, :-1], self._ways[:, 1:])
+        apart = np.where(self._in_conflict(), np.inf, distances)
         close = cell / 2 * (1 - _ROUNDING)
         return [
-            self._approach(self._pairs[k], t + float(closest.share[k, t]), float(apart[k, t]))
+            self._approach(self._pairs[k], t + float(shares[k, t]), float(apart[k, t]))
             for t, k in enumerate(apart.argmin(axis=0).tolist())
             if apart[k, t] < close
         ]

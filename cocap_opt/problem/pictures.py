@@ -53,6 +53,40 @@ class TopView(NamedTuple):
     walks: Sequence[FloatArray]  # per person [T+1, 2] m
     flights: Sequence[FloatArray]  # per drone [T+1, 3] x, y (m) and yaw (rad); or its start [1, 3]
 
+    @classmethod
+    def of(cls, scene: SceneData, plan: HasPaths | None = None) -> TopView:
+        """Returns the scene from above, with the flights of a plan or the drones' starts."""
+        lowest = scene.layers[0]
+        clearance = max(
+            robot.motion.clearance for robot in scene.robots if robot.motion.layers[0] == lowest
+        )
+        altitude = scene.height_map.altitudes((lowest,))
+        columns = scene.workspace.columns
+        blocked = columns.solid(altitude - clearance, altitude + clearance)[0]
+        blocked |= scene.workspace.forbidden.solid(altitude, altitude)[0]
+        covered = np.isfinite(columns.low[1:]).any(axis=0)
+        kinds = np.where(scene.height_map.stands_out, 3, 0)
+        kinds[covered] = 1
+        kinds[blocked] = 2
+        paths = [[robot.start] for robot in scene.robots] if plan is None else plan.paths
+        flights = [
+            np.array(
+                [
+                    (*scene.height_map.centre(s.x, s.y), math.tau * s.heading / r.motion.headings)
+                    for s in path
+                ]
+            )
+            for r, path in zip(scene.robots, paths, strict=True)
+        ]
+        return cls(
+            kinds=kinds,
+            corner=scene.height_map.origin,
+            cell=scene.height_map.resolution,
+            height=lowest,
+            walks=[actor.poses[: scene.horizon + 1, :2] for actor in scene.actors],
+            flights=flights,
+        )
+
     @overload
     def draw(self, ax: None = None) -> WholeAxes: ...
 
@@ -134,40 +168,6 @@ class TopView(NamedTuple):
         assert figure is not None
         figure.savefig(content, format="png")
         return f'<img src="data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}">'
-
-
-def top_view(scene: SceneData, plan: HasPaths | None = None) -> TopView:
-    """Returns the scene from above, with the flights of a plan or the drones' starts."""
-    lowest = scene.layers[0]
-    clearance = max(
-        robot.motion.clearance for robot in scene.robots if robot.motion.layers[0] == lowest
-    )
-    altitude = scene.height_map.altitudes((lowest,))
-    columns = scene.workspace.columns
-    blocked = columns.solid(altitude - clearance, altitude + clearance)[0]
-    blocked |= scene.workspace.forbidden.solid(altitude, altitude)[0]
-    covered = np.isfinite(columns.low[1:]).any(axis=0)
-    kinds = np.where(scene.height_map.stands_out, 3, 0)
-    kinds[covered] = 1
-    kinds[blocked] = 2
-    paths = [[robot.start] for robot in scene.robots] if plan is None else plan.paths
-    flights = [
-        np.array(
-            [
-                (*scene.height_map.centre(s.x, s.y), math.tau * s.heading / r.motion.headings)
-                for s in path
-            ]
-        )
-        for r, path in zip(scene.robots, paths, strict=True)
-    ]
-    return TopView(
-        kinds=kinds,
-        corner=scene.height_map.origin,
-        cell=scene.height_map.resolution,
-        height=lowest,
-        walks=[actor.poses[: scene.horizon + 1, :2] for actor in scene.actors],
-        flights=flights,
-    )
 
 
 def _draw_flight(ax: Axes, flight: FloatArray, colour: str, number: int, cell: float) -> None:

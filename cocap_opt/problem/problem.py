@@ -20,7 +20,7 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray, read_only
 from cocap_opt.problem.checks import require_scene
-from cocap_opt.problem.pictures import top_view
+from cocap_opt.problem.pictures import TopView
 from cocap_opt.problem.rules import NO_RULES
 from cocap_opt.problem.scene import SceneData
 from cocap_opt.text import printable
@@ -72,7 +72,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     def _repr_html_(self) -> str:
         """Describes the problem in a notebook, with a picture."""
-        return f"<p>{html.escape(repr(self))}</p>{top_view(self).image()}"
+        return f"<p>{html.escape(repr(self))}</p>{TopView.of(self).image()}"
 
     @overload
     def plot(self, plan: "HasPaths | None" = None, ax: None = None) -> "WholeAxes": ...
@@ -91,7 +91,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         plan : a plan, or any object with `paths`
         ax : matplotlib axes; a figure of its own if not given
         """
-        return top_view(self, plan).draw(ax)
+        return TopView.of(self, plan).draw(ax)
 
     def without_rules(self) -> "Problem":
         """Returns the problem without inter-robot collisions; the same one if it has no rules.

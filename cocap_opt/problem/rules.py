@@ -16,13 +16,6 @@ SEPARATION = 2.0  # m, of scenes that are to be flown; docs/results/flight.md sa
 TOLERANCE = 1e-6  # m; robots that are nearer than the separation by less keep it
 
 
-class _Closest(NamedTuple):
-    """When two robots are nearest in a step: while they break a rule, if they do."""
-
-    share: FloatArray  # [..] of the step, 0..1
-    distance: FloatArray  # [..] m, in space
-
-
 class Meeting(NamedTuple):
     """The point in the middle between two robots, at the moment of a step when they are nearest."""
 
@@ -135,7 +128,7 @@ class CollisionRules(Data, frozen=True):
             first, last = self._near_aside_and_above(before, after)
             found[near] = first < last
         else:
-            found[near] = _closest(before, after).distance < self._aside
+            found[near] = _closest(before, after)[1] < self._aside
         return found
 
     def _may_pass_too_near(self, before: FloatArray, after: FloatArray) -> BoolArray:
@@ -198,23 +191,27 @@ class CollisionRules(Data, frozen=True):
         found = np.asarray((first[1] == second).all(axis=-1))
         if self.separation:
             most = math.hypot(self.separation, self.vertical) + reach
-            found = found | (_closest(second - first[0], second - first[1]).distance < most)
+            found = found | (_closest(second - first[0], second - first[1])[1] < most)
         return found
 
-    def closest(self, before: FloatArray, after: FloatArray) -> _Closest:
-        """Returns when robots are nearest in a step, and how near.
+    def closest(self, before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Returns when robots are nearest in a step: while they break a rule, if they do.
 
         Parameters
         ----------
         before, after : as in `pass_too_near`
+
+        Returns
+        -------
+        Shares [..] of the step, 0..1, and distances [..] (m) in space.
         """
-        nearest = _closest(before, after)
+        share, distance = _closest(before, after)
         if not self.vertical:
-            return nearest
+            return share, distance
         first, last = self._near_aside_and_above(before, after)
-        share = np.where(first < last, np.clip(nearest.share, first, last), nearest.share)
+        share = np.where(first < last, np.clip(share, first, last), share)
         at = before + share[..., None] * (after - before)
-        return _Closest(share, np.sqrt((at * at).sum(axis=-1)))
+        return share, np.sqrt((at * at).sum(axis=-1))
 
     def meeting(self, tails: FloatArray, heads: FloatArray) -> Meeting:
         """Returns where and when two robots are nearest in a step.
@@ -223,7 +220,7 @@ class CollisionRules(Data, frozen=True):
         ----------
         tails, heads : [2, 3] m, where their moves begin and end
         """
-        share = float(self.closest(tails[1] - tails[0], heads[1] - heads[0]).share)
+        share = float(self.closest(tails[1] - tails[0], heads[1] - heads[0])[0])
         first, second = (1 - share) * tails + share * heads
         return Meeting((first + second) / 2, share)
 
@@ -265,14 +262,14 @@ class CollisionRules(Data, frozen=True):
         return np.maximum(np.maximum(first, low), 0.0), np.minimum(np.minimum(last, high), 1.0)
 
 
-def _closest(before: FloatArray, after: FloatArray) -> _Closest:
-    """Returns when the straight lines from `before` to `after` are nearest to 0, and how near."""
+def _closest(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns when straight lines from `before` to `after` are nearest to 0, and how near (m)."""
     change = after - before
     square = (change * change).sum(axis=-1)
     along = -(before * change).sum(axis=-1) / np.where(square > 0, square, 1.0)
     share = np.clip(along, 0.0, 1.0)
     at = before + share[..., None] * change
-    return _Closest(share, np.sqrt((at * at).sum(axis=-1)))
+    return share, np.sqrt((at * at).sum(axis=-1))
 
 
 NO_RULES = CollisionRules(vertex=False, swap=False)

@@ -17,7 +17,7 @@ from cocap_opt.problem.robot import Robot
 from cocap_opt.problem.rules import CollisionRules
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
-MOST_CRS = 100 * MOST_LETTERS  # letters; WKT may be long
+_MOST_CRS = 100 * MOST_LETTERS  # letters; WKT may be long
 
 
 class Earth(Data, frozen=True):
@@ -42,7 +42,7 @@ class Earth(Data, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(0 < len(self.crs) <= MOST_CRS, "crs", "must name a reference system")
+        require(0 < len(self.crs) <= _MOST_CRS, "crs", "must name a reference system")
         known = self.heights in (None, "sea", "ellipsoid")
         require(known, "heights", f"must be sea or ellipsoid, not {self.heights!r}")
         within(self.base, -LARGEST, LARGEST, "base", "m")

@@ -24,7 +24,6 @@ from cocap_opt.planners import PLANNERS, Planner
 from cocap_opt.planners.formation import (
     STANDOFF,
     Circle,
-    CirclePlaces,
     _distance_in_view,
     _flown,
     _nearest,
@@ -300,9 +299,8 @@ def test_a_circle_is_wider_by_its_outermost_actor() -> None:
     """One robot for three people flies around their middle, clear of all of them."""
     people = [standing(x, 12.0, 0.0, 0.3, steps=3) for x in (10.0, 12.0, 14.0)]
     problem = field(State(12, 4), actors=tuple(people), horizon=3)
-    (circle,) = Circle.share_out(problem)
-    places = circle.places(problem, STANDOFF, 5.0, 8)
-    far = np.linalg.norm(places.at[0] - [12.0, 12.0], axis=-1)
+    (circle,) = Circle.share_out(problem, STANDOFF, 5.0, 8)
+    far = np.linalg.norm(circle.at[0] - [12.0, 12.0], axis=-1)
     assert far == pytest.approx(np.full((4, 8), 2.0 + STANDOFF))
 
 
@@ -310,10 +308,11 @@ def test_a_circle_is_wider_by_its_outermost_actor() -> None:
 @given(problems(goals=False))
 def test_robots_and_people_are_shared_out_evenly(problem: Problem) -> None:
     """Everybody is on one circle, and no circle has two more than another."""
-    found = Circle.share_out(problem)
+    found = Circle.share_out(problem, STANDOFF, 5.0, 1)
     assert len(found) == min(len(problem.robots), len(problem.actors))
     if found:
-        robots, actors = ([*map(sorted, parts)] for parts in zip(*found, strict=True))
+        robots = [sorted(circle.robots) for circle in found]
+        actors = [sorted(circle.actors) for circle in found]
         assert sorted(chain(*robots)) == list(range(len(problem.robots)))
         assert [*chain(*actors)] == list(range(len(problem.actors)))
         for parts in (robots, actors):
@@ -324,7 +323,8 @@ def test_robots_go_to_the_circles_that_they_start_at() -> None:
     """Who films whom is not a matter of numbers: nobody crosses the field."""
     people = standing(5.0, 12.0, 0.0, 0.0, steps=12), standing(19.0, 12.0, 0.0, 0.0, steps=12)
     problem = field(State(20, 3), State(3, 20), State(20, 20), State(3, 3), actors=people)
-    assert [sorted(circle.robots) for circle in Circle.share_out(problem)] == [[1, 3], [0, 2]]
+    circles = Circle.share_out(problem, STANDOFF, 5.0, 1)
+    assert [sorted(circle.robots) for circle in circles] == [[1, 3], [0, 2]]
 
 
 @examples(100)
@@ -354,8 +354,8 @@ def test_one_robot_is_as_near_to_its_place_as_can_be(problem: Problem) -> None:
     assert (plan is None) == (not paths)
     if plan is None:
         return
-    places = Circle.share_out(problem)[0].places(problem, STANDOFF, 5.0, 1)
-    target = np.array([aloft(problem, x, y, places.height[0]) for x, y in places.at[0, :, 0]])
+    circle = Circle.share_out(problem, STANDOFF, 5.0, 1)[0]
+    target = np.array([aloft(problem, x, y, circle.height[0]) for x, y in circle.at[0, :, 0]])
 
     def far(path: tuple[State, ...]) -> float:
         return float(np.linalg.norm(metres(problem, 0, path) - target, axis=1).sum())
@@ -374,9 +374,9 @@ def test_circles_turn_as_well_as_robots_can_follow(seed: int, horizon: int, robo
     rng, turns = np.random.default_rng(seed), 4
     problem = field(*(State(3 * i, 2) for i in range(robots)), horizon=horizon)
     at = rng.uniform(10, 11.6, (robots, horizon + 1, turns, 2)).cumsum(axis=2)
-    places = CirclePlaces(np.zeros((horizon + 1, 2)), at, (5.0,) * robots, (4.0,) * robots)
     rewards = rng.choice([0.0, 1.0, 2.5], (horizon + 1, turns))
-    circle = Circle(tuple(range(robots)), (0,))
+    middle, heights = np.zeros((horizon + 1, 2)), ((5.0,) * robots, (4.0,) * robots)
+    circle = Circle(tuple(range(robots)), (0,), middle, at, *heights)
 
     def is_flown(way: tuple[int, ...]) -> bool:
         for t, (a, b) in enumerate(pairwise(way)):
@@ -387,7 +387,7 @@ def test_circles_turn_as_well_as_robots_can_follow(seed: int, horizon: int, robo
         return True
 
     ways = [way for way in product(range(turns), repeat=horizon + 1) if is_flown(way)]
-    found = tuple(circle.best_turns(problem, places, rewards).tolist())
+    found = tuple(circle.best_turns(problem, rewards).tolist())
     assert found in ways
 
     def total(way: tuple[int, ...]) -> float:

@@ -35,7 +35,7 @@ def test_moves_conflict_where_dense_samples_do(
             separation=separation + slack, vertical=vertical + slack * (vertical > 0)
         )
         assert wider.too_near(along).any()
-        share = float(rules.closest(before, after).share)
+        share = float(rules.closest(before, after)[0])
         assert 0 <= share <= 1
         at = before + share * (after - before)
         assert rules.too_near(at) or np.linalg.norm(at) < separation + vertical + slack

@@ -24,7 +24,7 @@ from cocap_opt.pictures.style import (
     set_frame,
 )
 from cocap_opt.problem import State, pictures
-from cocap_opt.problem.pictures import top_view
+from cocap_opt.problem.pictures import TopView
 
 _NEAR = (5, 25)  # m, the part of the bottleneck in which people walk
 
@@ -80,7 +80,7 @@ def draw_seen_from() -> Figure:
     rewards = worked.seen_from(0)
     figure = new_figure(5, 4.6)
     ax = figure.add_subplot()
-    top_view(own.problem).draw_map(ax)
+    TopView.of(own.problem).draw_map(ax)
     image = ax.imshow(np.where(rewards > 0, rewards, np.nan).T, origin="lower", zorder=1,
                       extent=(*ax.get_xlim(), *ax.get_ylim()), cmap="YlGnBu",
                       vmin=0)  # fmt: skip
@@ -158,7 +158,7 @@ def draw_cells_left() -> Figure:
     own, t = worked.bottleneck(), worked.middle()
     figure = new_figure(5.2, 4.8)
     ax = figure.add_subplot()
-    top_view(own.problem).draw_map(ax)
+    TopView.of(own.problem).draw_map(ax)
     first, *_, last = worked.stages()
     for cells, colour, words in (
         (first.cells, "#cfe0ec", f"in reach at step {t}"),
