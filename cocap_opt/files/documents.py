@@ -246,8 +246,11 @@ def problem_digest(problem: Problem) -> str:
     actors = tuple(actor.replace(name=None, begin=None) for actor in problem.actors)
     nameless = problem.replace(name="", actors=actors, earth=None)
     fields = msgspec.to_builtins(_read_back(nameless), enc_hook=_encode_array)
+    # Newer fields than files whose digests hold are left out where nothing is in them.
     for holder in (fields, *fields["robots"], *fields["actors"]):
-        _drop_unused(holder)
+        for name in ("step", "earth", "limits", "name", "begin"):
+            if name in holder and holder[name] is None:
+                del holder[name]
     return hashlib.sha256(msgspec.json.encode(fields)).hexdigest()
 
 
@@ -255,10 +258,3 @@ def _read_back(problem: Problem) -> Problem:
     """Returns the problem as if it came from its file: numbers given as 5 and 5.0 are the same."""
     content = msgspec.json.encode(problem, enc_hook=_encode_array)
     return msgspec.json.decode(content, type=Problem, dec_hook=_decode_array)
-
-
-def _drop_unused(fields: dict[str, Any]) -> None:
-    """Drops fields that are newer than files whose digests hold, where nothing is in them."""
-    for name in ("step", "earth", "limits", "name", "begin"):
-        if name in fields and fields[name] is None:
-            del fields[name]

@@ -52,13 +52,13 @@ class RobotClass:
         for i, robot in enumerate(problem.robots):
             alike = (i,) if is_disaggregated else (robot.motion, robot.camera, robot.goal)
             members.setdefault(alike, []).append(i)
-        return tuple(cls._of(problem, tuple(robots)) for robots in members.values())
-
-    @classmethod
-    def _of(cls, problem: Problem, robots: tuple[int, ...]) -> "RobotClass":
-        spec = problem.robots[robots[0]]
-        graph = graph_of(problem, spec)
-        return cls(spec, robots, tuple(graph.index(problem.robots[i].start) for i in robots), graph)
+        classes = []
+        for robots in members.values():
+            spec = problem.robots[robots[0]]
+            graph = graph_of(problem, spec)
+            starts = tuple(graph.index(problem.robots[i].start) for i in robots)
+            classes.append(cls(spec, tuple(robots), starts, graph))
+        return tuple(classes)
 
 
 class Places:

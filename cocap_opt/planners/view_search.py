@@ -27,7 +27,7 @@ from itertools import count
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, IntArray
+from cocap_opt.data import IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import leads_to_goal
@@ -152,9 +152,12 @@ def _rewarded_successors(
     task: SingleRobotTask, coverage: LazyCoverage, k: int, v: int
 ) -> Iterator[tuple[int, float, _Way]]:
     """States that may follow the k-th one, v, with their marginal rewards and ways to actors."""
-    problem, graph = task.model.problem, task.model.class_of[task.robot].graph
+    problem, robot_class = task.model.problem, task.model.class_of[task.robot]
+    graph = robot_class.graph
     heads = graph.successors(k - 1, v)
-    heads = heads[_open_heads(task, k - 1, v, heads)]
+    # Moves are open that no charge closes, and from which the goal stays in reach.
+    leads = leads_to_goal(graph, problem.horizon, robot_class.goal)[k, heads]
+    heads = heads[leads & task.charges.free_moves(k - 1, v, heads.tolist(), graph.n_places)]
     if not len(heads):
         return  # a dead end: the queue holds the alternatives
     view_sums = problem.view_sums_at(k)
@@ -162,16 +165,6 @@ def _rewarded_successors(
     rewards = (gains * problem.view_sum_weights[view_sums]).sum(axis=1)
     rewards += Bonuses.of(problem.objective).of_edges(graph.shape, v, heads)
     yield from zip(heads.tolist(), rewards.tolist(), _ways(problem, graph, k, heads), strict=True)
-
-
-def _open_heads(task: SingleRobotTask, t: int, tail: int, heads: IntArray) -> BoolArray:
-    """Say which moves from step t are open: no charge closes them, the goal stays in reach."""
-    robot_class = task.model.class_of[task.robot]
-    graph = robot_class.graph
-    leads = leads_to_goal(graph, task.model.problem.horizon, robot_class.goal)
-    is_free = task.charges.free_moves(t, tail, heads.tolist(), graph.n_places)
-    is_open: BoolArray = leads[t + 1, heads] & is_free
-    return is_open
 
 
 def _ways(problem: Problem, graph: TimeGraph, t: int, states: IntArray) -> list[_Way]:
