@@ -5,14 +5,13 @@ one of missions for autopilots has `write(flight, every, autopilot)`. It is impo
 its kind is asked for, so that nobody waits for matplotlib who does not draw.
 """
 
-from collections.abc import Iterator
 from functools import partial
 from importlib import import_module
 from typing import NamedTuple
 
 from cocap_opt.missions.export import Export, Writer
 
-__all__ = ["FORMATS", "Export", "MissionFormat", "Writer", "endings_for"]
+__all__ = ["FORMATS", "Export", "MissionFormat", "Writer"]
 
 
 class MissionFormat(NamedTuple):
@@ -61,9 +60,3 @@ FORMATS: dict[str, MissionFormat] = {  # by the ending of their names
     ".skyc": MissionFormat(".skybrush"),
     ".crazyflie.csv": MissionFormat(".crazyflie"),
 }
-
-
-def endings_for(autopilot: str) -> Iterator[str]:
-    """Yields the endings of an autopilot's missions, those that are usually for it first."""
-    found = (ending for ending in FORMATS if autopilot in FORMATS[ending].autopilots)
-    yield from sorted(found, key=lambda ending: FORMATS[ending].autopilots.index(autopilot))

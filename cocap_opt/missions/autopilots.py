@@ -43,15 +43,11 @@ from cocap_opt.missions.items import (
     CLIMB,
     DESCENT,
     GROUND,
+    HORIZON,
+    ITSELF,
+    UNCHANGED,
+    Command,
     Item,
-    control_of_gimbal,
-    delay,
-    hover,
-    speed,
-    take_off,
-    tilt,
-    turn,
-    waypoint,
 )
 from cocap_opt.missions.routes import Leg, Route
 
@@ -63,7 +59,7 @@ _SAME_YAW, _SAME_PITCH = 5e-3, 1e-6  # degrees; a grid's north turns a little fr
 _ON_TIME = 1e-3  # s
 
 
-class Pace(NamedTuple):
+class _Pace(NamedTuple):
     """The items by which an autopilot flies a leg in its time.
 
     Attributes
@@ -117,7 +113,7 @@ class Autopilot(NamedTuple):
     turns_by_command: bool
     rise: float
     rises_by: str
-    pace: Callable[[Leg], Pace]
+    pace: Callable[[Leg], _Pace]
     extra: int
     most: int
     holds: str
@@ -134,7 +130,7 @@ class Autopilot(NamedTuple):
 
     def late_by(self, route: Route) -> float:
         """Returns how late (s) a drone is at its end."""
-        return math.fsum(one.seconds for one in self.late(route))
+        return math.fsum(leg.seconds for leg in self.late(route))
 
     def behind(self, route: Route) -> float:
         """Returns how far (s) a drone is behind its plan at most, on legs for which it waits."""
@@ -153,7 +149,7 @@ class Autopilot(NamedTuple):
             rest -= math.copysign(turned, rest)
 
 
-def _px4_pace(leg: Leg) -> Pace:
+def _px4_pace(leg: Leg) -> _Pace:
     """Returns PX4's pace, with its usual parameters."""
     fastest, limit = (Z_UP, "MPC_Z_V_AUTO_UP") if leg.rise > 0 else (Z_DOWN, "MPC_Z_V_AUTO_DN")
     climbs = abs(leg.rise) / fastest
@@ -172,10 +168,10 @@ def _px4_pace(leg: Leg) -> Pace:
     }  # fmt: skip
     why = max(least, key=lambda words: least[words])
     late = least[why] - leg.seconds
-    return Pace(wait, speeds, max(late, 0.0), f"{why}, not {leg.seconds:.2f} s")
+    return _Pace(wait, speeds, max(late, 0.0), f"{why}, not {leg.seconds:.2f} s")
 
 
-def _ardupilot_pace(leg: Leg) -> Pace:
+def _ardupilot_pace(leg: Leg) -> _Pace:
     """Returns ArduPilot's pace; it knows no leg that takes too long."""
     seconds, wait = leg.seconds, 0.0
     speeds = {}
@@ -188,7 +184,7 @@ def _ardupilot_pace(leg: Leg) -> Pace:
         wait = seconds
     if leg.rise:
         speeds[CLIMB if leg.rise > 0 else DESCENT] = abs(leg.rise) / seconds
-    return Pace(wait, speeds)
+    return _Pace(wait, speeds)
 
 
 class _Mission:
@@ -208,16 +204,19 @@ class _Mission:
         for leg in route.legs():
             self._fly(leg)
         self._wait()
-        self.items.append(hover(route.place(-1), self._yaw))
+        self._add(Command.HOVER, 0.0, 0.0, 0.0, self._yaw, *route.place(-1))
+
+    def _add(self, command: Command, *params: float | None) -> None:
+        self.items.append(Item(command, params))
 
     def _begin(self) -> None:
         """Adds the way to the start, and the wait there."""
-        self.items.append(take_off(self._route.place(0), self._yaw))
+        self._add(Command.TAKEOFF, 0.0, 0.0, 0.0, self._yaw, *self._route.place(0))
         if not self._autopilot.turns_by_command:
-            self.items.append(control_of_gimbal())
-        self.items.append(tilt(self._pitch))
-        if self._autopilot.turns_by_command:
-            self.items.append(turn(self._yaw))
+            who = ITSELF, ITSELF, UNCHANGED, UNCHANGED
+            self._add(Command.GIMBAL_CONTROL, *who, None, None, 0.0)
+        self._tilt(self._pitch)
+        self._turn(self._yaw)
         self._go_to(0)
         self._due = self._route.until - self._route.place(0)[2] / self._autopilot.rise
         self._wait()
@@ -228,8 +227,7 @@ class _Mission:
         turns = abs((yaw - self._yaw + 180.0) % 360.0 - 180.0) > _SAME_YAW
         if abs(pitch - self._pitch) > _SAME_PITCH:
             self._wait()
-            self._pitch = pitch
-            self.items.append(tilt(pitch))
+            self._tilt(pitch)
         if leg.is_way or (turns and pace.wait):
             self._wait()
         if turns and pace.wait:
@@ -239,7 +237,8 @@ class _Mission:
         if leg.is_way:
             self._wait()
             # Each leg has its own, for whoever pauses a mission loses those of before.
-            self.items += [speed(kind, value) for kind, value in pace.speeds.items()]
+            for kind, value in pace.speeds.items():
+                self._add(Command.SPEED, float(kind), value, -1.0, 0.0, 0.0, 0.0, 0.0)
             if turns and self._yaw != yaw:  # it has not turned while it waited
                 self._turn(yaw)
             self._go_to(leg.step)
@@ -253,17 +252,25 @@ class _Mission:
             self._go_to(step, seconds)
 
     def _turn(self, yaw: float) -> None:
+        """Adds a turn, where it is a command: at the autopilot's rate and the short way round."""
         self._yaw = yaw
         if self._autopilot.turns_by_command:
-            self.items.append(turn(yaw))
+            self._add(Command.YAW, yaw, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def _tilt(self, pitch: float) -> None:
+        """Adds a pitch of the camera, against the horizon."""
+        self._pitch = pitch
+        self._add(Command.GIMBAL, pitch, 0.0, None, None, float(HORIZON), 0.0, 0.0)
 
     def _go_to(self, step: int, hold: float = 0.0) -> None:
-        self.items.append(waypoint(self._route.place(step), self._yaw, self._route.reached, hold))
+        """Adds a way to the place at a step, and some seconds there until the next item."""
+        place, reached = self._route.place(step), self._route.reached
+        self._add(Command.WAYPOINT, hold, reached, 0.0, self._yaw, *place)
 
     def _wait(self) -> None:
         """Adds the seconds that are to be waited."""
         if self._due > 0:
-            self.items.append(delay(self._due))
+            self._add(Command.DELAY, self._due, -1.0, -1.0, -1.0, 0.0, 0.0, 0.0)
         self._due = 0.0
 
 

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator
 from datetime import UTC
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from cocap_opt.flight.changes import (
 )
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.safety import Nearest
-from cocap_opt.missions import endings_for
+from cocap_opt.missions import FORMATS
 from cocap_opt.missions.autopilots import AUTOPILOTS
 from cocap_opt.missions.routes import (
     RISE,
@@ -44,12 +43,7 @@ _UNCHECKED = (
 
 _MOST_CORNERS = 8  # of a no-fly zone, that are listed
 
-
-class Section(NamedTuple):
-    """A part of the text."""
-
-    title: str
-    lines: list[str]
+Section = tuple[str, list[str]]  # a part of the text: its title and its lines
 
 
 def briefing(flight: Flight, every: float | None) -> list[Section]:
@@ -60,15 +54,15 @@ def briefing(flight: Flight, every: float | None) -> list[Section]:
     every : s between rows of the tables of places
     """
     return [
-        Section("Flight", list(_summary(flight))),
-        Section("Drones", list(_drones(flight))),
-        Section("Distances and limits", [*_distances(flight), "", *_limits(flight)]),
-        Section("Late drones and people", list(_delays(flight))),
-        Section("Take-off and landing (a suggestion)", list(_legs(flight))),
+        ("Flight", list(_summary(flight))),
+        ("Drones", list(_drones(flight))),
+        ("Distances and limits", [*_distances(flight), "", *_limits(flight)]),
+        ("Late drones and people", list(_delays(flight))),
+        ("Take-off and landing (a suggestion)", list(_legs(flight))),
         *_missions(flight),
         *_places(flight, every),
         *_walks(flight, every),
-        Section("Not checked", [f"- {words}" for words in _unchecked(flight)]),
+        ("Not checked", [f"- {words}" for words in _unchecked(flight)]),
     ]
 
 
@@ -270,12 +264,13 @@ def _missions(flight: Flight) -> Iterator[Section]:
     lines = ["A mission flies on the autopilot that its file names, and on no other:"]
     found = routes(flight, flight.geodesy)
     for autopilot in AUTOPILOTS.values():
-        names = " or ".join(
-            f"*.{autopilot.name}.*{ending}" for ending in endings_for(autopilot.name)
-        )
+        known = {ending: kind.autopilots for ending, kind in FORMATS.items()}
+        endings = [ending for ending, pilots in known.items() if autopilot.name in pilots]
+        endings.sort(key=lambda ending: known[ending].index(autopilot.name))  # usual ones first
+        names = " or ".join(f"*.{autopilot.name}.*{ending}" for ending in endings)
         lines.append(f"- {names}: {autopilot.note}.")
         lines += (f"  {words}." for words in lateness(autopilot, found))
-    yield Section("Missions of waypoints", lines)
+    yield ("Missions of waypoints", lines)
 
 
 def _order(flight: Flight) -> str:
@@ -336,7 +331,7 @@ def _places(flight: Flight, every: float | None) -> Iterator[Section]:
                 f"{columns[over][k]:>15.2f}{yaw[k] % 360:>9.1f}{columns['pitch'][k]:>7.1f}"
                 f"{_degrees(flight, x, y)}"
             )
-        yield Section(f"Drone {drone}", [_angles(flight), *lines] if drone == 0 else lines)
+        yield (f"Drone {drone}", [_angles(flight), *lines] if drone == 0 else lines)
 
 
 def _walks(flight: Flight, every: float | None) -> Iterator[Section]:
@@ -352,4 +347,4 @@ def _walks(flight: Flight, every: float | None) -> Iterator[Section]:
             for t, x, y in zip(times.tolist(), *(axis.tolist() for axis in walk), strict=True)
         ]
         person = problem.person(j)
-        yield Section(f"{person[0].upper()}{person[1:]}", [head, *lines])
+        yield (f"{person[0].upper()}{person[1:]}", [head, *lines])

@@ -5,13 +5,15 @@ https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html
 """
 
 import json
+from functools import partial
 from typing import Any
 
 from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.autopilots import Autopilot
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.items import Item
-from cocap_opt.missions.waypoints import Mission, waypoint_mission
+from cocap_opt.missions.routes import Route
+from cocap_opt.missions.waypoints import waypoint_mission
 from cocap_opt.missions.zones import Zone
 
 _QUADROTOR = 2  # MAV_TYPE
@@ -20,18 +22,15 @@ _ABOVE_TAKEOFF = 1  # QGroundControl's altitude mode
 
 def write(flight: Flight, every: float | None, autopilot: Autopilot) -> Export:
     """Returns a plan for each drone, of a straight flight in a scene with a place on the Earth."""
-
-    def written(mission: Mission) -> bytes:
-        return _document(mission, autopilot)
-
-    return waypoint_mission(flight, every, autopilot, written, has_fence=True)
+    return waypoint_mission(
+        flight, every, autopilot, partial(_document, autopilot=autopilot), has_fence=True
+    )
 
 
-def _document(mission: Mission, autopilot: Autopilot) -> bytes:
-    route = mission.route
+def _document(route: Route, items: list[Item], zones: list[Zone], autopilot: Autopilot) -> bytes:
     latitude, longitude, _ = route.place(0)
     fastest = route.fastest or 1.0  # a drone that stays has no speed
-    fence = {"circles": [], "polygons": [_outside(zone) for zone in mission.fence], "version": 2}
+    fence = {"circles": [], "polygons": [_outside(zone) for zone in zones], "version": 2}
     document = {
         "fileType": "Plan",
         "version": 1,
@@ -46,7 +45,7 @@ def _document(mission: Mission, autopilot: Autopilot) -> bytes:
             "cruiseSpeed": fastest,
             "hoverSpeed": fastest,
             "plannedHomePosition": [latitude, longitude, route.sea],
-            "items": [_simple(item, k + 1) for k, item in enumerate(mission.items)],
+            "items": [_simple(item, k + 1) for k, item in enumerate(items)],
         },
     }
     return json.dumps(document, indent=1, allow_nan=False).encode()

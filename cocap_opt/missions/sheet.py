@@ -156,8 +156,9 @@ def _draw_north(ax: Axes, flight: Flight) -> None:
 
 
 def _lines(section: Section) -> Iterator[Line]:
-    yield section.title, True
-    for line in section.lines:
+    title, lines = section
+    yield title, True
+    for line in lines:
         yield from ((part, False) for part in textwrap.wrap(
             line, _LETTERS, subsequent_indent="  ", drop_whitespace=False) or [""])  # fmt: skip
     yield "", False

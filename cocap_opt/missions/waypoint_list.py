@@ -10,7 +10,9 @@ from cocap_opt.flight.flights import Flight
 from cocap_opt.missions.autopilots import Autopilot
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.items import Command, Item
-from cocap_opt.missions.waypoints import Mission, waypoint_mission
+from cocap_opt.missions.routes import Route
+from cocap_opt.missions.waypoints import waypoint_mission
+from cocap_opt.missions.zones import Zone
 
 _HEADER = "QGC WPL 110"
 _ABSOLUTE = 0  # MAV_FRAME_GLOBAL
@@ -21,13 +23,13 @@ def write(flight: Flight, every: float | None, autopilot: Autopilot) -> Export:
     return waypoint_mission(flight, every, autopilot, _text, has_fence=False)
 
 
-def _text(mission: Mission) -> bytes:
-    latitude, longitude, _ = mission.route.place(0)
+def _text(route: Route, items: list[Item], _: list[Zone]) -> bytes:
+    latitude, longitude = route.place(0)[:2]
     # Text has no way to say that a height is not known.
-    place = (latitude, longitude, mission.route.sea or 0.0)
+    place = (latitude, longitude, route.sea or 0.0)
     home = Item(Command.WAYPOINT, (0.0, 0.0, 0.0, 0.0, *place))
     rows = [_HEADER, _row(0, _ABSOLUTE, home)]
-    rows += (_row(k + 1, item.frame, item) for k, item in enumerate(mission.items))
+    rows += (_row(k + 1, item.frame, item) for k, item in enumerate(items))
     return "".join(f"{row}\n" for row in rows).encode()
 
 

@@ -21,7 +21,6 @@ Command List" of ArduCopter's.
 
 import math
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
 
 from cocap_opt.data import FieldError, ProblemError
 from cocap_opt.flight.changes import (
@@ -50,30 +49,19 @@ _CORNERS = 64  # of a geofence: DM_KEY_FENCE_POINTS_MAX of PX4, which newer ones
 _FEW = 3  # legs that are told one by one
 
 
-class Mission(NamedTuple):
-    """The content of the file of a drone.
-
-    Attributes
-    ----------
-    fence : the no-fly zones that the drones go around
-    """
-
-    route: Route
-    items: list[Item]
-    fence: list[Zone]
-
-
 def waypoint_mission(
     flight: Flight,
     every: float | None,
     autopilot: Autopilot,
-    write: Callable[[Mission], bytes],
+    write: Callable[[Route, list[Item], list[Zone]], bytes],
     has_fence: bool,
 ) -> Export:
     """Returns a mission of waypoints for each drone.
 
     Parameters
     ----------
+    write : returns the file of a drone: of its route, its items, and the no-fly zones that the
+        drones go around
     has_fence : the files can hold no-fly zones
 
     Raises
@@ -98,7 +86,7 @@ def waypoint_mission(
     _require_batteries(flight)
     known = zones(flight, flight.geodesy)
     fence = [zone for zone in known if has_fence and not crossed(flight, zone)]
-    missions = [Mission(*drone, fence) for drone in zip(found, items, strict=True)]
+    contents = [write(*drone, fence) for drone in zip(found, items, strict=True)]
     delay = tolerated_delay(flight, _asked(flight)) if len(found) > 1 else None
     to_people = tolerated_delay_of_people(flight)
     late = lateness(autopilot, found)
@@ -110,7 +98,7 @@ def waypoint_mission(
         *_fences(flight, autopilot, has_fence, known, fence),
     )  # fmt: skip
     return Export(
-        {f"{autopilot.name}.{_PART}{i}": write(mission) for i, mission in enumerate(missions)},
+        {f"{autopilot.name}.{_PART}{i}": content for i, content in enumerate(contents)},
         (*words, autopilot.note),
         {
             "autopilot": autopilot.title,

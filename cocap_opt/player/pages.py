@@ -4,16 +4,12 @@ from collections.abc import Mapping
 from importlib.resources import files
 
 
-class PageFile:
-    """A file of the folder `page`: a page with places for parts, a style or a script."""
+def page_text(name: str, parts: Mapping[str, str] | None = None) -> str:
+    """Returns the text of a file of the folder `page`: a page, a style or a script.
 
-    def __init__(self, name: str) -> None:
-        folder = files("cocap_opt.player") / "page"
-        self.text = (folder / name).read_text(encoding="utf-8")
-
-    def filled(self, parts: Mapping[str, str]) -> str:
-        """Returns the text in which parts have taken the places of their @names@.
-
-        A part may hold anything, @ included.
-        """
-        return "".join(parts.get(piece, piece) for piece in self.text.split("@"))
+    Parameters
+    ----------
+    parts : what takes the places of the @names@ of a page; a part may hold anything, @ included
+    """
+    text = (files("cocap_opt.player") / "page" / name).read_text(encoding="utf-8")
+    return text if parts is None else "".join(parts.get(piece, piece) for piece in text.split("@"))

@@ -14,7 +14,7 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.output.files import save_bytes
 from cocap_opt.output.heights import over_datum
-from cocap_opt.player.pages import PageFile
+from cocap_opt.player.pages import page_text
 from cocap_opt.player.player_plan import PlayerPlan, digits
 from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.problem import Cone, Plan, Problem
@@ -67,11 +67,11 @@ class Player:
     def page(self) -> str:
         """Returns the text of the HTML file."""
         parts = {
-            "style": PageFile("player.css").text,
-            "script": _without_comments("\n".join(PageFile(name).text for name in _SCRIPTS)),
+            "style": page_text("player.css"),
+            "script": _without_comments("\n".join(page_text(name) for name in _SCRIPTS)),
             "data": _inert(self.data()),
         }
-        return PageFile("player.html").filled(parts)
+        return page_text("player.html", parts)
 
     def data(self) -> Data:
         """Returns all data that the player draws, as one JSON object.

@@ -30,7 +30,7 @@ from cocap_opt.output.files import PlanReader
 from cocap_opt.output.printing import counted
 from cocap_opt.output.trace import Trace
 from cocap_opt.pictures.figures import picture
-from cocap_opt.player.pages import PageFile
+from cocap_opt.player.pages import page_text
 from cocap_opt.player.player import Player
 from cocap_opt.problem import CollisionRules, Plan, Problem
 from cocap_opt.referee import check
@@ -72,7 +72,7 @@ def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, p
     }
     shown = {title: text for title, text in sections.items() if text}
     parts = {
-        "style": PageFile("report.css").text,
+        "style": page_text("report.css"),
         "about": _escaped(_about(rows)),
         "contents": "\n".join(
             f'<a href="#{_anchor(title)}">{title}</a>' for title in shown
@@ -82,7 +82,7 @@ def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, p
             for title, text in shown.items()
         ),
     }  # fmt: skip
-    return PageFile("report.html").filled(parts)
+    return page_text("report.html", parts)
 
 
 def _anchor(title: str) -> str:

@@ -28,7 +28,7 @@ sheet_module = import_module("cocap_opt.missions.sheet")
 
 def text_of(flight: Flight, every: float | None = None) -> dict[str, list[str]]:
     """The lines of a sheet by their titles."""
-    return {section.title: section.lines for section in briefing(flight, every)}
+    return dict(briefing(flight, every))
 
 
 def numbers(line: str) -> list[float]:
@@ -58,8 +58,8 @@ def test_a_plan_that_was_cut_short_says_so_first() -> None:
     words = "cut short: 1 of 2 drones stays at its start"
     flight = Flight.of(problem, plan, False)._replace(cut_short=words)
     sections = briefing(flight, None)
-    assert sections[0].lines[0] == f"ATTENTION: {words}."
-    assert sum(words in line for section in sections for line in section.lines) == 1
+    assert sections[0][1][0] == f"ATTENTION: {words}."
+    assert sum(words in line for _, lines in sections for line in lines) == 1
 
 
 def test_no_fly_zones_are_told_from_houses_on_the_map() -> None:
