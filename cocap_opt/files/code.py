@@ -52,33 +52,28 @@ def with_imports(*modules: str) -> frozenset[str]:
         module = todo.pop()
         if module not in found:
             found.add(module)
-            todo += _imports(module)
+            todo += _imports(module) - found
     return frozenset(found)
 
 
-def _imports(module: str) -> Iterator[str]:
-    """Yields the modules of this project that one imports, and the fronts of their rooms."""
-    for name in _imported_names(_text(module)):
-        parts = name.split(".")
-        for end in range(2, len(parts) + 1):
-            room = ".".join(parts[:end])
-            if _path(room).is_dir():
-                yield f"{room}.__init__"
-            elif _path(room).is_file():  # what is left is a name in a module
-                yield room
+def _imports(module: str) -> set[str]:
+    """Returns the modules of this project that one imports, and the fronts of their rooms."""
+    names = [name.split(".") for name in _imported_names(_text(module))]
+    rooms = {".".join(parts[:end]) for parts in names for end in range(2, len(parts) + 1)}
+    fronts = {room for room in rooms if _path(room).is_dir()}
+    # What is neither a package nor a module is a name in a module.
+    modules = {room for room in rooms - fronts if _path(room).is_file()}
+    return modules | {f"{room}.__init__" for room in fronts}
 
 
 @cache
 def _imported_names(text: str) -> frozenset[str]:
     """Returns the full names of all that a module of this project imports from it to run."""
     names: set[str] = set()
-    for_types: set[ast.AST] = set()
-    for node in ast.walk(_tree(text)):
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            for_types |= {inner for line in node.body for inner in ast.walk(line)}
-        elif isinstance(node, ast.Import) and node not in for_types:
+    for node in _statements(_tree(text)):
+        if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node not in for_types:
+        elif isinstance(node, ast.ImportFrom):
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
     return frozenset(name for name in names if name.startswith(f"{_PACKAGE}."))
 
@@ -118,7 +113,19 @@ def normal_form(text: str) -> str:
 def _tree(text: str) -> ast.Module:
     """Returns the syntax tree of code without docstrings."""
     tree = ast.parse(text)
-    for node in ast.walk(tree):
+    for node in (tree, *_statements(tree)):
         if isinstance(node, _DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             node.body = node.body[1:] or [ast.Pass()]
     return tree
+
+
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """Yields the statements in a tree at any depth, without those for type checkers alone.
+
+    Expressions hold no statements; to walk them, too, would take five times as long.
+    """
+    for block in ("body", "handlers", "orelse", "finalbody", "cases"):
+        for inner in getattr(node, block, ()):
+            yield inner
+            if not (isinstance(inner, ast.If) and ast.unparse(inner.test) == "TYPE_CHECKING"):
+                yield from _statements(inner)
