@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_sweeps import SETTINGS, TIMES, small_field, swept, untimed
+from sweeps import SETTINGS, TIMES, small_field
+from test_sweeps import swept, untimed
 
 from cocap_opt.api.measuring import gap as gap_frame
 from cocap_opt.cli import commands

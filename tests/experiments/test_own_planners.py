@@ -9,7 +9,8 @@ from pathlib import Path
 
 import cloudpickle
 import pytest
-from test_sweeps import SETTINGS, computed, folder_for_a_sweep, small_field
+from sweeps import SETTINGS, folder_for_a_sweep, small_field
+from test_sweeps import computed
 
 from cocap_opt.api.measuring import gap as gap_frame
 from cocap_opt.api.methods import plan as plan_by
@@ -448,25 +449,21 @@ def test_a_worker_without_the_planner_is_refused(mine: Path) -> None:
         _run_task(instance.missing()[0])
 
 
-@pytest.mark.filterwarnings("ignore")  # of processes that are killed
-@pytest.mark.slow(seconds=8)
-def test_workers_run_own_planners_and_survive_them(mine: Path, tmp_path: Path) -> None:
-    """On processes of their own: one kills its worker, and the others have their rows."""
-    names = ("mymodule:dies", "mymodule:seeded", "inner")
-    some = {name: own(name) for name in names[:2]}
+@pytest.mark.slow(seconds=2)
+def test_workers_run_own_planners(mine: Path, local: Cluster, tmp_path: Path) -> None:
+    """Those of modules and those without; what has a module is kept."""
+    names = ("mymodule:seeded", "inner")
     inner = OwnPlanner.of_function(lambda p, s: staying(p, s), "inner", kept=False)
-    some["inner"] = inner.to_be_sent()
-    instance = Instance(small_field(3), 3, names, SETTINGS, own=some)
+    planners = {names[0]: own(names[0]), "inner": inner.to_be_sent()}
+    instance = Instance(small_field(3), 3, names, SETTINGS, own=planners)
     folder = folder_for_a_sweep(tmp_path / "run")
-    with Cluster.local(1, never, cell_limit=60.0) as cluster:
-        cluster.run([instance], Store(folder), never, lambda content: None)
+    local.run([instance], Store(folder), never, lambda content: None)
     rows = {row.planner: row for row in instance.rows()}
-    assert rows["mymodule:dies"].reason == "died"
     assert rows["mymodule:seeded"].message.startswith("seed 3")
     assert rows["inner"].reward == rows["mymodule:seeded"].reward
-    again = Instance(small_field(3), 3, names[:2], SETTINGS, own=some)
+    again = Instance(small_field(3), 3, names[:1], SETTINGS, own=planners)
     again.recall(Store(folder))
-    assert {cell.planner for cell in again.found} == set(names[:2])
+    assert [cell.planner for cell in again.found] == ["mymodule:seeded"]
 
 
 SCRIPT = """

@@ -10,22 +10,29 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import dask
 import msgspec
 import numpy as np
 import pytest
-from distributed import Client, LocalCluster
 from sources import FRONT, reached
+from sweeps import (
+    PLANNER_NAMES,
+    SETTINGS,
+    TIMES,
+    csv_rows,
+    folder_for_a_sweep,
+    instances,
+    small_field,
+    small_sweep,
+)
 
 from cocap_opt.api.measuring import gap as gap_frame
 from cocap_opt.cli import commands
 from cocap_opt.console.progress import Watch
 from cocap_opt.console.threads import ONE_THREAD
 from cocap_opt.experiments.sweeps import cells as cells_module
-from cocap_opt.experiments.sweeps import cluster as cluster_module
 from cocap_opt.experiments.sweeps import run_file as run_file_module
 from cocap_opt.experiments.sweeps.cells import (
     BOUND,
@@ -36,7 +43,7 @@ from cocap_opt.experiments.sweeps.cells import (
     Store,
 )
 from cocap_opt.experiments.sweeps.cluster import Cluster
-from cocap_opt.experiments.sweeps.crew import Alone, ClusterError
+from cocap_opt.experiments.sweeps.crew import Alone
 from cocap_opt.experiments.sweeps.folder import only_writer
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.results import load_results
@@ -58,33 +65,8 @@ from cocap_opt.run.engine import SOLVERS
 from cocap_opt.run.judged import RefereeError
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field
-from cocap_opt.stop import Interrupt, Limit, Stop, never
+from cocap_opt.stop import Interrupt, Stop, never
 from cocap_opt.vision.coverage import usable_cores
-
-PLANNER_NAMES = ("greedy", "sequential", "cocap")
-SETTINGS = Settings(time_limit=60.0, bound_time_limit=60.0)
-# They depend on how fast a machine is.
-TIMES = (
-    "seconds", "coverage_seconds", "checking_seconds", "bound_seconds", "bound_free_seconds",
-)  # fmt: skip
-
-
-def instances(
-    seeds: range = range(2),
-    planners: tuple[str, ...] = PLANNER_NAMES,
-    settings: Settings = SETTINGS,
-) -> list[Instance]:
-    """Two small scenes, which are others for each seed."""
-    return [
-        Instance(small_field(seed, steps), seed, planners, settings)
-        for steps in (2, 3)
-        for seed in seeds
-    ]
-
-
-def small_field(seed: int, steps: int = 2) -> Problem:
-    """Two drones and a person."""
-    return field(seed, robots=2, actors=1, cells=15, steps=steps).replace(name=f"field-{steps}")
 
 
 class Listed(Alone):
@@ -112,13 +94,6 @@ def computed(some: list[Instance], folder: Path | None, retry: bool = False) -> 
 def swept(some: list[Instance], folder: Path | None) -> list[Row]:
     """Rows of a sweep in this process, with all its files."""
     return sweep(some, folder, Hired(cell_limit=1e4))
-
-
-def folder_for_a_sweep(path: Path) -> Path:
-    """A folder with the folders that a sweep has."""
-    for part in FOLDERS:
-        (path / part).mkdir(parents=True)
-    return path
 
 
 def table(some: list[Instance]) -> list[Row]:
@@ -629,35 +604,10 @@ def test_nobody_timed_what_was_not_planned() -> None:
 # -- the command ----------------------------------------------------------------------------
 
 
-def small_sweep(*arguments: object) -> list[str]:
-    """Command line of a small sweep: a scene without seeds, and one that each seed changes."""
-    return [
-        "gap", "tiny-queue",
-        "corridor", "--seeds", "0-1", "--planner", "greedy", "--planner", "cocap",
-        *map(str, arguments),
-    ]  # fmt: skip
-
-
 def command(*arguments: object) -> list[str]:
     """The same in a process of its own."""
     program = "from cocap_opt.cli.main import main; main()"
     return [sys.executable, "-c", program, *small_sweep(*arguments)]
-
-
-def csv_rows(folder: Path) -> list[dict[str, str]]:
-    """The table in a folder, without what depends on the machine."""
-    with (folder / "results.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    return [{key: row[key] for key in row if key not in TIMES} for row in rows]
-
-
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of a sweep that nobody disturbed."""
-    folder = tmp_path_factory.mktemp("undisturbed") / "run"
-    assert commands.run(small_sweep("--out", folder)) == 0
-    assert len({row["bound"] for row in csv_rows(folder)}) == 1 + 2  # each seed another scene
-    return folder
 
 
 @pytest.mark.slow(seconds=8)
@@ -687,43 +637,6 @@ def test_a_sweep_that_is_killed_goes_on_where_it_was(undisturbed: Path, tmp_path
 def cell_times(folder: Path) -> dict[Path, int]:
     """When each cell was written."""
     return {path: path.stat().st_mtime_ns for path in (folder / "cells").glob("*.json")}
-
-
-@pytest.mark.slow(seconds=8)
-def test_workers_make_the_same_table(undisturbed: Path, tmp_path: Path) -> None:
-    """On workers of its own, as many as there are cores."""
-    folder, workers = tmp_path / "run", min(2, usable_cores())
-    assert commands.run(small_sweep("--out", folder, "--workers", workers)) == 0
-    assert csv_rows(folder) == csv_rows(undisturbed)
-
-
-@pytest.fixture
-def scheduler(tmp_path: Path) -> Iterator[str]:
-    """Address of a scheduler with one worker, both started by hand."""
-    file, dask = tmp_path / "scheduler.json", [sys.executable, "-m", "dask"]
-    local = ["--scheduler-file", str(file), "--host", "127.0.0.1", "--no-dashboard"]
-    crew = [subprocess.Popen([*dask, "scheduler", *local, "--port", "0"], stderr=subprocess.PIPE)]
-    try:
-        while not file.exists():
-            assert crew[0].poll() is None
-            time.sleep(0.05)
-        join = ["--nthreads", "1", "--local-directory", str(tmp_path)]
-        crew.append(subprocess.Popen([*dask, "worker", *local, *join], stderr=subprocess.PIPE))
-        yield json.loads(file.read_text(encoding="utf-8"))["address"]
-    finally:
-        for process in reversed(crew):
-            process.terminate()
-            process.communicate()
-
-
-@pytest.mark.slow(seconds=8)
-def test_workers_started_by_hand_make_the_same_table(
-    undisturbed: Path, scheduler: str, tmp_path: Path
-) -> None:
-    """On the worker of a scheduler that is there already."""
-    folder = tmp_path / "run"
-    assert commands.run(small_sweep("--out", folder, "--scheduler", scheduler)) == 0
-    assert csv_rows(folder) == csv_rows(undisturbed)
 
 
 @pytest.mark.parametrize(
@@ -783,124 +696,6 @@ def test_an_error_is_no_success(
         (line,) = (line for line in capsys.readouterr().err.splitlines() if "; traceback: " in line)
         path = Path(line.partition("; traceback: ")[2])
         assert "raise RefereeError" in CellFile.read(path).traceback
-
-
-def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Is named."""
-    monkeypatch.setattr(cluster_module, "ANSWER", 0.5)
-    with (
-        pytest.raises(ClusterError, match=r"--scheduler: tcp://127\.0\.0\.1:9 does not answer"),
-        Cluster.existing("tcp://127.0.0.1:9", never, 60.0),
-    ):
-        pass
-
-
-@contextmanager
-def threads(n: int, workers: int = 1) -> Iterator[LocalCluster]:
-    """A cluster of threads of this process, which has no nanny."""
-    with LocalCluster(
-        n_workers=workers, threads_per_worker=n, processes=False, dashboard_address=None,
-        scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
-    ) as cluster:  # fmt: skip
-        yield cluster
-
-
-@pytest.mark.parametrize(("n", "words"), [(2, "--nthreads 1"), (1, "no nanny")])
-def test_workers_that_cannot_take_cells_are_refused(n: int, words: str) -> None:
-    """One cell at a time, and somebody to restart them; the message says what to start."""
-    with (
-        threads(n) as cluster,
-        pytest.raises(ClusterError, match=words),
-        Cluster.existing(cluster.scheduler_address, never, 60.0),
-    ):
-        pass
-
-
-@pytest.mark.filterwarnings("ignore")  # of what is closed in its back
-def test_a_lost_scheduler_is_no_cells_fault(tmp_path: Path) -> None:
-    """It is one line; no cell is recorded as died."""
-    folder = folder_for_a_sweep(tmp_path / "run")
-    with threads(1) as cluster, Client(cluster) as client:
-        crew = Cluster(client, never, 60.0)
-        crew.begin(Task(instances()[0].cells["cocap"], small_field(0)))
-        cluster.close()
-        with pytest.raises(ClusterError, match="--scheduler: the connection was lost"):
-            crew.run(instances(), Store(folder), never, lambda content: None)
-    assert not list((folder / "cells").iterdir())
-
-
-class AfterLooks(Stop):
-    """A stop that is reached once it has been asked so many times."""
-
-    def __init__(self, looks: int) -> None:
-        self._looks = looks
-
-    def reached(self) -> Limit | None:
-        """Count one more look."""
-        self._looks -= 1
-        return None if self._looks >= 0 else Limit.INTERRUPT
-
-
-def test_waiting_for_workers_is_said(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A sweep whose workers are all gone says once that it waits, until Ctrl-C."""
-    monkeypatch.setattr(cluster_module, "POLL", 0.01)
-    monkeypatch.setattr(cluster_module, "ANSWER", 0.02)
-    with threads(1, workers=0) as cluster, Client(cluster) as client:
-        assert Cluster(client, AfterLooks(6), 60.0).next() is None
-    assert capsys.readouterr().err.count("no workers") == 1
-
-
-def test_processes_that_do_not_start_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As when somebody kills one that begins: one line, and no traceback of dask."""
-
-    def killed(**_: object) -> None:
-        raise RuntimeError("Nanny failed to start.")
-
-    monkeypatch.setattr(cluster_module, "LocalCluster", killed)
-    with pytest.raises(ClusterError, match="did not start"), Cluster.local(1, never, 60.0):
-        pass
-
-
-def test_a_worker_lets_go_of_its_models_and_knows_its_code() -> None:
-    """No cell uses another's model; a worker that joins late with other code computes nothing."""
-    instance = instances(range(1), ("cocap",))[0]
-    (task,) = instance.missing()
-    assert cluster_module._run_task(task).is_finished
-    assert compiled.cache_info().currsize == 0
-    other = msgspec.structs.replace(task.cell, code="other")
-    with pytest.raises(ClusterError, match="other code"):
-        cluster_module._run_task(task._replace(cell=other))
-
-
-BAD_PLANNERS = """
-import os, time
-from cocap_opt.method import Method
-from cocap_opt.run.engine import SOLVERS
-SOLVERS["sleeps"] = Method(lambda problem, stop: time.sleep(1000))
-SOLVERS["dies"] = Method(lambda problem, stop: os._exit(1))
-"""
-
-
-@pytest.mark.filterwarnings("ignore")  # of processes that are killed
-@pytest.mark.slow(seconds=8)
-def test_a_worker_that_dies_or_hangs_costs_its_own_cell(tmp_path: Path) -> None:
-    """Both are recorded with their reason; the only worker computes all other cells after it."""
-    folder = folder_for_a_sweep(tmp_path / "run")
-    some = instances(range(1), ("greedy", "dies", "sleeps", "cocap"))[:1]
-    some += instances(range(1, 2))[:1]
-    with Cluster.local(1, never, cell_limit=10.0) as cluster:
-        cluster.client.register_worker_callbacks(partial(exec, BAD_PLANNERS, {}))
-        assert cluster.client.cluster.scheduler.http_server.port != 8787  # no dashboard
-        cluster.run(some, Store(folder), never, lambda content: None)
-        masks = cluster.client.run(signal.pthread_sigmask, signal.SIG_BLOCK, [])
-    assert all(signal.SIGINT in blocked for blocked in masks.values())  # Ctrl-C is for us
-    assert all(instance.is_whole for instance in some)
-    reasons = {row.planner: row.reason for row in some[0].rows()}
-    assert reasons["sleeps"] == "exceeded" and reasons["dies"] == "died"
-    assert reasons["greedy"] == reasons["cocap"] == "finished"
-    assert {row.reason for instance in some[1:] for row in instance.rows()} == {"finished"}
 
 
 @pytest.mark.slow

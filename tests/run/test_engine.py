@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 from sources import ROOT, sources
+from sweeps import SETTINGS
 from test_cli import Run
-from test_sweeps import SETTINGS
 
 import cocap_opt as co
 from cocap_opt.experiments.sweeps.instances import Instance

@@ -24,7 +24,7 @@ from cocap_opt.scenarios.recipe.lighter import lighter
 from cocap_opt.stop import Limit, Reason
 
 RECIPE = """\
-steps = 12
+steps = 7
 [map]
 file = "town.asc"
 [[walk]]
