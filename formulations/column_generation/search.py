@@ -14,7 +14,7 @@ from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.pricing import Pricer
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS, Parameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.primal.local_search import Allowance, LocalSearch
+from cocap_opt.formulations.column_generation.primal.local_search import LocalSearch, ResponseLimit
 from cocap_opt.formulations.column_generation.primal.recombination import Recombination
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import (
@@ -70,7 +70,7 @@ class Search:
         self._nodes, self._told = 0, 0.0
         self.recombination = Recombination(self.parameters.recombination)
         self.pricer = Pricer(self.model, self.stop)
-        self.allowance = Allowance(
+        self.allowance = ResponseLimit(
             self.parameters.search.first_responses * len(self.model.problem.robots)
         )
         self.rng = np.random.default_rng(0)

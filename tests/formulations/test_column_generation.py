@@ -19,15 +19,13 @@ from cocap_opt.formulations.certificates.resources import (
 )
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.column_generation import column_generation
-from cocap_opt.formulations.column_generation.master.coefficients import Coefficients
-from cocap_opt.formulations.column_generation.master.columns import Arc, Column
-from cocap_opt.formulations.column_generation.master.conic_program import ConicProgram
+from cocap_opt.formulations.column_generation.master.columns import Arc, Column, users
 from cocap_opt.formulations.column_generation.master.master import Master
-from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.master_program import ConicProgram
+from cocap_opt.formulations.column_generation.master.mixture import Mixture, ResourceUse
 from cocap_opt.formulations.column_generation.master.pricing import Pricer
-from cocap_opt.formulations.column_generation.master.resource_use import ResourceUse
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.primal.local_search import Allowance, LocalSearch
+from cocap_opt.formulations.column_generation.primal.local_search import LocalSearch, ResponseLimit
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree import root as root_module
 from cocap_opt.formulations.column_generation.tree.diving import dive
@@ -236,7 +234,7 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
         ]
         if moved[0] != moved[1]:
             resources += [Move(t, moved, number), Swap(t, moved), Swap(t, moved[::-1])]
-        rows = Coefficients(model, Column.of(model, robot, path.states).arcs).users(resources)
+        rows = users(model, Column.of(model, robot, path.states).arcs, resources)
         assert [len(row) for row in rows] == [r.used_by(model, path) for r in resources]
 
 
@@ -391,11 +389,11 @@ def test_local_search_asks_for_no_more_responses_than_are_allowed(allowed: int) 
     """They are counted, and the plan so far is returned when none is left."""
     model = compiled(load_scene("corridor", 0))
     columns = obeying(model)
-    allowance = Allowance(allowed)
+    allowance = ResponseLimit(allowed)
     plan = LocalSearch(model, allowance=allowance).with_best_responses(columns)
     before = Incumbent.of(model, columns)
     assert plan is not None and before is not None and plan.value >= before.value
-    enough = Allowance(1000)
+    enough = ResponseLimit(1000)
     LocalSearch(model, allowance=enough).with_best_responses(columns)
     assert enough.left < 1000
     assert allowance.left == max(0, allowed - (1000 - enough.left))
@@ -404,16 +402,17 @@ def test_local_search_asks_for_no_more_responses_than_are_allowed(allowed: int) 
 def test_multipliers_are_read_by_the_names_of_rows() -> None:
     """max x + 2 y, x <= 3, y <= 4, written in any order: the prices are 1 and 2."""
     program = ConicProgram({"x": 1, "y": 1})
-    program.add_inequalities("y is small", np.array([4.0]))
+    program.add_rows("y is small", np.array([4.0]))
     program.put_diagonal("y is small", "y", 1.0)
-    program.add_inequalities("x is small", np.array([3.0]))
+    program.add_rows("x is small", np.array([3.0]))
     program.put_diagonal("x is small", "x", 1.0)
-    solution = program.solve({"y": np.array([-2.0]), "x": np.array([-1.0])}, never, 1e-9)
-    assert solution.is_solved
-    assert solution.values("x") == pytest.approx(3.0)
-    assert solution.values("y") == pytest.approx(4.0)
-    assert solution.multipliers("x is small") == pytest.approx(1.0)
-    assert solution.multipliers("y is small") == pytest.approx(2.0)
+    cost = {"y": np.array([-2.0]), "x": np.array([-1.0])}
+    value, is_solved, values, multipliers = program.solve(cost, never, 1e-9)
+    assert is_solved and value == pytest.approx(-11.0)
+    assert values["x"] == pytest.approx(3.0)
+    assert values["y"] == pytest.approx(4.0)
+    assert multipliers["x is small"] == pytest.approx(1.0)
+    assert multipliers["y is small"] == pytest.approx(2.0)
 
 
 def test_states_on_paths_lead_from_a_start_to_the_end() -> None:

@@ -17,7 +17,7 @@ from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.formulations.column_generation.primal import local_search
 from cocap_opt.formulations.column_generation.primal.column_pool import ColumnPool
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
-from cocap_opt.formulations.column_generation.primal.local_search import Allowance, LocalSearch
+from cocap_opt.formulations.column_generation.primal.local_search import LocalSearch, ResponseLimit
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import objective
@@ -37,7 +37,7 @@ def pooled(model: Model) -> tuple[ColumnPool, list[list[Column]]]:
         steps = islice(
             mixture_ascent(model, search.pricer, search.alone, never, DEFAULTS.ascent), 3
         )
-        for column, amount in chain.from_iterable(step.mixture.used() for step in steps):
+        for column, amount in chain.from_iterable(mixture.used() for mixture, _, _ in steps):
             pool.add(column, amount)
             own[column.robot][column.path] = column
     return pool, [[*columns.values()] for columns in own]
@@ -70,16 +70,16 @@ def test_plans_of_a_pool_obey_the_rules_and_no_column_raises_them(problem: Probl
     pool, own = pooled(model)
     if not all(own):
         return
-    for found in islice(pool.drawn(np.random.default_rng(0), DEFAULTS.local_search.draws), 5):
-        verdict = check(problem, model.plan(found.key))
+    for value, columns in islice(pool.drawn(np.random.default_rng(0), DEFAULTS.local_search.draws), 5):
+        verdict = check(problem, model.plan([column.path for column in columns]))
         assert verdict.valid
-        assert verdict.reward == pytest.approx(found.value, rel=1e-9, abs=1e-9)
-        assert found.value <= optimum(problem).value * (1 + 1e-9) + 1e-9
+        assert verdict.reward == pytest.approx(value, rel=1e-9, abs=1e-9)
+        assert value <= optimum(problem).value * (1 + 1e-9) + 1e-9
         for column in chain.from_iterable(own):
-            paths = [*found.key]
+            paths = [column.path for column in columns]
             paths[column.robot] = column.path
             if check(problem, model.plan(paths)).valid:
-                assert objective(model, paths) <= found.value * (1 + 1e-8) + 1e-9
+                assert objective(model, paths) <= value * (1 + 1e-8) + 1e-9
 
 
 @examples(15)
@@ -92,7 +92,7 @@ def test_ascent_never_lowers_a_plan(problem: Problem) -> None:
         before = Incumbent.of(model, columns)
         if before is None:
             continue
-        after = Incumbent.of(model, pool.ascended(columns).columns)
+        after = Incumbent.of(model, pool.ascended(columns)[1])
         assert after is not None
         assert after.value >= before.value * (1 - 1e-9)
 
@@ -157,12 +157,14 @@ def test_more_responses_find_no_worse_plans_and_each_is_told() -> None:
     """The course of local search does not depend on how long it may go on; it is never silent."""
     model = compiled(load_scene("bottleneck", 1))
     search = Search(model)
-    *_, last = islice(mixture_ascent(model, search.pricer, search.alone, never, DEFAULTS.ascent), 6)
+    *_, (mixture, _, _) = islice(
+        mixture_ascent(model, search.pricer, search.alone, never, DEFAULTS.ascent), 6
+    )
     values = []
     for allowed in (1, 20, 60):
-        allowance, told = Allowance(allowed), []
+        allowance, told = ResponseLimit(allowed), []
         local = LocalSearch(model, allowance=allowance, tell=lambda told=told: told.append(1))
-        found = local.from_mixture(last.mixture, [])
+        found = local.from_mixture(mixture, [])
         assert found is not None
         values.append(found.value)
         assert len(told) >= allowed - max(allowance.left, 0)

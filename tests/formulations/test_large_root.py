@@ -54,7 +54,7 @@ def test_the_highest_multiset_grows_by_gains_alone(
     grown = grown_multisets(roots**2, values, robots, DEFAULTS.alike_cuts.most_growing)
     constant = Cut.valid(0, {0: Curve(roots, values)}, (robots,)).constant
     assert grown is not None
-    assert grown.heights.max() == pytest.approx(constant, abs=1e-9)
+    assert grown[1].max() == pytest.approx(constant, abs=1e-9)
 
 
 @examples(40)
@@ -116,8 +116,10 @@ def test_every_step_under_rules_gives_a_bound(problem: Problem) -> None:
     search = Search(compiled(problem))
     if search.alone.bound == -np.inf or problem.objective.over_time:
         return
-    first = next(mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent))
-    ascent = RuledAscent(search, first.mixture, first.priced)
+    mixture, _, first = next(
+        mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent)
+    )
+    ascent = RuledAscent(search, mixture, first)
     best = optimum(problem).value
     for _ in range(4):
         ascent.step()
@@ -138,7 +140,7 @@ def test_plans_over_known_arcs_obey_the_rules_and_get_no_worse(problem: Problem)
     steps = islice(
         mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent), 3
     )
-    columns = [column for step in steps for column in step.priced.columns]
+    columns = [column for _, _, priced in steps for column in priced.columns]
     arcs = ArcSearch(
         search.model, search.incumbent, columns, never, lambda: None, DEFAULTS.large_root
     )
@@ -156,7 +158,7 @@ def test_work_without_masters_asks_often_whether_to_stop() -> None:
     search = Search(compiled(load_scene("corridor", 0)))
     columns = next(
         mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent)
-    ).mixture.columns
+    )[0].columns
     robots = np.array([column.robot for column in columns])
     amounts = np.full(len(robots), 0.5)
     with pytest.raises(LimitReached):
@@ -177,7 +179,7 @@ def test_moves_over_known_arcs_make_a_good_plan_of_hovering_drones(scene: str) -
     steps = islice(
         mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent), 4
     )
-    columns = [column for step in steps for column in step.priced.columns]
+    columns = [column for _, _, priced in steps for column in priced.columns]
     assert search.incumbent is not None and search.value < 0.5 * OPTIMA[scene]
     arcs = ArcSearch(
         search.model, search.incumbent, columns, never, lambda: None, DEFAULTS.large_root
@@ -191,10 +193,10 @@ def test_moves_over_known_arcs_make_a_good_plan_of_hovering_drones(scene: str) -
 def large_root(scene: str) -> LargeRoot:
     """The root of a scene after a first ascent, as if it were large."""
     search = Search(compiled(load_scene(scene, 0)))
-    (first,) = islice(
-        mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent), 1
+    mixture, _, priced = next(
+        mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent)
     )
-    return LargeRoot.of(search, first.mixture, min(search.alone, first.priced, key=bound_of))
+    return LargeRoot.of(search, mixture, min(search.alone, priced, key=bound_of))
 
 
 def bound_of(priced: Priced) -> float:

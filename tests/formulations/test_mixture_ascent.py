@@ -27,15 +27,15 @@ def test_every_mixture_gives_a_bound_and_whole_robots(problem: Problem) -> None:
     search = Search(compiled(problem))
     if search.alone.bound == -np.inf:
         return
-    for step in islice(
+    for mixture, value, priced in islice(
         mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent), 3
     ):
-        robots = [column.robot for column in step.mixture.columns]
-        amounts = np.bincount(robots, step.mixture.amounts, len(problem.robots))
+        robots = [column.robot for column in mixture.columns]
+        amounts = np.bincount(robots, mixture.amounts, len(problem.robots))
         assert amounts == pytest.approx(np.ones(len(problem.robots)), abs=0.01)
-        bound = Pricing.of(search.model, step.priced.duals.certificate(search.model)).bound
-        assert bound == pytest.approx(step.priced.bound, rel=1e-9, abs=1e-6)
-        assert bound >= step.value - 1e-6 * abs(step.value) - 1e-6
+        bound = Pricing.of(search.model, priced.duals.certificate(search.model)).bound
+        assert bound == pytest.approx(priced.bound, rel=1e-9, abs=1e-6)
+        assert bound >= value - 1e-6 * abs(value) - 1e-6
         assert bound >= optimum(problem).value - 1e-6
 
 
@@ -44,9 +44,9 @@ def test_a_mixture_is_raised_to_what_a_master_finds(scene: str) -> None:
     """After some steps, value and bound enclose the same columns' master within a third of 1 %."""
     search = Search(compiled(load_scene(scene, 0)))
     steps = mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent)
-    step = list(islice(steps, 12))[-1]
+    mixture, value, priced = list(islice(steps, 12))[-1]
     master = Master(search.model, penalty=1e6)
-    for column in step.mixture.columns:
+    for column in mixture.columns:
         master.add(column)
-    assert step.value <= master.solve().value * (1 + 1e-6)
-    assert step.priced.bound - step.value <= 0.003 * step.value
+    assert value <= master.solve().value * (1 + 1e-6)
+    assert priced.bound - value <= 0.003 * value

@@ -86,7 +86,7 @@ def test_failed_trials_are_made_again_once_more_is_allowed_or_less_is_open(
     narrowing = replace(narrowing, constants=constants)
     assert not trials.after_stages(narrowing, 3, 100 * fewest)
     assert len(ending.allowed) == 3
-    assert trials.best is None and trials.nodes == sum(ending.allowed)
+    assert trials.above is None and trials.nodes == sum(ending.allowed)
 
 
 def test_trials_are_short_where_there_is_no_time_to_compile(
@@ -109,13 +109,13 @@ def test_higher_targets_come_down_until_a_trial_fails(
     ending = Ending(value + 0.4 * (bound - value))
     monkeypatch.setattr(path_trials, "best_plan", ending)
     told: list[float] = []
-    trials.for_higher_targets(narrowing, 7, 10, lambda: told.append(trials.best.bound))
+    trials.for_higher_targets(narrowing, 7, 10, lambda: told.append(trials.bound))
     shares = [(target - value) / (bound - value) for target in ending.targets]
     assert shares == pytest.approx(DEFAULTS.trials.shares[:3])
-    assert trials.best is not None and trials.best.stages == 7
-    assert trials.best.bound == pytest.approx(ending.targets[1], rel=1e-9)
-    assert trials.best.above == ending.targets[1]
-    assert told[0] > told[1] == trials.best.bound
+    assert trials.stages == 7
+    assert trials.bound == pytest.approx(ending.targets[1], rel=1e-9)
+    assert trials.above == ending.targets[1]
+    assert told[0] > told[1] == trials.bound
     assert min(ending.allowed) >= DEFAULTS.trials.fewest_nodes // 20
 
 
@@ -133,7 +133,7 @@ def test_a_limit_ends_trials_and_keeps_what_they_proved(
     monkeypatch.setattr(path_trials, "best_plan", limited)
     with pytest.raises(LimitReached):
         trials.for_higher_targets(narrowing, 0, 0, lambda: None)
-    assert trials.best is not None and trials.best.above == ending.targets[1]
+    assert trials.above == ending.targets[1]
 
 
 @pytest.mark.parametrize("share", [0.75, 0.25])

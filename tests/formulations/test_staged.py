@@ -60,8 +60,7 @@ from cocap_opt.formulations.column_generation.parameters import (
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
-from cocap_opt.formulations.column_generation.step_envelopes.joint_ascent import ascended
-from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
+from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known, ascended
 from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PriceBundle
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.explanation import explain

@@ -10,7 +10,6 @@ are added until none is above the cut.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -58,27 +57,18 @@ def alike_cut(
     if grown is None:
         return None
     curve = Curve(points, values * unit)
-    constant = float(grown.heights.max() + _ROUNDING) * unit
+    constant = float(grown[1].max() + _ROUNDING) * unit
     cut = Cut(view_sum, {int(seen.classes[0]): curve}, constant)
     return cut if known - seen.height(cut) > least else None
 
 
-class _Multisets(NamedTuple):
-    """Multisets of breakpoints, and how far their roots are above the sums of phi."""
-
-    counts: IntArray  # [n, K] robots at each breakpoint
-    heights: FloatArray  # [n]
-
-
 def grown_multisets(
-    pixels: FloatArray,
-    values: FloatArray,
-    robots: int,
-    most: int,
-) -> _Multisets | None:
+    pixels: FloatArray, values: FloatArray, robots: int, most: int
+) -> tuple[IntArray, FloatArray] | None:
     """Returns the multisets that grow by gains alone, among which is the highest one.
 
-    None where they are too many.
+    These are the robots at each breakpoint [n, K], and how far their roots are above the sums of
+    phi [n]. None where they are too many.
 
     Parameters
     ----------
@@ -90,7 +80,7 @@ def grown_multisets(
     each, numbers = np.eye(size, dtype=np.int64), np.arange(size)
     counts, last = np.zeros((1, size), dtype=np.int64), np.zeros(1, dtype=np.int64)
     sums, prices = np.zeros(1), np.zeros(1)
-    found = [_Multisets(counts, np.zeros(1))]
+    sizes, heights = [counts], [np.zeros(1)]
     for _ in range(robots):
         gains = np.sqrt(sums[:, None] + pixels) - np.sqrt(sums)[:, None] - values
         which, at = np.nonzero((gains >= -_ROUNDING) & (numbers >= last[:, None]))
@@ -100,8 +90,9 @@ def grown_multisets(
             return None
         counts, last = counts[which] + each[at], at
         sums, prices = sums[which] + pixels[at], prices[which] + values[at]
-        found.append(_Multisets(counts, np.sqrt(sums) - prices))
-    return _Multisets(*(np.concatenate(part) for part in zip(*found, strict=True)))
+        sizes.append(counts)
+        heights.append(np.sqrt(sums) - prices)
+    return np.concatenate(sizes), np.concatenate(heights)
 
 
 def _values(
@@ -122,10 +113,11 @@ def _values(
         if height > known or grown is None:
             return None
         above = total + parameters.nearly * (known - height)
-        order = np.argsort(-grown.heights, kind="stable")[: parameters.most_added]
-        if grown.heights[order[0]] <= above:
+        grown_counts, heights = grown
+        order = np.argsort(-heights, kind="stable")[: parameters.most_added]
+        if heights[order[0]] <= above:
             break
-        counts = grown.counts[order[grown.heights[order] > total]]
+        counts = grown_counts[order[heights[order] > total]]
     return values
 
 

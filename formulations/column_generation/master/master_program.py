@@ -10,148 +10,285 @@ and so many robots use a resource (conflict rows, decisions). Roots are in units
 that an arc has of the view sum.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import NamedTuple
 
+import clarabel
 import numpy as np
+from scipy import sparse
 
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Decision
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
-from cocap_opt.formulations.column_generation.master.coefficients import Coefficients
-from cocap_opt.formulations.column_generation.master.columns import Arc
-from cocap_opt.formulations.column_generation.master.conic_program import (
-    ConicProgram,
-    ConicSolution,
-)
+from cocap_opt.formulations.column_generation.master.columns import Arc, Column, users
+from cocap_opt.formulations.column_generation.master.mixture import Mixture, flow_mixture
+from cocap_opt.formulations.relaxations.cone_solver import solve_cones
 from cocap_opt.formulations.relaxations.duals import Duals, repaired_roots
-from cocap_opt.model import Model
+from cocap_opt.graph.move_rewards import Bonuses
+from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop
 
+_SOLVED = ("Solved", "AlmostSolved")
 
-class _ProgramSolution(NamedTuple):
-    """A solution of a restricted master problem."""
+_Blocks = Mapping[str, FloatArray]  # values or multipliers by the names of their blocks
 
-    value: float
-    flow: FloatArray  # [n] on each arc
-    slack: float  # robots by which conflict rows and decisions are broken, over all of them
-    duals: Duals  # with the multipliers of the decisions that have rows
+
+class ConicProgram:
+    """min cost x subject to A x + s = b with s in the cones of the blocks of rows.
+
+    Parameters
+    ----------
+    variables : name and size of each block of variables
+    """
+
+    def __init__(self, variables: Mapping[str, int]) -> None:
+        ends = np.cumsum([0, *variables.values()]).tolist()
+        self._variables = {name: slice(*ends[k : k + 2]) for k, name in enumerate(variables)}
+        self._n = ends[-1]
+        self._rhs: dict[str, FloatArray] = {}
+        self._rows: dict[str, slice] = {}
+        self._cones: list[tuple[type, int]] = []
+        self._entries: list[tuple[IntArray, IntArray, FloatArray]] = []
+
+    def add_rows(self, name: str, rhs: FloatArray, cone: type = clarabel.NonnegativeConeT) -> None:
+        """Begins a block of rows A x <= b with the right sides b [m]; A is 0 at first.
+
+        Parameters
+        ----------
+        cone : in which b - A x lies, if not A x <= b: the zero cone makes equations, second-order
+            cones have r >= |(x, y)| for each three rows (r, x, y)
+        """
+        first = sum(size for _, size in self._cones)
+        self._rows[name] = slice(first, first + len(rhs))
+        self._rhs[name] = rhs
+        self._cones.append((cone, len(rhs)))
+
+    def put(
+        self, block: str, variable: str, rows: IntArray, columns: IntArray, values: FloatArray
+    ) -> None:
+        """Writes entries; rows and columns count from the first of their blocks."""
+        first_row, first_column = self._rows[block].start, self._variables[variable].start
+        self._entries.append((rows + first_row, columns + first_column, values))
+
+    def put_diagonal(self, block: str, variable: str, value: float) -> None:
+        """Writes one value into each row of a block for the variable of the same number."""
+        each = np.arange(len(self._rhs[block]))
+        self.put(block, variable, each, each, np.full(len(each), value))
+
+    def solve(
+        self, cost: _Blocks, stop: Stop, accuracy: float
+    ) -> tuple[float, bool, _Blocks, _Blocks]:
+        """Solves by Clarabel's interior-point method (one thread).
+
+        Parameters
+        ----------
+        cost : of each block of variables; 0 where a block has none
+        accuracy : relative, of the value
+
+        Returns
+        -------
+        value, True if the solver says that it is solved, be it with reduced accuracy, the values of
+        the variables, and the multipliers of the rows, as they come from the solver
+        """
+        costs = np.zeros(self._n)
+        for name, part in cost.items():
+            costs[self._variables[name]] = part
+        rows, columns, values = (np.concatenate(part) for part in zip(*self._entries, strict=True))
+        rhs = np.concatenate([*self._rhs.values()])
+        matrix = sparse.csc_matrix((values, (rows, columns)), shape=(len(rhs), self._n))
+        # Multipliers are certified whatever they are: digits cost time, no more.
+        solution = solve_cones(
+            costs, matrix, rhs, self._clarabel_cones(), stop,
+            tol_gap_rel=accuracy, tol_gap_abs=accuracy, tol_feas=accuracy,
+            direct_solve_method="faer",
+            iterative_refinement_reltol=1e-8, iterative_refinement_abstol=1e-8,
+        )  # fmt: skip
+        x, z = np.nan_to_num(np.array(solution.x)), np.array(solution.z)
+        return (
+            float(solution.obj_val),
+            str(solution.status) in _SOLVED,
+            {name: x[part] for name, part in self._variables.items()},
+            {name: z[part] for name, part in self._rows.items()},
+        )
+
+    def _clarabel_cones(self) -> list[object]:
+        """Returns the cones; neighbouring blocks in the same one are one cone to the solver."""
+        cones: list[object] = []
+        for cone, blocks in groupby(self._cones, key=lambda block: block[0]):
+            size = sum(size for _, size in blocks)
+            if cone is clarabel.SecondOrderConeT:
+                cones += [cone(3) for _ in range(size // 3)]
+            else:
+                cones.append(cone(size))
+        return cones
+
+
+class Solution(NamedTuple):
+    """An optimal mixture and its multipliers."""
+
+    value: float  # of the master
+    mixture: Mixture  # of the paths that the flow splits into
+    slack: float  # robots by which conflict rows and decisions are broken, at the penalty's price
+    duals: Duals
     is_solved: bool  # the solver says so, be it with reduced accuracy
 
 
-@dataclass
 class MasterProgram:
     """One restricted master problem over a set of arcs.
 
-    Attributes
+    Parameters
     ----------
     rows : resources that at most one robot may use
-    decisions : decisions that need a row; those that close a resource need none
+    decisions : those that close a resource have no row
     penalty : cost of each unit by which a row or a decision is broken
     """
 
-    model: Model
-    arcs: Sequence[Arc]
-    rows: Sequence[Resource]
-    decisions: Sequence[Decision]
-    cuts: Sequence[Cut]
-    penalty: float
-
-    def __post_init__(self) -> None:
-        """Computes the coefficients of the arcs."""
-        self._coefficients = Coefficients(self.model, self.arcs)
-        self._views = views = self._coefficients.views()
-        self._bonus = self._coefficients.move_rewards()
-        weights = self.model.problem.view_sum_weights[views.view_sums] * views.scale
+    def __init__(
+        self, model: Model, arcs: Sequence[Arc], rows: Sequence[Resource],
+        decisions: Sequence[Decision], cuts: Sequence[Cut], penalty: float,
+    ) -> None:  # fmt: skip
+        self._model, self._arcs, self._rows = model, arcs, rows
+        self._decisions = [decision for decision in decisions if not decision.closes]
+        self._is_open = [not decision.closes for decision in decisions]
+        self._cuts, self._penalty = cuts, penalty
+        self._read_views()
+        self._bonus = self._move_rewards()
+        self._weights = model.problem.view_sum_weights[self._view_sums] * self._scale
         # The solver's costs are in units of the largest one.
-        largest = max(float(weights.max(initial=0.0)), float(self._bonus.max()))
+        largest = max(float(self._weights.max(initial=0.0)), float(self._bonus.max()))
         self._unit = largest or 1.0
-        self._weights = weights
+        numbers = np.array([cut.view_sum for cut in cuts], dtype=np.int64)
+        # Where each cut's view sum is among those that arcs see, and whether it is among them.
+        self._cut_at = np.searchsorted(self._view_sums, numbers)
+        self._is_seen = np.isin(numbers, self._view_sums)
 
-    def solve(self, stop: Stop, accuracy: float) -> _ProgramSolution:
-        """Solves to a relative accuracy of the value, or to what a stop leaves time for."""
-        sizes = {
-            "flow": len(self.arcs),
-            "slack": len(self.rows) + len(self.decisions),
-            "roots": len(self._weights),
-            "pixels": len(self._weights),
-        }
+    def _read_views(self) -> None:
+        """Reads the pixels that the arcs have of view sums, entry by entry.
+
+        An arc sees what the state sees that it enters; at step 0 also what its start sees.
+        """
+        of_classes = [self._entries_of_class(number) for number in range(len(self._model.classes))]
+        arcs, view_sums, pixels = (np.concatenate(part) for part in zip(*of_classes, strict=True))
+        counted = self._model.problem.view_sum_weights[view_sums] > 0
+        self._seeing, view_sums, pixels = arcs[counted], view_sums[counted], pixels[counted]
+        # View sums [z] that any arc sees and that count, and the position there of each entry.
+        self._view_sums, self._at = np.unique(view_sums, return_inverse=True)
+        best = np.zeros(len(self._view_sums))
+        np.maximum.at(best, self._at, pixels)
+        self._scale = np.sqrt(best)  # [z] largest root of each, px^0.5/m
+        self._roots = np.sqrt(pixels) / self._scale[self._at]
+
+    def _entries_of_class(self, number: int) -> tuple[IntArray, IntArray, FloatArray]:
+        """Returns the arcs of a class, entry by entry, with view sums and pixels."""
+        robot_class = self._model.classes[number]
+        table, n_states = self._model.coverage(robot_class), robot_class.graph.n_states
+        of_class = [(k, arc) for k, arc in enumerate(self._arcs) if arc.class_number == number]
+        first = [(k, arc.tail) for k, arc in of_class if arc.t == 0]
+        nodes = [(arc.t + 1) * n_states + arc.head for _, arc in of_class] + [
+            state for _, state in first
+        ]
+        which, entries = table.entries(np.array(nodes, dtype=np.int64))
+        numbers = np.array([k for k, _ in (*of_class, *first)], dtype=np.int64)
+        return numbers[which], table.view_sums[entries], table.pixels[entries]
+
+    def _move_rewards(self) -> FloatArray:
+        """Returns the rewards of the arcs for the moves themselves [n]."""
+        bonuses = Bonuses.of(self._model.problem.objective)
+        classes, _, tails, heads = np.array(self._arcs, dtype=np.int64).reshape(-1, 4).T
+        rewards = np.zeros(len(self._arcs))
+        for number in np.unique(classes).tolist():
+            of_class, shape = classes == number, self._model.classes[number].graph.shape
+            rewards[of_class] = bonuses.of_edges(shape, tails[of_class], heads[of_class])
+        return rewards
+
+    def solve(
+        self, stop: Stop, accuracy: float, known: Mapping[tuple[int, Path], Column]
+    ) -> tuple[Solution, FloatArray]:
+        """Solves to a relative accuracy of the value, or to what a stop leaves time for.
+
+        Parameters
+        ----------
+        known : columns by robot and path, which need not be made again
+
+        Returns
+        -------
+        The solution, and the flow on each arc [n].
+        """
+        n_rows, n_roots = len(self._rows) + len(self._decisions), len(self._weights)
+        sizes = {"flow": len(self._arcs), "slack": n_rows, "roots": n_roots, "pixels": n_roots}
         program = ConicProgram(sizes)
         self._add_conservation(program)
         self._add_resources(program)
-        self._add_bounds(program, sizes["flow"], sizes["slack"])
+        for name in ("flow", "slack"):
+            program.add_rows(f"{name} >= 0", np.zeros(sizes[name]))
+            program.put_diagonal(f"{name} >= 0", name, -1.0)
         self._add_roots(program)
         cost = {
             "flow": -self._bonus / self._unit,
-            "slack": np.full(sizes["slack"], self.penalty) / self._unit,
+            "slack": np.full(n_rows, self._penalty) / self._unit,
             "roots": -self._weights / self._unit,
         }
-        return self._read(program.solve(cost, stop, accuracy))
-
-    # -- the rows, block by block --------------------------------------------------------
+        value, is_solved, values, multipliers = program.solve(cost, stop, accuracy)
+        flow = dict(zip(self._arcs, values["flow"].tolist(), strict=True))
+        solution = Solution(
+            value=-value * self._unit,
+            mixture=flow_mixture(self._model, flow, known),
+            slack=float(np.maximum(values["slack"], 0.0).sum()),
+            duals=self._duals(multipliers),
+            is_solved=is_solved,
+        )
+        return solution, values["flow"]
 
     def _add_conservation(self, program: ConicProgram) -> None:
         """Adds the rows by which one unit leaves each start, and what enters a state leaves it."""
         nodes: dict[tuple[int, int, int], int] = {}
-        leaving = [nodes.setdefault((a.class_number, a.t, a.tail), len(nodes)) for a in self.arcs]
-        inner = [k for k, a in enumerate(self.arcs) if a.t + 1 < self.model.problem.horizon]
-        into = [(self.arcs[k].class_number, self.arcs[k].t + 1, self.arcs[k].head) for k in inner]
+        leaving = [nodes.setdefault((a.class_number, a.t, a.tail), len(nodes)) for a in self._arcs]
+        inner = [k for k, arc in enumerate(self._arcs) if arc.t + 1 < self._model.problem.horizon]
+        into = [
+            (self._arcs[k].class_number, self._arcs[k].t + 1, self._arcs[k].head) for k in inner
+        ]
         entering = np.array([nodes[node] for node in into], dtype=np.int64)
         units = np.zeros(len(nodes))
-        for number, robot_class in enumerate(self.model.classes):
+        for number, robot_class in enumerate(self._model.classes):
             for start in robot_class.starts:
                 units[nodes[number, 0, start]] += 1
-        name, each = "conservation", np.arange(len(self.arcs))
-        program.add_equations(name, units)
+        name, each = "conservation", np.arange(len(self._arcs))
+        program.add_rows(name, units, clarabel.ZeroConeT)
         program.put(name, "flow", np.array(leaving), each, np.ones(len(each)))
         arcs = np.array(inner, dtype=np.int64)
         program.put(name, "flow", entering, arcs, -np.ones(len(inner)))
 
     def _add_resources(self, program: ConicProgram) -> None:
-        """Adds the rows by which at most one robot, or as many as decided, use a resource."""
-        decided = [decision.resource for decision in self.decisions]
-        users = self._coefficients.users([*self.rows, *decided])
-        of_rows, of_decisions = users[: len(self.rows)], users[len(self.rows) :]
-        ones = np.ones(len(self.rows))
-        signs = np.array([float(decision.sign) for decision in self.decisions])
-        limits = np.array([float(d.sign * d.robots) for d in self.decisions])
-        self._add_users(program, "rows", of_rows, ones, ones, 0)
-        self._add_users(program, "decisions", of_decisions, signs, limits, len(self.rows))
-
-    def _add_users(
-        self, program: ConicProgram, name: str, users: list[list[int]],
-        signs: FloatArray, limits: FloatArray, first_slack: int,
-    ) -> None:  # fmt: skip
-        """Adds rows sign * (flow on the users' arcs) - slack <= limit."""
-        program.add_inequalities(name, limits)
-        row = np.repeat(np.arange(len(users)), [len(arcs) for arcs in users])
-        arcs = np.array([k for arcs_of in users for k in arcs_of], dtype=np.int64)
-        program.put(name, "flow", row, arcs, signs[row] if len(users) else np.zeros(0))
-        each = np.arange(len(users))
-        program.put(name, "slack", each, first_slack + each, -np.ones(len(users)))
-
-    def _add_bounds(self, program: ConicProgram, n_flow: int, n_slack: int) -> None:
-        """Adds the rows by which neither flow nor slack is negative."""
-        for name, size in (("flow", n_flow), ("slack", n_slack)):
-            program.add_inequalities(f"{name} >= 0", np.zeros(size))
-            program.put_diagonal(f"{name} >= 0", name, -1.0)
+        """Adds rows sign * (flow on the arcs that use a resource) - slack <= limit."""
+        decided = [decision.resource for decision in self._decisions]
+        using = users(self._model, self._arcs, [*self._rows, *decided])
+        signs = np.array([1.0] * len(self._rows) + [float(d.sign) for d in self._decisions])
+        limits = np.array([float(d.sign * d.robots) for d in self._decisions])
+        first = 0
+        for name, limit in (("rows", np.ones(len(self._rows))), ("decisions", limits)):
+            of_block, each = using[first : first + len(limit)], np.arange(len(limit))
+            row = np.repeat(each, [len(arcs) for arcs in of_block])
+            arcs = np.array([k for arcs_of in of_block for k in arcs_of], dtype=np.int64)
+            program.add_rows(name, limit)
+            program.put(name, "flow", row, arcs, signs[first + row])
+            program.put(name, "slack", each, first + each, -np.ones(len(limit)))
+            first += len(limit)
 
     def _add_roots(self, program: ConicProgram) -> None:
         """Adds the rows that bound the roots; see the module's docstring."""
-        views, n = self._views, len(self._weights)
-        program.add_inequalities("single view", np.zeros(n))
-        program.put("single view", "flow", views.at, views.arcs, -views.roots)
+        n = len(self._weights)
+        program.add_rows("single view", np.zeros(n))
+        program.put("single view", "flow", self._at, self._seeing, -self._roots)
         program.put_diagonal("single view", "roots", 1.0)
         self._add_cuts(program)
         # z <= pixels; a variable of its own keeps the cones small.
-        program.add_inequalities("pixels", np.zeros(n))
-        program.put("pixels", "flow", views.at, views.arcs, -(views.roots**2))
+        program.add_rows("pixels", np.zeros(n))
+        program.put("pixels", "flow", self._at, self._seeing, -(self._roots**2))
         program.put_diagonal("pixels", "pixels", 1.0)
         # Per view sum the cone (1 + z, 2 u, z - 1): u^2 <= z.
-        program.add_cones("cones", np.tile([1.0, 0.0, -1.0], n))
+        program.add_rows("cones", np.tile([1.0, 0.0, -1.0], n), clarabel.SecondOrderConeT)
         each = 3 * np.arange(n)
         program.put("cones", "pixels", each, each // 3, -np.ones(n))
         program.put("cones", "pixels", each + 2, each // 3, -np.ones(n))
@@ -159,72 +296,48 @@ class MasterProgram:
 
     def _add_cuts(self, program: ConicProgram) -> None:
         """Adds rows u <= constant + sum of phi(roots); 0 <= 0 where no arc sees the view sum."""
-        views = self._views
-        constants = np.zeros(len(self.cuts))
-        for k in np.flatnonzero(self._is_seen).tolist():
-            constants[k] = self.cuts[k].constant / views.scale[self._cut_at[k]]
-        program.add_inequalities("cuts", constants)
-        order = np.argsort(views.at, kind="stable")
-        bounds = np.searchsorted(views.at[order], np.arange(len(self._weights) + 1))
-        classes = np.array([arc.class_number for arc in self.arcs])
-        for k in np.flatnonzero(self._is_seen).tolist():
+        seen = np.flatnonzero(self._is_seen).tolist()
+        constants = np.zeros(len(self._cuts))
+        for k in seen:
+            constants[k] = self._cuts[k].constant / self._scale[self._cut_at[k]]
+        program.add_rows("cuts", constants)
+        order = np.argsort(self._at, kind="stable")
+        bounds = np.searchsorted(self._at[order], np.arange(len(self._weights) + 1))
+        classes = np.array([arc.class_number for arc in self._arcs])
+        for k in seen:
             z = int(self._cut_at[k])
             entries = order[bounds[z] : bounds[z + 1]]
-            of, roots = views.arcs[entries], views.roots[entries] * views.scale[z]
-            values = self.cuts[k].phi_of(classes[of], roots) / views.scale[z]
-            program.put("cuts", "flow", np.full(len(entries), k), of, -values)
+            arcs, roots = self._seeing[entries], self._roots[entries] * self._scale[z]
+            values = self._cuts[k].phi_of(classes[arcs], roots) / self._scale[z]
+            program.put("cuts", "flow", np.full(len(entries), k), arcs, -values)
             program.put("cuts", "roots", np.array([k]), np.array([z]), np.ones(1))
 
-    @cached_property
-    def _cut_at(self) -> IntArray:
-        """Position [k] of each cut's view sum among those that arcs see, where it is among them."""
-        numbers = np.array([cut.view_sum for cut in self.cuts], dtype=np.int64)
-        return np.searchsorted(self._views.view_sums, numbers)
+    def _duals(self, multipliers: _Blocks) -> Duals:
+        """Returns the multipliers of the rows, repaired where they are out of range.
 
-    @cached_property
-    def _is_seen(self) -> BoolArray:
-        """True [k] for cuts whose view sum some arc sees."""
-        seen, at = self._views.view_sums, self._cut_at
-        numbers = np.array([cut.view_sum for cut in self.cuts], dtype=np.int64)
-        present = at < len(seen)
-        present[present] = seen[at[present]] == numbers[present]
-        return present
-
-    # -- the solution --------------------------------------------------------------------
-
-    def _read(self, solution: ConicSolution) -> _ProgramSolution:
-        """Returns a solution in the units of J."""
-        return _ProgramSolution(
-            value=-solution.value * self._unit,
-            flow=solution.values("flow"),
-            slack=float(np.maximum(solution.values("slack"), 0.0).sum()),
-            duals=self._duals(solution),
-            is_solved=solution.is_solved,
-        )
-
-    def _duals(self, solution: ConicSolution) -> Duals:
-        """Returns the multipliers of the rows, repaired where they are out of range."""
-        seen, shares = self._is_seen, np.zeros(len(self.cuts))
+        Decisions that close a resource need none.
+        """
+        seen, shares = self._is_seen, np.zeros(len(self._cuts))
         alpha, beta, shares[seen] = repaired_roots(
-            self.model.problem,
-            view_sums=self._views.view_sums,
-            scale=self._views.scale,
+            self._model.problem,
+            view_sums=self._view_sums,
+            scale=self._scale,
             weights=self._weights / self._unit,
-            single_view=solution.multipliers("single view"),
-            pixels=solution.multipliers("pixels"),
+            single_view=multipliers["single view"],
+            pixels=multipliers["pixels"],
             cut_at=self._cut_at[seen],
-            cuts=solution.multipliers("cuts")[seen],
+            cuts=multipliers["cuts"][seen],
         )
-        rows = self._prices(solution, "rows")
+        rows, open_ = (
+            np.nan_to_num(np.maximum(multipliers[name], 0.0)) * self._unit
+            for name in ("rows", "decisions")
+        )
+        decisions = np.zeros(len(self._is_open))
+        decisions[self._is_open] = open_
         return Duals(
             alpha=alpha,
             beta=beta,
-            rows=tuple(zip(self.rows, rows.tolist(), strict=True)),
-            cuts=tuple(zip(self.cuts, shares.tolist(), strict=True)),
-            decisions=self._prices(solution, "decisions"),
+            rows=tuple(zip(self._rows, rows.tolist(), strict=True)),
+            cuts=tuple(zip(self._cuts, shares.tolist(), strict=True)),
+            decisions=decisions,
         )
-
-    def _prices(self, solution: ConicSolution, block: str) -> FloatArray:
-        """Returns the multipliers of a block of rows in the units of J, none negative."""
-        multipliers = np.maximum(solution.multipliers(block), 0.0)
-        return np.nan_to_num(multipliers) * self._unit

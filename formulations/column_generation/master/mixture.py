@@ -1,4 +1,11 @@
-"""Mixtures of columns: what they see, and the collision rules that they break."""
+"""Mixtures of columns: what they see, the rules that they break, and what they use in part.
+
+A resource that a mixture uses a fraction of is one to branch on: a robot in a cell at a step, of
+all robots, then of one class; then a state, which settles the heading; then a move. A decision
+about any of these stays a charge on places, states or moves, so that pricing stays value iteration.
+If all states are used by integral numbers of robots, so are all moves but where the swap rule
+couples them.
+"""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -8,7 +15,14 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray
-from cocap_opt.formulations.certificates.resources import Cells, Moves, Swap
+from cocap_opt.formulations.certificates.resources import (
+    Cells,
+    Move,
+    Moves,
+    Resource,
+    Swap,
+    Visit,
+)
 from cocap_opt.formulations.column_generation.master.columns import Arc, Column
 from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import Seen
@@ -18,6 +32,7 @@ from cocap_opt.problem import Cell, Problem
 # In robots: less flow on an arc is none, as solvers that are accurate to 1e-8 leave about as much
 # anywhere. Of a robot ten times as much may be missing, since each of its arcs may lack some.
 LEAST_USE = 1e-7
+INTEGRAL = 1e-4  # amounts nearer than this to an integer count as integral
 _LEAST_SEEN = 1e-7  # of a robot, from which on a column counts in what a mixture sees
 
 
@@ -194,3 +209,63 @@ def _widest(
         least = min(least, heads[head])
         path.append(head)
     return tuple(path), float(least)
+
+
+class ResourceUse(NamedTuple):
+    """The number of robots of a mixture, maybe fractional, that uses each resource, by kinds."""
+
+    cells: dict[Resource, float]  # by all robots
+    cells_of_classes: dict[Resource, float]  # empty where there is one class
+    states: dict[Resource, float]
+    moves: dict[Resource, float]
+
+    @classmethod
+    def of(cls, model: Model, mixture: Mixture) -> "ResourceUse":
+        """Returns the use of resources by a mixture."""
+        cells: defaultdict[Resource, float] = defaultdict(float)
+        of_classes: defaultdict[Resource, float] = defaultdict(float)
+        states: defaultdict[Resource, float] = defaultdict(float)
+        moves: defaultdict[Resource, float] = defaultdict(float)
+        several = len(model.classes) > 1
+        for column, amount in mixture.used():
+            along = column.along
+            graph = model.classes[along.class_number].graph
+            for t, (number, cell) in enumerate(zip(along.states, along.cells, strict=True)):
+                cells[Cells(t, (cell,))] += amount
+                if several:
+                    of_classes[Cells(t, (cell,), along.class_number)] += amount
+                states[Visit(t, graph.state(number), along.class_number)] += amount
+                if t and cell != along.cells[t - 1]:
+                    moves[Move(t - 1, (along.cells[t - 1], cell), along.class_number)] += amount
+        return cls(dict(cells), dict(of_classes), dict(states), dict(moves))
+
+    @property
+    def has_integral_states(self) -> bool:
+        """True where an integral number of robots is in every state, be it on fractional paths."""
+        return not any(_is_fractional(amount) for amount in self.states.values())
+
+    def fractional(self, tolerance: float = INTEGRAL) -> dict[Resource, float]:
+        """Returns the fractionally used resources of the first kind that has any.
+
+        Parameters
+        ----------
+        tolerance : amounts nearer than this to an integer count as integral
+        """
+        for part in self:
+            found = {r: a for r, a in part.items() if _is_fractional(a, tolerance)}
+            if found:
+                return found
+        return {}
+
+    def most_fractional(self, tolerance: float) -> tuple[Resource, float] | None:
+        """Returns the resource to branch on and its amount; ties go to the earlier step."""
+        choices = self.fractional(tolerance).items()
+        return min(
+            choices,
+            key=lambda c: (round(abs(c[1] % 1 - 0.5), 3), c[0].t, repr(c[0])),
+            default=None,
+        )
+
+
+def _is_fractional(amount: float, tolerance: float = INTEGRAL) -> bool:
+    return abs(amount - round(amount)) > tolerance

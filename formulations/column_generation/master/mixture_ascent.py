@@ -15,7 +15,6 @@ bound.
 """
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -33,22 +32,12 @@ SHARPNESS = 64  # k
 _NOTHING = 1e-12  # px/m2
 
 
-class _Raised(NamedTuple):
-    """A mixture, what it is worth, and the pricing of its multipliers."""
-
-    mixture: Mixture
-    value: float  # without regard for conflicts and cuts
-    priced: Priced
-
-
 def mixture_ascent(
-    model: Model,
-    pricer: Pricer,
-    first: Priced,
-    stop: Stop,
-    parameters: AscentParameters,
-) -> Iterator[_Raised]:
-    """Yields better and better mixtures, without end.
+    model: Model, pricer: Pricer, first: Priced, stop: Stop, parameters: AscentParameters
+) -> Iterator[tuple[Mixture, float, Priced]]:
+    """Yields better and better mixtures, without end, each with its value and its pricing.
+
+    The value is that without regard for conflicts and cuts.
 
     Parameters
     ----------
@@ -64,13 +53,9 @@ def mixture_ascent(
     while True:
         mixture = joined(mixture, priced.columns)
         program = MixtureProgram(model, mixture.columns)
+        enough = parameters.rough * open_
         amounts = raised(
-            program.gradient,
-            program.robots,
-            mixture.amounts,
-            parameters.rough * open_,
-            stop,
-            parameters=parameters,
+            program.gradient, program.robots, mixture.amounts, enough, stop, parameters
         )
         value, duals = program.judged(amounts)
         priced = pricer(duals)
@@ -78,7 +63,7 @@ def mixture_ascent(
         open_ = best - value
         kept = np.flatnonzero(amounts > parameters.least_amount)
         mixture = Mixture([mixture.columns[n] for n in kept.tolist()], amounts[kept])
-        yield _Raised(mixture, value, priced)
+        yield mixture, value, priced
 
 
 def joined(mixture: Mixture, columns: list[Column]) -> Mixture:

@@ -19,19 +19,12 @@ from cocap_opt.model import Model, Path
 LEAST_AMOUNT = 1e-3  # of a robot, with which every column is drawn now and then
 _GAIN = 1e-9  # relative, from which on a column counts as better
 
-PlanKey = tuple[Path, ...]
-
-
-class LocalOptimum(NamedTuple):
-    """A plan of columns that no robot can raise alone with another column of the pool."""
-
-    value: float  # J
-    columns: tuple[Column, ...]  # robot by robot
-
-    @property
-    def key(self) -> PlanKey:
-        """The paths, by which plans are told apart."""
-        return tuple(column.path for column in self.columns)
+PlanKey = tuple[Path, ...]  # the paths, by which plans are told apart
+# J, and the columns robot by robot, of a plan that no robot can raise alone with another column.
+LocalOptimum = tuple[float, tuple[Column, ...]]
+# The views of the parts of columns, entry by entry: the number of the part, the view sum, its
+# pixels (px/m2) and its weight.
+_Entries = tuple[IntArray, IntArray, FloatArray, FloatArray]
 
 
 class _Choice(NamedTuple):
@@ -46,18 +39,18 @@ class _Choice(NamedTuple):
     amounts: FloatArray  # [n] how much of the robot takes each column, at least LEAST_AMOUNT
     bonus: FloatArray  # [n] rewards for moves
     parts: IntArray  # [n, k] numbers of the parts of which each column is made
-    entries: "_Entries"
+    entries: _Entries
 
     @classmethod
     def of(cls, model: Model, columns: dict[Path, Column], amounts: dict[Path, float]) -> "_Choice":
         """Returns the columns of one robot, by their paths, with their amounts."""
-        own = [*columns.values()]
+        choices = [*columns.values()]
         shares = np.maximum([amounts[path] for path in columns], LEAST_AMOUNT)
-        bonus = np.array([column.bonus(model) for column in own])
+        bonus = np.array([column.bonus(model) for column in choices])
         numbers = {path: k for k, path in enumerate(columns)}
         over_time = model.problem.objective.over_time
-        parts, entries = (_whole if over_time else _states)(model, own)
-        return cls(own, numbers, shares, bonus, parts, entries)
+        parts, entries = (_whole if over_time else _states)(model, choices)
+        return cls(choices, numbers, shares, bonus, parts, entries)
 
     def worth(self, seen: FloatArray) -> FloatArray:
         """Returns what each column [n] gains beside what others see [Z]."""
@@ -74,15 +67,6 @@ class _Choice(NamedTuple):
             yield self.columns[k]
 
 
-class _Entries(NamedTuple):
-    """The views of the parts of columns, entry by entry."""
-
-    of: IntArray  # number of the part
-    view_sums: IntArray
-    pixels: FloatArray  # px/m2
-    weights: FloatArray  # of the view sum
-
-
 def _states(model: Model, columns: Sequence[Column]) -> tuple[IntArray, _Entries]:
     """Returns the numbers [n, T+1] of the states on each robot's columns, and what they see."""
     robot_class = model.class_of[columns[0].robot]
@@ -92,7 +76,7 @@ def _states(model: Model, columns: Sequence[Column]) -> tuple[IntArray, _Entries
     of, at = table.entries(nodes)
     view_sums = table.view_sums[at]
     weights = model.problem.view_sum_weights[view_sums]
-    return numbers.reshape(paths.shape), _Entries(of, view_sums, table.pixels[at], weights)
+    return numbers.reshape(paths.shape), (of, view_sums, table.pixels[at], weights)
 
 
 def _whole(model: Model, columns: Sequence[Column]) -> tuple[IntArray, _Entries]:
@@ -102,7 +86,7 @@ def _whole(model: Model, columns: Sequence[Column]) -> tuple[IntArray, _Entries]
     of = np.repeat(numbers, [len(column.view_sums) for column in columns])
     pixels = np.concatenate([column.pixels for column in columns])
     weights = model.problem.view_sum_weights[view_sums]
-    return numbers[:, None], _Entries(of, view_sums, pixels, weights)
+    return numbers[:, None], (of, view_sums, pixels, weights)
 
 
 class ColumnPool:
@@ -149,7 +133,7 @@ class ColumnPool:
         chosen: dict[int, Column] = {}
         for robot in order:
             columns = choices[robot].shuffled(rng)
-            free = (one for one in columns if not self._is_in_conflict(one, chosen.values()))
+            free = (c for c in columns if not self._is_in_conflict(c, chosen.values()))
             if (column := next(free, None)) is None:
                 return []
             chosen[robot] = column
@@ -166,22 +150,22 @@ class ColumnPool:
         quiet, n = 0, 0  # robots in a row that could gain nothing; turns
         while quiet < len(columns):
             robot = order[n % len(columns)]
-            own = columns[robot]
-            seen[own.view_sums] = np.maximum(seen[own.view_sums] - own.pixels, 0.0)
-            best = self._best_column(choices[robot], columns, seen, own)
-            quiet, n = (quiet + 1, n + 1) if best is own else (0, n + 1)
+            before = columns[robot]
+            seen[before.view_sums] = np.maximum(seen[before.view_sums] - before.pixels, 0.0)
+            best = self._best_column(choices[robot], columns, seen, before)
+            quiet, n = (quiet + 1, n + 1) if best is before else (0, n + 1)
             seen[best.view_sums] += best.pixels
             columns[robot] = best
         bonus = sum(column.bonus(self.model) for column in columns)
-        return LocalOptimum(float(weights @ np.sqrt(seen)) + bonus, tuple(columns))
+        return float(weights @ np.sqrt(seen)) + bonus, tuple(columns)
 
     def _best_column(
-        self, choice: _Choice, columns: Sequence[Column], seen: FloatArray, own: Column
+        self, choice: _Choice, columns: Sequence[Column], seen: FloatArray, before: Column
     ) -> Column:
-        """Returns a robot's best column beside all others'; its own unless one is better."""
+        """Returns a robot's best column beside all others'; that of before unless one is better."""
         worth = choice.worth(seen)
-        others = [column for column in columns if column is not own]
-        least = worth[choice.number_of[own.path]]
+        others = [column for column in columns if column is not before]
+        least = worth[choice.number_of[before.path]]
         least += _GAIN * abs(least)
         for k in np.argsort(-worth, kind="stable").tolist():
             if worth[k] <= least:
@@ -189,18 +173,16 @@ class ColumnPool:
             column: Column = choice.columns[k]
             if not self._is_in_conflict(column, others):
                 return column
-        return own
+        return before
 
     def _is_in_conflict(self, column: Column, others: Iterable[Column]) -> bool:
-        """Returns True if a column breaks a rule with one of others."""
-        return any(self._conflict(column, other) for other in others)
-
-    def _conflict(self, one: Column, other: Column) -> bool:
-        """Returns True if two columns break a rule; each pair is looked at once."""
-        if one.robot > other.robot:
-            one, other = other, one
-        key = *one.key, *other.key
-        known = self._conflicts.get(key)
-        if known is None:
-            known = self._conflicts[key] = one.conflicts_with(other, self.model.problem)
-        return known
+        """Returns True if a column breaks a rule with one of others; each pair is tried once."""
+        for other in others:
+            in_order = column.robot <= other.robot
+            first, second = (column, other) if in_order else (other, column)
+            key = *first.key, *second.key
+            if key not in self._conflicts:
+                self._conflicts[key] = first.conflicts_with(second, self.model.problem)
+            if self._conflicts[key]:
+                return True
+        return False

@@ -36,7 +36,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 
 
-class Allowance(Stop):
+class ResponseLimit(Stop):
     """The best responses and best pairs that local search may still ask for; reached at none.
 
     They are counted, not timed, so that a search takes the same course on every machine.
@@ -76,7 +76,7 @@ class LocalSearch:
 
     model: Model
     stop: Stop = never
-    allowance: Allowance = field(default_factory=Allowance)
+    allowance: ResponseLimit = field(default_factory=ResponseLimit)
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     tell: Callable[[], None] = _nothing
     found: Callable[[Incumbent], None] = _nothing
@@ -116,21 +116,24 @@ class LocalSearch:
             if rounded is None:
                 return
             first = pool.ascended(rounded)
-            if first.key not in self.taken_up:
+            if not self._is_taken_up(first):
                 yield first
             while True:
                 self._check()
-                drawn = (one for one in self._drawn(pool) if one.key not in self.taken_up)
-                best = max(drawn, key=lambda one: one.value, default=None)
+                drawn = (found for found in self._drawn(pool) if not self._is_taken_up(found))
+                best = max(drawn, key=lambda found: found[0], default=None)
                 if best is None:
                     return
                 yield best
 
+    def _is_taken_up(self, found: LocalOptimum) -> bool:
+        return tuple(column.path for column in found[1]) in self.taken_up
+
     def _drawn(self, pool: ColumnPool) -> Iterator[LocalOptimum]:
         """Yields local optima that are drawn from a pool, at a limit one at least."""
-        for one in pool.drawn(self.rng, self.parameters.draws):
+        for found in pool.drawn(self.rng, self.parameters.draws):
             self.tell()
-            yield one
+            yield found
             if self.stop.reached():
                 return
 
@@ -138,8 +141,9 @@ class LocalSearch:
         self, start: LocalOptimum, pool: ColumnPool, arcs: Collection[Arc]
     ) -> Incumbent | None:
         """Returns what best responses and best pairs make of a plan; its columns join the pool."""
-        self.taken_up.add(start.key)
-        settled = self.with_best_responses(start.columns)
+        columns = start[1]
+        self.taken_up.add(tuple(column.path for column in columns))
+        settled = self.with_best_responses(columns)
         if settled is None:
             return None
         self.found(settled)
@@ -261,8 +265,8 @@ class LocalSearch:
         self, plan: Incumbent, pair: tuple[int, int], arcs: Collection[Arc]
     ) -> Incumbent | None:
         """Returns the plan with the best paths of two robots over some arcs and their own."""
-        own = [arc for robot in pair for arc in plan.columns[robot].arcs]
-        found = self.best_pair(pair, {*arcs, *own}, plan.of_others(*pair))
+        theirs = [arc for robot in pair for arc in plan.columns[robot].arcs]
+        found = self.best_pair(pair, {*arcs, *theirs}, plan.of_others(*pair))
         return None if found is None else plan.changed(*found)
 
     def _rounded(self, mixture: Mixture, known: Incumbent | None) -> list[Column] | None:
@@ -363,10 +367,10 @@ class _ArcPair(PairIteration):
         model, (a, b) = self._model, self._sides
         faces = slice(t * model.n_faces, (t + 1) * model.n_faces)
         weights = model.problem.view_sum_weights[faces]
-        one, other = (model.coverage_at(s.robot_class, t, s.states[t]) for s in (a, b))
-        used = np.flatnonzero((weights > 0) & (one.any(axis=0) | other.any(axis=0)))
+        of_a, of_b = (model.coverage_at(s.robot_class, t, s.states[t]) for s in (a, b))
+        used = np.flatnonzero((weights > 0) & (of_a.any(axis=0) | of_b.any(axis=0)))
         base = self._seen[faces][used]
-        pixels = base + one[:, None, used] + other[None, :, used]
+        pixels = base + of_a[:, None, used] + of_b[None, :, used]
         reward: FloatArray = (np.sqrt(pixels) - np.sqrt(base)) @ weights[used]
         places = [s.states[t] % s.robot_class.graph.n_places for s in (a, b)]
         classes = a.robot_class, b.robot_class
@@ -379,7 +383,7 @@ class _ArcPair(PairIteration):
         values = ahead[np.ix_(a.heads[t], b.heads[t])]
         values = values + a.rewards[t][:, None] + b.rewards[t][None, :]
         moves = [(s.states[t][s.tails[t]], s.states[t + 1][s.heads[t]]) for s in (a, b)]
-        values[self._conflicts(moves[0], moves[1])] = CLOSED
+        values[self._conflicts(moves)] = CLOSED
         first, second = (np.flatnonzero(np.diff(s.tails[t], prepend=-1)) for s in (a, b))
         best: FloatArray = np.maximum.reduceat(values, first, axis=0)
         return np.maximum.reduceat(best, second, axis=1)
@@ -388,36 +392,35 @@ class _ArcPair(PairIteration):
         self, tails: tuple[int, int], heads: tuple[IntArray, IntArray]
     ) -> BoolArray | bool:
         """Returns which pairs of moves [n, m] break a rule between the steps."""
-        one, other = (
-            (np.full_like(some, tail), some) for tail, some in zip(tails, heads, strict=True)
-        )
-        return self._conflicts(one, other)
+        moves = [(np.full_like(ends, tail), ends) for tail, ends in zip(tails, heads, strict=True)]
+        return self._conflicts(moves)
 
-    def _conflicts(
-        self, one: tuple[IntArray, IntArray], other: tuple[IntArray, IntArray]
-    ) -> BoolArray:
-        """Returns which moves [n, m] from states to states break a rule between the steps."""
+    def _conflicts(self, moves: Sequence[tuple[IntArray, IntArray]]) -> BoolArray:
+        """Returns which moves [n, m] of both robots break a rule between the steps.
+
+        Parameters
+        ----------
+        moves : of each robot, the states from which and to which it moves
+        """
         rules = self._model.problem.rules
         if not rules.hold_between_steps:
-            return np.zeros((len(one[0]), len(other[0])), dtype=np.bool_)
+            return np.zeros((len(moves[0][0]), len(moves[1][0])), dtype=np.bool_)
         (a, b), (c, d) = (
-            [self._where(side, states) for states in move]
-            for side, move in zip(self._sides, (one, other), strict=True)
+            [
+                self._model.places.where(side.robot_class, at % side.robot_class.graph.n_places)
+                for at in ends
+            ]
+            for side, ends in zip(self._sides, moves, strict=True)
         )
         return rules.moves_conflict((a[:, None], b[:, None]), (c[None], d[None]))
-
-    def _where(self, side: _Side, states: IntArray) -> FloatArray:
-        """Returns where the robot of a side is in states [n], as [n, 3] in m."""
-        places = states % side.robot_class.graph.n_places
-        return self._model.places.where(side.robot_class, places)
 
     def successors(self, which: int, t: int, state: int) -> tuple[IntArray, IntArray, FloatArray]:
         """Returns the states that arcs of robot 0 or 1 lead to."""
         side = self._sides[which]
         at = int(np.searchsorted(side.states[t], state))
-        own = np.flatnonzero(side.tails[t] == at)
-        heads = side.heads[t][own]
-        return side.states[t + 1][heads], heads, side.rewards[t][own]
+        out = np.flatnonzero(side.tails[t] == at)
+        heads = side.heads[t][out]
+        return side.states[t + 1][heads], heads, side.rewards[t][out]
 
 
 def _side(model: Model, robot: int, arcs: Iterable[Arc], others: Sequence[Column]) -> _Side | None:
@@ -428,20 +431,20 @@ def _side(model: Model, robot: int, arcs: Iterable[Arc], others: Sequence[Column
     robot_class, horizon = model.class_of[robot], model.problem.horizon
     number, graph = model.classes.index(robot_class), robot_class.graph
     closed = Column.avoid(model, robot_class, others)
-    own = [arc for arc in arcs if arc.class_number == number]
-    own = [arc for arc in own if not _is_closed(arc, closed, graph.n_places)]
-    on = Arc.states_on_paths(own, [(number, model.start(robot))], horizon)
+    of_class = [arc for arc in arcs if arc.class_number == number]
+    open_ = [arc for arc in of_class if not _is_closed(arc, closed, graph.n_places)]
+    on = Arc.states_on_paths(open_, [(number, model.start(robot))], horizon)
     if not on[0]:
         return None
-    states = [np.array(sorted(state for _, state in some), dtype=np.int64) for some in on]
+    states = [np.array(sorted(state for _, state in at_step), dtype=np.int64) for at_step in on]
     ends: list[list[tuple[int, int]]] = [[] for _ in range(horizon)]
-    for arc in own:
+    for arc in open_:
         if arc.leaves in on[arc.t] and arc.enters in on[arc.t + 1]:
             ends[arc.t].append((arc.tail, arc.head))
     bonuses = Bonuses.of(model.problem.objective)
     side = _Side(robot_class, states, [], [], [])
-    for t, some in enumerate(ends):
-        tails, heads = np.array(sorted(some), dtype=np.int64).reshape(-1, 2).T
+    for t, both in enumerate(ends):
+        tails, heads = np.array(sorted(both), dtype=np.int64).reshape(-1, 2).T
         side.tails.append(np.searchsorted(states[t], tails))
         side.heads.append(np.searchsorted(states[t + 1], heads))
         side.rewards.append(bonuses.of_edges(graph.shape, tails, heads))

@@ -12,7 +12,6 @@ Compare optimal recombination in genetic algorithms (Aggarwal, Orlin, Tai 1997; 
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -31,13 +30,6 @@ from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
 
-class _Failure(NamedTuple):
-    """A recombination of too many plans."""
-
-    plans: int
-    room: float
-
-
 @dataclass
 class Recombination:
     """The plans that were found, and what is known of their recombinations.
@@ -50,7 +42,8 @@ class Recombination:
     parameters: RecombinationParameters
     values: dict[PlanKey, float] = field(default_factory=dict)
     _done: set[frozenset[PlanKey]] = field(default_factory=set)
-    _failure: _Failure | None = None
+    _failed_plans: float = np.inf  # of the last recombination of too many
+    _failed_room: float = np.inf
 
     def add(self, plan: Incumbent) -> None:
         """Adds a plan; once there are too many, only the best are kept."""
@@ -82,20 +75,17 @@ class Recombination:
         LimitReached
             At a limit.
         """
-        best, most, failure = plan, self.parameters.first_plans, self._failure
+        best, most = plan, self.parameters.first_plans
+        least, most_room = self._failed_plans, self.parameters.less_room * self._failed_room
         while True:
             room = narrowing.room_above(best.value)
-            if (
-                failure
-                and most >= failure.plans
-                and room > self.parameters.less_room * failure.room
-            ):
+            if most >= least and room > most_room:
                 return
             parents = frozenset((best.paths, *self._best_keys(most)))
             try:
                 better = self._recombined(parents, best, narrowing, stop)
             except NotEndedError:
-                self._failure = _Failure(most, room)
+                self._failed_plans, self._failed_room = most, room
                 return
             if better is not None:
                 yield (best := better)

@@ -1,6 +1,6 @@
 """Step envelopes: one envelope over all faces of a step closes what the relaxation leaves open.
 
-`envelopes` adds the stages; `price_bundle` finds the prices of a stage, by the master problem in
-`step_master`; `known_states` looks for joint states by local search (`joint_ascent`);
-`list_lengths` tells how many states are listed, and `path_trials` when all paths are tried.
+`envelopes` adds the stages; `price_bundle` finds the prices of a stage; `known_states` looks for
+joint states by local search; `list_lengths` tells how many states are listed, and `path_trials`
+when all paths are tried.
 """

@@ -11,7 +11,7 @@ _MOST_SWEEPS = 50  # over all robots, of one start
 _GAIN = 1e-9  # relative, from which on a height counts as higher
 
 
-class Views(NamedTuple):
+class AscentViews(NamedTuple):
     """The arrays that local search reads: of n states, F faces, R robots."""
 
     first: IntArray  # [n+1] first entry of each state's coverage
@@ -25,7 +25,7 @@ class Views(NamedTuple):
 
 
 @compiled
-def ascend(views: Views, floor: float, teams: IntArray) -> None:
+def ascend(views: AscentViews, floor: float, teams: IntArray) -> None:
     """Changes each team [R] until no robot can raise its height alone.
 
     Of the states that a robot may take, those come first with which the joint state counts: its

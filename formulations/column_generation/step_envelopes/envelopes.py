@@ -145,8 +145,7 @@ class _Envelopes:
     @property
     def bound(self) -> float:
         """The bound that the stages or the paths that were tried prove."""
-        stages, tried = self.narrowing.pricing.bound, self.trials.best
-        return stages if tried is None else min(stages, tried.bound)
+        return min(self.narrowing.pricing.bound, self.trials.bound)
 
     def run(self, cutoff: Callable[[], float]) -> None:
         """Adds stages as long as they close something; raises LimitReached."""
@@ -224,9 +223,8 @@ class _Envelopes:
 
     def file(self) -> CertificateFile:
         """Returns the certificate of the stages so far, or of the paths that were tried."""
-        model, tried = self.model, self.trials.best
-        if tried is not None and tried.bound >= self.narrowing.pricing.bound:
-            tried = None
+        model, trials = self.model, self.trials
+        is_tried = trials.bound < self.narrowing.pricing.bound
         return CertificateFile(
             scene=model.problem.name,
             digest=problem_digest(model.problem),
@@ -237,8 +235,8 @@ class _Envelopes:
             certificate=Staged(
                 self.duals.certificate(model),
                 self.narrowing.target,
-                tuple(self.stages[: None if tried is None else tried.stages]),
-                None if tried is None else tried.above,
+                tuple(self.stages[: trials.stages if is_tried else None]),
+                trials.above if is_tried else None,
             ),
         )
 

@@ -8,8 +8,7 @@ lowest target that can be tried is the bound then.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from cocap_opt.formulations.certificates.staged import (
     Narrowing,
@@ -23,30 +22,26 @@ from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 
 
-class _Tried(NamedTuple):
-    """A trial that has ended."""
-
-    bound: float  # on all plans
-    above: float  # J: the plans above it were tried
-    stages: int  # how many there were
-
-
 @dataclass
 class PathTrials:
     """The trials so far.
 
     Attributes
     ----------
-    best : the one that proves most
+    bound : on all plans, of the trial that proves most; infinite before any has ended
+    above : J, above which that has tried the plans
+    stages : how many there were then
     nodes : of all searches of trials
     is_on : False: there are no trials, only stages
     """
 
     search: Search
-    best: _Tried | None = None
+    bound: float = math.inf
+    above: float | None = None
+    stages: int = 0
     nodes: int = 0
     is_on: bool = True
-    _failed_room: float = field(default=math.inf)
+    _failed_room: float = math.inf
     _failed_nodes: int = 0
 
     def after_stages(self, narrowing: Narrowing, stages: int, nodes: int) -> bool:
@@ -110,9 +105,9 @@ class PathTrials:
         self.nodes += found.nodes
         if found.paths:
             self.search.offer(Incumbent.along(narrowing.model, found.paths))
-        tried = _Tried(higher.pricing_of(found.value).bound, target, stages)
-        if self.best is None or tried.bound < self.best.bound:
-            self.best = tried
+        bound = higher.pricing_of(found.value).bound
+        if bound < self.bound:
+            self.bound, self.above, self.stages = bound, target, stages
         return True
 
     @property

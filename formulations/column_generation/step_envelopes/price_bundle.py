@@ -1,34 +1,56 @@
 """The bundle method over prices for states, of which each set makes a step envelope.
 
 Prices are judged by local search: the joint states that it finds above the constants, and the
-best paths, are what the master problem (`step_master`) knows at the next iteration.
+best paths, are what the master problem knows at the next iteration. Over prices phi(t, s),
+constants K_t and potentials u(t, s) that minimises
+
+    sum_t K_t + sum of u at the starts + rho / 2 |phi - centre|^2
+
+such that K_t is at least the height of every known joint state of the step, and the potentials
+rise along the known arcs by prices less charges. At steps with a ceiling, prices are at least
+those of the centre at first, and states that have none of their own are priced higher by as much as
+K_t is below the ceiling (`staged.narrowing`). Fewer joint states and arcs than there are make
+it too low, so that they are found by and by; the last term keeps prices near the best so far
+(a proximal bundle method; Kiwiel 1990).
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
+import clarabel
 import numpy as np
+from scipy import sparse
 
 from cocap_opt.arithmetic import exact_sum
-from cocap_opt.data import FloatArray
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.format import StepPrices
 from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
 from cocap_opt.formulations.column_generation.master.columns import Arc
 from cocap_opt.formulations.column_generation.parameters import BundleParameters
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
-from cocap_opt.formulations.column_generation.step_envelopes.step_master import (
-    KnownArcs,
-    KnownHeights,
-    Place,
-    StepMaster,
-    StepSolution,
-)
+from cocap_opt.formulations.relaxations.cone_solver import solve_cones
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Path
 from cocap_opt.stop import Stop
 
 CLEARLY = 1e-9  # of the bound, by which a height is above a constant
+_ACCURACY = 1e-9  # relative, of the solver
+
+_Place = tuple[int, int, int]  # class number, step, state number
+_Gains = Mapping[tuple[_Place, _Place], float]  # of known moves: rewards less charges, no prices
+_Height = tuple[int, tuple[int, ...], float]  # step, positions among all prices, and worth
+
+
+class _Solution(NamedTuple):
+    """A solution of the master problem."""
+
+    prices: FloatArray  # [n]
+    constants: Mapping[int, float]  # by step
+    value: float  # at most the best bound
+    flow: FloatArray  # [m] number of robots on each known arc in the best mixture of them
 
 
 class PriceBundle:
@@ -64,7 +86,7 @@ class PriceBundle:
         ends = np.cumsum([0, *(len(joint.states) for joint in joints.values())]).tolist()
         self._spans = {t: slice(a, b) for t, a, b in zip(joints, ends[:-1], ends[1:], strict=True)}
         self.centre = np.concatenate([joint.price for joint in joints.values()])
-        self._priced: dict[Place, int] = {
+        self._priced: dict[_Place, int] = {
             (int(c), t, int(s)): self._spans[t].start + k
             for t, joint in joints.items()
             for k, (c, s) in enumerate(zip(joint.class_of, joint.states, strict=True))
@@ -75,20 +97,14 @@ class PriceBundle:
             np.where(left, rewards, -np.inf)
             for left, rewards in zip(narrowing.left, narrowing.rewards, strict=True)
         ]
-        least = {
-            k: float(self.centre[k])
-            for t in ceilings
-            for k in range(self._spans[t].start, self._spans[t].stop)
-        }
         constants = {t: float(narrowing.constants[t]) for t in joints}
         paths = self.best_paths(self.centre, {})[0]
         self.rest = narrowing.bound - exact_sum(constants.values()) - paths
-        starts: dict[Place, int] = {}
-        for number, robot_class in enumerate(self._model.classes):
-            for start in robot_class.starts:
-                place = (number, 0, start)
-                starts[place] = starts.get(place, 0) + 1
-        self._master = StepMaster(self._priced, starts, ceilings, least)
+        self._starts = Counter(
+            (number, 0, start)
+            for number, robot_class in enumerate(self._model.classes)
+            for start in robot_class.starts
+        )
         self._best, self._prices = np.inf, self.centre
         self.constants: Mapping[int, float] = {}
         self.flow: dict[Arc, float] = {}
@@ -128,18 +144,13 @@ class PriceBundle:
         ):
             self._stop.check()
             arcs, heights = self._arcs(), self._heights(self._prices, latest)
-            if set(heights.steps) != set(self.joints):
+            if {t for t, _, _ in heights} != set(self.joints):
                 return None  # at some step no joint state is known that counts
-            solved = self._master.solve(
-                self._prices, self._weight, arcs, heights, self._unpriced_of(arcs), self._stop
-            )
-            solved = solved._replace(prices=self._at_least(solved.prices))
+            solved = self._solved_master(arcs, heights)
             latest = solved.prices
             self.flow = {
                 Arc(*tail, head[2]): amount
-                for tail, head, amount in zip(
-                    arcs.tails, arcs.heads, solved.flow.tolist(), strict=True
-                )
+                for (tail, head), amount in zip(arcs, solved.flow.tolist(), strict=True)
             }
             value, constants, new = self._judged(solved)
             promised = self._best - solved.value - self.rest
@@ -162,18 +173,103 @@ class PriceBundle:
             report()
         return self._prices if self._best < self._narrowing.bound else None
 
+    def _solved_master(self, arcs: _Gains, heights: Sequence[_Height]) -> _Solution:
+        """Returns the solution of a master problem about the best prices so far.
+
+        Prices of states that are in no known joint state and on no known arc stay as they are. It
+        ends early at a limit.
+
+        Parameters
+        ----------
+        heights : of known joint states, in the order of their steps
+        """
+        least = {
+            k: float(self.centre[k])
+            for t in self._ceilings
+            for k in range(self._spans[t].start, self._spans[t].stop)
+        }
+        # Columns: the constants by step, the prices in use by position, the potentials by place.
+        places = dict.fromkeys(place for ends in arcs for place in ends)
+        used = sorted(
+            {self._priced[place] for place in places if place in self._priced}
+            | {position for _, positions, _ in heights for position in positions}
+        )
+        constant_of = {t: k for k, t in enumerate(sorted({t for t, _, _ in heights}))}
+        first = len(constant_of)
+        price_of = {position: first + k for k, position in enumerate(used)}
+        node_of = {place: first + len(used) + k for k, place in enumerate(places)}
+        size = first + len(used) + len(places)
+        # Rows `matrix x <= rhs`, as the entries of a sparse matrix; those of one place add up.
+        entries: list[tuple[int, int, float]] = []
+        rhs: list[float] = []
+
+        def price_at(place: _Place) -> float:
+            """Adds a place's price to the row that is being made; returns its constant part."""
+            if place in self._priced:
+                entries.append((len(rhs), price_of[self._priced[place]], 1.0))
+                return 0.0
+            number, t, state = place
+            unpriced = float(self._unpriced[number][t, state])
+            if t in self._ceilings:
+                entries.append((len(rhs), constant_of[t], -1.0))
+                return unpriced + self._ceilings[t]
+            return unpriced
+
+        # The tail's potential is at least its price, the gain, and the head's potential.
+        for (tail, head), gain in arcs.items():
+            entries += [(len(rhs), node_of[tail], -1.0), (len(rhs), node_of[head], 1.0)]
+            constant = price_at(tail)
+            rhs.append(-gain - constant)
+        last = max(place[1] for place in places)
+        for place, node in node_of.items():
+            if place[1] == last:
+                entries.append((len(rhs), node, -1.0))
+                constant = price_at(place)
+                rhs.append(-0.0 - constant)
+        # The step's constant is at least the worth less the prices.
+        for t, positions, worth in heights:
+            entries.append((len(rhs), constant_of[t], -1.0))
+            entries += [(len(rhs), price_of[position], -1.0) for position in positions]
+            rhs.append(-worth)
+        for position, column in price_of.items():
+            if position in least:
+                entries.append((len(rhs), column, -1.0))
+                rhs.append(-least[position])
+        for t, ceiling in self._ceilings.items():
+            entries.append((len(rhs), constant_of[t], 1.0))
+            rhs.append(ceiling)
+        rows, columns, values = np.array(entries).T
+        index: tuple[IntArray, IntArray] = (rows.astype(np.int64), columns.astype(np.int64))
+        matrix = sparse.csc_matrix((values, index), shape=(len(rhs), size))
+
+        cost = np.zeros(size)
+        cost[:first] = 1.0
+        for place, robots in self._starts.items():
+            cost[node_of[place]] += robots
+        value_of = cost.copy()
+        near = slice(first, first + len(used))
+        cost[near] = -self._weight * self._prices[used]
+        weights = np.zeros(size)
+        weights[near] = self._weight
+        solution = solve_cones(
+            cost, matrix, np.array(rhs), [clarabel.NonnegativeConeT(len(rhs))], self._stop,
+            quadratic=sparse.diags(weights).tocsc(), direct_solve_method="faer",
+            tol_gap_rel=_ACCURACY, tol_feas=_ACCURACY,
+        )  # fmt: skip
+        found = np.nan_to_num(np.array(solution.x))
+        prices = self._prices.copy()
+        prices[used] = found[near]
+        for k, price in least.items():
+            prices[k] = max(prices[k], price)  # a solver is not accurate
+        constants = {t: float(found[k]) for t, k in constant_of.items()}
+        flow = np.nan_to_num(np.array(solution.z))[: len(arcs)]
+        return _Solution(prices, constants, float(value_of @ found), flow)
+
     def correct(self, value: float) -> None:
         """Takes down the bound that the latest prices prove, if local search told a lower one."""
         self._best = max(value, self._best)
 
-    def _at_least(self, prices: FloatArray) -> FloatArray:
-        """Returns prices of which none is less than allowed, by a solver's inaccuracy."""
-        found = prices.copy()
-        for k, least in self._master.least.items():
-            found[k] = max(found[k], least)
-        return found
-
-    def _judged(self, solved: StepSolution) -> tuple[float, dict[int, float], int]:
+    def _judged(self, solved: _Solution) -> tuple[float, dict[int, float], int]:
         """Returns the bound that prices prove as far as local search can tell, and its findings.
 
         Returns
@@ -233,9 +329,9 @@ class PriceBundle:
                     paths.append((number, tuple(path)))
         return total, paths
 
-    def _arcs(self) -> KnownArcs:
+    def _arcs(self) -> _Gains:
         """Returns the arcs of the known paths that visit only states that are left."""
-        found: dict[tuple[Place, Place], float] = {}
+        found: dict[tuple[_Place, _Place], float] = {}
         for number, path in self._known.paths:
             left, graph = self._narrowing.left[number], self._model.classes[number].graph
             if not all(left[t, state] for t, state in enumerate(path)):
@@ -254,17 +350,7 @@ class PriceBundle:
                     gain -= charges.places.get((0, tail % n_places), 0.0)
                     gain -= charges.states.get((0, tail), 0.0)
                 found[ends] = gain
-        tails, heads = [tail for tail, _ in found], [head for _, head in found]
-        return KnownArcs(tails, heads, [*found.values()])
-
-    def _unpriced_of(self, arcs: KnownArcs) -> dict[Place, float]:
-        """Returns the rewards of the states on arcs that have no price."""
-        places = {*arcs.tails, *arcs.heads}
-        return {
-            place: float(self._unpriced[place[0]][place[1], place[2]])
-            for place in places
-            if place not in self._priced
-        }
+        return found
 
     def remember(self, t: int, positions: Sequence[int]) -> bool:
         """Remembers a joint state that counts; returns True if it is new."""
@@ -275,9 +361,9 @@ class PriceBundle:
             self._worths[t][at] = joint.worth(positions)
         return is_new
 
-    def _heights(self, *prices: FloatArray) -> KnownHeights:
+    def _heights(self, *prices: FloatArray) -> list[_Height]:
         """Returns the joint states that are known and are among the highest for some prices."""
-        chosen = KnownHeights([], [], [])
+        chosen: list[_Height] = []
         for t, worths in self._worths.items():
             every = list(worths.items())
             at = np.array([positions for positions, _ in every], dtype=np.int64)
@@ -288,10 +374,7 @@ class PriceBundle:
                 highest.update(
                     np.argsort(-heights, kind="stable")[: self._parameters.most_heights].tolist()
                 )
-            for k in sorted(highest):
-                chosen.steps.append(t)
-                chosen.at.append(every[k][0])
-                chosen.worths.append(every[k][1])
+            chosen += [(t, *every[k]) for k in sorted(highest)]
         return chosen
 
     def written(self, t: int, prices: FloatArray, constant: float) -> list[StepPrices]:

@@ -9,9 +9,9 @@ import math
 
 from cocap_opt.formulations.certificates import Decision
 from cocap_opt.formulations.certificates.resources import Resource
-from cocap_opt.formulations.column_generation.master.master import Master, Solution
-from cocap_opt.formulations.column_generation.master.mixture import Mixture
-from cocap_opt.formulations.column_generation.master.resource_use import ResourceUse
+from cocap_opt.formulations.column_generation.master.master import Master
+from cocap_opt.formulations.column_generation.master.master_program import Solution
+from cocap_opt.formulations.column_generation.master.mixture import Mixture, ResourceUse
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.stop import LimitReached

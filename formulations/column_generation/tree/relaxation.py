@@ -7,26 +7,19 @@ mixture is a source of plans (`local_search`).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from cocap_opt.formulations.certificates import CertificateFile, Decision, certify
 from cocap_opt.formulations.column_generation.master.columns import Column
-from cocap_opt.formulations.column_generation.master.master import BEST_ACCURACY, Master, Solution
-from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.master import BEST_ACCURACY, Master
+from cocap_opt.formulations.column_generation.master.master_program import Solution
 from cocap_opt.formulations.column_generation.master.pricing import Priced
 from cocap_opt.formulations.column_generation.parameters import RelaxationParameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.separation import loose_view_sums
 
-
-class _Iteration(NamedTuple):
-    """Outcome of one solve of the master and of the pricing after it."""
-
-    solution: Solution
-    columns: list[Column]  # of the pricing
-    improves: bool  # the master's own multipliers are the best so far
+_LEAST_SHARE = 1e-6  # of a cut in a solution, from which on it is kept
 
 
 @dataclass
@@ -84,15 +77,13 @@ class Relaxation:
             search.stop.begin_work()
             search.allow_responses()
             wanted = max(self._parameters.accuracy * abs(self.best.bound), rough * open_)
-            iteration = self._iterate(wanted)
-            solution = iteration.solution
+            solution, columns, improves = self._iterate(wanted)
             search.report(search.snapshot(max(self.best.bound, others), nodes))
             may_cut = self.cut_rounds < most_rounds and not self.cuts_end
-            if self._enlarge_master(
-                iteration, max(wanted, self._parameters.early * open_) if may_cut else wanted
-            ):
+            enough = max(wanted, self._parameters.early * open_) if may_cut else wanted
+            if self._enlarge_master(solution, columns, enough):
                 continue
-            if not solution.is_solved and not iteration.improves:
+            if not solution.is_solved and not improves:
                 search.stop.check()  # a limit ends solves of the master, too
                 self.is_stuck = True
                 return
@@ -101,7 +92,8 @@ class Relaxation:
                 if self.raises == self._parameters.most_penalty_raises:
                     self.is_stuck = True
                     return
-                self._raise_penalty()
+                self.master.penalty *= 10
+                self.raises += 1
                 continue
             if not may_cut or until_cuts:
                 return
@@ -109,7 +101,7 @@ class Relaxation:
             tailing = self.cut_rounds > 0 and self._is_tailing(gain, open_)
             self.cut_rounds += 1
             self.cuts_end = tailing or not self._add_cuts(solution)
-            self._add_columns(iteration.columns)
+            self._add_columns(columns)
             self._improve_plans()
 
     @property
@@ -121,8 +113,14 @@ class Relaxation:
         model = self.search.model
         return certify(model.problem, model, method, self.best.duals.certificate(model))
 
-    def _iterate(self, wanted: float) -> _Iteration:
-        """Solves the master, prices its multipliers and some between them and the best so far."""
+    def _iterate(self, wanted: float) -> tuple[Solution, list[Column], bool]:
+        """Solves the master, prices its multipliers and some between them and the best so far.
+
+        Returns
+        -------
+        The solution, the columns of the pricing, and True if the master's own multipliers are the
+        best so far.
+        """
         search, best = self.search, self.best
         self.iterations += 1
         accuracy = min(
@@ -137,7 +135,7 @@ class Relaxation:
         ]
         self.best = min(best, priced, *between, key=lambda pricing: pricing.bound)
         columns = [column for part in (priced, *between) for column in part.columns]
-        return _Iteration(solution, columns, priced.bound < best.bound)
+        return solution, columns, priced.bound < best.bound
 
     def _improve_plans(self) -> None:
         """Looks for plans in the mixture after cut rounds 1, 2, 4, ..; between them, perturbs."""
@@ -168,18 +166,12 @@ class Relaxation:
         if narrowing is not None:
             self.search.recombine(narrowing)
 
-    def _enlarge_master(self, iteration: _Iteration, wanted: float) -> int:
+    def _enlarge_master(self, solution: Solution, columns: list[Column], wanted: float) -> int:
         """Adds broken conflict rows and, unless converged, columns; returns how many are new."""
-        converged = self.best.bound - iteration.solution.value <= wanted
-        rows = self._add_rows(iteration.solution.mixture)
-        if converged and not rows:
-            return 0
-        return self._add_columns(iteration.columns) + rows
-
-    def _add_rows(self, mixture: Mixture) -> int:
-        """Adds the conflict rows that the mixture breaks, and returns how many."""
-        broken = mixture.violated_rows(self.search.model, self._parameters.broken)
-        return sum(self.master.add_row(resource) for resource in broken)
+        converged = self.best.bound - solution.value <= wanted
+        broken = solution.mixture.violated_rows(self.search.model, self._parameters.broken)
+        rows = sum(self.master.add_row(resource) for resource in broken)
+        return rows if converged and not rows else self._add_columns(columns) + rows
 
     def _add_columns(self, columns: Sequence[Column]) -> int:
         """Adds columns, and returns how many are new; those long idle are dropped."""
@@ -188,10 +180,6 @@ class Relaxation:
         added = sum(self.master.add(column) for column in columns)
         self.search.columns += added
         return added
-
-    def _raise_penalty(self) -> None:
-        self.master.penalty *= 10
-        self.raises += 1
 
     def _is_tailing(self, gain: float, open_: float) -> bool:
         """Returns True if the last round of cuts gained too little for another one."""
@@ -211,7 +199,8 @@ class Relaxation:
         search, found = self.search, False
         if search.model.problem.objective.over_time:  # a robot sees a view sum more than once
             return False
-        self.master.drop_cuts(solution.duals)
+        used = [cut for cut, share in solution.duals.cuts if share > _LEAST_SHARE]
+        self.master.cuts = used
         loose = loose_view_sums(
             solution.mixture.seen(), self.master.cuts, search.weights, search.model.class_sizes,
             self._parameters.least_cut * abs(self.best.bound), search.stop,
@@ -224,6 +213,6 @@ class Relaxation:
                 candidate.height, candidate.least,
             )  # fmt: skip
             if cut is not None:
-                self.master.add_cut(cut)
+                self.master.cuts.append(cut)
                 found = True
         return found

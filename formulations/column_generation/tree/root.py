@@ -84,13 +84,10 @@ class Root:
         )
         mixture = Mixture([], np.zeros(0))
         with search.rounding_at_a_limit(lambda: mixture):
-            for step in islice(steps, self._parameters.most_raises):
-                mixture = step.mixture
-                relaxation.best = min(
-                    relaxation.best, step.priced, key=lambda pricing: pricing.bound
-                )
+            for mixture, value, priced in islice(steps, self._parameters.most_raises):  # noqa: B007
+                relaxation.best = min(relaxation.best, priced, key=lambda pricing: pricing.bound)
                 search.report(search.snapshot(relaxation.best.bound))
-                if relaxation.best.bound - step.value <= enough * relaxation.best.bound:
+                if relaxation.best.bound - value <= enough * relaxation.best.bound:
                     break
         return mixture
 

@@ -18,8 +18,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.master.alike_cuts import alike_cut
-from cocap_opt.formulations.column_generation.master.coefficients import Coefficients
-from cocap_opt.formulations.column_generation.master.columns import Column
+from cocap_opt.formulations.column_generation.master.columns import Column, users
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.mixture_ascent import (
     SHARPNESS,
@@ -259,7 +258,7 @@ def _cut_heights(
 def _uses(model: Model, columns: Sequence[Column], rows: Collection[Resource]) -> sparse.csr_array:
     """Returns which resources columns use [n, rows]."""
     horizon = model.problem.horizon
-    users = Coefficients(model, [arc for column in columns for arc in column.arcs]).users([*rows])
-    at = np.repeat(np.arange(len(rows)), [len(arcs) for arcs in users])
-    of = np.array([arc // horizon for arcs in users for arc in arcs], dtype=np.int64)
+    using = users(model, [arc for column in columns for arc in column.arcs], [*rows])
+    at = np.repeat(np.arange(len(rows)), [len(arcs) for arcs in using])
+    of = np.array([arc // horizon for arcs in using for arc in arcs], dtype=np.int64)
     return sparse.csr_array((np.ones(len(of)), (of, at)), (len(columns), len(rows)))

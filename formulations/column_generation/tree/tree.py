@@ -14,8 +14,8 @@ from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.master import Master
+from cocap_opt.formulations.column_generation.master.mixture import INTEGRAL, ResourceUse
 from cocap_opt.formulations.column_generation.master.pricing import Priced
-from cocap_opt.formulations.column_generation.master.resource_use import INTEGRAL, ResourceUse
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree.diving import dive
 from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
@@ -164,7 +164,7 @@ class Tree:
             return False
         resource, robots = choice[0], int(np.floor(choice[1]))
         columns = [*solution.mixture.columns, *master.used_columns(2)]
-        inherited = _Inheritance(columns, master.rows, master.cuts, master.penalty)
+        inherited = _Inheritance(columns, tuple(master.rows), tuple(master.cuts), master.penalty)
         # The parent's multipliers hold for the children, whose new decision costs nothing.
         duals = node.best.duals
         duals = replace(duals, decisions=np.append(duals.decisions, 0.0))
