@@ -62,7 +62,7 @@ BOUNDS: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
             "relaxations.cone_program:envelope", "concave relaxation with envelope cuts", _FEW
         ),
         "column-generation": _bound(
-            "column_generation.column_generation:column_generation",
+            "column_generation.branch_and_price:column_generation",
             "relaxation over paths with all cuts and step envelopes",
             _ANY,
             "and a plan",

@@ -53,8 +53,7 @@ ORDER = {
 # Likewise, of the rooms within a room.
 INNER_ORDER = {
     "column_generation": (
-        "parameters", "master", "primal", "search", "step_envelopes", "tree",
-        "column_generation", "branch_and_price",
+        "parameters", "master", "primal", "search", "step_envelopes", "tree", "branch_and_price",
     ),
 }  # fmt: skip
 CERTIFICATES = f"{CORE}.formulations.certificates"

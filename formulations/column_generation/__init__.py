@@ -1,7 +1,7 @@
 """Column generation and branch-and-price: bounds and proved optima over paths.
 
-The two methods are `column_generation` (the bound at the root) and `branch_and_price` (the
-search tree). Their rooms, from the lowest up:
+The two methods are `column_generation` (the bound at the root) and `branch_and_price` (the search
+tree), both in `branch_and_price`. Their rooms, from the lowest up:
 
 - `parameters`: every number that guides the search, documented;
 - `master`: paths as columns, their mixtures, the restricted master problem and pricing;
@@ -13,7 +13,6 @@ search tree). Their rooms, from the lowest up:
 
 __all__ = [
     "branch_and_price",
-    "column_generation",
     "parameters",
     "search",
     "step_envelopes",

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from cocap_opt.formulations.certificates import CertificateFile, Multipliers
-from cocap_opt.formulations.column_generation.column_generation import column_generation
+from cocap_opt.formulations.column_generation.branch_and_price import column_generation
 from cocap_opt.formulations.column_generation.tree.root import Root as RootSearch
 from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.integer_programs.program import Answer, Call, Program, Solver

@@ -17,8 +17,10 @@ from cocap_opt.formulations.certificates.resources import (
     Visit,
     charges_of,
 )
-from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.column_generation import column_generation
+from cocap_opt.formulations.column_generation.branch_and_price import (
+    branch_and_price,
+    column_generation,
+)
 from cocap_opt.formulations.column_generation.master.columns import Arc, Column, users
 from cocap_opt.formulations.column_generation.master.master import Master
 from cocap_opt.formulations.column_generation.master.master_program import ConicProgram
@@ -28,7 +30,6 @@ from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.primal.local_search import LocalSearch, ResponseLimit
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree import root as root_module
-from cocap_opt.formulations.column_generation.tree.diving import dive
 from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.result import OPTIMALITY, BoundMethod, Snapshot
@@ -280,11 +281,9 @@ def test_plans_from_mixtures_obey_the_rules(name: str) -> None:
         solution = root.master.solve()
         for column in search.pricer(solution.duals).columns:
             root.master.add(column)
+    root.solution = solution
     search.allow_responses(10)
-    found = [
-        search.local_search.from_mixture(solution.mixture, root.master.arcs),
-        dive(search, root.master, solution),
-    ]
+    found = [search.local_search.from_mixture(solution.mixture, root.master.arcs), root.dive()]
     for plan in found:
         assert plan is not None
         verdict = check(problem, search.model.plan(plan.paths))

@@ -70,7 +70,9 @@ def test_plans_of_a_pool_obey_the_rules_and_no_column_raises_them(problem: Probl
     pool, own = pooled(model)
     if not all(own):
         return
-    for value, columns in islice(pool.drawn(np.random.default_rng(0), DEFAULTS.local_search.draws), 5):
+    for value, columns in islice(
+        pool.drawn(np.random.default_rng(0), DEFAULTS.local_search.draws), 5
+    ):
         verdict = check(problem, model.plan([column.path for column in columns]))
         assert verdict.valid
         assert verdict.reward == pytest.approx(value, rel=1e-9, abs=1e-9)

@@ -17,7 +17,11 @@ from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.format import MOST_WORK
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.master.alike_cuts import alike_cut, grown_multisets
-from cocap_opt.formulations.column_generation.master.mixture_ascent import mixture_ascent, raised
+from cocap_opt.formulations.column_generation.master.mixture_ascent import (
+    RuledProgram,
+    mixture_ascent,
+    raised,
+)
 from cocap_opt.formulations.column_generation.master.pricing import Priced
 from cocap_opt.formulations.column_generation.parameters import (
     DEFAULTS,
@@ -26,8 +30,7 @@ from cocap_opt.formulations.column_generation.parameters import (
 )
 from cocap_opt.formulations.column_generation.primal.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot
-from cocap_opt.formulations.column_generation.tree.ruled_ascent import RuledAscent, _RuledProgram
+from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot, RuledAscent
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
@@ -94,7 +97,7 @@ def test_a_root_far_below_others_has_no_beta() -> None:
     )  # fmt: skip
     cut = Cut(0, {0: Curve(np.array([1.0, 100.0]), np.array([0.5, 99.5]))}, 0.5)
     heights = sparse.csr_array(cut.phi(0, roots))
-    program = _RuledProgram(
+    program = RuledProgram(
         base,
         [cut],
         np.zeros(0),
@@ -104,9 +107,9 @@ def test_a_root_far_below_others_has_no_beta() -> None:
         DEFAULTS.ruled_ascent.least_share,
     )
     for amount in np.linspace(0.0, 1.0, 200):
-        judged = program.judged(np.array([1.0, amount, 0.01]))
-        left = 1.0 - float(judged.shares[0]) - float(judged.alpha[0])
-        assert left <= 0.0 if judged.beta[0] == 0.0 else judged.beta[0] > 1e-12
+        alpha, beta, shares, _ = program.multipliers(np.array([1.0, amount, 0.01]))
+        left = 1.0 - float(shares[0]) - float(alpha[0])
+        assert left <= 0.0 if beta[0] == 0.0 else beta[0] > 1e-12
 
 
 @examples(10)

@@ -21,7 +21,7 @@ from pool import meetings, problems
 from strategies import Calls, examples, tiny
 
 from cocap_opt.formulations.certificates import verify
-from cocap_opt.formulations.column_generation.column_generation import column_generation
+from cocap_opt.formulations.column_generation.branch_and_price import column_generation
 from cocap_opt.formulations.integer_programs.cp_sat import cp_sat
 from cocap_opt.formulations.integer_programs.mathopt import (
     _answer,

@@ -17,8 +17,10 @@ from cocap_opt.experiments.lab.studies.solvers import table as solvers_module
 from cocap_opt.experiments.lab.studies.solvers.figures import Figure, Target
 from cocap_opt.experiments.lab.studies.solvers.rows import Options
 from cocap_opt.experiments.lab.studies.steps import METHODS
-from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.column_generation import column_generation
+from cocap_opt.formulations.column_generation.branch_and_price import (
+    branch_and_price,
+    column_generation,
+)
 from cocap_opt.formulations.result import CertifiedResult, Snapshot
 from cocap_opt.output.files import save_csv
 from cocap_opt.problem import Problem

@@ -10,17 +10,22 @@ How it depends on R and S gives alpha and beta. Each amount is multiplied by a p
 column's gradient, which raises such functions on simplices (Cover 1984). All of it is a few
 products of sparse matrices, where a master takes seconds for dozens of robots.
 
-Conflict rows and envelope cuts are left to the masters. Whatever the mixture, pricing gives a
-bound.
+Conflict rows and envelope cuts are left to the masters, or where these would take too long, to
+`RuledProgram`. There the smooth minimum is also of the heights H of a view sum's envelope cuts;
+each bound has a share of the root's multiplier, in proportion to its value to the power -(k+1). A
+conflict row has a multiplier that rises with its excess over one use, as in an augmented
+Lagrangian: mu <- max(0, mu + rho (uses - 1)). Whatever the multipliers, pricing gives a bound.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 import numpy as np
 from scipy import sparse
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.column_generation.master.columns import Column
+from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates.resources import Resource
+from cocap_opt.formulations.column_generation.master.columns import Column, users
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.pricing import Priced, Pricer
 from cocap_opt.formulations.column_generation.parameters import AscentParameters
@@ -28,8 +33,9 @@ from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop
 
-SHARPNESS = 64  # k
+_SHARPNESS = 64  # k
 _NOTHING = 1e-12  # px/m2
+_DARK = 1e-6  # px^0.5/m: a root below it is none, so that nothing is divided by it
 
 
 def mixture_ascent(
@@ -95,7 +101,7 @@ class MixtureProgram:
         pixels, alone = amounts @ self.pixels, amounts @ self.roots
         together, seen = np.sqrt(pixels), pixels > _NOTHING
         ratio = np.divide(alone, together, out=np.zeros_like(alone), where=seen)
-        alpha = 1 / (1 + ratio ** (SHARPNESS + 1))
+        alpha = 1 / (1 + ratio ** (_SHARPNESS + 1))
         beta = np.divide(1 - alpha, 2 * together, out=np.zeros_like(alpha), where=seen)
         value = self.weights @ np.minimum(alone, together) + amounts @ self.bonus
         return float(value), Duals(alpha, np.maximum(beta, (1 - alpha) * _NOTHING))
@@ -147,3 +153,99 @@ def raised(
         amounts = amounts * np.maximum(factors, least_factor) ** parameters.power
         amounts = amounts / by_robot(amounts)[robots]
     return amounts
+
+
+class RuledProgram:
+    """The amounts of some columns, under conflict rows and envelope cuts.
+
+    Parameters
+    ----------
+    base : the same without them
+    charges : [rows] multipliers at a use of 1
+    steepness : by how much they rise with each robot too many
+    heights : [n, cuts] by how much a column raises the heights of cuts
+    uses : [n, rows] of resources by columns
+    least_share : of a root's multiplier, from which on pixels have one of their own
+    """
+
+    def __init__(
+        self, base: MixtureProgram, cuts: Sequence[Cut], charges: FloatArray, steepness: float,
+        heights: sparse.csr_array, uses: sparse.csr_array,
+        least_share: float,
+    ) -> None:  # fmt: skip
+        self._base, self._heights, self._uses = base, heights, uses
+        self._charges, self._steepness, self._least_share = charges, steepness, least_share
+        self._at = np.array([cut.view_sum for cut in cuts], dtype=np.int64)
+        self._constants = np.array([cut.constant for cut in cuts])
+
+    def _bounds(self, amounts: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Returns the bounds on the roots of view sums: R, S and H, and the least of them."""
+        alone, together = amounts @ self._base.roots, np.sqrt(amounts @ self._base.pixels)
+        heights = self._constants + amounts @ self._heights
+        least = np.minimum(alone, together)
+        np.minimum.at(least, self._at, heights)
+        return alone, together, heights, least
+
+    def value(self, amounts: FloatArray) -> float:
+        """Returns the value of a mixture, without regard for conflicts."""
+        least = self._bounds(amounts)[-1]
+        seen = np.where(least > _DARK, least, 0.0)
+        return float(self._base.weights @ seen + amounts @ self._base.bonus)
+
+    def multipliers(
+        self, amounts: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Returns alpha [Z], beta [Z], the shares [cuts] and the charges [rows] of a mixture."""
+        at, (alone, together, heights, least) = self._at, self._bounds(amounts)
+        seen = least > _DARK
+        least = np.where(seen, least, 1.0)
+        of_alone, of_together, of_cuts = (
+            np.minimum(bounds / np.maximum(values, _DARK), 1.0) ** (_SHARPNESS + 1)
+            for bounds, values in ((least, alone), (least, together), (least[at], heights))
+        )
+        total = of_alone + of_together + np.bincount(at, of_cuts, minlength=len(least))
+        total = np.where(seen, total, 1.0)
+        share = of_together / total
+        # The rounding of what alpha leaves would outweigh so small a beta: it has none, and alpha
+        # a little more than is left.
+        nearly = share < self._least_share
+        alpha = np.where(seen, of_alone / total + np.where(nearly, share + 1e-12, 0.0), 1.0)
+        beta = np.where(seen & ~nearly, share / (2 * np.maximum(together, _DARK)), 0.0)
+        charges = self._charges + self._steepness * (amounts @ self._uses - 1)
+        shares = np.where(seen[at], of_cuts / total[at], 0.0)
+        return alpha, beta, shares, np.maximum(charges, 0.0)
+
+    def gradient(self, amounts: FloatArray) -> FloatArray:
+        """Returns what the multipliers of a mixture pay for each column [n], less its charges."""
+        alpha, beta, shares, charges = self.multipliers(amounts)
+        prices = self._base.priced(alpha, beta)
+        prices += self._heights @ (self._base.weights[self._at] * shares)
+        prices -= self._uses @ charges
+        return prices
+
+
+def cut_heights(
+    base: MixtureProgram, columns: Sequence[Column], cuts: Sequence[Cut]
+) -> sparse.csr_array:
+    """Returns by how much each column raises the heights of cuts [n, cuts]."""
+    by_view_sum = base.roots.tocsc()
+    classes = np.array([column.along.class_number for column in columns])
+    values, at, ends = [np.zeros(0)], [np.zeros(0, dtype=np.int64)], [0]
+    for cut in cuts:
+        part = slice(*by_view_sum.indptr[cut.view_sum : cut.view_sum + 2])
+        at.append(by_view_sum.indices[part].astype(np.int64))
+        values.append(cut.phi_of(classes[at[-1]], by_view_sum.data[part]))
+        ends.append(ends[-1] + len(at[-1]))
+    shape = len(columns), len(cuts)
+    return sparse.csc_array((np.concatenate(values), np.concatenate(at), ends), shape).tocsr()
+
+
+def uses_of(
+    model: Model, columns: Sequence[Column], rows: Collection[Resource]
+) -> sparse.csr_array:
+    """Returns which resources columns use [n, rows]."""
+    horizon = model.problem.horizon
+    using = users(model, [arc for column in columns for arc in column.arcs], [*rows])
+    at = np.repeat(np.arange(len(rows)), [len(arcs) for arcs in using])
+    of = np.array([arc // horizon for arcs in using for arc in arcs], dtype=np.int64)
+    return sparse.csr_array((np.ones(len(of)), (of, at)), (len(columns), len(rows)))

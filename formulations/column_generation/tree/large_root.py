@@ -1,25 +1,40 @@
 """The root of scenes with very many robots: bound and plan in turn, without masters.
 
 Where a master takes many seconds, three kinds of work take turns: mixtures are raised and priced
-under rules and cuts (`ruled_ascent`), the plan is changed over the arcs of all columns that were
+under rules and cuts (`RuledAscent`), the plan is changed over the arcs of all columns that were
 found (`arc_search`), and its robots answer one another over all arcs there are (`local_search`).
 Each turn goes to the kind that has gained most when it was last at work; those that wait gain
 prospects, since the others' work may bring them some.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates.resources import Resource
+from cocap_opt.formulations.column_generation.master.alike_cuts import alike_cut
 from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.mixture_ascent import (
+    MixtureProgram,
+    RuledProgram,
+    cut_heights,
+    joined,
+    raised,
+    uses_of,
+)
 from cocap_opt.formulations.column_generation.master.pricing import Priced
-from cocap_opt.formulations.column_generation.parameters import LargeRootParameters
+from cocap_opt.formulations.column_generation.parameters import (
+    LargeRootParameters,
+    RuledAscentParameters,
+)
 from cocap_opt.formulations.column_generation.primal.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.column_generation.tree.ruled_ascent import RuledAscent
+from cocap_opt.formulations.relaxations.duals import Duals
+from cocap_opt.formulations.relaxations.separation import Seen, loose_view_sums
 from cocap_opt.model import Path
 
 
@@ -31,6 +46,128 @@ def is_large(search: Search) -> bool:
         and len(problem.robots) * problem.horizon >= search.parameters.large_root.many_robot_steps
         and not problem.objective.over_time
     )
+
+
+class RuledAscent:
+    """A mixture that is raised under rules and cuts.
+
+    Attributes
+    ----------
+    best : the best bound so far with its multipliers
+    value : of the mixture, without regard for conflicts
+    columns : all that pricing has found
+    rows : conflict rows so far
+    cuts : envelope cuts so far
+    """
+
+    def __init__(self, search: Search, mixture: Mixture, best: Priced) -> None:
+        self._search, self._priced = search, best
+        self.mixture, self.best, self.value = mixture, best, -np.inf
+        self.columns: dict[tuple[int, Path], Column] = {}
+        self.rows: dict[Resource, int] = {}
+        self.cuts: list[Cut] = []
+        self._charges = np.zeros(0)  # [rows] multipliers
+        self._shares = np.zeros(0)  # [cuts] of their roots
+        self._in_vain: dict[int, float] = {}  # what could be cut off, by view sum without a cut
+        horizon, robots = search.model.problem.horizon, len(search.model.problem.robots)
+        self._steepness = self._parameters.steepness * best.bound / (horizon * robots)
+        self._add_columns()
+
+    @property
+    def _parameters(self) -> RuledAscentParameters:
+        return self._search.parameters.ruled_ascent
+
+    def step(self) -> None:
+        """Adds rows, raises the mixture, and prices its multipliers; raises LimitReached."""
+        self._add_rows()
+        search, mixture = self._search, joined(self.mixture, self._priced.columns)
+        base = MixtureProgram(search.model, mixture.columns)
+        program = RuledProgram(
+            base, self.cuts, self._charges, self._steepness,
+            cut_heights(base, mixture.columns, self.cuts),
+            uses_of(search.model, mixture.columns, self.rows), self._parameters.least_share,
+        )  # fmt: skip
+        open_ = self.best.bound - self.value if self.value > 0 else np.inf
+        amounts = raised(
+            program.gradient, base.robots, mixture.amounts, search.parameters.ascent.rough * open_,
+            search.stop, search.parameters.ascent, self._parameters.least_factor,
+        )  # fmt: skip
+        self.value = program.value(amounts)
+        alpha, beta, self._shares, self._charges = program.multipliers(amounts)
+        rows = tuple(zip(self.rows, self._charges.tolist(), strict=True))
+        cuts = tuple(zip(self.cuts, self._shares.tolist(), strict=True))
+        self._priced = search.pricer(Duals(alpha, beta, rows, cuts))
+        self.best = min(self.best, self._priced, key=lambda pricing: pricing.bound)
+        kept = np.flatnonzero(amounts > self._parameters.least_amount)
+        self.mixture = Mixture([mixture.columns[n] for n in kept.tolist()], amounts[kept])
+        self._add_columns()
+
+    def _add_columns(self) -> None:
+        """Remembers the columns that pricing has found."""
+        self.columns.update((column.key, column) for column in self._priced.columns)
+        self._search.columns = max(self._search.columns, len(self.columns))
+
+    def _add_rows(self) -> None:
+        """Adds the conflict rows that the mixture breaks."""
+        for resource in self.mixture.violated_rows(self._search.model, self._parameters.broken):
+            self.rows.setdefault(resource, len(self.rows))
+        new = len(self.rows) - len(self._charges)
+        self._charges = np.append(self._charges, np.zeros(new))
+
+    # -- cuts ----------------------------------------------------------------------------
+
+    def add_cuts(self) -> int:
+        """Adds the envelope cuts that the mixture breaks most, and returns how many.
+
+        Those without a share are dropped.
+
+        Raises
+        ------
+        LimitReached
+            Between two cuts.
+        """
+        search = self._search
+        self.cuts = [
+            self.cuts[k]
+            for k in np.flatnonzero(self._shares > self._parameters.least_amount).tolist()
+        ]
+        added = []
+        loose = loose_view_sums(
+            self._seen_by_equals(), self.cuts, search.weights, search.model.class_sizes,
+            self._parameters.least_cut * abs(self.best.bound), search.stop,
+        )  # fmt: skip
+        loose = [
+            loose_sum
+            for loose_sum in loose
+            if loose_sum.most >= self._parameters.again * self._in_vain.get(loose_sum.view_sum, 0.0)
+        ]
+        for loose_sum in loose[: self._parameters.most_cuts]:
+            search.stop.check()
+            search.report_again()
+            number = int(loose_sum.seen.classes[0])
+            cut = alike_cut(
+                loose_sum.view_sum, loose_sum.seen,
+                float(search.largest[number, loose_sum.view_sum]),
+                search.model.class_sizes[number], loose_sum.height, loose_sum.least,
+                search.parameters.alike_cuts,
+            )  # fmt: skip
+            if cut is None:
+                self._in_vain[loose_sum.view_sum] = loose_sum.most
+            else:
+                added.append(cut)
+        self.cuts += added
+        self._shares = np.ones(len(self.cuts))
+        return len(added)
+
+    def _seen_by_equals(self) -> Iterator[tuple[int, Seen]]:
+        """Yields the view sums that robots of a single class see; those of several are not alike.
+
+        It raises LimitReached between two of them.
+        """
+        for view_sum, seen in self.mixture.seen():
+            self._search.stop.check()
+            if seen.classes.min() == seen.classes.max():
+                yield view_sum, seen
 
 
 @dataclass

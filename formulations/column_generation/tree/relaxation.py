@@ -3,21 +3,31 @@
 Restricted master (`master`) and pricing (`pricing`) take turns. Every iteration's multipliers
 are a certificate; conflict rows and envelope cuts are added when a mixture breaks them; every
 mixture is a source of plans (`local_search`).
+
+Diving makes a plan by deciding, round after round, what a mixture has nearly decided. The states
+that are used most, though by no integral number of robots, must be used by one more robot; the
+master is solved and priced again under these decisions, until the mixture is integral or nothing
+more is to be decided. It is then rounded and improved.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cocap_opt.formulations.certificates import CertificateFile, Decision, certify
+from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.master import BEST_ACCURACY, Master
 from cocap_opt.formulations.column_generation.master.master_program import Solution
+from cocap_opt.formulations.column_generation.master.mixture import Mixture, ResourceUse
 from cocap_opt.formulations.column_generation.master.pricing import Priced
 from cocap_opt.formulations.column_generation.parameters import RelaxationParameters
+from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.separation import loose_view_sums
+from cocap_opt.stop import LimitReached
 
 _LEAST_SHARE = 1e-6  # of a cut in a solution, from which on it is kept
 
@@ -216,3 +226,77 @@ class Relaxation:
                 self.master.cuts.append(cut)
                 found = True
         return found
+
+    # -- diving --------------------------------------------------------------------------
+
+    def dive(self) -> Incumbent | None:
+        """Returns a plan that the last mixture leads to; None if it has conflicts or is stopped."""
+        search, master, solution = self.search, self.master, self.solution
+        if solution is None:
+            return None
+        search.allow_responses(search.parameters.tree.dive_responses)
+        try:
+            master, solution = self._dived(master, solution)
+        except LimitReached:
+            return None
+        found = search.local_search.from_integral(solution.mixture)
+        if found is not None:
+            return found
+        return search.local_search.from_mixture(solution.mixture, master.arcs, search.incumbent)
+
+    def _dived(self, master: Master, solution: Solution) -> tuple[Master, Solution]:
+        """Returns the master and its solution after as many decisions as there are to make.
+
+        Raises
+        ------
+        LimitReached
+            If the stopping criterion is reached before.
+        """
+        search, decisions, taken = self.search, master.decisions, set[Resource]()
+        for _ in range(search.parameters.tree.most_dive_rounds):
+            search.stop.check()
+            new = self._nearly_decided(solution.mixture, taken)
+            if not new:
+                break
+            taken |= set(new)
+            decisions = (*decisions, *(Decision(r, "at least", k) for r, k in new.items()))
+            columns = (*solution.mixture.columns, *master.columns)
+            rows, cuts = master.rows, master.cuts
+            master = Master(search.model, master.penalty, decisions)
+            master.add_all(columns, rows, cuts)
+            solution = master.solve(search.stop)
+            for _ in range(search.parameters.tree.dive_pricings):
+                priced = search.pricer(solution.duals, decisions)
+                if not sum(master.add(column) for column in priced.columns):
+                    break
+                solution = master.solve(search.stop)
+        search.stop.check()
+        return master, solution
+
+    def _nearly_decided(self, mixture: Mixture, taken: set[Resource]) -> dict[Resource, int]:
+        """Returns states that one more robot is to use, and how many robots use each then.
+
+        One robot's states of neighbouring steps decide one another: every few are taken.
+        """
+        model, parameters = self.search.model, self.search.parameters.tree
+        tolerance = parameters.dive_tolerance
+        open_ = {
+            resource: amount
+            for resource, amount in ResourceUse.of(model, mixture).states.items()
+            if resource not in taken and amount - math.floor(amount + tolerance) > tolerance
+        }
+        ranked = sorted(open_, key=lambda r: (-(open_[r] % 1), r.t, repr(r)))
+        robots, horizon = len(model.problem.robots), model.problem.horizon
+        least = max(1, round(parameters.dive_share * robots * horizon))
+        chosen: dict[Resource, int] = {}
+        steps: set[int] = set()
+        for resource in ranked:
+            fraction = open_[resource] % 1
+            enough = len(chosen) >= least or resource.t in steps
+            if fraction < parameters.dive_nearly and enough:
+                continue
+            if fraction < 0.5 and chosen:
+                break
+            steps.add(resource.t)
+            chosen[resource] = math.floor(open_[resource] + tolerance) + 1
+        return chosen

@@ -3,7 +3,6 @@
 import heapq
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -17,19 +16,12 @@ from cocap_opt.formulations.column_generation.master.master import Master
 from cocap_opt.formulations.column_generation.master.mixture import INTEGRAL, ResourceUse
 from cocap_opt.formulations.column_generation.master.pricing import Priced
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.column_generation.tree.diving import dive
 from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.problem import COVERAGE_VERSION
 
-
-class _Inheritance(NamedTuple):
-    """Columns, rows and cuts that a node takes over from its parent's relaxation."""
-
-    columns: list[Column]
-    rows: tuple[Resource, ...]
-    cuts: tuple[Cut, ...]
-    penalty: float
+# Penalty, columns, rows and cuts that a node takes over from its parent's relaxation.
+_Inheritance = tuple[float, list[Column], tuple[Resource, ...], tuple[Cut, ...]]
 
 
 @dataclass
@@ -102,10 +94,11 @@ class Tree:
 
     def solve(self, node: _Node) -> Relaxation:
         """Solves the relaxation of a node (the root's is solved already); raises LimitReached."""
-        if node.inherited is None and self._root is not None:
+        if node.inherited is None:
+            assert self._root is not None
             relaxation, self._root = self._root, None
             return relaxation
-        relaxation, node.inherited = self._relaxation(node), None
+        relaxation, node.inherited = self._relaxation(node, *node.inherited), None
         try:
             self._converge(node, relaxation, self.search.parameters.tree.rough)
         finally:
@@ -121,12 +114,13 @@ class Tree:
         finally:
             node.best = relaxation.best
 
-    def _relaxation(self, node: _Node) -> Relaxation:
+    def _relaxation(
+        self, node: _Node, penalty: float, columns: list[Column],
+        rows: tuple[Resource, ...], cuts: tuple[Cut, ...],
+    ) -> Relaxation:  # fmt: skip
         """Returns the relaxation of a node, with what it inherits."""
-        inherited = node.inherited
-        assert inherited is not None
-        master = Master(self.search.model, inherited.penalty, node.decisions)
-        master.add_all(inherited.columns, inherited.rows, inherited.cuts)
+        master = Master(self.search.model, penalty, node.decisions)
+        master.add_all(columns, rows, cuts)
         # Every robot needs a column: its best path under the decisions.
         priced = self.search.pricer(node.best.duals, node.decisions)
         for column in priced.columns:
@@ -135,13 +129,13 @@ class Tree:
 
     def look_for_plans(self, relaxation: Relaxation) -> None:
         """Offers plans made of a node's mixture; by diving at nodes 1, 2, 4, 8, .."""
-        search, solution = self.search, relaxation.solution
-        if solution is None:
+        if relaxation.solution is None:
             return
-        search.offer(search.local_search.from_integral(solution.mixture))
+        mixture, search = relaxation.solution.mixture, self.search
+        search.offer(search.local_search.from_integral(mixture))
         relaxation.look_for_plans()
         if self._solved & (self._solved - 1) == 0:
-            search.offer(dive(search, relaxation.master, solution))
+            search.offer(relaxation.dive())
 
     def branch(self, node: _Node, relaxation: Relaxation) -> None:
         """Makes the two children of a node, where a resource is used fractionally."""
@@ -164,7 +158,7 @@ class Tree:
             return False
         resource, robots = choice[0], int(np.floor(choice[1]))
         columns = [*solution.mixture.columns, *master.used_columns(2)]
-        inherited = _Inheritance(columns, tuple(master.rows), tuple(master.cuts), master.penalty)
+        inherited = master.penalty, columns, tuple(master.rows), tuple(master.cuts)
         # The parent's multipliers hold for the children, whose new decision costs nothing.
         duals = node.best.duals
         duals = replace(duals, decisions=np.append(duals.decisions, 0.0))

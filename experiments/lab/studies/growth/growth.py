@@ -22,7 +22,7 @@ from cocap_opt.experiments.lab.studies.growth.points import (
     Sample,
 )
 from cocap_opt.experiments.lab.studies.runs import Run
-from cocap_opt.formulations.column_generation.column_generation import column_generation
+from cocap_opt.formulations.column_generation.branch_and_price import column_generation
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.output.files import make_folder, save_bytes, save_csv
 from cocap_opt.output.printing import Listing

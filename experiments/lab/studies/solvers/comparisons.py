@@ -16,8 +16,10 @@ from cocap_opt.experiments.lab.studies.solvers.contenders import ALONE, WITH_OUR
 from cocap_opt.experiments.lab.studies.solvers.figures import Figure, Target
 from cocap_opt.experiments.lab.studies.solvers.rows import SEEDS, Options
 from cocap_opt.formulations import BOUNDS
-from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.column_generation import column_generation
+from cocap_opt.formulations.column_generation.branch_and_price import (
+    branch_and_price,
+    column_generation,
+)
 from cocap_opt.formulations.relaxations.cone_program import single_view
 from cocap_opt.formulations.result import OPTIMALITY, BoundMethod
 from cocap_opt.scenarios import load_scene

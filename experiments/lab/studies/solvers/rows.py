@@ -13,8 +13,10 @@ from statistics import median
 
 from cocap_opt.experiments.lab.studies.runs import Run, scene
 from cocap_opt.experiments.lab.studies.solvers.figures import Figure, Target
-from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.column_generation import column_generation
+from cocap_opt.formulations.column_generation.branch_and_price import (
+    branch_and_price,
+    column_generation,
+)
 from cocap_opt.formulations.result import BoundMethod
 from cocap_opt.result import UnsupportedError
 
