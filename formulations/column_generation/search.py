@@ -160,6 +160,14 @@ class Search:
         return Narrowing.of(model, duals.certificate(model), self.value, self.stop).closed()
 
     @property
+    def is_large(self) -> bool:
+        """True if masters of the model would take too long."""
+        problem, least = self.model.problem, self.parameters.large_root.many_robot_steps
+        robots = len(problem.robots)
+        is_long = robots > 1 and robots * problem.horizon >= least
+        return is_long and not problem.objective.over_time
+
+    @property
     def can_recombine(self) -> bool:
         """True if several plans were found, and joint states decide J."""
         return self.recombination.applies_to(self.model)

@@ -21,9 +21,9 @@ from cocap_opt.formulations.column_generation.branch_and_price import (
     branch_and_price,
     column_generation,
 )
-from cocap_opt.formulations.column_generation.master.columns import Arc, Column, users
+from cocap_opt.formulations.column_generation.master.columns import Arc, Column
 from cocap_opt.formulations.column_generation.master.master import Master
-from cocap_opt.formulations.column_generation.master.master_program import ConicProgram
+from cocap_opt.formulations.column_generation.master.master_program import _ConicProgram
 from cocap_opt.formulations.column_generation.master.mixture import Mixture, ResourceUse
 from cocap_opt.formulations.column_generation.master.pricing import Pricer
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
@@ -235,7 +235,7 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
         ]
         if moved[0] != moved[1]:
             resources += [Move(t, moved, number), Swap(t, moved), Swap(t, moved[::-1])]
-        rows = users(model, Column.of(model, robot, path.states).arcs, resources)
+        rows = Arc.users(model, Column.of(model, robot, path.states).arcs, resources)
         assert [len(row) for row in rows] == [r.used_by(model, path) for r in resources]
 
 
@@ -400,7 +400,7 @@ def test_local_search_asks_for_no_more_responses_than_are_allowed(allowed: int) 
 
 def test_multipliers_are_read_by_the_names_of_rows() -> None:
     """max x + 2 y, x <= 3, y <= 4, written in any order: the prices are 1 and 2."""
-    program = ConicProgram({"x": 1, "y": 1})
+    program = _ConicProgram({"x": 1, "y": 1})
     program.add_rows("y is small", np.array([4.0]))
     program.put_diagonal("y is small", "y", 1.0)
     program.add_rows("x is small", np.array([3.0]))
@@ -414,10 +414,10 @@ def test_multipliers_are_read_by_the_names_of_rows() -> None:
     assert multipliers["y is small"] == pytest.approx(2.0)
 
 
-def test_states_on_paths_lead_from_a_start_to_the_end() -> None:
-    """Arcs that no start reaches, and arcs that lead nowhere, have states on no path."""
+def test_arcs_on_paths_lead_from_a_start_to_the_end() -> None:
+    """Arcs that no start reaches, and arcs that lead nowhere, are on no path."""
     arcs = [Arc(0, 0, 1, 2), Arc(0, 1, 2, 3), Arc(0, 0, 1, 7), Arc(0, 1, 8, 3), Arc(1, 1, 2, 9)]
-    assert Arc.states_on_paths(arcs, [(0, 1)], 2) == [{(0, 1)}, {(0, 2)}, {(0, 3)}]
+    assert Arc.on_paths(arcs, [(0, 1)], 2) == [arcs[:1], arcs[1:2]]
 
 
 def test_no_report_has_a_bound_below_its_plan() -> None:

@@ -16,7 +16,7 @@ from cocap_opt.formulations.certificates import Pricing, verify
 from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.format import MOST_WORK
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.master.alike_cuts import alike_cut, grown_multisets
+from cocap_opt.formulations.column_generation.master.alike_cuts import _grown_multisets, alike_cut
 from cocap_opt.formulations.column_generation.master.mixture_ascent import (
     RuledProgram,
     mixture_ascent,
@@ -30,7 +30,7 @@ from cocap_opt.formulations.column_generation.parameters import (
 )
 from cocap_opt.formulations.column_generation.primal.arc_search import ArcSearch
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot, RuledAscent
+from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot, _RuledAscent
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
@@ -54,7 +54,7 @@ def test_the_highest_multiset_grows_by_gains_alone(
     """Of the multisets that are gone through, the highest is as high as that of all corners."""
     roots, shares = np.array(sorted(dict(curve).items())).T
     values = roots * shares
-    grown = grown_multisets(roots**2, values, robots, DEFAULTS.alike_cuts.most_growing)
+    grown = _grown_multisets(roots**2, values, robots, DEFAULTS.alike_cuts.most_growing)
     constant = Cut.valid(0, {0: Curve(roots, values)}, (robots,)).constant
     assert grown is not None
     assert grown[1].max() == pytest.approx(constant, abs=1e-9)
@@ -96,16 +96,10 @@ def test_a_root_far_below_others_has_no_beta() -> None:
         bonus=np.zeros(3),
     )  # fmt: skip
     cut = Cut(0, {0: Curve(np.array([1.0, 100.0]), np.array([0.5, 99.5]))}, 0.5)
-    heights = sparse.csr_array(cut.phi(0, roots))
     program = RuledProgram(
-        base,
-        [cut],
-        np.zeros(0),
-        1.0,
-        heights,
-        sparse.csr_array((3, 0)),
+        base, np.zeros(3, dtype=np.int64), [cut], sparse.csr_array((3, 0)), np.zeros(0), 1.0,
         DEFAULTS.ruled_ascent.least_share,
-    )
+    )  # fmt: skip
     for amount in np.linspace(0.0, 1.0, 200):
         alpha, beta, shares, _ = program.multipliers(np.array([1.0, amount, 0.01]))
         left = 1.0 - float(shares[0]) - float(alpha[0])
@@ -122,7 +116,7 @@ def test_every_step_under_rules_gives_a_bound(problem: Problem) -> None:
     mixture, _, first = next(
         mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent)
     )
-    ascent = RuledAscent(search, mixture, first)
+    ascent = _RuledAscent(search, mixture, first)
     best = optimum(problem).value
     for _ in range(4):
         ascent.step()
@@ -199,7 +193,7 @@ def large_root(scene: str) -> LargeRoot:
     mixture, _, priced = next(
         mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent)
     )
-    return LargeRoot.of(search, mixture, min(search.alone, priced, key=bound_of))
+    return LargeRoot(search, mixture, min(search.alone, priced, key=bound_of))
 
 
 def bound_of(priced: Priced) -> float:
@@ -223,8 +217,8 @@ def test_without_masters_plan_and_bound_come_near() -> None:
 @pytest.mark.parametrize(
     ("owner", "name", "calls"),
     [
-        (RuledAscent, "step", 3),  # before there is a plan
-        (RuledAscent, "add_cuts", 0),
+        (_RuledAscent, "step", 3),  # before there is a plan
+        (_RuledAscent, "add_cuts", 0),
         (ArcSearch, "_move", 4),
         (LargeRoot, "_respond", 0),
     ],

@@ -51,7 +51,7 @@ from cocap_opt.formulations.certificates.staged.search import MostProfitable, al
 from cocap_opt.formulations.certificates.staged.stages import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.master.columns import Arc
-from cocap_opt.formulations.column_generation.master.mixture import Mixture, flow_mixture
+from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.parameters import (
     EnvelopeParameters,
     ListParameters,
@@ -60,7 +60,10 @@ from cocap_opt.formulations.column_generation.parameters import (
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
-from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known, ascended
+from cocap_opt.formulations.column_generation.step_envelopes.known_states import (
+    Known,
+    _local_optima,
+)
 from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PriceBundle
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.explanation import explain
@@ -373,7 +376,7 @@ def test_local_search_finds_joint_states_that_count_and_are_high(
     joint = random_joint_states(rng)
     every = joint_by_enumeration(joint)
     starts = [list(every[k]) for k in rng.integers(len(every), size=3)] if every else []
-    found = [tuple(team) for team in ascended(joint, starts, is_compiled).tolist()]
+    found = [tuple(team) for team in _local_optima(joint, starts, is_compiled).tolist()]
     assert set(found) <= set(every)
     if is_compiled and every:
         assert found
@@ -471,7 +474,7 @@ def test_a_flow_is_split_into_paths_with_the_same_flow(problem: Problem) -> None
             return
         for column in incumbent.columns:
             flow.update(dict.fromkeys(column.arcs, 0.5))
-    mixture, again = flow_mixture(model, flow), Counter[Arc]()
+    mixture, again = Mixture.of_flow(model, flow), Counter[Arc]()
     for column, amount in mixture.used():
         again.update(dict.fromkeys(column.arcs, amount))
     assert dict(again) == pytest.approx(dict(flow))
@@ -484,12 +487,12 @@ def test_a_flow_that_runs_dry_gives_what_paths_there_are() -> None:
     assert incumbent is not None
     first, second = incumbent.columns
     whole = dict.fromkeys(first.arcs, 0.75) | dict.fromkeys(second.arcs, 1e-9)
-    mixture = flow_mixture(model, whole)
+    mixture = Mixture.of_flow(model, whole)
     assert [(column.key, amount) for column, amount in mixture.used()] == [(first.key, 0.75)]
     ends_early = dict.fromkeys(first.arcs[:-1], 1.0) | dict.fromkeys(second.arcs, 1.0)
-    mixture = flow_mixture(model, ends_early)
+    mixture = Mixture.of_flow(model, ends_early)
     assert [(column.key, amount) for column, amount in mixture.used()] == [(second.key, 1.0)]
-    assert flow_mixture(model, {}).columns == []
+    assert Mixture.of_flow(model, {}).columns == []
 
 
 def test_a_search_that_is_too_long_says_so() -> None:

@@ -53,7 +53,7 @@ def alike_cut(
         return None
     # The root grows with each robot's, so that phi need nowhere be above its later values.
     values = np.minimum.accumulate(values[::-1])[::-1]
-    grown = grown_multisets(pixels, values, robots, parameters.most_growing)
+    grown = _grown_multisets(pixels, values, robots, parameters.most_growing)
     if grown is None:
         return None
     curve = Curve(points, values * unit)
@@ -62,7 +62,7 @@ def alike_cut(
     return cut if known - seen.height(cut) > least else None
 
 
-def grown_multisets(
+def _grown_multisets(
     pixels: FloatArray, values: FloatArray, robots: int, most: int
 ) -> tuple[IntArray, FloatArray] | None:
     """Returns the multisets that grow by gains alone, among which is the highest one.
@@ -109,7 +109,7 @@ def _values(
             return None
         values, total = found
         height = total + float(mass @ values)
-        grown = grown_multisets(pixels, values, robots, parameters.most_growing)
+        grown = _grown_multisets(pixels, values, robots, parameters.most_growing)
         if height > known or grown is None:
             return None
         above = total + parameters.nearly * (known - height)

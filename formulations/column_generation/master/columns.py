@@ -36,21 +36,53 @@ class Arc(NamedTuple):
         return self.class_number, self.head
 
     @staticmethod
-    def states_on_paths(
+    def on_paths(
         arcs: "Iterable[Arc]", starts: Collection[ClassState], horizon: int
-    ) -> list[set[ClassState]]:
-        """Returns the states [T+1] of each step on a path of arcs from a start to step T."""
+    ) -> "list[list[Arc]]":
+        """Returns the arcs of each step [T] that are on a path from a start to step T."""
         by_step: list[list[Arc]] = [[] for _ in range(horizon)]
         for arc in arcs:
             by_step[arc.t].append(arc)
-        reached = [set(starts)]
-        for arcs_at in by_step:
-            reached.append({arc.enters for arc in arcs_at if arc.leaves in reached[-1]})
-        leading = [reached[-1]]
-        for t in range(horizon - 1, -1, -1):
-            tails = {arc.leaves for arc in by_step[t] if arc.enters in leading[-1]}
-            leading.append(tails & reached[t])
-        return leading[::-1]
+        reached = set(starts)
+        for t, arcs_then in enumerate(by_step):
+            by_step[t] = [arc for arc in arcs_then if arc.leaves in reached]
+            reached = {arc.enters for arc in by_step[t]}
+        for t, arcs_then in reversed([*enumerate(by_step)]):
+            by_step[t] = [arc for arc in arcs_then if arc.enters in reached]
+            reached = {arc.leaves for arc in by_step[t]}
+        return by_step
+
+    @staticmethod
+    def users(
+        model: Model, arcs: "Sequence[Arc]", resources: Sequence[Resource]
+    ) -> list[list[int]]:
+        """Returns the numbers of the arcs that use each resource.
+
+        A state is used by the arcs into it, a start by those out of it.
+        """
+        into: dict[tuple[int, int, int], list[int]] = defaultdict(list)  # by class, step and place
+        along: dict[tuple[int, int, int, int], list[int]] = defaultdict(list)  # and the next place
+        n_places = [robot_class.graph.n_places for robot_class in model.classes]
+        for k, (number, t, tail, head) in enumerate(arcs):
+            start, end = tail % n_places[number], head % n_places[number]
+            along[number, t, start, end].append(k)
+            into[number, t + 1, end].append(k)
+            if t == 0:
+                into[number, 0, start].append(k)
+        found = []
+        for resource in resources:
+            t, numbers = resource.t, list[int]()
+            for number in range(len(model.classes)):
+                used = resource.footprint(model, number)
+                for place in used.places:
+                    numbers += into.get((number, t, place), [])
+                for start, end in used.moves:
+                    numbers += along.get((number, t, start, end), [])
+                for state in used.states:
+                    near = into.get((number, t, state % n_places[number]), [])
+                    numbers += [k for k in near if (arcs[k].head if t else arcs[k].tail) == state]
+            found.append(numbers)
+        return found
 
 
 class Column(NamedTuple):
@@ -107,33 +139,3 @@ class Column(NamedTuple):
     def avoid(model: Model, robot_class: RobotClass, columns: "Iterable[Column]") -> Charges:
         """Returns charges that keep robots of a class clear of the paths of columns."""
         return avoid_paths(model, robot_class, (column.along.cells for column in columns))
-
-
-def users(model: Model, arcs: Sequence[Arc], resources: Sequence[Resource]) -> list[list[int]]:
-    """Returns the numbers of the arcs that use each resource.
-
-    A state is used by the arcs into it, a start by those out of it.
-    """
-    into: dict[tuple[int, int, int], list[int]] = defaultdict(list)  # by class, step and place
-    along: dict[tuple[int, int, int, int], list[int]] = defaultdict(list)  # and the next place
-    n_places = [robot_class.graph.n_places for robot_class in model.classes]
-    for k, (number, t, tail, head) in enumerate(arcs):
-        start, end = tail % n_places[number], head % n_places[number]
-        along[number, t, start, end].append(k)
-        into[number, t + 1, end].append(k)
-        if t == 0:
-            into[number, 0, start].append(k)
-    found = []
-    for resource in resources:
-        t, numbers = resource.t, list[int]()
-        for number in range(len(model.classes)):
-            used = resource.footprint(model, number)
-            for place in used.places:
-                numbers += into.get((number, t, place), [])
-            for start, end in used.moves:
-                numbers += along.get((number, t, start, end), [])
-            for state in used.states:
-                near = into.get((number, t, state % n_places[number]), [])
-                numbers += [k for k in near if (arcs[k].head if t else arcs[k].tail) == state]
-        found.append(numbers)
-    return found

@@ -94,12 +94,9 @@ class Master:
             for number, robot_class in enumerate(self.model.classes)
             for start in robot_class.starts
         }
-        on = Arc.states_on_paths(fresh, starts, self.model.problem.horizon)
-        self._idle = {
-            arc: self._idle[arc]
-            for arc in fresh
-            if arc.leaves in on[arc.t] and arc.enters in on[arc.t + 1]
-        }
+        by_step = Arc.on_paths(fresh, starts, self.model.problem.horizon)
+        kept = {arc for arcs in by_step for arc in arcs}
+        self._idle = {arc: self._idle[arc] for arc in fresh if arc in kept}
         self._columns = {
             key: column
             for key, column in self._columns.items()

@@ -22,8 +22,8 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Decision
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
-from cocap_opt.formulations.column_generation.master.columns import Arc, Column, users
-from cocap_opt.formulations.column_generation.master.mixture import Mixture, flow_mixture
+from cocap_opt.formulations.column_generation.master.columns import Arc, Column
+from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.relaxations.cone_solver import solve_cones
 from cocap_opt.formulations.relaxations.duals import Duals, repaired_roots
 from cocap_opt.graph.move_rewards import Bonuses
@@ -35,7 +35,7 @@ _SOLVED = ("Solved", "AlmostSolved")
 _Blocks = Mapping[str, FloatArray]  # values or multipliers by the names of their blocks
 
 
-class ConicProgram:
+class _ConicProgram:
     """min cost x subject to A x + s = b with s in the cones of the blocks of rows.
 
     Parameters
@@ -218,7 +218,7 @@ class MasterProgram:
         """
         n_rows, n_roots = len(self._rows) + len(self._decisions), len(self._weights)
         sizes = {"flow": len(self._arcs), "slack": n_rows, "roots": n_roots, "pixels": n_roots}
-        program = ConicProgram(sizes)
+        program = _ConicProgram(sizes)
         self._add_conservation(program)
         self._add_resources(program)
         for name in ("flow", "slack"):
@@ -234,14 +234,14 @@ class MasterProgram:
         flow = dict(zip(self._arcs, values["flow"].tolist(), strict=True))
         solution = Solution(
             value=-value * self._unit,
-            mixture=flow_mixture(self._model, flow, known),
+            mixture=Mixture.of_flow(self._model, flow, known),
             slack=float(np.maximum(values["slack"], 0.0).sum()),
             duals=self._duals(multipliers),
             is_solved=is_solved,
         )
         return solution, values["flow"]
 
-    def _add_conservation(self, program: ConicProgram) -> None:
+    def _add_conservation(self, program: _ConicProgram) -> None:
         """Adds the rows by which one unit leaves each start, and what enters a state leaves it."""
         nodes: dict[tuple[int, int, int], int] = {}
         leaving = [nodes.setdefault((a.class_number, a.t, a.tail), len(nodes)) for a in self._arcs]
@@ -260,10 +260,10 @@ class MasterProgram:
         arcs = np.array(inner, dtype=np.int64)
         program.put(name, "flow", entering, arcs, -np.ones(len(inner)))
 
-    def _add_resources(self, program: ConicProgram) -> None:
+    def _add_resources(self, program: _ConicProgram) -> None:
         """Adds rows sign * (flow on the arcs that use a resource) - slack <= limit."""
         decided = [decision.resource for decision in self._decisions]
-        using = users(self._model, self._arcs, [*self._rows, *decided])
+        using = Arc.users(self._model, self._arcs, [*self._rows, *decided])
         signs = np.array([1.0] * len(self._rows) + [float(d.sign) for d in self._decisions])
         limits = np.array([float(d.sign * d.robots) for d in self._decisions])
         first = 0
@@ -276,7 +276,7 @@ class MasterProgram:
             program.put(name, "slack", each, first + each, -np.ones(len(limit)))
             first += len(limit)
 
-    def _add_roots(self, program: ConicProgram) -> None:
+    def _add_roots(self, program: _ConicProgram) -> None:
         """Adds the rows that bound the roots; see the module's docstring."""
         n = len(self._weights)
         program.add_rows("single view", np.zeros(n))
@@ -294,7 +294,7 @@ class MasterProgram:
         program.put("cones", "pixels", each + 2, each // 3, -np.ones(n))
         program.put("cones", "roots", each + 1, each // 3, np.full(n, -2.0))
 
-    def _add_cuts(self, program: ConicProgram) -> None:
+    def _add_cuts(self, program: _ConicProgram) -> None:
         """Adds rows u <= constant + sum of phi(roots); 0 <= 0 where no arc sees the view sum."""
         seen = np.flatnonzero(self._is_seen).tolist()
         constants = np.zeros(len(self._cuts))

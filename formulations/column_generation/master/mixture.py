@@ -10,6 +10,7 @@ couples them.
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
+from types import MappingProxyType
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -41,6 +42,57 @@ class Mixture(NamedTuple):
 
     columns: list[Column]
     amounts: FloatArray  # [n] how much of a robot takes each column
+
+    @classmethod
+    def of_flow(
+        cls,
+        model: Model,
+        flow: Mapping[Arc, float],
+        known: Mapping[tuple[int, Path], Column] = MappingProxyType({}),
+    ) -> "Mixture":
+        """Returns paths of all robots that a flow splits into, the widest of each robot first.
+
+        The amounts of a robot's paths add up to 1, or to less where the flow runs dry.
+
+        Parameters
+        ----------
+        flow : number of robots on each arc
+        known : columns by robot and path, which need not be made again
+        """
+        left: dict[tuple[int, int, int], dict[int, float]] = {}
+        for arc, amount in flow.items():
+            if amount > LEAST_USE:
+                left.setdefault((arc.class_number, arc.t, arc.tail), {})[arc.head] = amount
+        columns: list[Column] = []
+        amounts: list[float] = []
+        for robot in range(len(model.problem.robots)):
+            number, rest = model.classes.index(model.class_of[robot]), 1.0
+            while rest > 10 * LEAST_USE:
+                path, amount = _widest(left, number, model.start(robot), model.problem.horizon)
+                amount = min(rest, amount)
+                if amount <= LEAST_USE:
+                    break
+                for t in range(len(path) - 1):
+                    left[number, t, path[t]][path[t + 1]] -= amount
+                rest -= amount
+                column = known.get((robot, path)) or Column.of(model, robot, path)
+                columns.append(column)
+                amounts.append(amount)
+        return cls(columns, np.array(amounts))
+
+    def joined(self, columns: Sequence[Column]) -> "Mixture":
+        """Returns the mixture with new columns; each gets as much as one of its robot's."""
+        known = {column.key for column in self.columns}
+        new = [column for column in columns if column.key not in known]
+        all_columns = [*self.columns, *new]
+        robots = np.array([column.robot for column in all_columns])
+        amounts = np.append(self.amounts, (1 / np.bincount(robots)[robots])[len(known) :])
+        return Mixture(all_columns, amounts / np.bincount(robots, amounts)[robots])
+
+    def raised(self, amounts: FloatArray, least: float) -> "Mixture":
+        """Returns the columns with new amounts [n], but those that have no more than the least."""
+        kept = np.flatnonzero(amounts > least)
+        return Mixture([self.columns[n] for n in kept.tolist()], amounts[kept])
 
     def used(self, least: float = 1e-9) -> Iterator[tuple[Column, float]]:
         """Yields the columns with larger amounts than `least`, and the amounts."""
@@ -160,40 +212,6 @@ def _clique(near: BoolArray, first: int, amounts: Sequence[float]) -> list[int]:
             clique.append(k)
             open_ &= near[k]
     return clique
-
-
-def flow_mixture(
-    model: Model, flow: Mapping[Arc, float], known: Mapping[tuple[int, Path], Column] | None = None
-) -> Mixture:
-    """Returns paths of all robots that a flow splits into, the widest of each robot first.
-
-    The amounts of a robot's paths add up to 1, or to less where the flow runs dry.
-
-    Parameters
-    ----------
-    flow : number of robots on each arc
-    known : columns by robot and path, which need not be made again
-    """
-    left: dict[tuple[int, int, int], dict[int, float]] = {}
-    for arc, amount in flow.items():
-        if amount > LEAST_USE:
-            left.setdefault((arc.class_number, arc.t, arc.tail), {})[arc.head] = amount
-    columns: list[Column] = []
-    amounts: list[float] = []
-    for robot in range(len(model.problem.robots)):
-        number, rest = model.classes.index(model.class_of[robot]), 1.0
-        while rest > 10 * LEAST_USE:
-            path, amount = _widest(left, number, model.start(robot), model.problem.horizon)
-            amount = min(rest, amount)
-            if amount <= LEAST_USE:
-                break
-            for t in range(len(path) - 1):
-                left[number, t, path[t]][path[t + 1]] -= amount
-            rest -= amount
-            column = (known or {}).get((robot, path))
-            columns.append(column or Column.of(model, robot, path))
-            amounts.append(amount)
-    return Mixture(columns, np.array(amounts))
 
 
 def _widest(

@@ -17,15 +17,14 @@ conflict row has a multiplier that rises with its excess over one use, as in an 
 Lagrangian: mu <- max(0, mu + rho (uses - 1)). Whatever the multipliers, pricing gives a bound.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from scipy import sparse
 
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.envelope import Cut
-from cocap_opt.formulations.certificates.resources import Resource
-from cocap_opt.formulations.column_generation.master.columns import Column, users
+from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.pricing import Priced, Pricer
 from cocap_opt.formulations.column_generation.parameters import AscentParameters
@@ -57,7 +56,7 @@ def mixture_ascent(
     mixture, priced, open_ = Mixture([], np.zeros(0)), first, np.inf
     best = first.bound
     while True:
-        mixture = joined(mixture, priced.columns)
+        mixture = mixture.joined(priced.columns)
         program = MixtureProgram(model, mixture.columns)
         enough = parameters.rough * open_
         amounts = raised(
@@ -67,19 +66,8 @@ def mixture_ascent(
         priced = pricer(duals)
         best = min(best, priced.bound)
         open_ = best - value
-        kept = np.flatnonzero(amounts > parameters.least_amount)
-        mixture = Mixture([mixture.columns[n] for n in kept.tolist()], amounts[kept])
+        mixture = mixture.raised(amounts, parameters.least_amount)
         yield mixture, value, priced
-
-
-def joined(mixture: Mixture, columns: list[Column]) -> Mixture:
-    """Returns a mixture with new columns, of which each gets as much as one of its robot's."""
-    known = {column.key for column in mixture.columns}
-    new = [column for column in columns if column.key not in known]
-    all_columns = [*mixture.columns, *new]
-    robots = np.array([column.robot for column in all_columns])
-    amounts = np.append(mixture.amounts, (1 / np.bincount(robots)[robots])[len(known) :])
-    return Mixture(all_columns, amounts / np.bincount(robots, amounts)[robots])
 
 
 class MixtureProgram:
@@ -161,19 +149,19 @@ class RuledProgram:
     Parameters
     ----------
     base : the same without them
+    classes : [n] class number of each column
+    uses : [n, rows] of resources by columns
     charges : [rows] multipliers at a use of 1
     steepness : by how much they rise with each robot too many
-    heights : [n, cuts] by how much a column raises the heights of cuts
-    uses : [n, rows] of resources by columns
     least_share : of a root's multiplier, from which on pixels have one of their own
     """
 
     def __init__(
-        self, base: MixtureProgram, cuts: Sequence[Cut], charges: FloatArray, steepness: float,
-        heights: sparse.csr_array, uses: sparse.csr_array,
-        least_share: float,
+        self, base: MixtureProgram, classes: IntArray, cuts: Sequence[Cut], uses: sparse.csr_array,
+        charges: FloatArray, steepness: float, least_share: float,
     ) -> None:  # fmt: skip
-        self._base, self._heights, self._uses = base, heights, uses
+        self._base, self._uses = base, uses
+        self._heights = _cut_heights(base, classes, cuts)
         self._charges, self._steepness, self._least_share = charges, steepness, least_share
         self._at = np.array([cut.view_sum for cut in cuts], dtype=np.int64)
         self._constants = np.array([cut.constant for cut in cuts])
@@ -224,28 +212,14 @@ class RuledProgram:
         return prices
 
 
-def cut_heights(
-    base: MixtureProgram, columns: Sequence[Column], cuts: Sequence[Cut]
-) -> sparse.csr_array:
+def _cut_heights(base: MixtureProgram, classes: IntArray, cuts: Sequence[Cut]) -> sparse.csr_array:
     """Returns by how much each column raises the heights of cuts [n, cuts]."""
     by_view_sum = base.roots.tocsc()
-    classes = np.array([column.along.class_number for column in columns])
     values, at, ends = [np.zeros(0)], [np.zeros(0, dtype=np.int64)], [0]
     for cut in cuts:
         part = slice(*by_view_sum.indptr[cut.view_sum : cut.view_sum + 2])
         at.append(by_view_sum.indices[part].astype(np.int64))
         values.append(cut.phi_of(classes[at[-1]], by_view_sum.data[part]))
         ends.append(ends[-1] + len(at[-1]))
-    shape = len(columns), len(cuts)
+    shape = len(classes), len(cuts)
     return sparse.csc_array((np.concatenate(values), np.concatenate(at), ends), shape).tocsr()
-
-
-def uses_of(
-    model: Model, columns: Sequence[Column], rows: Collection[Resource]
-) -> sparse.csr_array:
-    """Returns which resources columns use [n, rows]."""
-    horizon = model.problem.horizon
-    using = users(model, [arc for column in columns for arc in column.arcs], [*rows])
-    at = np.repeat(np.arange(len(rows)), [len(arcs) for arcs in using])
-    of = np.array([arc // horizon for arcs in using for arc in arcs], dtype=np.int64)
-    return sparse.csr_array((np.ones(len(of)), (of, at)), (len(columns), len(rows)))

@@ -433,22 +433,19 @@ def _side(model: Model, robot: int, arcs: Iterable[Arc], others: Sequence[Column
     closed = Column.avoid(model, robot_class, others)
     of_class = [arc for arc in arcs if arc.class_number == number]
     open_ = [arc for arc in of_class if not _is_closed(arc, closed, graph.n_places)]
-    on = Arc.states_on_paths(open_, [(number, model.start(robot))], horizon)
-    if not on[0]:
+    by_step = Arc.on_paths(open_, [(number, model.start(robot))], horizon)
+    if not by_step[0]:
         return None
-    states = [np.array(sorted(state for _, state in at_step), dtype=np.int64) for at_step in on]
-    ends: list[list[tuple[int, int]]] = [[] for _ in range(horizon)]
-    for arc in open_:
-        if arc.leaves in on[arc.t] and arc.enters in on[arc.t + 1]:
-            ends[arc.t].append((arc.tail, arc.head))
+    ends = [np.array(sorted((a.tail, a.head) for a in arcs)).T for arcs in by_step]
+    states = [*(np.unique(tails) for tails, _ in ends), np.unique(ends[-1][1])]
     bonuses = Bonuses.of(model.problem.objective)
-    side = _Side(robot_class, states, [], [], [])
-    for t, both in enumerate(ends):
-        tails, heads = np.array(sorted(both), dtype=np.int64).reshape(-1, 2).T
-        side.tails.append(np.searchsorted(states[t], tails))
-        side.heads.append(np.searchsorted(states[t + 1], heads))
-        side.rewards.append(bonuses.of_edges(graph.shape, tails, heads))
-    return side
+    return _Side(
+        robot_class,
+        states,
+        [np.searchsorted(at, tails) for at, (tails, _) in zip(states[:-1], ends, strict=True)],
+        [np.searchsorted(at, heads) for at, (_, heads) in zip(states[1:], ends, strict=True)],
+        [bonuses.of_edges(graph.shape, tails, heads) for tails, heads in ends],
+    )
 
 
 def _is_closed(arc: Arc, closed: Charges, n_places: int) -> bool:

@@ -41,7 +41,7 @@ from cocap_opt.formulations.certificates.staged import (
     most_profitable,
 )
 from cocap_opt.formulations.column_generation.master.columns import Arc, Column
-from cocap_opt.formulations.column_generation.master.mixture import flow_mixture
+from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.parameters import EnvelopeParameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
@@ -309,7 +309,7 @@ class _Envelopes:
         """
         before = self.search.value
         self.search.allow_responses(self.responses)
-        self.search.look_for_plans(flow_mixture(self.model, flow), flow.keys())
+        self.search.look_for_plans(Mixture.of_flow(self.model, flow), flow.keys())
         self.search.recombine(self.narrowing)
         self.responses = (
             self._parameters.responses

@@ -114,14 +114,14 @@ class Known:
                 first, end = np.searchsorted(joint.class_of, [number, number + 1])
                 changed[k] = int(self.rng.integers(first, end))
             starts.append(changed)
-        return [tuple(team) for team in ascended(joint, starts, self.is_thorough).tolist()]
+        return [tuple(team) for team in _local_optima(joint, starts, self.is_thorough).tolist()]
 
     def highest(self, joint: JointStates) -> float:
         """Returns the largest height that local search finds."""
         return max((joint.reduced_profit(found) for found in self.ascended(joint)), default=-np.inf)
 
 
-def ascended(
+def _local_optima(
     joint: JointStates, starts: Sequence[Sequence[int]], is_compiled: bool = False
 ) -> IntArray:
     """Returns joint states that count and that no robot can raise alone, without repetition.

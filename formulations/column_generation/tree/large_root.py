@@ -1,29 +1,26 @@
 """The root of scenes with very many robots: bound and plan in turn, without masters.
 
 Where a master takes many seconds, three kinds of work take turns: mixtures are raised and priced
-under rules and cuts (`RuledAscent`), the plan is changed over the arcs of all columns that were
+under rules and cuts (`_RuledAscent`), the plan is changed over the arcs of all columns that were
 found (`arc_search`), and its robots answer one another over all arcs there are (`local_search`).
 Each turn goes to the kind that has gained most when it was last at work; those that wait gain
 prospects, since the others' work may bring them some.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 import numpy as np
+from scipy import sparse
 
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.master.alike_cuts import alike_cut
-from cocap_opt.formulations.column_generation.master.columns import Column
+from cocap_opt.formulations.column_generation.master.columns import Arc, Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.mixture_ascent import (
     MixtureProgram,
     RuledProgram,
-    cut_heights,
-    joined,
     raised,
-    uses_of,
 )
 from cocap_opt.formulations.column_generation.master.pricing import Priced
 from cocap_opt.formulations.column_generation.parameters import (
@@ -35,20 +32,10 @@ from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.relaxations.separation import Seen, loose_view_sums
-from cocap_opt.model import Path
+from cocap_opt.model import Model, Path
 
 
-def is_large(search: Search) -> bool:
-    """Returns True if masters of the search's model would take too long."""
-    problem = search.model.problem
-    return (
-        len(problem.robots) > 1
-        and len(problem.robots) * problem.horizon >= search.parameters.large_root.many_robot_steps
-        and not problem.objective.over_time
-    )
-
-
-class RuledAscent:
+class _RuledAscent:
     """A mixture that is raised under rules and cuts.
 
     Attributes
@@ -80,12 +67,12 @@ class RuledAscent:
     def step(self) -> None:
         """Adds rows, raises the mixture, and prices its multipliers; raises LimitReached."""
         self._add_rows()
-        search, mixture = self._search, joined(self.mixture, self._priced.columns)
+        search, mixture = self._search, self.mixture.joined(self._priced.columns)
         base = MixtureProgram(search.model, mixture.columns)
         program = RuledProgram(
-            base, self.cuts, self._charges, self._steepness,
-            cut_heights(base, mixture.columns, self.cuts),
-            uses_of(search.model, mixture.columns, self.rows), self._parameters.least_share,
+            base, np.array([column.along.class_number for column in mixture.columns]), self.cuts,
+            _uses(search.model, mixture.columns, self.rows), self._charges, self._steepness,
+            self._parameters.least_share,
         )  # fmt: skip
         open_ = self.best.bound - self.value if self.value > 0 else np.inf
         amounts = raised(
@@ -98,8 +85,7 @@ class RuledAscent:
         cuts = tuple(zip(self.cuts, self._shares.tolist(), strict=True))
         self._priced = search.pricer(Duals(alpha, beta, rows, cuts))
         self.best = min(self.best, self._priced, key=lambda pricing: pricing.bound)
-        kept = np.flatnonzero(amounts > self._parameters.least_amount)
-        self.mixture = Mixture([mixture.columns[n] for n in kept.tolist()], amounts[kept])
+        self.mixture = mixture.raised(amounts, self._parameters.least_amount)
         self._add_columns()
 
     def _add_columns(self) -> None:
@@ -170,24 +156,31 @@ class RuledAscent:
                 yield view_sum, seen
 
 
-@dataclass
+def _uses(model: Model, columns: Sequence[Column], rows: Collection[Resource]) -> sparse.csr_array:
+    """Returns which resources columns use [n, rows]."""
+    horizon = model.problem.horizon
+    using = Arc.users(model, [arc for column in columns for arc in column.arcs], [*rows])
+    at = np.repeat(np.arange(len(rows)), [len(arcs) for arcs in using])
+    of = np.array([arc // horizon for arcs in using for arc in arcs], dtype=np.int64)
+    return sparse.csr_array((np.ones(len(of)), (of, at)), (len(columns), len(rows)))
+
+
 class LargeRoot:
     """The bound and the plan of a large scene.
+
+    Parameters
+    ----------
+    mixture, best : of a first ascent
 
     Attributes
     ----------
     found : columns of plans, beside those of the ascent
     """
 
-    search: Search
-    ascent: RuledAscent
-    found: dict[tuple[int, Path], Column] = field(default_factory=dict)
-    _turns: int = 0  # of the ascent, from which on cuts are looked for
-
-    @classmethod
-    def of(cls, search: Search, mixture: Mixture, best: Priced) -> "LargeRoot":
-        """Returns the root with the mixture and the bound of a first ascent."""
-        return cls(search, RuledAscent(search, mixture, best))
+    def __init__(self, search: Search, mixture: Mixture, best: Priced) -> None:
+        self.search, self.ascent = search, _RuledAscent(search, mixture, best)
+        self.found: dict[tuple[int, Path], Column] = {}
+        self._turns = 0  # of the ascent, from which on cuts are looked for
 
     @property
     def _parameters(self) -> LargeRootParameters:

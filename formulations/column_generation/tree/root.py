@@ -12,7 +12,7 @@ from cocap_opt.formulations.column_generation.master.mixture_ascent import mixtu
 from cocap_opt.formulations.column_generation.parameters import RootParameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
-from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot, is_large
+from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot
 from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 
 
@@ -59,7 +59,7 @@ class Root:
         by_cuts_only : do not try paths or step envelopes before there are cuts
         """
         if self.relaxation.best.bound > -np.inf:
-            if is_large(self.search):
+            if self.search.is_large:
                 self._solve_large()
             else:
                 self._begin(self._ascend(self._parameters.enough))
@@ -105,9 +105,8 @@ class Root:
     def _solve_large(self) -> None:
         """Lowers the bound and looks for plans without masters; raises LimitReached."""
         relaxation = self.relaxation
-        large = LargeRoot.of(
-            self.search, self._ascend(self._parameters.enough_large), relaxation.best
-        )
+        mixture = self._ascend(self._parameters.enough_large)
+        large = LargeRoot(self.search, mixture, relaxation.best)
         if self._is_closed():
             return
         try:
