@@ -11,10 +11,4 @@ tree), both in `branch_and_price`. Their rooms, from the lowest up:
 - `tree`: the relaxation of a node, the root, and the nodes below it.
 """
 
-__all__ = [
-    "branch_and_price",
-    "parameters",
-    "search",
-    "step_envelopes",
-    "tree",
-]
+__all__ = ["branch_and_price", "parameters", "search", "step_envelopes", "tree"]

@@ -165,8 +165,10 @@ def test_stages_are_repeated_for_a_better_plan() -> None:
     narrowing = search.narrowing(duals)
     assert narrowing is not None
     steps = range(1, search.model.problem.horizon + 1)
+    known = Known(search.rng, DEFAULTS.bundle)
+    known.add_plan(better, steps)
     stages = envelopes._Envelopes(
-        search, narrowing, duals, Known.of(better, steps, search.rng, DEFAULTS.bundle), steps,
+        search, narrowing, duals, known, steps,
         PathTrials(search, is_on=False), ListLengths(len(steps), DEFAULTS.lists),
     )  # fmt: skip
     stages._lower()

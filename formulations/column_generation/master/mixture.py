@@ -16,14 +16,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray
-from cocap_opt.formulations.certificates.resources import (
-    Cells,
-    Move,
-    Moves,
-    Resource,
-    Swap,
-    Visit,
-)
+from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.column_generation.master.columns import Arc, Column
 from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import Seen
@@ -129,14 +122,14 @@ class Mixture(NamedTuple):
         problem = model.problem
         if problem.rules.none:
             return []
-        occupied: defaultdict[int, _Uses[Cell]] = defaultdict(dict)  # by step
-        flown: defaultdict[int, _Uses[tuple[Cell, Cell]]] = defaultdict(dict)
+        occupied = defaultdict[int, _Uses[Cell]](lambda: defaultdict(float))  # by step
+        flown = defaultdict[int, _Uses[_CellMove]](lambda: defaultdict(float))
         for column, amount in self.used():
             cells = column.along.cells
             for t, cell in enumerate(cells):
-                occupied[t][cell] = occupied[t].get(cell, 0.0) + amount
+                occupied[t][cell] += amount
             for t, move in enumerate(pairwise(cells)):
-                flown[t][move] = flown[t].get(move, 0.0) + amount
+                flown[t][move] += amount
         found: list[Cells | Swap | Moves] = []
         for t, cells_then in occupied.items():
             found += _crowded_cells(problem, t, cells_then, 1 + tolerance)
@@ -149,7 +142,8 @@ class Mixture(NamedTuple):
         return list(dict.fromkeys(found))
 
 
-_User = TypeVar("_User", Cell, tuple[Cell, Cell])
+_CellMove = tuple[Cell, Cell]
+_User = TypeVar("_User", Cell, _CellMove)
 _Uses = dict[_User, float]  # number of robots that are there, or make the move
 
 
@@ -279,9 +273,7 @@ class ResourceUse(NamedTuple):
         """Returns the resource to branch on and its amount; ties go to the earlier step."""
         choices = self.fractional(tolerance).items()
         return min(
-            choices,
-            key=lambda c: (round(abs(c[1] % 1 - 0.5), 3), c[0].t, repr(c[0])),
-            default=None,
+            choices, key=lambda c: (round(abs(c[1] % 1 - 0.5), 3), c[0].t, repr(c[0])), default=None
         )
 
 

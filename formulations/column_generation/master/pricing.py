@@ -6,15 +6,14 @@ cost of each. The value is the bound that the multipliers' certificate proves, b
 """
 
 import math
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 
 from cocap_opt.arithmetic import exact_sum
-from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates import Decision
 from cocap_opt.formulations.certificates.resources import Resource, charges_of
 from cocap_opt.formulations.column_generation.master.columns import Column
@@ -24,7 +23,6 @@ from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
-from cocap_opt.vision.coverage import CoverageTable
 
 
 class Priced(NamedTuple):
@@ -41,21 +39,30 @@ class Pricer:
     def __init__(self, model: Model, stop: Stop = never) -> None:
         self.model, self._stop = model, stop
         self._weights = model.problem.view_sum_weights
-        # Some classes share a table.
-        tables = [model.coverage(robot_class) for robot_class in model.classes]
-        distinct = {id(table): table for table in tables}
-        self._shared = {at: _Views(table, len(self._weights)) for at, table in distinct.items()}
-        self._views = [self._shared[id(table)] for table in tables]
+        # Coverage as sparse matrices, nodes by view sums. Some classes share a table.
+        self._tables = [id(model.coverage(robot_class)) for robot_class in model.classes]
+        self._pixels: dict[int, sparse.csr_array] = {}
+        self._roots: dict[int, sparse.csr_array] = {}
+        self._by_view_sum: dict[int, sparse.csc_array] = {}  # roots, once there are cuts
+        for robot_class in model.classes:
+            table = model.coverage(robot_class)
+            if id(table) not in self._pixels:
+                shape, by_node = (
+                    (len(table.nodes), len(self._weights)),
+                    (table.view_sums, table.indptr),
+                )
+                self._pixels[id(table)] = sparse.csr_array((table.pixels, *by_node), shape)
+                self._roots[id(table)] = sparse.csr_array((np.sqrt(table.pixels), *by_node), shape)
 
     def __call__(self, duals: Duals, decisions: Sequence[Decision] = ()) -> Priced:
         """Returns the bound of multipliers for plans that obey the decisions, and new columns."""
         model, bonuses = self.model, Bonuses.of(self.model.problem.objective)
         bound, costs = self._constant(duals, decisions), _costs(duals, decisions)
-        base = {at: views.base(duals, self._weights) for at, views in self._shared.items()}
+        of_roots, of_pixels = self._weights * duals.alpha, self._weights * duals.beta
+        base = {at: self._roots[at] @ of_roots + self._pixels[at] @ of_pixels for at in self._roots}
         columns = []
         for number, robot_class in enumerate(model.classes):
-            prices = base[id(model.coverage(robot_class))]
-            reward = model.spread(robot_class, self._prices(number, duals, prices))
+            reward = model.spread(robot_class, self._prices(number, duals, base))
             charges = charges_of(model, number, costs)
             value = backward_sweep(
                 robot_class.graph, reward, bonuses, charges, robot_class.goal, self._stop
@@ -84,18 +91,23 @@ class Pricer:
                 total += decision.sign * nu * decision.robots
         return total
 
-    def _prices(self, number: int, duals: Duals, base: FloatArray) -> FloatArray:
+    def _prices(self, number: int, duals: Duals, base: Mapping[int, FloatArray]) -> FloatArray:
         """Returns the prices of the nodes of a class's coverage table [n].
 
         Parameters
         ----------
-        base : [n] prices of the nodes for every class that shares the table
+        base : of each table, the prices of its nodes by alpha and beta [n]
         """
-        views, prices = self._views[number], base.copy()
+        table = self._tables[number]
+        prices = base[table].copy()
         for cut, share in duals.cuts:
             if share > 0:
-                nodes, roots = views.of_view_sum(cut.view_sum)
-                prices[nodes] += share * self._weights[cut.view_sum] * cut.phi(number, roots)
+                if table not in self._by_view_sum:
+                    self._by_view_sum[table] = self._roots[table].tocsc()
+                seen = self._by_view_sum[table]
+                part = slice(*seen.indptr[cut.view_sum : cut.view_sum + 2])
+                phi = cut.phi(number, seen.data[part])
+                prices[seen.indices[part]] += share * self._weights[cut.view_sum] * phi
         return prices
 
 
@@ -105,29 +117,3 @@ def _costs(duals: Duals, decisions: Sequence[Decision]) -> list[tuple[Resource, 
     for decision, nu in zip(decisions, duals.decisions.tolist(), strict=True):
         costs.append((decision.resource, math.inf if decision.closes else decision.sign * nu))
     return costs
-
-
-class _Views:
-    """A coverage table as sparse matrices, nodes by view sums."""
-
-    def __init__(self, table: CoverageTable, n_view_sums: int) -> None:
-        shape = len(table.nodes), n_view_sums
-        by_node = (table.view_sums, table.indptr)
-        self._pixels = sparse.csr_array((table.pixels, *by_node), shape)
-        self._roots = sparse.csr_array((np.sqrt(table.pixels), *by_node), shape)
-
-    def base(self, duals: Duals, weights: FloatArray) -> FloatArray:
-        """Returns the prices of the nodes by alpha and beta [n]."""
-        prices: FloatArray = np.asarray(self._roots @ (weights * duals.alpha))
-        prices += np.asarray(self._pixels @ (weights * duals.beta))
-        return prices
-
-    def of_view_sum(self, view_sum: int) -> tuple[IntArray, FloatArray]:
-        """Returns the nodes that see a view sum, and the roots of the pixels that they see."""
-        part = slice(*self._by_view_sum.indptr[view_sum : view_sum + 2])
-        nodes: IntArray = self._by_view_sum.indices[part].astype(np.int64)
-        return nodes, self._by_view_sum.data[part]
-
-    @cached_property
-    def _by_view_sum(self) -> sparse.csc_array:
-        return self._roots.tocsc()

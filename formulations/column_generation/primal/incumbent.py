@@ -9,7 +9,7 @@ from cocap_opt.formulations.certificates.resources import Visit
 from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture, ResourceUse
 from cocap_opt.formulations.relaxations.flow import Flow
-from cocap_opt.model import Model, Path, RobotClass
+from cocap_opt.model import Model, Path
 from cocap_opt.problem import Plan
 
 _NO_MOVE = -1e3  # less than any flow along a move
@@ -71,35 +71,32 @@ def _integral_paths(model: Model, mixture: Mixture) -> list[Path] | None:
     use = ResourceUse.of(model, mixture)
     if not use.has_integral_states:
         return None
+    heads: defaultdict[tuple[int, int], list[int]] = defaultdict(list)  # by class and step
+    for resource, amount in use.states.items():
+        assert isinstance(resource, Visit)
+        number = resource.class_number
+        state = model.classes[number].graph.index(resource.state)
+        heads[number, resource.t] += [state] * round(amount)
+    flow: defaultdict[tuple[int, int, int, int], float] = defaultdict(float)
+    for column, amount in mixture.used():
+        for arc in column.arcs:
+            flow[arc] += amount
     paths: list[list[int]] = [[model.start(i)] for i in range(len(model.problem.robots))]
     for number, robot_class in enumerate(model.classes):
         for t in range(model.problem.horizon):
-            heads = _heads(robot_class, number, t + 1, use)
             tails = [paths[robot][-1] for robot in robot_class.robots]
-            flow = _flow(mixture, number, t)
-            ahead = [{b: flow[a, b] for b in heads if (a, b) in flow} for a in tails]
-            chosen = Flow.assigned_heads(ahead, heads, _NO_MOVE)
+            ends = heads[number, t + 1]
+            ahead = [
+                {
+                    head: flow[number, t, tail, head]
+                    for head in ends
+                    if (number, t, tail, head) in flow
+                }
+                for tail in tails
+            ]
+            chosen = Flow.assigned_heads(ahead, ends, _NO_MOVE)
             if chosen is None:
                 return None
             for robot, head in zip(robot_class.robots, chosen, strict=True):
                 paths[robot].append(head)
     return [tuple(path) for path in paths]
-
-
-def _heads(robot_class: RobotClass, number: int, t: int, use: ResourceUse) -> list[int]:
-    """Returns the states at t of a class's robots, each as often as robots use it."""
-    heads: list[int] = []
-    for resource, amount in use.states.items():
-        assert isinstance(resource, Visit)
-        if (resource.t, resource.class_number) == (t, number):
-            heads += [robot_class.graph.index(resource.state)] * round(amount)
-    return heads
-
-
-def _flow(mixture: Mixture, number: int, t: int) -> dict[tuple[int, int], float]:
-    """Returns the flow of a class from each state at t to each at t+1."""
-    flow: defaultdict[tuple[int, int], float] = defaultdict(float)
-    for column, amount in mixture.used():
-        if column.along.class_number == number:
-            flow[column.path[t], column.path[t + 1]] += amount
-    return flow

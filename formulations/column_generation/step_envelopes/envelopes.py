@@ -24,7 +24,9 @@ above higher targets are tried.
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
@@ -32,7 +34,7 @@ from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Staged
-from cocap_opt.formulations.certificates.format import Stage, StepConstant, StepPrices
+from cocap_opt.formulations.certificates.format import Stage, StepConstant
 from cocap_opt.formulations.certificates.staged import (
     JointStates,
     Narrowing,
@@ -40,6 +42,7 @@ from cocap_opt.formulations.certificates.staged import (
     compiled_search,
     most_profitable,
 )
+from cocap_opt.formulations.certificates.staged.search import MostProfitable
 from cocap_opt.formulations.column_generation.master.columns import Arc, Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.parameters import EnvelopeParameters
@@ -49,7 +52,6 @@ from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
 from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PriceBundle
 from cocap_opt.formulations.relaxations.duals import Duals
-from cocap_opt.model import Model
 from cocap_opt.problem import COVERAGE_VERSION
 
 METHOD = "step-envelopes"
@@ -85,7 +87,8 @@ def step_envelopes(
     if search.incumbent is None or narrowing is None:
         return
     steps = range(model.problem.first_step, model.problem.horizon + 1)
-    known = Known.of(search.incumbent, steps, search.rng, search.parameters.bundle)
+    known = Known(search.rng, search.parameters.bundle)
+    known.add_plan(search.incumbent, steps)
     for column in columns:
         known.add_path(column.along.class_number, column.path)
     before = narrowing.pricing.bound
@@ -136,11 +139,6 @@ class _Envelopes:
     @property
     def _parameters(self) -> EnvelopeParameters:
         return self.search.parameters.envelopes
-
-    @property
-    def model(self) -> Model:
-        """The model of the search."""
-        return self.search.model
 
     @property
     def bound(self) -> float:
@@ -223,7 +221,7 @@ class _Envelopes:
 
     def file(self) -> CertificateFile:
         """Returns the certificate of the stages so far, or of the paths that were tried."""
-        model, trials = self.model, self.trials
+        model, trials = self.search.model, self.trials
         is_tried = trials.bound < self.narrowing.pricing.bound
         return CertificateFile(
             scene=model.problem.name,
@@ -242,14 +240,14 @@ class _Envelopes:
 
     def _is_small(self) -> bool:
         """Returns True if the searches of the steps may end."""
-        left = self.narrowing.states_left[self.model.problem.first_step :]
+        left = self.narrowing.states_left[self.search.model.problem.first_step :]
         few = self._can_be_listed() and not self.lists_stall
         most = self._parameters.few_states_left if few else self._parameters.most_states_left
         return int(left.sum()) <= most and int(left.max()) <= self._parameters.most_at_a_step
 
     def _can_be_listed(self) -> bool:
         """Returns True if searches of lists may end."""
-        robots = len(self.model.problem.robots)
+        robots = len(self.search.model.problem.robots)
         return compiled_search.is_there() and robots <= self._parameters.most_listed_robots
 
     def _lower(self) -> None:
@@ -260,15 +258,9 @@ class _Envelopes:
                 self.search.report_again()
                 least = self.known.highest(self.narrowing.joint_states(t))
                 higher = self.narrowing.joint_states(t, least)
-                most_nodes = self._few_nodes(len(higher.states))
-                try:
-                    found = most_profitable(higher, least, most_nodes, self.search.stop)
-                except NotEndedError:
-                    self.known.note(most_nodes, higher, self.search.stop)
-                    self.nodes += most_nodes
+                found = self._searched(higher, least, self._few_nodes(len(higher.states)))
+                if found is None:
                     continue
-                self.known.note(found.nodes, higher, self.search.stop)
-                self.nodes += found.nodes
                 self.known.add(higher, found.positions)
                 claim = StepConstant(t, found.profit)
                 lowered = _lowered(self.narrowing, claim)
@@ -280,6 +272,16 @@ class _Envelopes:
             self.narrowing = self.narrowing.closed()
             self.stages.append(Stage(constants=tuple(constants)))
             self.report()
+
+    def _searched(self, joint: JointStates, least: float, most_nodes: int) -> MostProfitable | None:
+        """Returns the joint state of most profit; None if that takes too many nodes."""
+        found, nodes = None, most_nodes
+        with suppress(NotEndedError):
+            found = most_profitable(joint, least, most_nodes, self.search.stop)
+            nodes = found.nodes
+        self.known.note(nodes, joint, self.search.stop)
+        self.nodes += nodes
+        return found
 
     def report(self) -> None:
         """Tells what is proved so far."""
@@ -309,7 +311,7 @@ class _Envelopes:
         """
         before = self.search.value
         self.search.allow_responses(self.responses)
-        self.search.look_for_plans(Mixture.of_flow(self.model, flow), flow.keys())
+        self.search.look_for_plans(Mixture.of_flow(self.search.model, flow), flow.keys())
         self.search.recombine(self.narrowing)
         self.responses = (
             self._parameters.responses
@@ -326,16 +328,10 @@ class _Envelopes:
             least = self.known.highest(paid)
             if bundle.has_lists:
                 least = max(least, bundle.constants[t])
-            try:
-                found = most_profitable(paid, least, self._many_nodes(), self.search.stop)
-            except NotEndedError:
-                self.known.note(self._many_nodes(), paid, self.search.stop)
-                self.nodes += self._many_nodes()
-                self.lengths.note(t, len(joint.states), None)
+            found = self._searched(paid, least, self._many_nodes())
+            self.lengths.note(t, len(joint.states), None if found is None else found.nodes)
+            if found is None:
                 continue
-            self.known.note(found.nodes, paid, self.search.stop)
-            self.nodes += found.nodes
-            self.lengths.note(t, len(joint.states), found.nodes)
             if found.positions:
                 bundle.remember(t, found.positions)
             heights[t] = found.profit
@@ -359,21 +355,15 @@ class _Envelopes:
             for slack, left in zip(self.narrowing.slack, self.narrowing.left, strict=True)
         )
 
-    def _visited(self, t: int) -> list[tuple[int, int]]:
-        """Returns class and state number of each robot at a step of the best plan."""
-        plan = self.search.incumbent
-        if plan is None:
-            return []
-        numbers = (column.along.class_number for column in plan.columns)
-        return [(number, path[t]) for number, path in zip(numbers, plan.paths, strict=True)]
-
     def _listed(self, t: int, most: float) -> list[IntArray]:
         """Returns of each class the states of a step up to a slack, not too many of the least."""
         slack = [
             np.where(left[t], slack[t], np.inf)
             for slack, left in zip(self.narrowing.slack, self.narrowing.left, strict=True)
         ]
-        for number, state in self._visited(t):
+        plan = self.search.incumbent
+        for column in () if plan is None else plan.columns:
+            number, state = column.along.class_number, column.path[t]
             if self.narrowing.left[number][t, state]:
                 slack[number][state] = min(slack[number][state], most)
         order = np.argsort(np.concatenate(slack), kind="stable")
@@ -404,15 +394,14 @@ class _Envelopes:
         for t in heights:
             chosen[bundle.span(t)] = prices[bundle.span(t)]
         constants = self.narrowing.constants
-        total = exact_sum(heights[t] if t in heights else float(constants[t]) for t in self.steps)
+        total = exact_sum(heights.get(t, float(constants[t])) for t in self.steps)
         total += bundle.rest + bundle.best_paths(chosen, heights)[0]
         if not heights or total >= self.narrowing.bound:
             bundle.correct(total)
             return False
-        written: list[StepPrices] = []
-        for t, height in heights.items():
-            written += bundle.written(t, prices[bundle.span(t)], height)
-        stage = Stage(tuple(written), tuple(StepConstant(t, heights[t]) for t in heights))
+        written = (bundle.written(t, prices[bundle.span(t)], heights[t]) for t in heights)
+        constants_now = tuple(StepConstant(t, height) for t, height in heights.items())
+        stage = Stage(tuple(chain.from_iterable(written)), constants_now)
         self.narrowing = _after(stage, self.narrowing)
         self.stages.append(stage)
         self.report()

@@ -41,19 +41,6 @@ class Known:
     is_thorough: bool = False
     _joint: dict[int, dict[_JointKey, None]] = field(default_factory=dict)
 
-    @classmethod
-    def of(
-        cls,
-        incumbent: Incumbent,
-        steps: Iterable[int],
-        rng: np.random.Generator,
-        parameters: BundleParameters,
-    ) -> "Known":
-        """Returns the paths and the joint states of a plan."""
-        known = cls(rng, parameters)
-        known.add_plan(incumbent, steps)
-        return known
-
     def add_plan(self, plan: Incumbent, steps: Iterable[int]) -> None:
         """Remembers the paths and the joint states of a plan."""
         numbers = [column.along.class_number for column in plan.columns]

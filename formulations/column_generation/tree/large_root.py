@@ -250,12 +250,7 @@ class LargeRoot:
         columns = {**self.ascent.columns, **self.found}
         search = self.search
         arcs = ArcSearch(
-            search.model,
-            plan,
-            columns.values(),
-            search.stop,
-            search.report_again,
-            self._parameters,
+            search.model, plan, columns.values(), search.stop, search.report_again, self._parameters
         )
         try:
             arcs.search(self._parameters.moves, search.rng)
