@@ -182,11 +182,11 @@ def _crowded_moves(
     moves, amounts = list(used), list(used.values())
     near, between = cliques.conflicts(moves)
     found: dict[tuple[tuple[Cell, Cell], ...], None] = {}
-    for one, other in np.argwhere(np.triu(between)).tolist():
-        if amounts[one] + amounts[other] > most:
-            found[cliques.around(moves[one], moves[other])] = None
+    for first, second in np.argwhere(np.triu(between)).tolist():
+        if amounts[first] + amounts[second] > most:
+            found[cliques.around(moves[first], moves[second])] = None
             continue
-        clique = [moves[n] for n in _clique(near & near[other], one, amounts)]
+        clique = [moves[n] for n in _clique(near & near[second], first, amounts)]
         if sum(used[move] for move in clique) > most:
             found[tuple(sorted(clique))] = None
     return [Moves(t, clique) for clique in found]

@@ -95,12 +95,12 @@ class MixtureProgram:
         return float(value), Duals(alpha, np.maximum(beta, (1 - alpha) * _NOTHING))
 
     def gradient(self, amounts: FloatArray) -> FloatArray:
-        """Returns what the multipliers of a mixture pay for each column [n]."""
+        """Returns the payment for each column by the multipliers of a mixture [n]."""
         duals = self.judged(amounts)[1]
         return self.priced(duals.alpha, duals.beta)
 
     def priced(self, alpha: FloatArray, beta: FloatArray) -> FloatArray:
-        """Returns what is paid for the pixels of each column, and its rewards for moves [n]."""
+        """Returns the price of the pixels of each column, with its rewards for moves [n]."""
         price = self.roots @ (self.weights * alpha)
         return np.asarray(price + self.pixels @ (self.weights * beta) + self.bonus)
 
@@ -204,7 +204,7 @@ class RuledProgram:
         return alpha, beta, shares, np.maximum(charges, 0.0)
 
     def gradient(self, amounts: FloatArray) -> FloatArray:
-        """Returns what the multipliers of a mixture pay for each column [n], less its charges."""
+        """Returns the payment for each column by the multipliers, less its charges [n]."""
         alpha, beta, shares, charges = self.multipliers(amounts)
         prices = self._base.priced(alpha, beta)
         prices += self._heights @ (self._base.weights[self._at] * shares)

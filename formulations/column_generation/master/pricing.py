@@ -47,10 +47,8 @@ class Pricer:
         for robot_class in model.classes:
             table = model.coverage(robot_class)
             if id(table) not in self._pixels:
-                shape, by_node = (
-                    (len(table.nodes), len(self._weights)),
-                    (table.view_sums, table.indptr),
-                )
+                shape = len(table.nodes), len(self._weights)
+                by_node = table.view_sums, table.indptr
                 self._pixels[id(table)] = sparse.csr_array((table.pixels, *by_node), shape)
                 self._roots[id(table)] = sparse.csr_array((np.sqrt(table.pixels), *by_node), shape)
 

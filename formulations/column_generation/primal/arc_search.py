@@ -132,7 +132,7 @@ class ArcSearch:
         return graph.best_path(self._model.start(robot), self._seen)
 
     def _gain(self, column: Column) -> float:
-        """Returns what a column gains beside what is seen."""
+        """Returns the gain of a column beside the pixels that are seen."""
         seen = self._seen[column.view_sums]
         gains = np.sqrt(seen + column.pixels) - np.sqrt(seen)
         return float(gains @ self._weights[column.view_sums]) + column.bonus(self._model)

@@ -53,7 +53,7 @@ class _Choice(NamedTuple):
         return cls(choices, numbers, shares, bonus, parts, entries)
 
     def worth(self, seen: FloatArray) -> FloatArray:
-        """Returns what each column [n] gains beside what others see [Z]."""
+        """Returns the gain of each column [n] beside the pixels [Z] that others have."""
         of, view_sums, pixels, weights = self.entries
         others = seen[view_sums]
         gains = weights * (np.sqrt(others + pixels) - np.sqrt(others))
@@ -119,7 +119,7 @@ class ColumnPool:
                 yield self._ascended(columns, choices, order)
 
     def _choices(self) -> list[_Choice]:
-        """Returns what each robot can choose from; it must have a column."""
+        """Returns the choices of each robot, which must have a column."""
         both = zip(self._columns, self._amounts, strict=True)
         return [_Choice.of(self.model, columns, amounts) for columns, amounts in both]
 

@@ -87,12 +87,7 @@ def _integral_paths(model: Model, mixture: Mixture) -> list[Path] | None:
             tails = [paths[robot][-1] for robot in robot_class.robots]
             ends = heads[number, t + 1]
             ahead = [
-                {
-                    head: flow[number, t, tail, head]
-                    for head in ends
-                    if (number, t, tail, head) in flow
-                }
-                for tail in tails
+                {b: flow[number, t, a, b] for b in ends if (number, t, a, b) in flow} for a in tails
             ]
             chosen = Flow.assigned_heads(ahead, ends, _NO_MOVE)
             if chosen is None:

@@ -140,7 +140,7 @@ class LocalSearch:
     def _improved(
         self, start: LocalOptimum, pool: ColumnPool, arcs: Collection[Arc]
     ) -> Incumbent | None:
-        """Returns what best responses and best pairs make of a plan; its columns join the pool."""
+        """Returns the plan after best responses and best pairs; its columns join the pool."""
         columns = start[1]
         self.taken_up.add(tuple(column.path for column in columns))
         settled = self.with_best_responses(columns)
@@ -256,18 +256,12 @@ class LocalSearch:
                 before = best
                 for pair in _pairs(self.model, best, self.parameters.most_partners):
                     self._check()
-                    better = self._with_best_pair(best, pair, arcs)
+                    theirs = [arc for robot in pair for arc in best.columns[robot].arcs]
+                    found = self.best_pair(pair, {*arcs, *theirs}, best.of_others(*pair))
+                    better = None if found is None else best.changed(*found)
                     if better is not None and better.gains_over(best):
                         best = self.with_best_responses(better.columns) or better
         return best
-
-    def _with_best_pair(
-        self, plan: Incumbent, pair: tuple[int, int], arcs: Collection[Arc]
-    ) -> Incumbent | None:
-        """Returns the plan with the best paths of two robots over some arcs and their own."""
-        theirs = [arc for robot in pair for arc in plan.columns[robot].arcs]
-        found = self.best_pair(pair, {*arcs, *theirs}, plan.of_others(*pair))
-        return None if found is None else plan.changed(*found)
 
     def _rounded(self, mixture: Mixture, known: Incumbent | None) -> list[Column] | None:
         """Returns one column per robot without conflicts; None where none is left for a robot.
@@ -391,12 +385,12 @@ class _ArcPair(PairIteration):
     def forbidden(
         self, tails: tuple[int, int], heads: tuple[IntArray, IntArray]
     ) -> BoolArray | bool:
-        """Returns which pairs of moves [n, m] break a rule between the steps."""
+        """Returns True for the pairs of moves [n, m] that break a rule between the steps."""
         moves = [(np.full_like(ends, tail), ends) for tail, ends in zip(tails, heads, strict=True)]
         return self._conflicts(moves)
 
     def _conflicts(self, moves: Sequence[tuple[IntArray, IntArray]]) -> BoolArray:
-        """Returns which moves [n, m] of both robots break a rule between the steps.
+        """Returns True for the moves [n, m] of both robots that break a rule between the steps.
 
         Parameters
         ----------

@@ -320,7 +320,7 @@ class _Envelopes:
         )
 
     def _heights(self, bundle: PriceBundle, prices: FloatArray) -> dict[int, float]:
-        """Returns what no joint state's height exceeds, of each step whose search ends."""
+        """Returns the height that no joint state exceeds, of each step whose search ends."""
         heights = {}
         for t, joint in sorted(bundle.joints.items(), key=lambda item: len(item[1].states)):
             self.report()

@@ -132,7 +132,7 @@ def _local_optima(
 
 
 def _that_count(joint: JointStates, teams: IntArray) -> BoolArray:
-    """Returns which of some joint states [K, R] count, that is, obey `JointStates.counts`."""
+    """Returns True for the joint states [K, R] that obey `JointStates.counts`."""
     low = joint.worths(teams) - joint.charge[teams].sum(axis=1)
     able: BoolArray = low >= joint.floor - joint.margin
     for k in range(teams.shape[1]):
@@ -153,7 +153,7 @@ def _teams(joint: JointStates, found: Sequence[Sequence[int]]) -> IntArray:
 
 
 def _compiled(joint: JointStates, starts: Sequence[Sequence[int]]) -> IntArray:
-    """Returns what compiled local search makes of joint states and of the greedy one."""
+    """Returns the local optima of compiled search above joint states and the greedy one."""
     from cocap_opt.formulations.column_generation.step_envelopes.ascent_kernel import (
         AscentViews,
         ascend,

@@ -44,7 +44,7 @@ _Gains = Mapping[tuple[_Place, _Place], float]  # of known moves: rewards less c
 _Height = tuple[int, tuple[int, ...], float]  # step, positions among all prices, and worth
 
 
-class _Solution(NamedTuple):
+class _StepSolution(NamedTuple):
     """A solution of the master problem."""
 
     prices: FloatArray  # [n]
@@ -173,7 +173,7 @@ class PriceBundle:
             report()
         return self._prices if self._best < self._narrowing.bound else None
 
-    def _solved_master(self, arcs: _Gains, heights: Sequence[_Height]) -> _Solution:
+    def _solved_master(self, arcs: _Gains, heights: Sequence[_Height]) -> _StepSolution:
         """Returns the solution of a master problem about the best prices so far.
 
         Prices of states that are in no known joint state and on no known arc stay as they are. It
@@ -263,13 +263,13 @@ class PriceBundle:
             prices[k] = max(prices[k], price)  # a solver is not accurate
         constants = {t: float(found[k]) for t, k in constant_of.items()}
         flow = np.nan_to_num(np.array(solution.z))[: len(arcs)]
-        return _Solution(prices, constants, float(value_of @ found), flow)
+        return _StepSolution(prices, constants, float(value_of @ found), flow)
 
     def correct(self, value: float) -> None:
         """Takes down the bound that the latest prices prove, if local search told a lower one."""
         self._best = max(value, self._best)
 
-    def _judged(self, solved: _Solution) -> tuple[float, dict[int, float], int]:
+    def _judged(self, solved: _StepSolution) -> tuple[float, dict[int, float], int]:
         """Returns the bound that prices prove as far as local search can tell, and its findings.
 
         Returns
@@ -291,7 +291,7 @@ class PriceBundle:
         return bound, constants, new
 
     def others(self, constants: Mapping[int, float]) -> dict[int, float]:
-        """Returns what states without a price are paid more, by step, for lower constants.
+        """Returns the additional price of states without one, by step, for lower constants.
 
         It is clearly more than enough, so that no rounding makes it too little.
         """
@@ -304,7 +304,7 @@ class PriceBundle:
     def best_paths(
         self, prices: FloatArray, constants: Mapping[int, float]
     ) -> tuple[float, list[tuple[int, Path]]]:
-        """Returns what the best paths are worth together, and the paths with their classes.
+        """Returns the worth of the best paths together, and the paths with their classes.
 
         Parameters
         ----------

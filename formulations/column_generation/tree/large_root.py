@@ -157,7 +157,7 @@ class _RuledAscent:
 
 
 def _uses(model: Model, columns: Sequence[Column], rows: Collection[Resource]) -> sparse.csr_array:
-    """Returns which resources columns use [n, rows]."""
+    """Returns a 1 for each resource that a column uses [n, rows]."""
     horizon = model.problem.horizon
     using = Arc.users(model, [arc for column in columns for arc in column.arcs], [*rows])
     at = np.repeat(np.arange(len(rows)), [len(arcs) for arcs in using])
