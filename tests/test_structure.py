@@ -38,7 +38,7 @@ ORDER = {
     ),
     "formulations": (
         "certificates", "explanation", "second_opinion", "result", "early_bound", "simple_bounds",
-        "brute_force",
+        "brute_force", "solvers",
         "relaxations", "column_generation", "integer_programs",
     ),
     "scenarios": (

@@ -6,55 +6,22 @@ J is cut off, and the program's optimum stays an upper bound.
 """
 
 import math
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.integer_programs.outer_approximation import (
-    Root,
-    certified_root,
-    outer_approximation,
-)
-from cocap_opt.formulations.integer_programs.program import Answer, Call, Program
-from cocap_opt.formulations.relaxations.flow import Amounts, Compile
-from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
-from cocap_opt.model import compiled
-from cocap_opt.problem import Plan, Problem
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.formulations.integer_programs.outer_approximation import OuterApproximation
+from cocap_opt.formulations.integer_programs.program import Answer, Call, Program, Solver
+from cocap_opt.formulations.relaxations.flow import Amounts
+from cocap_opt.formulations.solvers import ending, options
 
 __all__ = ["cp_sat"]
 
 ROUNDING = 1e-8  # of the largest J, all roundings together
 MOST = 2.0**52  # largest J in integers
-SEED = 0
-
-
-def cp_sat(
-    problem: Problem,
-    stop: Stop = never,
-    start: Plan | None = None,
-    report: Report = silent,
-    gap: float = OPTIMALITY,
-    root: Root | None = certified_root,
-    compile_: Compile = compiled,
-) -> CertifiedResult:
-    """Computes the optimum by outer approximation with CP-SAT.
-
-    There is one worker, so that runs can be repeated.
-
-    Parameters
-    ----------
-    root : gives the certificate and the first cuts, or None (see `outer_approximation`)
-    compile_ : makes the model: one flow per class, or one per robot
-
-    Raises
-    ------
-    UnsupportedError
-        If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
-    """
-    return outer_approximation(problem, stop, start, report, gap, _solve, root, compile_)
 
 
 def _solve(program: Program, call: Call) -> Answer:
@@ -65,18 +32,8 @@ def _solve(program: Program, call: Call) -> Answer:
     if call.hint is not None:
         translated.hint(call.hint)
     solver = cp_model.CpSolver()
-    solver.parameters.num_workers = 1
-    solver.parameters.random_seed = SEED
-    solver.parameters.catch_sigint_signal = False  # its handler aborts the process
-    # Roots are worth millions: one worker that looks for better and better plans would go up
-    # by ones. This one lowers the bound instead, with all rows in its linear relaxation.
-    solver.parameters.use_objective_lb_search = True
-    solver.parameters.linearization_level = 2
-    # With it, presolve of 9.15 cuts optima off (github.com/google/or-tools/issues/5293).
-    solver.parameters.presolve_inclusion_work_limit = 0
-    solver.parameters.relative_gap_limit = call.tolerance
-    if math.isfinite(seconds := call.stop.seconds_left):
-        solver.parameters.max_time_in_seconds = seconds
+    for name, value in options("CP-SAT", call.stop, call.tolerance).items():
+        setattr(solver.parameters, name, value)
     solutions: list[Amounts] = []
 
     class Collect(cp_model.CpSolverSolutionCallback):
@@ -97,26 +54,26 @@ def _solve(program: Program, call: Call) -> Answer:
 
 def _answer(solver: Any, translated: "_Translated") -> Answer:
     """Reads how a solve ended."""
-    from ortools.sat.python import cp_model
-
-    status = solver.response_proto.status
-    if status == cp_model.MODEL_INVALID:
-        message = f"CP-SAT refuses the model: {translated.model.validate()}"
-        return Answer(None, math.inf, Limit.NUMERICS, message=message)
-    nodes = int(solver.num_branches)
-    if status == cp_model.INFEASIBLE:
-        return Answer(None, -math.inf, nodes=nodes)
+    status = solver.status_name(solver.response_proto.status)
+    if status == "MODEL_INVALID":
+        return Answer.failed(f"CP-SAT refuses the model: {translated.model.validate()}")
     # Useful whatever the status is (the objective's value is not), once there is one: 0 is
     # what it has before the search begins.
     bound = solver.best_objective_bound / translated.scale
-    if status == cp_model.UNKNOWN and bound == 0.0:
+    if status == "UNKNOWN" and bound == 0.0:
         bound = math.inf
     solution = None
-    if status in (cp_model.OPTIMAL, cp_model.FEASIBLE):
+    if status in ("OPTIMAL", "FEASIBLE"):
         solution = translated.solution(solver.response_proto.solution)
-    if status == cp_model.OPTIMAL:
-        return Answer(solution, bound, nodes=nodes)
-    return Answer(solution, bound, Limit.TIME, nodes)
+    return Answer.ended(ending("CP-SAT", status), solution, bound, int(solver.num_branches))
+
+
+def _solver() -> nullcontext[Solver]:
+    """Gives the solver, which needs no closing."""
+    return nullcontext(_solve)
+
+
+cp_sat = OuterApproximation(_solver)
 
 
 class _Translated:

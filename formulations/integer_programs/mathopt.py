@@ -8,82 +8,44 @@ import contextlib
 import math
 import subprocess
 import sys
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cocap_opt.formulations.integer_programs.outer_approximation import (
-    Root,
-    certified_root,
-    outer_approximation,
+from cocap_opt.formulations.integer_programs.outer_approximation import OuterApproximation
+from cocap_opt.formulations.integer_programs.program import (
+    Answer,
+    Call,
+    LinearProgram,
+    Program,
+    Solver,
 )
-from cocap_opt.formulations.integer_programs.program import Answer, Call, LinearProgram, Program
 from cocap_opt.formulations.relaxations.flow import Amounts
-from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
-from cocap_opt.problem import Plan, Problem
-from cocap_opt.stop import Clock, Limit, Stop, never
+from cocap_opt.formulations.solvers import ending, options
+from cocap_opt.stop import Clock
 
 __all__ = ["highs", "scip"]
 
 GRACE = 1.0  # s for a solver to come to an end after its limit, or after it was told to
 
 
-def highs(
-    problem: Problem,
-    stop: Stop = never,
-    start: Plan | None = None,
-    report: Report = silent,
-    gap: float = OPTIMALITY,
-    root: Root | None = certified_root,
-) -> CertifiedResult:
-    """Computes the optimum by outer approximation with HiGHS.
+@contextlib.contextmanager
+def _solver(name: str) -> Iterator[Solver]:
+    """Gives the solver that MathOpt calls so, in a process that ends with it."""
 
-    The plans that HiGHS finds while it is interrupted are lost.
+    def solve(program: Program, call: Call) -> Answer:
+        response = process.solve(_request(name, program, call), call)
+        return _answer(name, program, response, late=bool(call.stop.reached()))
 
-    Parameters
-    ----------
-    root : gives the certificate and the first cuts, or None (see `outer_approximation`)
-
-    Raises
-    ------
-    UnsupportedError
-        If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
-    """
     with contextlib.closing(_SolverProcess()) as process:
-        solver = partial(_solve, "HIGHS", process)
-        return outer_approximation(problem, stop, start, report, gap, solver, root)
+        yield solve
 
 
-def scip(
-    problem: Problem,
-    stop: Stop = never,
-    start: Plan | None = None,
-    report: Report = silent,
-    gap: float = OPTIMALITY,
-    root: Root | None = certified_root,
-) -> CertifiedResult:
-    """Computes the optimum by outer approximation with SCIP.
-
-    Parameters
-    ----------
-    root : gives the certificate and the first cuts, or None (see `outer_approximation`)
-
-    Raises
-    ------
-    UnsupportedError
-        If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
-    """
-    with contextlib.closing(_SolverProcess()) as process:
-        solver = partial(_solve, "GSCIP", process)
-        return outer_approximation(problem, stop, start, report, gap, solver, root)
-
-
-def _solve(name: str, process: "_SolverProcess", program: Program, call: Call) -> Answer:
-    """Solves a program by the solver that MathOpt calls so."""
-    response = process.solve(_request(name, program, call), call)
-    return _answer(program, response, late=bool(call.stop.reached()))
+highs = OuterApproximation(partial(_solver, "HIGHS"))  # plans found while interrupted are lost
+scip = OuterApproximation(partial(_solver, "GSCIP"))
 
 
 def _request(name: str, program: Program, call: Call) -> bytes:
@@ -91,21 +53,10 @@ def _request(name: str, program: Program, call: Call) -> bytes:
     from ortools.math_opt import parameters_pb2, rpc_pb2
 
     request = rpc_pb2.SolveRequest(
-        solver_type=parameters_pb2.SolverTypeProto.Value(f"SOLVER_TYPE_{name}")
+        solver_type=parameters_pb2.SolverTypeProto.Value(f"SOLVER_TYPE_{name}"),
+        parameters=options(name, call.stop, call.tolerance),
     )
     _fill_model(request.model, LinearProgram.of(program))
-    parameters = request.parameters
-    parameters.relative_gap_tolerance = call.tolerance
-    parameters.absolute_gap_tolerance = 0.0
-    if math.isfinite(seconds := call.stop.seconds_left):
-        parameters.time_limit.FromNanoseconds(int(1e9 * seconds))
-    if name == "HIGHS":
-        # MathOpt's own parameter for threads is an error with HiGHS.
-        parameters.highs.int_options["threads"] = 1
-    else:
-        parameters.threads = 1
-        # SCIP's presolve takes minutes and all memory on flows that it solves in a second.
-        parameters.presolve = parameters_pb2.EMPHASIS_OFF
     if call.hint is not None:
         values = program.point(call.hint)
         hint = request.model_parameters.solution_hints.add()
@@ -114,40 +65,31 @@ def _request(name: str, program: Program, call: Call) -> bytes:
     return bytes(request.SerializeToString())
 
 
-def _answer(program: Program, data: bytes | None, late: bool) -> Answer:
+def _answer(name: str, program: Program, data: bytes | None, late: bool) -> Answer:
     """Reads a response; without one the process has ended.
 
     Parameters
     ----------
-    late : a limit was reached by the end of the solve. Then no proof is believed: where its
-        time ends in the root node, HiGHS drops that node, calls its start optimal or finds
-        no plan.
+    late : a limit was reached by the end of the solve
     """
     from ortools.math_opt import result_pb2, rpc_pb2
 
     if data is None:
-        return _failure("the solver's process has ended")
+        return Answer.failed("the solver's process has ended")
     response = rpc_pb2.SolveResponse.FromString(data)
     if response.status.code:
-        return _failure(f"the solver failed: {response.status.message}")
+        return Answer.failed(f"the solver failed: {response.status.message}")
     result, why = response.result, response.result.termination
-    nodes, reasons = int(result.solve_stats.node_count), result_pb2.TerminationReasonProto
+    status = (
+        result_pb2.LimitProto.Name(why.limit)
+        if why.limit
+        else result_pb2.TerminationReasonProto.Name(why.reason)
+    )
     dual_bound = float(why.objective_bounds.dual_bound)
-    proofs = {
-        reasons.TERMINATION_REASON_OPTIMAL: dual_bound,
-        # The roots are bounded, so that it cannot be unbounded.
-        reasons.TERMINATION_REASON_INFEASIBLE: -math.inf,
-        reasons.TERMINATION_REASON_INFEASIBLE_OR_UNBOUNDED: -math.inf,
-    }
-    solution = _solution(program, result)
-    if why.reason in proofs and late:
-        return Answer(solution, math.inf, Limit.TIME, nodes)
-    if why.reason in proofs:
-        return Answer(solution, proofs[why.reason] * program.unit, nodes=nodes)
-    timed_out = late or why.limit == result_pb2.LimitProto.LIMIT_TIME
-    limit = Limit.TIME if timed_out else Limit.NUMERICS
     bound = math.inf if math.isnan(dual_bound) else dual_bound * program.unit
-    return Answer(solution, bound, limit, nodes, why.detail)
+    nodes = int(result.solve_stats.node_count)
+    end = ending(name, status)
+    return Answer.ended(end, _solution(program, result), bound, nodes, why.detail, late)
 
 
 def _fill_model(model: Any, linear: LinearProgram) -> None:
@@ -171,10 +113,6 @@ def _fill_model(model: Any, linear: LinearProgram) -> None:
     matrix.row_ids.extend(entries.row[order].tolist())
     matrix.column_ids.extend(entries.col[order].tolist())
     matrix.coefficients.extend(entries.data[order].tolist())
-
-
-def _failure(message: str) -> Answer:
-    return Answer(None, math.inf, Limit.NUMERICS, message=message)
 
 
 def _solution(program: Program, result: Any) -> Amounts | None:

@@ -12,7 +12,8 @@ Source of outer approximation: Duran and Grossmann 1986.
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,16 +30,17 @@ from cocap_opt.formulations.result import (
     Report,
     Snapshot,
     checked_start,
+    silent,
 )
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, relative_gap
-from cocap_opt.stop import Clock, FirstOf, Limit, LimitReached, Stop, TimeLimit
+from cocap_opt.stop import Clock, FirstOf, Limit, LimitReached, Stop, TimeLimit, never
 from cocap_opt.timing import timed
 
-__all__ = ["Root", "certified_root", "outer_approximation"]
+__all__ = ["OuterApproximation", "Root", "certified_root"]
 
 REFUTED = 1e-6  # relative, by which a plan's J must exceed a bound to refute it
 FIRST_TOLERANCE = 1e-2  # relative, of the first solve
@@ -60,37 +62,45 @@ def certified_root(problem: Problem, stop: Stop) -> CertifiedResult:
     return column_generation(problem, FirstOf(stop, most), solve_root=RootSearch.solve_aggregated)
 
 
-@timed
-def outer_approximation(
-    problem: Problem,
-    stop: Stop,
-    start: Plan | None,
-    report: Report,
-    gap: float,
-    solver: Solver,
-    root: Root | None = certified_root,
-    compile_: Compile = compiled,
-) -> CertifiedResult:
-    """Solves programs until the true J of their best plan meets the solver's bound.
+@dataclass(frozen=True)
+class OuterApproximation:
+    """Computes the optimum by programs, until the true J of a plan meets the solver's bound.
 
-    Parameters
+    It is called with `root`, which gives the certificate, and cuts that the programs begin with;
+    None: there is no bound and no cut but the solver's own, which is the generic way, to compare
+    with. `compile_` makes the model: one flow per class, or one per robot (the same optimum, in a
+    larger program). Scenes that are too large for a flow raise UnsupportedError (see
+    `cocap_opt.formulations.relaxations.flow`), as does a solver that is not installed.
+
+    Attributes
     ----------
-    solver : solves the programs
-    root : gives the certificate, and cuts that the programs begin with; None: there is no bound
-        and no cut but the solver's own, which is the generic way, to compare with
-    compile_ : makes the model: one flow per class, or one per robot (the same optimum, in a
-        larger program)
-
-    Raises
-    ------
-    UnsupportedError
-        If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
+    solver : opens a solver for the programs of one problem, and closes it
     """
-    rounds = _Rounds(problem, compile_(problem), stop, start, report, gap)
-    try:
-        return rounds.run(solver, root)
-    except LimitReached as reached:
-        return rounds.result(Reason.STOPPED, limit=reached.limit)
+
+    solver: Callable[[], AbstractContextManager[Solver]]
+
+    def __call__(
+        self,
+        problem: Problem,
+        stop: Stop = never,
+        start: Plan | None = None,
+        report: Report = silent,
+        gap: float = OPTIMALITY,
+        root: Root | None = certified_root,
+        compile_: Compile = compiled,
+    ) -> CertifiedResult:
+        """Solves programs; the class says how."""
+
+        @timed
+        def solve(problem: Problem) -> CertifiedResult:
+            rounds = _Rounds(problem, compile_(problem), stop, start, report, gap)
+            try:
+                return rounds.run(solver, root)
+            except LimitReached as reached:
+                return rounds.result(Reason.STOPPED, limit=reached.limit)
+
+        with self.solver() as solver:
+            return solve(problem)
 
 
 class _Rounds:

@@ -20,6 +20,7 @@ from cocap_opt.formulations.certificates import Multipliers
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.flow import Amounts, Flow, Roots
+from cocap_opt.result import Reason
 from cocap_opt.stop import Limit, Stop
 
 TANGENTS = 5  # per view sum at the beginning, each at a quarter of the pixels of the one before
@@ -37,6 +38,34 @@ class Answer(NamedTuple):
     limit: Limit | None = None  # by its own account, where it stopped before its tolerance
     nodes: int = 0
     message: str = ""
+
+    @classmethod
+    def failed(cls, message: str) -> "Answer":
+        """Returns the answer of a solver that has found out nothing."""
+        return cls(None, math.inf, Limit.NUMERICS, message=message)
+
+    @classmethod
+    def ended(
+        cls,
+        end: Reason | Limit,
+        solution: Amounts | None,
+        bound: float,
+        nodes: int,
+        message: str = "",
+        late: bool = False,
+    ) -> "Answer":
+        """Returns the answer of a solver that has ended, for a reason as `solvers.ending` has it.
+
+        Parameters
+        ----------
+        late : a limit was reached by then, and no proof is believed: where its time ends in the
+            root node, HiGHS drops that node, calls its start optimal or finds no plan
+        """
+        if isinstance(end, Limit):
+            return cls(solution, bound, Limit.TIME if late else end, nodes, message)
+        if late:
+            return cls(solution, math.inf, Limit.TIME, nodes)
+        return cls(solution, -math.inf if end is Reason.INFEASIBLE else bound, None, nodes)
 
 
 class Call(NamedTuple):

@@ -6,50 +6,38 @@ recomputed from the paths, and tangents at a plan's pixels are added where it wa
 
 import importlib.util
 import math
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
-from cocap_opt.formulations.integer_programs.outer_approximation import (
-    Root,
-    certified_root,
-    outer_approximation,
+from cocap_opt.formulations.integer_programs.outer_approximation import OuterApproximation
+from cocap_opt.formulations.integer_programs.program import (
+    Answer,
+    Call,
+    LinearProgram,
+    Program,
+    Solver,
 )
-from cocap_opt.formulations.integer_programs.program import Answer, Call, LinearProgram, Program
-from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.formulations.solvers import ending, options
 from cocap_opt.result import UnsupportedError
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.stop import Limit
 
 __all__ = ["scip_nonlinear"]
 
-NO_TIME_LIMIT = 1e20  # s, SCIP's own infinity
+_INFINITY = 1e20  # SCIP's own
 MOST_VARIABLES = 20_000  # beyond, SCIP may not hear of a limit for minutes
 
 
-def scip_nonlinear(
-    problem: Problem,
-    stop: Stop = never,
-    start: Plan | None = None,
-    report: Report = silent,
-    gap: float = OPTIMALITY,
-    root: Root | None = certified_root,
-) -> CertifiedResult:
-    """Computes the optimum by SCIP's own branch and bound over the nonlinear program.
-
-    Parameters
-    ----------
-    root : gives the certificate and the first cuts, or None (see `outer_approximation`)
-
-    Raises
-    ------
-    UnsupportedError
-        If PySCIPOpt is not installed, or the scene is too large for a flow model.
-    """
+def _solver() -> nullcontext[Solver]:
+    """Gives the solver; raises UnsupportedError where PySCIPOpt is not installed."""
     if importlib.util.find_spec("pyscipopt") is None:
         raise UnsupportedError("scip-nonlinear needs PySCIPOpt: pip install 'cocap-opt[pyscipopt]'")
-    return outer_approximation(problem, stop, start, report, gap, _solve, root)
+    return nullcontext(_solve)
+
+
+scip_nonlinear = OuterApproximation(_solver)
 
 
 def _solve(program: Program, call: Call) -> Answer:
@@ -59,8 +47,7 @@ def _solve(program: Program, call: Call) -> Answer:
         message = f"scip-nonlinear takes at most {MOST_VARIABLES} variables, here are "
         return Answer(None, math.inf, Limit.MEMORY, message=f"{message}{len(linear.gain)}")
     model, variables = _translated(program, linear)
-    model.setParam("limits/gap", call.tolerance)
-    model.setParam("limits/time", min(call.stop.seconds_left, NO_TIME_LIMIT))
+    model.setParams(options("SCIP", call.stop, call.tolerance))
     if call.hint is not None:
         solution = model.createSol()
         for variable, value in zip(variables, program.point(call.hint).tolist(), strict=True):
@@ -77,8 +64,6 @@ def _translated(program: Program, linear: LinearProgram) -> tuple[Any, list[Any]
     model: Any = Model()
     model.hideOutput()
     model.setPresolve(SCIP_PARAMSETTING.OFF)  # takes longer than all the rest
-    # Its search for symmetries (dejavu) may never end, and hears of no limit.
-    model.setParam("misc/usesymmetry", 0)
     kinds = np.where(linear.integral, "I", "C").tolist()
     variables = [
         model.addVar(lb=low, ub=None if math.isinf(high) else high, vtype=kind, obj=gain)
@@ -107,17 +92,13 @@ def _translated(program: Program, linear: LinearProgram) -> tuple[Any, list[Any]
 
 def _answer(program: Program, model: Any, variables: list[Any]) -> Answer:
     """Reads how a solve ended."""
-    status, nodes = str(model.getStatus()), int(model.getNTotalNodes())
-    if status in ("infeasible", "inforunbd"):  # the roots are bounded
-        return Answer(None, -math.inf, nodes=nodes)
+    status = str(model.getStatus())
     bound = float(model.getDualbound()) * program.unit
-    bound = bound if abs(bound) < NO_TIME_LIMIT else math.inf
     solution, message = None, status
     if model.getNSols():
         best, n, e = model.getBestSol(), program.flow.n_nodes, program.flow.n_edges
         found = np.array([best[variable] for variable in variables[: n + e]])
         solution, message = (found[:n], found[n:]), ""
-    if status in ("optimal", "gaplimit"):
-        return Answer(solution, bound, nodes=nodes)
-    limit = Limit.TIME if status == "timelimit" else Limit.NUMERICS
-    return Answer(solution, bound, limit, nodes, message)
+    bound = bound if abs(bound) < _INFINITY else math.inf
+    nodes = int(model.getNTotalNodes())
+    return Answer.ended(ending("SCIP", status), solution, bound, nodes, message)

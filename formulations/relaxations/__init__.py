@@ -8,7 +8,6 @@ a solver's multipliers.
 __all__ = [
     "collision_rows",
     "cone_program",
-    "cone_solver",
     "duals",
     "flow",
     "move_cliques",

@@ -24,13 +24,14 @@ from cocap_opt.formulations.certificates import CertificateFile, certify
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
-from cocap_opt.formulations.relaxations.cone_solver import solve_cones
 from cocap_opt.formulations.relaxations.duals import Duals, repaired_roots
 from cocap_opt.formulations.relaxations.flow import Compile, Flow, Roots
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot, silent
+from cocap_opt.formulations.solvers import ending, solve_cones
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Plan, Problem
+from cocap_opt.result import Reason
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 from cocap_opt.timing import timed
 
@@ -386,7 +387,7 @@ def _clarabel(program: "cp.Problem", stop: Stop) -> bool:
         except (ValueError, cp.error.SolverError) as error:
             stop.check()
             raise LimitReached(Limit.NUMERICS) from error
-    return str(solution.status) in ("Solved", "AlmostSolved")
+    return ending("Clarabel", str(solution.status)) is Reason.OPTIMAL
 
 
 def _disaggregated(problem: Problem) -> Model:

@@ -16,6 +16,8 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.envelope import Corners, Curve, Cut, Partial
 from cocap_opt.formulations.certificates.format import MOST_WORK
+from cocap_opt.formulations.solvers import ending, options
+from cocap_opt.result import Reason
 from cocap_opt.stop import Stop
 
 # Of all classes together: rows of the transport problem. Of robots that are a class each, more of
@@ -32,7 +34,6 @@ NEARLY = 0.05  # share of what a cut can cut off that may be left
 SCENARIOS = 64  # equally likely ones in which amounts are dealt to robots
 SWEEPS = 2  # of the rearrangement
 LEAST_MASS = 1e-6  # a little mass everywhere keeps phi low where there is none
-_SOLVER_OPTIONS = {"output_flag": False, "threads": 1, "presolve": "off", "solver": "simplex"}
 
 
 class Seen:
@@ -352,8 +353,8 @@ class Transport:
     def __init__(self, mass: FloatArray) -> None:
         import highspy  # a quarter of a second, which not every bound needs
 
-        self._solver, self._optimal = highspy.Highs(), highspy.HighsModelStatus.kOptimal
-        for option, value in _SOLVER_OPTIONS.items():
+        self._solver = highspy.Highs()
+        for option, value in options("simplex").items():
             self._solver.setOptionValue(option, value)
         none, rows = np.zeros(0, dtype=np.int32), len(mass) + 1
         lower = np.append(np.full(len(mass), -highspy.kHighsInf), 1.0)
@@ -376,7 +377,7 @@ class Transport:
             np.column_stack([counts, np.ones(columns)]).ravel(),
         )  # fmt: skip
         self._solver.run()
-        if self._solver.getModelStatus() != self._optimal:
+        if ending("simplex", self._solver.getModelStatus().name) is not Reason.OPTIMAL:
             return None
         multipliers = -np.array(self._solver.getSolution().row_dual)
         return np.maximum(multipliers[:-1], 0.0), float(multipliers[-1])

@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import closing, nullcontext
 from functools import partial
 from itertools import product
 from typing import Any
@@ -31,8 +31,8 @@ from cocap_opt.formulations.integer_programs.mathopt import (
     scip,
 )
 from cocap_opt.formulations.integer_programs.outer_approximation import (
+    OuterApproximation,
     certified_root,
-    outer_approximation,
 )
 from cocap_opt.formulations.integer_programs.program import Answer, Call, Program, Solver
 from cocap_opt.formulations.integer_programs.scip_nonlinear import scip_nonlinear
@@ -270,7 +270,7 @@ def test_a_time_limit_ends_a_solve(method: str) -> None:
 
 def solved_by(solver: Solver, problem: Problem, start: Plan | None = None) -> CertifiedResult:
     """Result of outer approximation with some function as its solver."""
-    return outer_approximation(problem, never, start, silent, OPTIMALITY, solver, None)
+    return OuterApproximation(partial(nullcontext, solver))(problem, start=start, root=None)
 
 
 def test_a_bound_below_a_known_plan_is_not_believed() -> None:
@@ -288,7 +288,7 @@ def test_a_bound_below_a_known_plan_is_not_believed() -> None:
         assert (result.reason, result.limit) == (Reason.STOPPED, Limit.NUMERICS)
         assert "a plan has J" in result.message
     # The root's own plan refutes as well, though it is not taken over.
-    result = outer_approximation(problem, never, None, silent, OPTIMALITY, denier)
+    result = OuterApproximation(partial(nullcontext, denier))(problem)
     assert (result.reason, result.plan) == (Reason.STOPPED, stay(problem))
 
 
@@ -342,7 +342,7 @@ def test_what_goes_wrong_in_the_solvers_process_is_told() -> None:
             data = process.solve(unknown.SerializeToString(), call_of(never))
 
             def told(program: Program, call: Call, data: bytes | None = data) -> Answer:
-                return _answer(program, data, late=False)
+                return _answer("HIGHS", program, data, late=False)
 
             result = solved_by(told, problem)
             assert result.limit is Limit.NUMERICS and "the solver failed" in result.message
@@ -358,7 +358,7 @@ def test_a_proof_at_the_time_limit_is_not_believed() -> None:
         def solver(program: Program, call: Call) -> Answer:
             request = _request("HIGHS", program, call)
             data = process.solve(request, call._replace(stop=never))
-            late = _answer(program, data, late=True)
+            late = _answer("HIGHS", program, data, late=True)
             answers.append(late)
             return late
 

@@ -24,8 +24,8 @@ from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.master.columns import Arc, Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
-from cocap_opt.formulations.relaxations.cone_solver import solve_cones
 from cocap_opt.formulations.relaxations.duals import Duals, repaired_roots
+from cocap_opt.formulations.solvers import solve_cones
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop

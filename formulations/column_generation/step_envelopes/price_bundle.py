@@ -30,7 +30,7 @@ from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
 from cocap_opt.formulations.column_generation.master.columns import Arc
 from cocap_opt.formulations.column_generation.parameters import BundleParameters
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
-from cocap_opt.formulations.relaxations.cone_solver import solve_cones
+from cocap_opt.formulations.solvers import solve_cones
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Path

@@ -1,0 +1,136 @@
+"""How solvers are limited and how their words are read, whatever library stands behind them.
+
+Each works on one thread, with one seed where it takes one, so that runs can be repeated, and
+prints nothing. To add one: a line in `_SOLVERS`.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from datetime import timedelta
+from typing import Any, NamedTuple
+
+from scipy import sparse
+
+from cocap_opt.data import FloatArray
+from cocap_opt.result import Reason
+from cocap_opt.stop import Limit, Stop, never
+
+THREADS, SEED = 1, 0
+
+
+class _Solver(NamedTuple):
+    """What a solver is told, and what it says, in the words of its library."""
+
+    options: Mapping[str, Any]  # whatever is solved
+    statuses: Mapping[str, Reason | Limit]  # all others are `Limit.NUMERICS`
+    seconds: str = ""  # option for the time that is left
+    as_time: Callable[[float], Any] = float
+    gap: str = ""  # option for the relative gap
+
+
+_MATHOPT: Mapping[str, Reason | Limit] = {
+    "TERMINATION_REASON_OPTIMAL": Reason.OPTIMAL,
+    # The roots are bounded, so that no program is unbounded.
+    "TERMINATION_REASON_INFEASIBLE": Reason.INFEASIBLE,
+    "TERMINATION_REASON_INFEASIBLE_OR_UNBOUNDED": Reason.INFEASIBLE,
+    "LIMIT_TIME": Limit.TIME,
+}
+_SOLVERS = {
+    # Through MathOpt, whose own parameter for threads is an error with HiGHS.
+    "HIGHS": _Solver(
+        {"absolute_gap_tolerance": 0.0, "highs": {"int_options": {"threads": THREADS}}},
+        _MATHOPT, "time_limit", lambda s: timedelta(seconds=s), "relative_gap_tolerance",
+    ),
+    # SCIP's presolve takes minutes and all memory on flows that it solves in a second.
+    "GSCIP": _Solver(
+        {"absolute_gap_tolerance": 0.0, "threads": THREADS, "presolve": "EMPHASIS_OFF"},
+        _MATHOPT, "time_limit", lambda s: timedelta(seconds=s), "relative_gap_tolerance",
+    ),
+    "CP-SAT": _Solver(
+        {
+            "num_workers": THREADS, "random_seed": SEED,
+            "catch_sigint_signal": False,  # its handler aborts the process
+            # Roots are worth millions: one worker that looks for better and better plans would go
+            # up by ones. This one lowers the bound instead, with all rows in its linear relaxation.
+            "use_objective_lb_search": True, "linearization_level": 2,
+            # With it, presolve of 9.15 cuts optima off (github.com/google/or-tools/issues/5293).
+            "presolve_inclusion_work_limit": 0,
+        },
+        {
+            "OPTIMAL": Reason.OPTIMAL, "INFEASIBLE": Reason.INFEASIBLE,
+            "FEASIBLE": Limit.TIME, "UNKNOWN": Limit.TIME,
+        },
+        "max_time_in_seconds", float, "relative_gap_limit",
+    ),
+    # PySCIPOpt. SCIP's search for symmetries (dejavu) may never end, and hears of no limit.
+    "SCIP": _Solver(
+        {"misc/usesymmetry": 0},
+        {
+            "optimal": Reason.OPTIMAL, "gaplimit": Reason.OPTIMAL, "timelimit": Limit.TIME,
+            "infeasible": Reason.INFEASIBLE, "inforunbd": Reason.INFEASIBLE,
+        },
+        "limits/time", float, "limits/gap",
+    ),
+    # highspy, for small linear programs whose columns come one after the other.
+    "simplex": _Solver(
+        {"output_flag": False, "threads": THREADS, "presolve": "off", "solver": "simplex"},
+        {"kOptimal": Reason.OPTIMAL},
+    ),
+    "Clarabel": _Solver(
+        {"verbose": False, "max_threads": THREADS},
+        {"Solved": Reason.OPTIMAL, "AlmostSolved": Reason.OPTIMAL},
+        "time_limit",
+    ),
+}  # fmt: skip
+
+
+def options(name: str, stop: Stop = never, gap: float | None = None) -> dict[str, Any]:
+    """Returns the options of a solver by the names of its library: the fixed ones and the limits.
+
+    Parameters
+    ----------
+    stop : says how much time is left
+    gap : relative, at which the solver may end
+    """
+    solver, seconds = _SOLVERS[name], stop.seconds_left
+    limits = {} if gap is None else {solver.gap: gap}
+    if math.isfinite(seconds):
+        limits[solver.seconds] = solver.as_time(seconds)
+    return {**solver.options, **limits}
+
+
+def ending(name: str, status: str) -> Reason | Limit:
+    """Returns why a solver ended, which it says in the words of its library."""
+    return _SOLVERS[name].statuses.get(status, Limit.NUMERICS)
+
+
+def solve_cones(
+    cost: FloatArray,
+    rows: sparse.csc_matrix,
+    rhs: FloatArray,
+    cones: Sequence[object],
+    stop: Stop,
+    quadratic: sparse.csc_matrix | None = None,
+    **settings: Any,
+) -> Any:
+    """Solves min cost x subject to rows x + s = rhs, s in the cones; returns Clarabel's solution.
+
+    Clarabel is called directly, so that it asks for limits at each iteration.
+
+    Parameters
+    ----------
+    cost, rows, rhs : [n], [m, n] and [m]
+    quadratic : [n, n] upper triangle of Q, of which x Q x / 2 is added to the cost
+    settings : of Clarabel, besides its threads and limits
+    """
+    import clarabel
+
+    chosen = clarabel.DefaultSettings()
+    for name, value in {**options("Clarabel", stop), **settings}.items():
+        setattr(chosen, name, value)
+    none = sparse.csc_matrix((len(cost), len(cost)))
+    solver = clarabel.DefaultSolver(
+        none if quadratic is None else quadratic, cost, rows, rhs, cones, chosen
+    )
+    solver.set_termination_callback(lambda info: bool(stop.reached()))
+    return solver.solve()
