@@ -8,7 +8,6 @@ from itertools import product
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.result import (
     OPTIMALITY,
     CertifiedResult,
@@ -16,6 +15,7 @@ from cocap_opt.formulations.result import (
     checked_start,
     silent,
 )
+from cocap_opt.formulations.simple_bounds import early_bound
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import view_reward

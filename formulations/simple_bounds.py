@@ -2,27 +2,270 @@
 
 Source of the online bound: Minoux 1978; Leskovec et al. 2007 (for a budget); here with one
 best path per robot.
+
+The early bound is there after any limit, also where coverage is not whole. At the steps whose
+coverage is not known, every drone counts as if nothing hid anybody: an upper bound on what it sees
+(`vision.ceilings`). Multipliers that are priced on that prove, on the true coverage, at most the
+bound that is claimed. All faces of a step share one multiplier, of two kinds
+(`certificates.pricing` has the inequality): each drone as if it were alone, alpha = 1; or a tangent
+of the root at z pixels, alpha = 0 and beta = 1 / (2 sqrt z), where z is a share of what all drones
+could see of a face at the step if they all stood where one of them sees most.
 """
 
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from msgspec import UNSET
 
-from cocap_opt.data import FloatArray
-from cocap_opt.formulations.certificates import CertificateFile, ReferencePixels, certify
-from cocap_opt.formulations.early_bound import early_bound
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.files.documents import problem_digest
+from cocap_opt.formulations.certificates import (
+    CertificateFile,
+    Multipliers,
+    ReferencePixels,
+    certify,
+)
+from cocap_opt.formulations.certificates.format import OPTIMISTIC
+from cocap_opt.formulations.certificates.sweep import reward_of_staying
 from cocap_opt.formulations.result import (
     CertifiedResult,
     Report,
     checked_start,
     silent,
 )
+from cocap_opt.graph.move_rewards import Bonuses
+from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, compiled
-from cocap_opt.problem import Plan, Problem
-from cocap_opt.stop import LimitReached, Stop, never
+from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
+from cocap_opt.result import Reason
+from cocap_opt.stop import Limit, LimitReached, Stop, never
 from cocap_opt.timing import timed
+from cocap_opt.vision.ceilings import ceiling
 
-__all__ = ["alone", "online"]
+__all__ = ["alone", "early_bound", "online"]
+
+METHOD = "step-multipliers"
+_ROUNDING = 1e-9  # relative, much more than that of the sums here and in a certificate's pricing
+_MANY = 10_000_000  # states at steps from which on only one bound is computed
+_TOO_MANY = 30_000_000  # from which on none is: value iteration would take seconds for each
+_AT_ONCE = 100_000  # states whose ceilings are computed together
+_STEP_DOWN = 0.4  # from one share of what could be seen to the next
+
+
+def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
+    """Returns the result of a bound that a limit has stopped before it had any of its own.
+
+    It takes a fraction of a second to a few seconds, for which `Model.prepare` leaves time.
+    """
+    model = compiled(problem)
+    prices = _Prices(model)
+    best = prices.quick_file() if prices.are_dear else prices.best_file()
+    if best.proved == math.inf:
+        return CertifiedResult(None, -math.inf, Reason.STOPPED, limit)
+    if best.proved < 0:  # a drone has no path
+        return CertifiedResult.bounded(best, {})
+    steps = problem.horizon + 1
+    words = f"coverage was there for {model.covered_steps} of {steps} steps; "
+    words += "in the bound nothing hides anybody at the others"
+    return CertifiedResult(
+        None, -math.inf, Reason.STOPPED, limit, best.proved, certificate=best,
+        message=words if model.covered_steps < steps else "",
+    )  # fmt: skip
+
+
+# The most that states of a robot class see, added up over the faces with their weights: roots
+# w sqrt(px/m2) and pixels w px/m2 [T+1, S]. Where there are too many states for value iteration S
+# is 1: the most that any of them sees.
+_Sums = tuple[FloatArray, FloatArray]
+
+# One alpha and one beta for all faces of each step [T+1], or for all steps together [1].
+_Steps = tuple[FloatArray, FloatArray]
+
+
+class _Prices:
+    """The bounds that multipliers prove, on known coverage and on ceilings for the rest."""
+
+    def __init__(self, model: Model) -> None:
+        problem, self._model = model.problem, model
+        visible = np.zeros(len(problem.view_sum_weights), dtype=bool)
+        collect = _most if _states(model) > _TOO_MANY else _sums
+        self._sums = [collect(model, k, visible) for k in range(len(model.classes))]
+        self._digest = problem_digest(problem)
+        weights = np.where(visible, problem.view_sum_weights, 0.0)
+        self._weights = weights.reshape(problem.view_sum_steps, -1).sum(axis=1)
+
+    def alone(self) -> _Steps:
+        """Returns the multipliers of drones that are alone."""
+        steps = self._model.problem.view_sum_steps
+        return np.ones(steps), np.zeros(steps)
+
+    def tangents(self) -> Iterator[_Steps]:
+        """Yields tangents at ever fewer pixels."""
+        most = np.max([pixels.max(axis=1) for _, pixels in self._sums], axis=0)  # [T+1]
+        problem = self._model.problem
+        if problem.objective.over_time:
+            most = most.sum(keepdims=True)
+        seen = (most > 0) & (self._weights > 0)
+        full = len(problem.robots) * most[seen] / self._weights[seen]
+        share = 1.0
+        while seen.any() and share > 1 / (4 * len(problem.robots)):
+            alpha, beta = self.alone()
+            alpha[seen], beta[seen] = 0.0, 1 / (2 * np.sqrt(share * full))
+            yield alpha, beta
+            share *= _STEP_DOWN
+
+    @property
+    def are_dear(self) -> bool:
+        """True if a single bound takes long: value iteration over so many states."""
+        return _states(self._model) > _MANY
+
+    def quick_file(self) -> CertificateFile:
+        """Returns the certificate of the multipliers that are best for drones that jump.
+
+        Where value iteration would take too long it claims no more than what they prove for these.
+        """
+        best = min((self.alone(), *self.tangents()), key=self.without_motion)
+        if _states(self._model) <= _TOO_MANY:
+            return self.file(best)
+        return self.file(best, _rounded_up(self.without_motion(best)))
+
+    def best_file(self) -> CertificateFile:
+        """Returns the certificate of the best multipliers that are tried."""
+        best, lowest = self.file(self.alone()), math.inf
+        for tangents in self.tangents():
+            file = self.file(tangents)
+            best = min(best, file, key=lambda one: one.proved)
+            if not file.proved < lowest:
+                break
+            lowest = file.proved
+        return best
+
+    def without_motion(self, steps: _Steps) -> float:
+        """Returns the bound of multipliers for drones that are anywhere at any step.
+
+        Each of their moves is rewarded in all ways.
+        """
+        problem = self._model.problem
+        moves = len(problem.robots) * problem.horizon
+        total = self._constants(steps) + moves * reward_of_staying(problem.objective)
+        for robot_class, sums in zip(self._model.classes, self._sums, strict=True):
+            alpha, beta = (np.broadcast_to(x, len(sums[0])) for x in steps)
+            total += len(robot_class.robots) * sum(
+                float((a * roots if not b else a * roots + b * pixels).max())
+                for roots, pixels, a, b in zip(*sums, alpha, beta, strict=True)
+            )
+        return total
+
+    def _constants(self, steps: _Steps) -> float:
+        """Returns the part of the bound that no drone decides."""
+        alpha, beta = steps
+        tangent = beta > 0
+        constants = (1 - alpha[tangent]) ** 2 / (4 * beta[tangent])
+        return float(self._weights[tangent] @ constants)
+
+    def file(self, steps: _Steps, bound: float | None = None) -> CertificateFile:
+        """Returns the certificate of multipliers, with the bound that they prove.
+
+        Parameters
+        ----------
+        bound : if it is known; at least what they prove
+        """
+        problem, faces = self._model.problem, self._model.n_faces
+        alpha, beta = (tuple((x,) * faces for x in values.tolist()) for values in steps)
+        bound = self._bound(steps) if bound is None else bound
+        return CertificateFile(
+            scene=problem.name,
+            digest=self._digest,
+            coverage_version=COVERAGE_VERSION,
+            method=METHOD,
+            coverage=OPTIMISTIC if self._model.covered_steps <= problem.horizon else UNSET,
+            bound=None if bound == -math.inf else bound,
+            certificate=Multipliers(alpha=alpha, beta=beta),
+        )
+
+    def _bound(self, steps: _Steps) -> float:
+        total = self._constants(steps)
+        bonuses = Bonuses.of(self._model.problem.objective)
+        for robot_class, sums in zip(self._model.classes, self._sums, strict=True):
+            reward = robot_class.graph.no_reward(self._model.problem.horizon)
+            steps_of = np.broadcast_arrays(reward[:, 0], *steps)[1:]
+            # Step by step: arrays of all states at all steps are large.
+            for own, roots, pixels, alpha, beta in zip(reward, *sums, *steps_of, strict=True):
+                if alpha:
+                    own += alpha * roots
+                if beta:
+                    own += beta * pixels
+            value = backward_sweep(robot_class.graph, reward, bonuses, goal=robot_class.goal)
+            total += float(value[0, list(robot_class.starts)].sum())
+        return total if total == -math.inf else _rounded_up(total)
+
+
+def _rounded_up(bound: float) -> float:
+    """Returns a bound that is larger than one by more than the rounding of its sums."""
+    return math.nextafter(bound + _ROUNDING * abs(bound), math.inf)
+
+
+def _states(model: Model) -> int:
+    """Returns the number of states at steps, over all robot classes."""
+    return (model.problem.horizon + 1) * sum(one.graph.n_states for one in model.classes)
+
+
+def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
+    """Returns the sums of a class, and marks what it may see in `visible` [Z]."""
+    graph = model.classes[number].graph
+    sums = np.zeros((2, model.problem.horizon + 1, graph.n_states))
+    nodes, known = _known(model, number, visible)
+    for whole, own in zip(sums, known, strict=True):
+        whole.reshape(-1)[nodes] = own
+    shape = graph.n_orientations, graph.n_places
+    for t, places, *most in _ceilings(model, number, visible):
+        for whole, own in zip(sums, most, strict=True):
+            whole[t].reshape(shape)[:, places] = own
+    return sums[0], sums[1]
+
+
+def _most(model: Model, number: int, visible: BoolArray) -> _Sums:
+    """Returns the most of a class at each step, and marks what it may see in `visible` [Z]."""
+    sums = np.zeros((2, model.problem.horizon + 1, 1))
+    nodes, known = _known(model, number, visible)
+    for whole, own in zip(sums, known, strict=True):
+        np.maximum.at(whole[:, 0], nodes // model.classes[number].graph.n_states, own)
+    for t, _, *most in _ceilings(model, number, visible):
+        for whole, own in zip(sums, most, strict=True):
+            whole[t] = max(whole[t, 0], own.max())
+    return sums[0], sums[1]
+
+
+def _known(model: Model, number: int, visible: BoolArray) -> tuple[IntArray, _Sums]:
+    """Returns nodes [n] of a class whose coverage is known, and their roots and pixels [n]."""
+    table, _ = model.coverage_so_far(model.classes[number])
+    visible[table.view_sums] = True
+    weights = model.problem.view_sum_weights[table.view_sums]
+    roots, pixels = (table.row_sums(x * weights) for x in (np.sqrt(table.pixels), table.pixels))
+    return table.nodes, (roots, pixels)
+
+
+def _ceilings(
+    model: Model, number: int, visible: BoolArray
+) -> Iterator[tuple[int, IntArray, FloatArray, FloatArray]]:
+    """Yields steps that are not known, places [n] that are reached then, roots and pixels [O, n].
+
+    They are in parts of a size that the processor's cache holds.
+    """
+    problem, robot_class = model.problem, model.classes[number]
+    graph, weights = robot_class.graph, problem.view_sum_weights
+    _, steps = model.coverage_so_far(robot_class)
+    views, reachable = model.views(robot_class), model.reachable(robot_class)
+    for t in range(max(steps, problem.first_step), problem.horizon + 1):
+        reached = reachable[t].reshape(graph.n_orientations, graph.n_places).any(axis=0)
+        at, places = problem.view_sums_at(t), np.flatnonzero(reached)
+        parts = -(-len(places) * graph.n_orientations // _AT_ONCE)
+        for some in np.array_split(places, parts) if parts else []:
+            roots, pixels, seen = ceiling(views, t, some, weights[at])
+            visible[at] |= seen
+            yield t, some, roots, pixels
 
 
 @timed

@@ -37,7 +37,7 @@ ORDER = {
         "coordination", "method", "planners",
     ),
     "formulations": (
-        "certificates", "explanation", "second_opinion", "result", "early_bound", "simple_bounds",
+        "certificates", "explanation", "second_opinion", "result", "simple_bounds",
         "brute_force", "solvers",
         "relaxations", "column_generation", "integer_programs",
     ),

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Generic, Protocol, Self, TypeVar
 
-from cocap_opt.coordination.constraints import avoid_paths
+from cocap_opt.coordination.best_response import avoid_paths
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import Charges
 from cocap_opt.model import Model, Path

@@ -9,7 +9,7 @@ from cocap_opt.flight.trajectory import Samples, Trajectory
 from cocap_opt.problem import NO_RULES, Actor, Airspace, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection
-from cocap_opt.vision.sights import ConeSight, PinholeSight
+from cocap_opt.vision.views import ConeSight, PinholeSight
 
 PARTS = 4  # moments of a step
 _AT_ONCE = 256  # poses, to bound the memory

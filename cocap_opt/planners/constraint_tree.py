@@ -4,7 +4,7 @@ import heapq
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from cocap_opt.coordination.constraints import forbid
+from cocap_opt.coordination.best_response import forbid
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.planners.low_level import PlannedTeam
 from cocap_opt.planners.responses import Planning, Responses, followed, greedily, one_by_one

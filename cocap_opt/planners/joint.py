@@ -4,20 +4,340 @@ A step of two robots is the maximum over one robot's moves and then over the oth
 (`coordination.pair_iteration`). Rules that hold between steps couple the moves: pairs of places
 that are near enough for it are done again, move by move of both, without the forbidden ones.
 
-The memory that it takes is known before: it is that of the arrays which `joint_pair` holds at once,
-as tests/core/test_joint.py measures.
+The memory that it takes is known before: it is that of the arrays which `Pair` holds at once, as
+tests/core/test_joint.py measures.
 """
 
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
 from cocap_opt.coordination.best_response import best_response
-from cocap_opt.model import Model, Path, compiled
+from cocap_opt.coordination.pair_iteration import PairIteration
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.graph.move_rewards import Bonuses
+from cocap_opt.graph.timegraph import CLOSED
+from cocap_opt.model import Model, Path, RobotClass, compiled
 from cocap_opt.objective import objective
-from cocap_opt.planners.joint_pair import Pair
 from cocap_opt.planners.low_level import PlannedTeam, SingleRobotPath
 from cocap_opt.planners.results import result_of, result_without_conflicts
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 from cocap_opt.timing import timed
+
+_AT_ONCE = 200_000  # values of near pairs, to bound the memory
+
+
+@dataclass(frozen=True)
+class _PairSide:
+    """One robot's part of the pair: the places it can reach at each step, numbered per step.
+
+    Its states at step t are numbered orientation by orientation, place by place [O * n_t].
+    """
+
+    robot_class: RobotClass
+    start: int  # state number
+    places: list[IntArray]  # per step [n_t] place numbers, increasing
+
+    @classmethod
+    def of(cls, model: Model, robot: int) -> "_PairSide":
+        """Returns the part of one robot."""
+        graph, start = model.class_of[robot].graph, model.start(robot)
+        reach = graph.reachable([start], model.problem.horizon)
+        reach = reach.reshape(len(reach), graph.n_orientations, graph.n_places)
+        return cls(model.class_of[robot], start, [np.flatnonzero(r.any(axis=0)) for r in reach])
+
+    def sizes(self, t: int) -> tuple[int, int]:
+        """Returns the numbers of orientations and of places at step t."""
+        return self.robot_class.graph.n_orientations, len(self.places[t])
+
+    def states(self, t: int) -> IntArray:
+        """Returns the state numbers [O * n_t] of step t, orientation by orientation."""
+        origins = np.arange(self.robot_class.graph.n_orientations) * self.robot_class.graph.n_places
+        return (origins[:, None] + self.places[t]).ravel()
+
+    def position(self, t: int, places: IntArray) -> IntArray:
+        """Returns positions of place numbers in the list of step t; n_t for a place not in it."""
+        at = np.minimum(np.searchsorted(self.places[t], places), len(self.places[t]) - 1)
+        return np.where(self.places[t][at] == places, at, len(self.places[t]))
+
+    def positions_of_states(self, t: int, states: IntArray) -> IntArray:
+        """Returns positions of state numbers, which can be reached, among the states of step t."""
+        orientation, place = np.divmod(states, self.robot_class.graph.n_places)
+        return orientation * len(self.places[t]) + self.position(t, place)
+
+    def targets(self, t: int) -> IntArray:
+        """Returns the positions at t+1 that each move leads to from each place of t [K, n_t]."""
+        return self.position(t + 1, self.robot_class.graph.heads_at(t, self.places[t]))
+
+
+class _PairWays(NamedTuple):
+    """K ways in which a robot can go on from each of n places."""
+
+    turns: bool  # False: the state is unchanged
+    to: IntArray  # [K, n] positions at t+1, one past the last where the way is closed
+    heads: FloatArray  # [K, n, 3] m, where it leads
+    rewards: FloatArray  # [K]
+
+    def of(self, way: int) -> "_PairWays":
+        """Returns one of the ways, as K = 1 of them."""
+        only = slice(way, way + 1)
+        return _PairWays(self.turns, self.to[only], self.heads[only], self.rewards[only])
+
+
+class Pair(PairIteration):
+    """Value iteration over all pairs of states that robots 0 and 1 (a and b) can reach.
+
+    Inside a step, values have the axes [Oa, na_t, Ob, nb_t]: orientations and places of both.
+    """
+
+    def __init__(self, model: Model, stop: Stop = never) -> None:
+        self.model = model
+        self.stop = stop
+        self.a, self.b = _PairSide.of(model, 0), _PairSide.of(model, 1)
+        self.starts = self.a.start, self.b.start
+        self.horizon = model.problem.horizon
+        self.bonuses = Bonuses.of(model.problem.objective)
+
+    @property
+    def positions(self) -> tuple[int, int]:
+        """Positions of both robots' starts among their states of step 0."""
+        sides = (self.a, self.b)
+        a, b = (side.positions_of_states(0, np.array([side.start])) for side in sides)
+        return int(a[0]), int(b[0])
+
+    def reward(self, t: int) -> FloatArray:
+        """Returns the reward of being in each pair of states at step t, with goals at the end."""
+        reward = self._view_rewards(t).reshape(*self.a.sizes(t), *self.b.sizes(t))
+        classes = self.a.robot_class, self.b.robot_class
+        conflicts = self.model.places.conflict_matrix(classes, (self.a.places[t], self.b.places[t]))
+        reward.transpose(0, 2, 1, 3)[:, :, conflicts] = CLOSED
+        if t == self.horizon:
+            reward[:, self._off_goal(self.a)] = CLOSED
+            reward[..., self._off_goal(self.b)] = CLOSED
+        return self._flat(t, reward)
+
+    def _view_rewards(self, t: int) -> FloatArray:
+        """Returns the reward for views of each pair of states at step t."""
+        coverage_a, coverage_b = (
+            self.model.coverage_at(side.robot_class, t, side.states(t)) for side in (self.a, self.b)
+        )
+        n_faces = self.model.n_faces
+        weights = self.model.problem.view_sum_weights[t * n_faces : (t + 1) * n_faces]
+        root_a, root_b = np.sqrt(coverage_a) @ weights, np.sqrt(coverage_b) @ weights
+        roots: FloatArray = root_a[:, None] + root_b[None, :]
+        # Where both see a face, the roots do not add up.
+        for face in np.flatnonzero(weights):
+            self.stop.check()
+            rows = np.flatnonzero(coverage_a[:, face])
+            columns = np.flatnonzero(coverage_b[:, face])
+            if len(rows) and len(columns):
+                first, second = coverage_a[rows, face][:, None], coverage_b[columns, face]
+                excess = np.sqrt(first + second) - np.sqrt(first) - np.sqrt(second)
+                roots[np.ix_(rows, columns)] += weights[face] * excess
+        return roots
+
+    def _off_goal(self, side: _PairSide) -> IntArray:
+        """Returns the positions of places at the last step that are not the robot's goal."""
+        goal, places = side.robot_class.goal, side.places[self.horizon]
+        if goal is None:
+            return places[:0]
+        _, x, y = side.robot_class.graph.coordinates(places)
+        return np.flatnonzero((x != goal[0]) | (y != goal[1]))
+
+    def _flat(self, t: int, values: FloatArray) -> FloatArray:
+        """Returns values [Oa, na_t, Ob, nb_t] with one axis per robot, without a copy."""
+        (o_a, n_a), (o_b, n_b) = self.a.sizes(t), self.b.sizes(t)
+        return values.reshape(o_a * n_a, o_b * n_b)
+
+    def step_back(self, t: int, ahead: FloatArray) -> FloatArray:
+        """Returns the best of the pairs of actions at t, without the rewards of t."""
+        ahead = ahead.reshape(*self.a.sizes(t + 1), *self.b.sizes(t + 1))
+        half = self._best_move(t, ahead, self.b, axis=2)
+        best = self._best_move(t, half, self.a, axis=0)
+        if self.model.problem.rules.hold_between_steps:
+            self._redo_near_pairs(t, ahead, half, best)
+        return self._flat(t, best)
+
+    def _turned(self, values: FloatArray, side: _PairSide, axis: int) -> FloatArray:
+        """Returns the maximum over the turns of one robot, whose orientations are on `axis`."""
+        moved = np.moveaxis(values, axis, 0)
+        result = np.empty_like(values)
+        pitches = side.robot_class.graph.shape[1]
+        for orientation, best in enumerate(np.moveaxis(result, axis, 0)):
+            self.stop.check()
+            turns = side.robot_class.graph.turns[orientation]
+            kept = [turn for turn in turns if turn // pitches == orientation // pitches]
+            np.copyto(best, moved[kept[0]])
+            for turn in kept[1:]:
+                np.maximum(best, moved[turn], out=best)
+            if self.bonuses.keep_heading:
+                np.add(best, self.bonuses.keep_heading, out=best)
+            for turn in turns:
+                if turn not in kept:
+                    np.maximum(best, moved[turn], out=best)
+        return result
+
+    def _best_move(self, t: int, ahead: FloatArray, side: _PairSide, axis: int) -> FloatArray:
+        """Returns the maximum over one robot's actions.
+
+        Parameters
+        ----------
+        axis : of the robot's orientations in `ahead`; the next one has its places
+        """
+        turned = _with_closed_end(self._turned(ahead, side, axis), axis + 1)
+        moves = np.array(side.robot_class.graph.moves)
+        targets, rates = side.targets(t), self.bonuses.of_moves(moves).tolist()
+        best: FloatArray = turned.take(targets[0], axis=axis + 1)
+        best += rates[0]
+        for target, rate in zip(targets[1:], rates[1:], strict=True):
+            self.stop.check()
+            moved = turned.take(target, axis=axis + 1)
+            if rate:
+                moved += rate
+            np.maximum(best, moved, out=best)
+        if self.bonuses.stationarity:
+            stay = _with_closed_end(ahead, axis + 1).take(targets[0], axis=axis + 1)
+            np.maximum(best, stay + self.bonuses.stay, out=best)
+        return best
+
+    def _redo_near_pairs(
+        self, t: int, ahead: FloatArray, half: FloatArray, best: FloatArray
+    ) -> None:
+        """Computes pairs of places again whose moves may conflict, in `best`, move by move.
+
+        Where none of b's moves can conflict with a's move, `half` holds b's best.
+        """
+        at_a, at_b = self._near_pairs(t)
+        if not len(at_a):
+            return
+        stays = (False, True) if self.bonuses.stationarity else (True,)
+        halves = {
+            turns: _with_closed_end(self._turned(half, self.a, 0) if turns else half, 1)
+            for turns in stays
+        }
+        ahead = _with_closed_end(_with_closed_end(ahead, 1), 3)
+        values = {}
+        for a_turns in stays:
+            turned = self._turned(ahead, self.a, 0) if a_turns else ahead
+            for b_turns in stays:
+                values[a_turns, b_turns] = self._turned(turned, self.b, 2) if b_turns else turned
+        size = self.pairs_at_once()
+        for first in range(0, len(at_a), size):
+            pairs = at_a[first : first + size], at_b[first : first + size]
+            best[:, pairs[0], :, pairs[1]] = self._best_of_pairs(t, pairs, halves, values)
+
+    def pairs_at_once(self) -> int:
+        """Returns of how many pairs of places the moves are looked at together."""
+        ways = len(self.b.robot_class.graph.moves)
+        orientations = self.a.robot_class.graph.n_orientations
+        orientations *= self.b.robot_class.graph.n_orientations
+        return max(1, _AT_ONCE // (ways * (orientations + 10)))
+
+    def _near_pairs(self, t: int) -> tuple[IntArray, IntArray]:
+        """Returns the pairs of places at t, by position, of which some moves may conflict."""
+        problem = self.model.problem
+        radii = self.a.robot_class.graph.motion.radius + self.b.robot_class.graph.motion.radius
+        reach = radii * problem.height_map.resolution + problem.rules.separation
+        first, second = (
+            self.model.places.where(self.a.robot_class, self.a.places[t]),
+            self.model.places.where(self.b.robot_class, self.b.places[t]),
+        )
+        ways = np.abs(first[:, None, :2] - second[None, :, :2])
+        # A little farther, for rounding.
+        at_a, at_b = np.nonzero((ways <= reach * (1 + 1e-9)).all(axis=-1))
+        return at_a, at_b
+
+    def _best_of_pairs(
+        self,
+        t: int,
+        at: tuple[IntArray, IntArray],
+        halves: dict[bool, FloatArray],
+        values: dict[tuple[bool, bool], FloatArray],
+    ) -> FloatArray:
+        """Returns the best [n, Oa, Ob] over both robots' moves from pairs of places [n] at t.
+
+        Parameters
+        ----------
+        halves : by whether a may turn, of places of a at t+1 and of b at t
+        values : by whether a and b may turn, of the pairs at t+1; all with closed ends
+        """
+        rules, (at_a, at_b) = self.model.problem.rules, at
+        tails_a, tails_b = (
+            self.model.places.where(side.robot_class, side.places[t][places])
+            for side, places in ((self.a, at_a), (self.b, at_b))
+        )
+        ways_b = self._ways(t, self.b, at_b)
+        lengths = [np.linalg.norm(ways.heads - tails_b, axis=-1).ravel() for ways in ways_b]
+        reach = float(np.nanmax([0.0, *np.concatenate(lengths)]))
+        closed = halves[True].shape[1] - 1
+        best = np.full((len(at_a), halves[True].shape[0], halves[True].shape[2]), CLOSED)
+        for a in (ways.of(k) for ways in self._ways(t, self.a, at_a) for k in range(len(ways.to))):
+            self.stop.check()
+            (to,), (heads,), (reward,) = a.to, a.heads, a.rewards
+            may = rules.may_conflict((tails_a, heads), tails_b, reach)
+            free, near = np.flatnonzero(~may), np.flatnonzero(may)
+            gained = halves[a.turns][:, to[free], :, at_b[free]] + reward
+            best[free] = np.maximum(best[free], gained)
+            for b in ways_b if len(near) else ():
+                broken = rules.moves_conflict(
+                    (tails_a[near], heads[near]), (tails_b[near], b.heads[:, near])
+                )
+                both = np.where(broken, closed, to[near]), b.to[:, near]
+                gained = values[a.turns, b.turns][:, both[0], :, both[1]]
+                gained += (reward + b.rewards)[:, None, None, None]
+                best[near] = np.maximum(best[near], gained.max(axis=0))
+        return best
+
+    def _ways(self, t: int, side: _PairSide, at: IntArray) -> list[_PairWays]:
+        """Returns the ways on from positions [n] at t."""
+        heads = side.robot_class.graph.heads_at(t, side.places[t][at])
+        turning = _PairWays(
+            True,
+            side.position(t + 1, heads),
+            self.model.places.where(side.robot_class, heads),
+            self.bonuses.of_moves(np.array(side.robot_class.graph.moves)),
+        )
+        if not self.bonuses.stationarity:
+            return [turning]
+        staying = turning.of(0)
+        return [turning, staying._replace(turns=False, rewards=np.array([self.bonuses.stay]))]
+
+    def successors(self, which: int, t: int, state: int) -> tuple[IntArray, IntArray, FloatArray]:
+        """Returns the states that a (0) or b (1) can go to from its state at step t."""
+        side = (self.a, self.b)[which]
+        graph = side.robot_class.graph
+        heads = graph.successors(t, state)
+        rewards = self.bonuses.of_edges(graph.shape, state, heads)
+        return heads, side.positions_of_states(t + 1, heads), rewards
+
+    def forbidden(
+        self, tails: tuple[int, int], heads: tuple[IntArray, IntArray]
+    ) -> BoolArray | bool:
+        """Returns which pairs of moves [n, m] break a rule between the steps."""
+        if not self.model.problem.rules.hold_between_steps:
+            return False
+        sides = self.a, self.b
+        sizes = [side.robot_class.graph.n_places for side in sides]
+        here = [
+            self.model.places.where(side.robot_class, np.array([tail % n]))
+            for side, tail, n in zip(sides, tails, sizes, strict=True)
+        ]
+        first, second = (
+            self.model.places.where(side.robot_class, states % n)
+            for side, states, n in zip(sides, heads, sizes, strict=True)
+        )
+        return self.model.problem.rules.moves_conflict((here[0], first[:, None]), (here[1], second))
+
+
+def _with_closed_end(values: FloatArray, axis: int) -> FloatArray:
+    """Returns values with one more entry along `axis`, CLOSED: the target of hidden moves."""
+    pad = [(0, 0)] * values.ndim
+    pad[axis] = (0, 1)
+    return np.pad(values, pad, constant_values=CLOSED)
+
 
 MEMORY_LIMIT = 8e9  # bytes that the process may have
 

@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from cocap_opt.coordination.constraints import avoid_paths
+from cocap_opt.coordination.best_response import avoid_paths
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED

@@ -17,9 +17,8 @@ from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import marginal_gain
 from cocap_opt.stop import Stop
 from cocap_opt.vision.coverage import usable_cores
-from cocap_opt.vision.sights import Seen
 from cocap_opt.vision.unhidden import UnhiddenViews
-from cocap_opt.vision.views import NOTHING
+from cocap_opt.vision.views import NOTHING, Seen
 
 _SLACK = 1e-9  # of the largest reward, much more than the rounding of bounds
 _AT_ONCE = 1_000_000  # entries, to bound the memory

@@ -21,8 +21,7 @@ from cocap_opt.problem import Camera
 from cocap_opt.vision.faces import FaceGeometry, Planes
 from cocap_opt.vision.projection import dot
 from cocap_opt.vision.screens import Screens
-from cocap_opt.vision.sights import Seen
-from cocap_opt.vision.views import NOTHING, PinholeViews, Views
+from cocap_opt.vision.views import NOTHING, PinholeViews, Seen, Views
 
 _SLACK = 1e-7  # m, much more than the rounding of coordinates
 _ROUNDING = 1e-9  # relative, much more than that of areas

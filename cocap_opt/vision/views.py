@@ -1,18 +1,207 @@
-"""Views of single states: the coverage of every face, evaluated on demand.
+"""Views: the coverage of every face from a camera, evaluated on demand.
 
-The value of a view depends on the kind of camera; `Views.of` returns the views of a camera.
+A sight looks from any places and in any directions; views are those of a drone's states. The value
+of a view depends on the kind of camera; `Views.of` returns the views of a camera.
 """
 
+import math
 from abc import ABC, abstractmethod
+from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.arithmetic import spans
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.projection import Projection
-from cocap_opt.vision.sights import ConeSight, PinholeSight, Seen
+from cocap_opt.vision.projection import Projection, dot
+from cocap_opt.vision.visibility import Sightings, Visibility
+
+ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
+
+
+class Seen(NamedTuple):
+    """The faces that some views see; the others see nothing."""
+
+    rows: IntArray  # [n] number of the view, increasing
+    faces: IntArray  # [n] increasing for each view
+    pixels: FloatArray  # [n] px/m2, > 0
+
+
+class PinholeSight:
+    """Coverage by a pinhole camera from any places, which looks along any axes.
+
+        coverage = area of the image of what is visible of the face, in px / area of the face
+
+    What is visible depends on the camera's place only, not on its orientation (`visibility`): the
+    whole face, nothing, or some convex pieces of it.
+
+    Parameters
+    ----------
+    axes : [O, 3, 3] right, up and forward unit vectors of its orientations
+    """
+
+    def __init__(
+        self, geometry: FaceGeometry, problem: Problem, camera: Camera, axes: FloatArray
+    ) -> None:
+        self._geometry = geometry
+        self._projection = Projection(camera)
+        self._image = float(camera.width * camera.height)  # px
+        self._slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
+        self._axes = axes
+        self._owners = problem.face_owner
+        self._visibility = Visibility(geometry, problem)
+
+    def seen(
+        self,
+        t: IntArray,
+        eyes: FloatArray,
+        which: IntArray,
+        orientation: IntArray,
+        steps: tuple[int, int] | None = None,
+    ) -> Seen:
+        """Returns what some views see.
+
+        Parameters
+        ----------
+        t, eyes : steps [e], increasing, and places [e, 3] (m from the geometry's origin)
+        which, orientation : [n] of each view, the number of its place and that of its axes
+        steps : the first and last of those that views are asked for in parts, so that what all
+            parts need is made once; if not given, the views are all
+        """
+        n_faces = len(self._owners)
+        faces = self._geometry.between(*(steps or (int(t[0]), int(t[-1]))))
+        at = t - faces.first
+        in_view = self._in_view(
+            faces.middles[at[which]] - eyes[which, None], faces.reaches, orientation
+        )
+        wanted = np.zeros((len(eyes), in_view.shape[1]), dtype=bool)
+        state, actor = np.nonzero(in_view)
+        wanted[which[state], actor] = True
+        sight = self._visibility.of(faces, at, eyes, wanted)
+        # Only faces that are turned to the camera are seen.
+        row, face = np.nonzero(sight.whole[which] & in_view[:, self._owners])
+        eye = which[row]
+        polygons = faces.polygons[at[eye], face] - eyes[eye, None]
+        area = self._areas(polygons, orientation[row])
+        parts = [(row, face, area)]
+        if len(sight.eyes):
+            parts.append(self._in_pieces(sight, which, orientation, in_view))
+        row, face, area = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        kept = np.flatnonzero(area > 0)
+        kept = kept[np.argsort(row[kept] * n_faces + face[kept])]
+        face = face[kept]
+        return Seen(row[kept], face, area[kept] / faces.areas[face])
+
+    def _in_pieces(
+        self, sight: Sightings, which: IntArray, orientation: IntArray, in_view: BoolArray
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Returns states, faces and areas (px) of the images of all faces seen in part."""
+        # Sightings are in the order of their eyes: those of one eye are one span.
+        first = np.searchsorted(sight.eyes, np.arange(len(sight.whole)))
+        counts = np.bincount(sight.eyes, minlength=len(first))
+        row = np.repeat(np.arange(len(which)), counts[which])
+        at = spans(first[which], counts[which])
+        ours = in_view[row, self._owners[sight.faces[at]]]
+        row, at = row[ours], at[ours]
+        entry = np.repeat(np.arange(len(at)), sight.counts[at])
+        piece = spans(sight.first[at], sight.counts[at])
+        looks = orientation[row[entry]]
+        areas = self._areas(sight.pieces[piece], looks)
+        if sight.veil is not None:
+            axes = self._axes[looks]
+            areas = areas * sight.veil.share_of_images(piece, areas > 0, self._projection, axes)
+        area = np.bincount(entry, weights=areas, minlength=len(at))
+        return row, sight.faces[at], np.minimum(area, self._image)
+
+    def _areas(self, polygons: FloatArray, orientation: IntArray) -> FloatArray:
+        """Returns the areas [n] in px of the images of polygons [n, V, 3], relative to the eye."""
+        # The area of a face that nearly touches the camera may be rounded beyond the image, or nan.
+        with np.errstate(over="ignore", invalid="ignore"):
+            area = self._projection.area(self._in_camera(polygons, orientation))
+            result: FloatArray = np.minimum(area, self._image)
+        return result
+
+    def _in_camera(self, points: FloatArray, orientation: IntArray) -> FloatArray:
+        """Returns points [n, k, 3], relative to cameras, right, up and forward of them."""
+        axes = self._axes[orientation][:, None]
+        return np.stack([dot(points, axes[:, :, k]) for k in range(3)], axis=-1)
+
+    def _in_view(
+        self, middles: FloatArray, reaches: FloatArray, orientation: IntArray
+    ) -> BoolArray:
+        """Returns an array [n, A], true if spheres may be in the image of each camera.
+
+        Parameters
+        ----------
+        middles : [n, A, 3] m, relative to the cameras
+        reaches : [A] m
+        """
+        u, v, depth = np.moveaxis(self._in_camera(middles, orientation), -1, 0)
+        in_view = np.ones(u.shape, dtype=bool)
+        for slope, off in zip(self._slopes, (u, v), strict=True):
+            in_view &= slope * depth - np.abs(off) >= -reaches * math.hypot(1.0, slope)
+        return in_view
+
+
+class ConeSight:
+    """Coverage by a `Cone` from any places, of all faces of the actors that it detects."""
+
+    def __init__(self, geometry: FaceGeometry, problem: Problem, cone: Cone) -> None:
+        self._geometry = geometry
+        self._problem = problem
+        self._cone = cone
+
+    def coverage(self, t: int, eyes: FloatArray, yaw: FloatArray) -> FloatArray:
+        """Returns the coverage [n, F] in 1/m2 of every face at step t.
+
+        Parameters
+        ----------
+        eyes, yaw : places [n, 3] (m from the geometry's origin) and directions [n] (rad)
+        """
+        ways, turned = self.ways(t, eyes)
+        ahead = np.abs(ways[..., 0] * np.cos(yaw)[:, None] + ways[..., 1] * np.sin(yaw)[:, None])
+        detected = self.detected(t, eyes, yaw)[:, self._problem.face_owner]
+        result: FloatArray = detected * self.law(ahead, turned, ways)
+        return result
+
+    def detected(
+        self, t: int, eyes: FloatArray, yaw: FloatArray, edge: float = ON_THE_EDGE
+    ) -> BoolArray:
+        """Returns an array [n, A], true if an actor is in the cone towards [n] or [1] (rad)."""
+        return np.asarray(self._off(t, eyes, yaw) <= self._cone.opening / 2 + edge)
+
+    def _feet(self, t: int) -> FloatArray:
+        """Returns the actors' foot points [A, 3] m."""
+        feet = np.array([actor.poses[t, :3] for actor in self._problem.actors])
+        return np.asarray(feet - self._geometry.origin)
+
+    def _off(self, t: int, eyes: FloatArray, yaw: FloatArray) -> FloatArray:
+        """Returns the angles [n, A] (rad) between look directions [n] or [1] and the actors."""
+        ways = self._feet(t)[None] - eyes[:, None]  # [n, A, 3]
+        off = np.arctan2(ways[..., 1], ways[..., 0]) - yaw[:, None]
+        result: FloatArray = np.abs((off + np.pi) % (2 * np.pi) - np.pi)
+        return result
+
+    def ways(self, t: int, eyes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Returns the ways [n, F, 3] m to the faces, and how far [n, F] these are turned to them.
+
+        All faces count as if they were on the ground.
+        """
+        faces, ground = self._geometry.planes(t), self._feet(t)[self._problem.face_owner, 2]
+        targets = np.column_stack([faces.centres[:, :2], ground])
+        ways = targets[None] - eyes[:, None]
+        return ways, np.maximum(-dot(ways, faces.normals), 0.0)
+
+    @staticmethod
+    def law(ahead: FloatArray, turned: FloatArray, ways: FloatArray) -> FloatArray:
+        """Returns the coverage [..] of faces at ways [.., 3], so far ahead and turned to it."""
+        square = dot(ways, ways)
+        square = np.where(square > 0, square, np.inf)  # where the eye is, nothing is seen
+        result: FloatArray = ahead * turned / square**2
+        return result
+
 
 # Most states at once, and states times actors, so that limits are checked every 0.3 s or so.
 _BATCH, _BATCH_ACTORS = 8_192, 65_000

@@ -13,10 +13,10 @@ from cocap_opt.arithmetic import spans
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.problem import Problem
 from cocap_opt.vision.bodies import Bodies
+from cocap_opt.vision.candidates import Skyline
 from cocap_opt.vision.faces import FaceGeometry, Faces, Surface
 from cocap_opt.vision.projection import Projection, dot
 from cocap_opt.vision.shadows import Shadows
-from cocap_opt.vision.skyline import Skyline
 
 _IN_ITS_PLANE = 1e-9  # m; an eye that is no farther before a face sees nothing of it
 _AT_ONCE = 50_000  # shadows, to bound the memory

@@ -13,8 +13,8 @@ from cocap_opt.formulations.column_generation.parameters import DEFAULTS, Parame
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.column_generation.tree.tree import Tree
-from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
+from cocap_opt.formulations.simple_bounds import early_bound
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.stop import Limit, LimitReached, Stop, never

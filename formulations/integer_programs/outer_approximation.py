@@ -20,7 +20,6 @@ import numpy as np
 from cocap_opt.formulations.certificates import CertificateFile, Multipliers
 from cocap_opt.formulations.column_generation.branch_and_price import column_generation
 from cocap_opt.formulations.column_generation.tree.root import Root as RootSearch
-from cocap_opt.formulations.early_bound import early_bound
 from cocap_opt.formulations.integer_programs.program import Answer, Call, Program, Solver
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.flow import Amounts, Compile, Flow, Roots
@@ -32,6 +31,7 @@ from cocap_opt.formulations.result import (
     checked_start,
     silent,
 )
+from cocap_opt.formulations.simple_bounds import early_bound
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
 from cocap_opt.problem import Plan, Problem

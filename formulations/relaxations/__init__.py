@@ -10,6 +10,5 @@ __all__ = [
     "cone_program",
     "duals",
     "flow",
-    "move_cliques",
     "separation",
 ]

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from pool import meetings, problems
 from strategies import examples, number_of_plans
 
-from cocap_opt.coordination.best_response import best_response
-from cocap_opt.coordination.constraints import forbid
+from cocap_opt.coordination.best_response import best_response, forbid
 from cocap_opt.graph.charges import NO_CHARGES
 from cocap_opt.model import Model
 from cocap_opt.objective import objective

@@ -25,10 +25,10 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.vision.bodies import Bodies
+from cocap_opt.vision.candidates import Skyline
 from cocap_opt.vision.coverage import GrowingTable
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.shadows import Shadows
-from cocap_opt.vision.skyline import Skyline
 from cocap_opt.vision.views import Views
 from cocap_opt.world.workspace import HeightMap
 

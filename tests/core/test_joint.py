@@ -13,8 +13,7 @@ from pool import meetings, problems
 from strategies import Calls, examples, standing, tiny
 
 from cocap_opt.model import Model
-from cocap_opt.planners.joint import PROCESS, bytes_needed, joint
-from cocap_opt.planners.joint_pair import Pair
+from cocap_opt.planners.joint import PROCESS, Pair, bytes_needed, joint
 from cocap_opt.problem import (
     Camera,
     CollisionRules,

@@ -50,7 +50,7 @@ from cocap_opt.formulations.certificates import (
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, PathCells, Swap, Visit
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
+from cocap_opt.formulations.relaxations.collision_rows import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import MOST_BREAKPOINTS, Seen
 from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.formulations.second_opinion.opinion import _highest_corner

@@ -15,7 +15,7 @@ from strategies import Calls, examples
 
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, verify
-from cocap_opt.formulations.early_bound import _Prices, early_bound
+from cocap_opt.formulations.simple_bounds import _Prices, early_bound
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
@@ -60,7 +60,7 @@ def test_a_bound_holds_whatever_coverage_is_known(
     covered_in_part(problem, looks)
     with pytest.MonkeyPatch.context() as patch:
         for name, number in zip(("_MANY", "_TOO_MANY"), many, strict=True):
-            patch.setattr(f"cocap_opt.formulations.early_bound.{name}", number)
+            patch.setattr(f"cocap_opt.formulations.simple_bounds.{name}", number)
         result = early_bound(problem, Limit.TIME)
     best = optimum(problem)
     assert result.bound >= best.value - SLACK * abs(best.value)
@@ -74,7 +74,7 @@ def test_drones_that_jump_need_little_memory(monkeypatch: pytest.MonkeyPatch) ->
     """Where there are too many states for value iteration, the most of each step suffices."""
     model, found = covered_in_part(load_scene("passage", 0), 20), []
     for many in (math.inf, 0):
-        monkeypatch.setattr("cocap_opt.formulations.early_bound._TOO_MANY", many)
+        monkeypatch.setattr("cocap_opt.formulations.simple_bounds._TOO_MANY", many)
         prices = _Prices(model)
         found.append([prices.without_motion(s) for s in (prices.alone(), *prices.tangents())])
     assert 0 < model.covered_steps < model.problem.horizon and len(found[0]) > 2

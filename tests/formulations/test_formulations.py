@@ -20,8 +20,8 @@ from strategies import Calls, drawn_problems, examples, tiny
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, verify
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.early_bound import METHOD
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Snapshot
+from cocap_opt.formulations.simple_bounds import METHOD
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import NO_RULES, Motion, Problem
 from cocap_opt.referee import check

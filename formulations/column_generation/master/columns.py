@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.coordination.constraints import avoid_paths
+from cocap_opt.coordination.best_response import avoid_paths
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.resources import PathCells, Resource
 from cocap_opt.graph.charges import Charges

@@ -18,7 +18,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
 from cocap_opt.formulations.column_generation.master.columns import Arc, Column
-from cocap_opt.formulations.relaxations.move_cliques import CliquesOfMoves
+from cocap_opt.formulations.relaxations.collision_rows import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.model import Model, Path
 from cocap_opt.problem import Cell, Problem
