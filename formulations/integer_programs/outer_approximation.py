@@ -68,16 +68,18 @@ class OuterApproximation:
 
     It is called with `root`, which gives the certificate, and cuts that the programs begin with;
     None: there is no bound and no cut but the solver's own, which is the generic way, to compare
-    with. `compile_` makes the model: one flow per class, or one per robot (the same optimum, in a
-    larger program). Scenes that are too large for a flow raise UnsupportedError (see
+    with. Scenes that are too large for a flow raise UnsupportedError (see
     `cocap_opt.formulations.relaxations.flow`), as does a solver that is not installed.
 
     Attributes
     ----------
     solver : opens a solver for the programs of one problem, and closes it
+    compile_ : makes the model: one flow per class, or one per robot (the same optimum, in a larger
+        program)
     """
 
     solver: Callable[[], AbstractContextManager[Solver]]
+    compile_: Compile = compiled
 
     def __call__(
         self,
@@ -87,13 +89,12 @@ class OuterApproximation:
         report: Report = silent,
         gap: float = OPTIMALITY,
         root: Root | None = certified_root,
-        compile_: Compile = compiled,
     ) -> CertifiedResult:
         """Solves programs; the class says how."""
 
         @timed
         def solve(problem: Problem) -> CertifiedResult:
-            rounds = _Rounds(problem, compile_(problem), stop, start, report, gap)
+            rounds = _Rounds(problem, self.compile_(problem), stop, start, report, gap)
             try:
                 return rounds.run(solver, root)
             except LimitReached as reached:

@@ -13,7 +13,7 @@ on paths and takes any size.
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -47,75 +47,6 @@ LEAST_MULTIPLIER = 1e-8  # of the largest weight; smaller ones are left out of c
 NO_MORE = "the bound is that of `alone`: nothing better in time"
 
 
-@timed
-def concave(
-    problem: Problem,
-    stop: Stop = never,
-    start: Plan | None = None,
-    report: Report = silent,
-    compile_: Compile = compiled,
-) -> CertifiedResult:
-    """Computes the bound of the plain concave relaxation, u <= sqrt(z).
-
-    It is weak where a drone can split itself between views: half a drone here and half there
-    collects sqrt(c/2) + sqrt(c/2) > sqrt(c).
-
-    Parameters
-    ----------
-    compile_ : makes the model: one flow per class, or one per robot (the same value, in a
-        larger program)
-
-    Raises
-    ------
-    UnsupportedError
-        If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
-    """
-    relaxation = _Relaxation(problem, compile_, "concave", single_view=False)
-    return relaxation.run(stop, report, _no_cuts)
-
-
-@timed
-def single_view(
-    problem: Problem,
-    stop: Stop = never,
-    start: Plan | None = None,
-    report: Report = silent,
-    compile_: Compile = compiled,
-) -> CertifiedResult:
-    """Computes the bound of the concave relaxation with single-view cuts; exact for one drone.
-
-    Parameters
-    ----------
-    compile_ : makes the model: one flow per class, or one per robot (the same value, in a
-        larger program)
-
-    Raises
-    ------
-    UnsupportedError
-        If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
-    """
-    return _Relaxation(problem, compile_, "single-view").run(stop, report, _no_cuts)
-
-
-@timed
-def envelope(
-    problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
-) -> CertifiedResult:
-    """Computes the bound of the relaxation with envelope cuts, added until none is violated.
-
-    There is one flow per drone: the envelope of drones that start elsewhere is lower than that
-    of drones that may exchange their views.
-
-    Raises
-    ------
-    UnsupportedError
-        If the scene is too large for a flow model (see `cocap_opt.formulations.relaxations.flow`).
-    """
-    # Over time a robot sees a view sum more than once, and no cut for single views holds.
-    separate = _no_cuts if problem.objective.over_time else _violated_cuts
-    return _Relaxation(problem, _disaggregated, "envelope").run(stop, report, separate)
-
-
 # Finds cuts that a solution violates: x [N] robots in each node and u [z] roots, in units of each
 # view sum's best view.
 _Separation = Callable[[Flow, Roots, FloatArray, FloatArray], list[Cut]]
@@ -128,6 +59,8 @@ def _no_cuts(flow: Flow, roots: Roots, x: FloatArray, u: FloatArray) -> list[Cut
 
 def _violated_cuts(flow: Flow, roots: Roots, x: FloatArray, u: FloatArray) -> list[Cut]:
     """Returns envelope cuts that a solution violates, the tightest one of each view sum."""
+    if flow.model.problem.objective.over_time:
+        return []  # a robot sees a view sum more than once, and no cut for single views holds
     found, sizes = [], flow.model.class_sizes
     for z, view_sum in enumerate(roots.used.tolist()):
         nodes, seen = roots.entries(z)
@@ -146,7 +79,57 @@ def _violated_cuts(flow: Flow, roots: Roots, x: FloatArray, u: FloatArray) -> li
     return found
 
 
-class _Relaxation:
+def _disaggregated(problem: Problem) -> Model:
+    """Returns the model in which every robot is a class of its own."""
+    return compiled(problem).disaggregated()
+
+
+@dataclass(frozen=True)
+class ConeRelaxation:
+    """Computes the bound of a concave relaxation, in rounds where there are cuts to be found.
+
+    Scenes that are too large for a flow raise UnsupportedError (see
+    `cocap_opt.formulations.relaxations.flow`).
+
+    Attributes
+    ----------
+    method : its name in certificates
+    single_view : True: with single-view cuts, which make it exact for one drone. Without them it is
+        weak where a drone can split itself between views: half a drone here and half there
+        collects sqrt(c/2) + sqrt(c/2) > sqrt(c)
+    separate : finds cuts that are violated
+    compile_ : makes the model: one flow per class, or one per robot in a larger program. Without
+        envelope cuts both have the same value; the envelope of drones that start elsewhere is lower
+        than that of drones that may exchange their views
+    """
+
+    method: str
+    single_view: bool = True
+    separate: _Separation = _no_cuts
+    compile_: Compile = compiled
+
+    def __call__(
+        self,
+        problem: Problem,
+        stop: Stop = never,
+        start: Plan | None = None,
+        report: Report = silent,
+    ) -> CertifiedResult:
+        """Bounds a problem; the class says how."""
+
+        @timed
+        def bound(problem: Problem) -> CertifiedResult:
+            return _Rounds(self, problem).run(stop, report)
+
+        return bound(problem)
+
+
+concave = ConeRelaxation("concave", single_view=False)
+single_view = ConeRelaxation("single-view")
+envelope = ConeRelaxation("envelope", separate=_violated_cuts, compile_=_disaggregated)
+
+
+class _Rounds:
     """A relaxation of one problem, solved again and again while there are cuts that it violates.
 
     Attributes
@@ -156,15 +139,12 @@ class _Relaxation:
 
     best: CertificateFile
 
-    def __init__(
-        self, problem: Problem, compile_: Compile, method: str, single_view: bool = True
-    ) -> None:
+    def __init__(self, relaxation: ConeRelaxation, problem: Problem) -> None:
         self.clock = Clock()
-        self.model = compile_(problem)
-        self.method, self.single_view = method, single_view
+        self.relaxation, self.model = relaxation, relaxation.compile_(problem)
         self.statistics: dict[str, float] = {}
 
-    def run(self, stop: Stop, report: Report, separate: _Separation) -> CertifiedResult:
+    def run(self, stop: Stop, report: Report) -> CertifiedResult:
         """Returns the best bound of all rounds, or until a limit is reached."""
         try:
             self.model.prepare_all(stop)
@@ -176,15 +156,17 @@ class _Relaxation:
         try:
             flow = Flow.of(self.model, stop)
             if flow.serves_all:
-                self._solve(flow, stop, report, separate)
+                self._solve(flow, stop, report)
         except LimitReached as reached:
             result = self._result().stopped_by(reached.limit)
             return replace(result, message=NO_MORE) if self.best is alone else result
         return self._result()
 
-    def _solve(self, flow: Flow, stop: Stop, report: Report, separate: _Separation) -> None:
+    def _solve(self, flow: Flow, stop: Stop, report: Report) -> None:
         """Solves in rounds; raises LimitReached, also where the solver's accuracy is the limit."""
-        program = _ConeProgram(flow, Roots.of(flow), ConflictRows.of(flow), self.single_view)
+        program = _ConeProgram(
+            flow, Roots.of(flow), ConflictRows.of(flow), self.relaxation.single_view
+        )
         cuts: list[Cut] = []
         self.statistics = {
             "nodes": flow.n_nodes, "edges": flow.n_edges, "rows": program.n_rows, "rounds": 0.0,
@@ -203,14 +185,14 @@ class _Relaxation:
                 raise LimitReached(Limit.NUMERICS)
             if self.best.proved < 0 or (cuts and self.best.proved > before * (1 - PROGRESS)):
                 return
-            found = separate(flow, program.roots, *program.point)
+            found = self.relaxation.separate(flow, program.roots, *program.point)
             if not found:
                 return
             cuts += found
 
     def _certify(self, duals: Duals) -> CertificateFile:
-        model: Model = self.model
-        return certify(model.problem, model, self.method, duals.certificate(model))
+        multipliers = duals.certificate(self.model)
+        return certify(self.model.problem, self.model, self.relaxation.method, multipliers)
 
     def _tell(self, report: Report) -> None:
         report(Snapshot(-np.inf, self.best.proved, self.clock.seconds))
@@ -388,8 +370,3 @@ def _clarabel(program: "cp.Problem", stop: Stop) -> bool:
             stop.check()
             raise LimitReached(Limit.NUMERICS) from error
     return ending("Clarabel", str(solution.status)) is Reason.OPTIMAL
-
-
-def _disaggregated(problem: Problem) -> Model:
-    """Returns the model in which every robot is a class of its own."""
-    return compiled(problem).disaggregated()

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import closing, nullcontext
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from typing import Any
@@ -89,7 +90,7 @@ def test_milps_equal_brute_force(method: str, problem: Problem) -> None:
 def test_one_flow_per_class_has_the_optimum_of_one_per_robot(problem: Problem) -> None:
     """Aggregating the robots of a class changes no optimum; nor does the generic way."""
     results = [
-        cp_sat(problem, root=None, compile_=compile_)
+        replace(cp_sat, compile_=compile_)(problem, root=None)
         for compile_ in (compiled, lambda problem: compiled(problem).disaggregated())
     ]
     assert results[0].reason is results[1].reason

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -85,7 +86,7 @@ def test_one_flow_per_class_is_as_tight_as_one_per_robot(problem: Problem) -> No
     """Aggregating the robots of a class loses nothing, with and without single-view cuts."""
     for relaxation in (concave, single_view):
         results = [
-            relaxation(problem, compile_=compile_)
+            replace(relaxation, compile_=compile_)(problem)
             for compile_ in (compiled, lambda problem: compiled(problem).disaggregated())
         ]
         assert results[0].reason is results[1].reason
