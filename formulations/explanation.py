@@ -222,7 +222,7 @@ def _path_terms(prices: CertificatePrices, plan: Plan, paths: Sequence[Path]) ->
             path, states = paths[robot], plan.paths[robot]
             worth = [float(values[k]) for values in ahead]
             gains = _gains(charges, reward, path, robot_class.graph.n_places)
-            moves = [_reward_of_move(model.problem.objective, *move) for move in pairwise(states)]
+            moves = [reward_of_move(model.problem.objective, *move) for move in pairwise(states)]
             losses[robot] = [
                 worth[t] - gains[t] - moves[t] - worth[t + 1] for t in range(len(moves))
             ]
@@ -243,7 +243,7 @@ def _gains(charges: Charges, reward: FloatArray, path: Path, n_places: int) -> l
     return gains
 
 
-def _reward_of_move(objective: Objective, a: State, b: State) -> float:
+def reward_of_move(objective: Objective, a: State, b: State) -> float:
     """Returns the reward of one move, by the objective's definition."""
     same_cell = (a.x, a.y, a.layer) == (b.x, b.y, b.layer)
     return (

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from functools import lru_cache
 from itertools import pairwise
-from typing import Literal
+from typing import ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -294,16 +294,6 @@ class _Claim(Document, frozen=True, kw_only=True):
         """The claimed bound as a number."""
         return -math.inf if self.bound is None else self.bound
 
-    @property
-    def kind(self) -> str:
-        """The word for such a file."""
-        return "certificate"
-
-    @property
-    def numbers(self) -> str:
-        """The word for the numbers that prove the bound."""
-        return "multipliers"
-
 
 class CertificateFile(_Claim, frozen=True, kw_only=True):
     """A certificate with the bound it claims and the digest of its scene.
@@ -324,6 +314,7 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     """
 
     older = SAMPLED
+    kind: ClassVar[str] = "certificate"
     format: Literal["cocap-opt certificate"] = "cocap-opt certificate"
     version: Literal[4, 5] = 5
     coverage: Literal["optimistic"] | UnsetType = UNSET
@@ -386,15 +377,8 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
     version: Literal[3, 4] = 4
     nodes: tuple[Branch | Leaf, ...]
 
-    @property
-    def kind(self) -> str:
-        """The word for such a file."""
-        return "proof"
-
-    @property
-    def numbers(self) -> str:
-        """The word for the numbers that prove the bound."""
-        return "leaves"
+    kind: ClassVar[str] = "proof"
+    numbers: ClassVar[str] = "leaves"
 
     def leaves(self) -> Iterator[tuple[int, Leaf, tuple[Decision, ...]]]:
         """Yields number and content of each leaf, and the decisions on the way to it.

@@ -11,7 +11,7 @@ in `Resource`.
 
 from collections import defaultdict
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import msgspec
 
@@ -49,6 +49,7 @@ class _Footprint(NamedTuple):
 class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Base of all resources."""
 
+    lasts: ClassVar[int] = 0  # steps: 1 where it is used by a move
     t: int
 
     def used_by(self, model: Model, path: PathCells) -> bool:
@@ -61,7 +62,13 @@ class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
 
     def why_absent(self, model: Model) -> str:
         """Returns why the problem has no such resource, in words; empty where it has it."""
-        raise NotImplementedError
+        last = model.problem.horizon - self.lasts
+        if not 0 <= self.t <= last:
+            return f"t: must be 0..{last}, not {self.t}"
+        number, most = getattr(self, "class_number", None), len(model.classes) - 1
+        if not (number is None or 0 <= number <= most):
+            return f"robot_class: must be 0..{most}, not {number}"
+        return ""
 
     def why_shared(self, problem: Problem) -> str:
         """Returns why two robots may use the resource at once; empty where a rule forbids it."""
@@ -95,11 +102,7 @@ class Cells(_Resource, frozen=True, tag="cells"):
 
     def why_absent(self, model: Model) -> str:
         """Returns why the problem has no such cells, in words; empty where it has them."""
-        return (
-            _wrong_step(self.t, model.problem.horizon)
-            or _wrong_class(model, self.class_number)
-            or _wrong_cells(model.problem, self.cells)
-        )
+        return super().why_absent(model) or _wrong_cells(model.problem, self.cells)
 
     def why_shared(self, problem: Problem) -> str:
         """Returns why two robots may be in the cells at once; empty where a rule forbids it."""
@@ -120,6 +123,7 @@ class Swap(_Resource, frozen=True, tag="swap"):
     cells : its two ends
     """
 
+    lasts: ClassVar[int] = 1
     cells: tuple[Cell, Cell]
 
     def used_by(self, model: Model, path: PathCells) -> bool:
@@ -136,9 +140,7 @@ class Swap(_Resource, frozen=True, tag="swap"):
 
     def why_absent(self, model: Model) -> str:
         """Returns why the problem has no such swap, in words; empty where it has it."""
-        return _wrong_step(self.t, model.problem.horizon - 1) or _wrong_cells(
-            model.problem, self.cells
-        )
+        return super().why_absent(model) or _wrong_cells(model.problem, self.cells)
 
     def why_shared(self, problem: Problem) -> str:
         """Returns why two robots may swap the cells; empty where a rule forbids it."""
@@ -157,6 +159,7 @@ class Moves(_Resource, frozen=True, tag="moves"):
     moves : from the first to the second of two cells each
     """
 
+    lasts: ClassVar[int] = 1
     moves: tuple[tuple[Cell, Cell], ...]
 
     def used_by(self, model: Model, path: PathCells) -> bool:
@@ -177,7 +180,7 @@ class Moves(_Resource, frozen=True, tag="moves"):
         if len(set(self.moves)) < len(self.moves):
             return "moves: must differ"
         cells = tuple({cell for move in self.moves for cell in move})
-        return _wrong_step(self.t, model.problem.horizon - 1) or _wrong_cells(model.problem, cells)
+        return super().why_absent(model) or _wrong_cells(model.problem, cells)
 
     def why_shared(self, problem: Problem) -> str:
         """Returns why two robots may use these moves at once; empty where a rule forbids it."""
@@ -215,8 +218,7 @@ class Visit(_Resource, frozen=True, tag="visit"):
 
     def why_absent(self, model: Model) -> str:
         """Returns why the class has no such state, in words; empty where it has it."""
-        wrong = _wrong_step(self.t, model.problem.horizon) or _wrong_class(model, self.class_number)
-        if wrong:
+        if wrong := super().why_absent(model):
             return wrong
         graph = model.classes[self.class_number].graph
         x, y, *rest = self.state
@@ -242,6 +244,7 @@ class Move(_Resource, frozen=True, tag="move"):
     robot_class : number of the class of robots, from 0
     """
 
+    lasts: ClassVar[int] = 1
     cells: tuple[Cell, Cell]
     class_number: int = msgspec.field(name="robot_class")
 
@@ -261,11 +264,7 @@ class Move(_Resource, frozen=True, tag="move"):
 
     def why_absent(self, model: Model) -> str:
         """Returns why the problem has no such move, in words; empty where it has it."""
-        return (
-            _wrong_step(self.t, model.problem.horizon - 1)
-            or _wrong_class(model, self.class_number)
-            or _wrong_cells(model.problem, self.cells)
-        )
+        return super().why_absent(model) or _wrong_cells(model.problem, self.cells)
 
 
 Resource = Cells | Swap | Moves | Visit | Move
@@ -291,16 +290,6 @@ def _places(model: Model, number: int, cells: Iterable[Cell]) -> tuple[int, ...]
     """Returns the places of cells in the graph of class `number`, without those outside of it."""
     found = [model.places.place_of(model.classes[number], cell) for cell in cells]
     return tuple(place for place in found if place is not None)
-
-
-def _wrong_step(t: int, last: int) -> str:
-    return "" if 0 <= t <= last else f"t: must be 0..{last}, not {t}"
-
-
-def _wrong_class(model: Model, number: int | None) -> str:
-    if number is None or 0 <= number < len(model.classes):
-        return ""
-    return f"robot_class: must be 0..{len(model.classes) - 1}, not {number}"
 
 
 def _wrong_cells(problem: Problem, cells: tuple[Cell, ...]) -> str:

@@ -95,11 +95,11 @@ def test_verify_asks_networkx(
     assert run.code == 2
     assert run.err == "cocap-opt: --networkx: name a certificate or a proof\n"
     with monkeypatch.context() as patch:
-        patch.setattr("cocap_opt.formulations.second_opinion.opinion.TOLERANCE", -1.0)
+        patch.setattr("cocap_opt.formulations.second_opinion.TOLERANCE", -1.0)
         run = Run(capsys, "verify", "tiny-share", path, "--networkx", "--json")
     assert (run.code, run.json["valid"]) == (1, False)
     assert "the sweep finds" in run.json["violations"][0]
-    monkeypatch.setattr("cocap_opt.formulations.second_opinion.opinion.MOST_EDGES", 3)
+    monkeypatch.setattr("cocap_opt.formulations.second_opinion.MOST_EDGES", 3)
     run = Run(capsys, "verify", "tiny-share", path, "--networkx")
     assert run.code == 2
     assert run.err.startswith("cocap-opt: --networkx: the graph of robots[0] has more than 3 edges")

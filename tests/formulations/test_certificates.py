@@ -52,8 +52,7 @@ from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Pa
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.relaxations.collision_rows import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import MOST_BREAKPOINTS, Seen
-from cocap_opt.formulations.second_opinion import TooLargeError
-from cocap_opt.formulations.second_opinion.opinion import _highest_corner
+from cocap_opt.formulations.second_opinion import TooLargeError, _highest_corner
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State

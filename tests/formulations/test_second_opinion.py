@@ -19,7 +19,7 @@ from cocap_opt.formulations.certificates import (
     certify,
     pricing,
 )
-from cocap_opt.formulations.second_opinion import SecondOpinion, TooLargeError, opinion
+from cocap_opt.formulations.second_opinion import SecondOpinion, TooLargeError, _highest_corner
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
 from cocap_opt.run.verified import ProvedBound
@@ -83,9 +83,9 @@ def test_a_sweep_that_is_wrong_is_found(monkeypatch: pytest.MonkeyPatch) -> None
 @pytest.mark.parametrize(
     ("limit", "number", "words"),
     [
-        ("opinion.MOST_EDGES", 5, r"the graph of robots\[0\] has more than 5 edges"),
-        ("opinion.MOST_WORK", 5, r"networkx would price 291 edges at 1 leaf; at most 5 in all"),
-        ("opinion.MOST_CORNERS", 1, r"a cut has more than 1 corners"),
+        ("MOST_EDGES", 5, r"the graph of robots\[0\] has more than 5 edges"),
+        ("MOST_WORK", 5, r"networkx would price 291 edges at 1 leaf; at most 5 in all"),
+        ("MOST_CORNERS", 1, r"a cut has more than 1 corners"),
     ],
 )
 def test_what_is_too_large_is_refused_in_words(
@@ -93,7 +93,7 @@ def test_what_is_too_large_is_refused_in_words(
 ) -> None:
     """The number that is too large is said, and the largest that is not."""
     problem, file = small()
-    opinion._highest_corner.cache_clear()
+    _highest_corner.cache_clear()
     monkeypatch.setattr(f"cocap_opt.formulations.second_opinion.{limit}", number)
     with pytest.raises(TooLargeError, match=words):
         SecondOpinion.of(problem, file)

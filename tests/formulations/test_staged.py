@@ -69,8 +69,7 @@ from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.explanation import explain
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import OPTIMALITY
-from cocap_opt.formulations.second_opinion import TooLargeError
-from cocap_opt.formulations.second_opinion.opinion import require_small
+from cocap_opt.formulations.second_opinion import TooLargeError, require_small
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Objective, Plan, Problem
 from cocap_opt.referee import check

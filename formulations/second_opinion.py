@@ -1,4 +1,17 @@
-"""The second opinion on a file: the sums that its numbers prove, in plain loops."""
+"""A second opinion on certificates: the bound that one proves, added up anew with networkx.
+
+`certificates.pricing` says which inequalities bound J, and prices them by value iteration over
+arrays. Here the same sums are made in plain loops over states and moves, and each drone's best path
+is networkx's longest path through the time-expanded graph that is in reach of its start. Both know
+the problem, the moves that there are, what a view sees and the format of files; they share no
+numbering of states, no charges, no envelopes and no sweep. Whether a row is one that every plan
+obeys is not asked again. Of a proof every leaf is priced.
+
+The longest path of a directed acyclic graph may begin and end anywhere, so that networkx leaves out
+whatever has a negative sum. Every edge is therefore raised by one constant until none is negative.
+Then a longest path begins at the start and ends at step T; it has T edges, which take the constant
+off again.
+"""
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
 
@@ -22,11 +35,11 @@ from cocap_opt.formulations.certificates import (
 )
 from cocap_opt.formulations.certificates.format import Certificate
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap
-from cocap_opt.formulations.second_opinion.paths import Uses, Worth, longest_path
+from cocap_opt.formulations.explanation import reward_of_move
 from cocap_opt.graph.motion import Window
-from cocap_opt.graph.networks import Node, edges_in_reach, reached_graph
+from cocap_opt.graph.networks import Node, edges_in_reach, keep_paths, reached_graph
 from cocap_opt.graph.timegraph import TimeGraph
-from cocap_opt.problem import Problem, Robot
+from cocap_opt.problem import Cell, Objective, Problem, Robot, State
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import Views
 
@@ -38,6 +51,8 @@ MOST_EDGES = 2_000_000  # of one drone's graph: a gigabyte
 MOST_WORK = 40_000_000  # edges of all drones at all leaves: some minutes
 MOST_CORNERS = 50_000  # of a cut, that are gone through in plain loops
 
+_Worth = tuple[float, float]  # a sum, and that of the absolute values that it is made of
+_Uses = dict[tuple[object, ...], float]  # cost of (t, Cell), (t, State) and (t, Cell, Cell)
 _Leaf = tuple[Certificate, Sequence[Decision]]  # and the decisions that hold where it does
 
 
@@ -144,7 +159,7 @@ class _Prices:
         self._classes = [numbers[kind] for kind in kinds]  # [R] number of each robot's class
         self._weights = problem.view_sum_weights.reshape(problem.view_sum_steps, -1).tolist()
 
-    def of(self, leaves: Sequence[_Leaf], progress: Callable[[int, int], None]) -> list[Worth]:
+    def of(self, leaves: Sequence[_Leaf], progress: Callable[[int, int], None]) -> list[_Worth]:
         """Returns the bounds that some leaves prove.
 
         The robots come one by one, since a graph by networkx is large.
@@ -154,7 +169,7 @@ class _Prices:
         progress : told how many best paths are found, and of how many
         """
         terms = [list(self._constants(*leaf)) for leaf in leaves]
-        paths: list[list[Worth]] = [[] for _ in leaves]
+        paths: list[list[_Worth]] = [[] for _ in leaves]
         sights: dict[object, _Sight] = {}
         for robot, spec in enumerate(self._problem.robots):
             graph = reached_graph(self._problem, robot)
@@ -181,7 +196,7 @@ class _Prices:
             for own, best in zip(terms, paths, strict=True)
         ]
 
-    def _best_path(self, robot: int, graph: Graph, sight: _Sight, leaf: _Leaf) -> Worth:
+    def _best_path(self, robot: int, graph: Graph, sight: _Sight, leaf: _Leaf) -> _Worth:
         """Returns the worth of a robot's best path through all that it can reach."""
         certificate, decisions = leaf
         number = self._classes[robot]
@@ -195,7 +210,7 @@ class _Prices:
             if node in sight.seen
         }
         uses = _uses_of(certificate, decisions, number)
-        return longest_path(self._problem, robot, graph, paid, uses)
+        return _longest_path(self._problem, robot, graph, paid, uses)
 
     def _row(self, t: int) -> int:
         """Returns the row of a table in which the pixels of step t count."""
@@ -349,14 +364,14 @@ class _Sight:
 # -- uses that are charged: being in cells and states, and moves -------------------------------
 
 
-def _uses_of(certificate: Certificate, decisions: Sequence[Decision], number: int) -> Uses:
+def _uses_of(certificate: Certificate, decisions: Sequence[Decision], number: int) -> _Uses:
     """Returns what robots of a class pay for each use of a resource; infinity closes it."""
     if isinstance(certificate, ReferencePixels):
         return {}
     priced = [(row.resource, row.multiplier) for row in certificate.rows]
     for decision, nu in zip(decisions, certificate.decisions, strict=True):
         priced.append((decision.resource, math.inf if decision.closes else decision.sign * nu))
-    costs: Uses = {}
+    costs: _Uses = {}
     for resource, cost in priced:
         if getattr(resource, "class_number", None) in (None, number):
             for use in _ways_to_use(resource):
@@ -378,3 +393,75 @@ def _ways_to_use(resource: Resource) -> Iterator[tuple[object, ...]]:
         yield (t, *resource.cells)
     else:
         yield (t, resource.state)
+
+
+# -- the best path of one drone: the longest path of its priced time-expanded graph -------------
+
+
+def _longest_path(
+    problem: Problem, robot: int, graph: Graph, paid: dict[Node, float], uses: _Uses
+) -> _Worth:
+    """Returns the worth of a robot's best path; -infinite where it has none.
+
+    Parameters
+    ----------
+    graph : all that the robot can reach from its start
+    paid : for being in a node
+    """
+    import networkx as nx  # a fifth of a second, which few commands need
+
+    cells = {state: problem.cell(robot, state) for state in {state for state, _ in graph}}
+
+    def worth(node: Node) -> float:
+        state, t = node
+        cost = uses.get((t, cells[state]), 0.0) + uses.get((t, state), 0.0)
+        return paid.get(node, 0.0) - cost
+
+    start = problem.robots[robot].start, 0
+    worths = {node: worth(node) for node in graph}
+    weighted = _weighted(problem.objective, graph, worths, cells, uses)
+    keep_paths(weighted, problem, robot)
+    if start not in weighted or worths[start] == -math.inf:
+        return -math.inf, 0.0
+    edges = [edge for _, _, edge in weighted.edges(data=True)]
+    lift = max(0.0, -min(edge["weight"] for edge in edges))
+    for edge in edges:
+        edge["weight"] += lift
+    length = float(nx.dag_longest_path_length(weighted))
+    lifted, first = problem.horizon * lift, worths[start]
+    return length - lifted + first, length + lifted + abs(first)
+
+
+def _weighted(
+    objective: Objective,
+    graph: Graph,
+    worth: dict[Node, float],
+    cells: dict[State, Cell],
+    uses: _Uses,
+) -> Graph:
+    """Returns the nodes and edges of a graph that are open and in reach, edges with weights.
+
+    An edge weighs what its move and its head are worth; the start's own worth is in none.
+    """
+    import networkx as nx
+
+    rewarded = any(
+        (objective.stationarity, objective.keep_cell, objective.keep_heading, objective.balanced)
+    )
+    charged = {use[0] for use in uses if len(use) == 3}  # steps from which moves are charged
+    weighted: Graph = nx.DiGraph()
+    weighted.add_nodes_from(list(graph)[:1])
+    for tail in graph:
+        if tail not in weighted:
+            continue
+        (state, t), edges = tail, []
+        for head in graph[tail]:
+            weight = worth[head]
+            if rewarded:
+                weight += reward_of_move(objective, state, head[0])
+            if t in charged:
+                weight -= uses.get((t, cells[state], cells[head[0]]), 0.0)
+            if weight > -math.inf:
+                edges.append((tail, head, weight))
+        weighted.add_weighted_edges_from(edges)
+    return weighted
