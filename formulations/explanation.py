@@ -179,11 +179,11 @@ def explain(
 
 def _leaf_of(model: Model, proof: ProofFile, paths: Sequence[PathCells]) -> int:
     """Returns the number of the leaf whose decisions the paths obey."""
-    own = 0
-    while isinstance(node := proof.nodes[own], Branch):
+    number = 0
+    while isinstance(node := proof.nodes[number], Branch):
         used = sum(node.resource.used_by(model, path) for path in paths)
-        own = node.at_most if used <= node.robots else node.at_least
-    return own
+        number = node.at_most if used <= node.robots else node.at_least
+    return number
 
 
 def _numbers(
@@ -195,8 +195,8 @@ def _numbers(
     multipliers are meant.
     """
     if isinstance(file, CertificateFile):
-        own = file.certificate
-        return 0, own.multipliers if isinstance(own, Staged) else own, ()
+        numbers = file.certificate
+        return 0, numbers.multipliers if isinstance(numbers, Staged) else numbers, ()
     leaves = enumerate(file.leaves())
     return next(
         (position, leaf.certificate, decisions)
@@ -215,9 +215,9 @@ def _path_terms(prices: CertificatePrices, plan: Plan, paths: Sequence[Path]) ->
     for number, robot_class in enumerate(model.classes):
         reward, charges = prices.rewards(number), prices.charges(number)
         sweep = values_to_go(model.problem, robot_class, reward, charges)
-        own = np.array([paths[robot] for robot in robot_class.robots])  # [robots, T+1]
+        along = np.array([paths[robot] for robot in robot_class.robots])  # [robots, T+1]
         steps = range(model.problem.horizon, -1, -1)
-        ahead = [values[own[:, t]] for t, values in zip(steps, sweep, strict=True)][::-1]
+        ahead = [values[along[:, t]] for t, values in zip(steps, sweep, strict=True)][::-1]
         for k, robot in enumerate(robot_class.robots):
             path, states = paths[robot], plan.paths[robot]
             worth = [float(values[k]) for values in ahead]
@@ -298,22 +298,23 @@ def _row_terms(
     if not isinstance(certificate, Multipliers):
         return
 
-    def users(resource: Resource) -> tuple[int, ...]:
+    def users_of(resource: Resource) -> tuple[int, ...]:
         return tuple(i for i, path in enumerate(paths) if resource.used_by(model, path))
 
     for row in certificate.rows:
         if row.multiplier > 0:
-            own = users(row.resource)
+            users = users_of(row.resource)
+            amount = row.multiplier * (1 - len(users))
             yield Term(
-                "row", row.multiplier * (1 - len(own)), step=row.resource.t, resource=row.resource,
-                sense="at most", robots=1, price=row.multiplier, users=own,
+                "row", amount, step=row.resource.t, resource=row.resource,
+                sense="at most", robots=1, price=row.multiplier, users=users,
             )  # fmt: skip
     for decision, price in zip(decisions, certificate.decisions, strict=True):
-        own = users(decision.resource)
+        users = users_of(decision.resource)
         # What is closed has no price, and nobody in this leaf uses it.
         price = 0.0 if decision.closes else price
-        amount = decision.sign * price * (decision.robots - len(own))
+        amount = decision.sign * price * (decision.robots - len(users))
         yield Term(
             "decision", amount, step=decision.resource.t, resource=decision.resource,
-            sense=decision.sense, robots=decision.robots, price=price, users=own,
+            sense=decision.sense, robots=decision.robots, price=price, users=users,
         )  # fmt: skip

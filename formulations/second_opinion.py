@@ -186,14 +186,14 @@ class _Prices:
             for sight in sights.values() for (_, t), faces in sight.seen.items()
             for face, _ in faces
         }  # fmt: skip
-        for own, (certificate, _) in zip(terms, leaves, strict=True):
-            own += self._kappas(certificate, visible)
+        for constants, (certificate, _) in zip(terms, leaves, strict=True):
+            constants += self._kappas(certificate, visible)
         return [
             (
-                math.fsum(own) + math.fsum(value for value, _ in best),
-                math.fsum(map(abs, own)) + math.fsum(magnitude for _, magnitude in best),
+                math.fsum(constants) + math.fsum(value for value, _ in best),
+                math.fsum(map(abs, constants)) + math.fsum(magnitude for _, magnitude in best),
             )
-            for own, best in zip(terms, paths, strict=True)
+            for constants, best in zip(terms, paths, strict=True)
         ]
 
     def _best_path(self, robot: int, graph: Graph, sight: _Sight, leaf: _Leaf) -> _Worth:
@@ -354,10 +354,10 @@ class _Sight:
             self._looked.add((state, t))
         for t, states in by_step.items():
             ordered = np.sort(np.array(states, dtype=np.int64))
-            for some in np.array_split(ordered, len(ordered) // self._views.batch + 1):
-                coverage = self._views.coverage(t, some)
+            for part in np.array_split(ordered, len(ordered) // self._views.batch + 1):
+                coverage = self._views.coverage(t, part)
                 for row, face in np.argwhere(coverage > 0).tolist():
-                    node = self._graph.state(int(some[row])), t
+                    node = self._graph.state(int(part[row])), t
                     self.seen.setdefault(node, []).append((face, float(coverage[row, face])))
 
 
@@ -385,8 +385,8 @@ def _ways_to_use(resource: Resource) -> Iterator[tuple[object, ...]]:
     if isinstance(resource, Cells):
         yield from ((t, cell) for cell in resource.cells)
     elif isinstance(resource, Swap):
-        one, other = resource.cells
-        yield from ((t, one, other), (t, other, one))
+        here, there = resource.cells
+        yield from ((t, here, there), (t, there, here))
     elif isinstance(resource, Moves):
         yield from ((t, tail, head) for tail, head in resource.moves)
     elif isinstance(resource, Move):

@@ -136,7 +136,7 @@ class _Prices:
         best, lowest = self.file(self.alone()), math.inf
         for tangents in self.tangents():
             file = self.file(tangents)
-            best = min(best, file, key=lambda one: one.proved)
+            best = min(best, file, key=lambda candidate: candidate.proved)
             if not file.proved < lowest:
                 break
             lowest = file.proved
@@ -192,11 +192,11 @@ class _Prices:
             reward = robot_class.graph.no_reward(self._model.problem.horizon)
             steps_of = np.broadcast_arrays(reward[:, 0], *steps)[1:]
             # Step by step: arrays of all states at all steps are large.
-            for own, roots, pixels, alpha, beta in zip(reward, *sums, *steps_of, strict=True):
+            for gained, roots, pixels, alpha, beta in zip(reward, *sums, *steps_of, strict=True):
                 if alpha:
-                    own += alpha * roots
+                    gained += alpha * roots
                 if beta:
-                    own += beta * pixels
+                    gained += beta * pixels
             value = backward_sweep(robot_class.graph, reward, bonuses, goal=robot_class.goal)
             total += float(value[0, list(robot_class.starts)].sum())
         return total if total == -math.inf else _rounded_up(total)
@@ -209,7 +209,7 @@ def _rounded_up(bound: float) -> float:
 
 def _states(model: Model) -> int:
     """Returns the number of states at steps, over all robot classes."""
-    return (model.problem.horizon + 1) * sum(one.graph.n_states for one in model.classes)
+    return (model.problem.horizon + 1) * sum(c.graph.n_states for c in model.classes)
 
 
 def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
@@ -217,12 +217,12 @@ def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
     graph = model.classes[number].graph
     sums = np.zeros((2, model.problem.horizon + 1, graph.n_states))
     nodes, known = _known(model, number, visible)
-    for whole, own in zip(sums, known, strict=True):
-        whole.reshape(-1)[nodes] = own
+    for whole, values in zip(sums, known, strict=True):
+        whole.reshape(-1)[nodes] = values
     shape = graph.n_orientations, graph.n_places
     for t, places, *most in _ceilings(model, number, visible):
-        for whole, own in zip(sums, most, strict=True):
-            whole[t].reshape(shape)[:, places] = own
+        for whole, values in zip(sums, most, strict=True):
+            whole[t].reshape(shape)[:, places] = values
     return sums[0], sums[1]
 
 
@@ -230,11 +230,11 @@ def _most(model: Model, number: int, visible: BoolArray) -> _Sums:
     """Returns the most of a class at each step, and marks what it may see in `visible` [Z]."""
     sums = np.zeros((2, model.problem.horizon + 1, 1))
     nodes, known = _known(model, number, visible)
-    for whole, own in zip(sums, known, strict=True):
-        np.maximum.at(whole[:, 0], nodes // model.classes[number].graph.n_states, own)
+    for whole, values in zip(sums, known, strict=True):
+        np.maximum.at(whole[:, 0], nodes // model.classes[number].graph.n_states, values)
     for t, _, *most in _ceilings(model, number, visible):
-        for whole, own in zip(sums, most, strict=True):
-            whole[t] = max(whole[t, 0], own.max())
+        for whole, values in zip(sums, most, strict=True):
+            whole[t] = max(whole[t, 0], values.max())
     return sums[0], sums[1]
 
 
@@ -262,10 +262,10 @@ def _ceilings(
         reached = reachable[t].reshape(graph.n_orientations, graph.n_places).any(axis=0)
         at, places = problem.view_sums_at(t), np.flatnonzero(reached)
         parts = -(-len(places) * graph.n_orientations // _AT_ONCE)
-        for some in np.array_split(places, parts) if parts else []:
-            roots, pixels, seen = ceiling(views, t, some, weights[at])
+        for chunk in np.array_split(places, parts) if parts else []:
+            roots, pixels, seen = ceiling(views, t, chunk, weights[at])
             visible[at] |= seen
-            yield t, some, roots, pixels
+            yield t, chunk, roots, pixels
 
 
 @timed

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Protocol
+from typing import Any, Protocol
 
 from cocap_opt.method import Method
 from cocap_opt.problem import Problem
@@ -28,128 +28,116 @@ RECOMMENDED = "cocap-lns"
 
 _ALONE = "no drone alone can better it"
 _COMPLETE = "a plan, or the proof that there is none, if it is not stopped"
+_OBEYS = {"obeys_rules": True}
+_SOLVES = {"obeys_rules": True, "complete": True}
+
+
+def _planner(call: str, made_of: str, promises: str, **claims: Any) -> Method[Result]:
+    return Method(f"cocap_opt.planners.{call}", made_of, promises, **claims)
+
+
 PLANNERS: Mapping[str, Method[Result]] = MappingProxyType(
     {
-        "greedy": Method(
-            "cocap_opt.planners.greedy:greedy",
+        "greedy": _planner(
+            "greedy:greedy",
             "each drone in turn, collisions ignored",
             "half the best J without rules; collides",
         ),
-        "greedy-rounds": Method(
-            "cocap_opt.planners.greedy:greedy_rounds",
-            "greedy, then rounds of best responses",
-            f"{_ALONE}; collides",
+        "greedy-rounds": _planner(
+            "greedy:greedy_rounds", "greedy, then rounds of best responses", f"{_ALONE}; collides"
         ),
-        "sequential": Method(
-            "cocap_opt.planners.sequential:sequential",
+        "sequential": _planner(
+            "sequential:sequential",
             "each drone in turn, clear of the earlier ones",
             "obeys the rules",
-            obeys_rules=True,
+            **_OBEYS,
         ),
-        "sequential-rounds": Method(
-            "cocap_opt.planners.sequential:sequential_rounds",
+        "sequential-rounds": _planner(
+            "sequential:sequential_rounds",
             "sequential, then rounds that obey the rules",
             _ALONE,
-            obeys_rules=True,
+            **_OBEYS,
         ),
-        "best-of-orders": Method(
-            "cocap_opt.planners.sequential:best_of_orders",
+        "best-of-orders": _planner(
+            "sequential:best_of_orders",
             "sequential in ten orders",
             "at least as good as sequential",
-            obeys_rules=True,
+            **_OBEYS,
         ),
-        "cocap": Method(
-            "cocap_opt.planners.cocap:cocap",
-            "constraint tree over value iteration, Alg. 1",
-            _COMPLETE,
-            obeys_rules=True,
-            complete=True,
+        "cocap": _planner(
+            "cocap:cocap", "constraint tree over value iteration, Alg. 1", _COMPLETE, **_SOLVES
         ),
-        "greedy-lazy": Method(
-            "cocap_opt.planners.greedy:greedy_lazy",
+        "greedy-lazy": _planner(
+            "greedy:greedy_lazy",
             "greedy over lazy value iteration",
             "the plan of greedy",
             lazy=True,
         ),
-        "sequential-lazy": Method(
-            "cocap_opt.planners.sequential:sequential_lazy",
+        "sequential-lazy": _planner(
+            "sequential:sequential_lazy",
             "sequential over lazy value iteration",
             "the plan of sequential",
             lazy=True,
-            obeys_rules=True,
+            **_OBEYS,
         ),
-        "cocap-lazy": Method(
-            "cocap_opt.planners.cocap:cocap_lazy",
+        "cocap-lazy": _planner(
+            "cocap:cocap_lazy",
             "cocap over lazy value iteration",
             "the plan of cocap",
             lazy=True,
-            obeys_rules=True,
-            complete=True,
+            **_SOLVES,
         ),
-        "cocap-vs": Method(
-            "cocap_opt.planners.cocap:cocap_vs",
+        "cocap-vs": _planner(
+            "cocap:cocap_vs",
             "constraint tree over view search, Alg. 2",
             _COMPLETE,
             lazy=True,
-            obeys_rules=True,
-            complete=True,
+            **_SOLVES,
         ),
-        "cocap-vs-undiscounted": Method(
-            "cocap_opt.planners.cocap:cocap_vs_undiscounted",
+        "cocap-vs-undiscounted": _planner(
+            "cocap:cocap_vs_undiscounted",
             "cocap-vs, values not discounted",
             _COMPLETE,
             lazy=True,
-            obeys_rules=True,
-            complete=True,
+            **_SOLVES,
         ),
-        "cocap-rounds": Method(
-            "cocap_opt.planners.cocap:cocap_rounds",
-            "cocap from a root planned in rounds",
-            _COMPLETE,
-            obeys_rules=True,
-            complete=True,
+        "cocap-rounds": _planner(
+            "cocap:cocap_rounds", "cocap from a root planned in rounds", _COMPLETE, **_SOLVES
         ),
-        "cocap-focal": Method(
-            "cocap_opt.planners.cocap:cocap_focal",
+        "cocap-focal": _planner(
+            "cocap:cocap_focal",
             "cocap-rounds with a focal list, then rounds",
             f"{_COMPLETE}; {_ALONE}",
-            obeys_rules=True,
-            complete=True,
+            **_SOLVES,
         ),
-        "cocap-lns": Method(
-            "cocap_opt.planners.cocap_lns:cocap_lns",
+        "cocap-lns": _planner(
+            "cocap_lns:cocap_lns",
             "sequential (cocap-focal where it fails), rounds, large neighbourhood search",
             f"{_COMPLETE}; {_ALONE}",
-            obeys_rules=True,
-            complete=True,
+            **_SOLVES,
         ),
-        "joint": Method(
-            "cocap_opt.planners.joint:joint",
+        "joint": _planner(
+            "joint:joint",
             "value iteration over both drones at once",
             "the proved optimum",
-            obeys_rules=True,
-            complete=True,
+            **_SOLVES,
             optimal=True,
             most_robots=2,
         ),
-        "formation": Method(
-            "cocap_opt.planners.formation:formation",
+        "formation": _planner(
+            "formation:formation",
             "drones on circles around the people",
             "obeys the rules",
             lazy=True,
-            obeys_rules=True,
+            **_OBEYS,
         ),
-        "myopic": Method(
-            "cocap_opt.planners.greedy:myopic",
-            "every drone as if alone",
-            "collides",
-        ),
-        "one-step": Method(
-            "cocap_opt.planners.one_step:one_step",
+        "myopic": _planner("greedy:myopic", "every drone as if alone", "collides"),
+        "one-step": _planner(
+            "one_step:one_step",
             "each drone in turn, the best next view",
             "obeys the rules",
             lazy=True,
-            obeys_rules=True,
+            **_OBEYS,
         ),
     }
 )

@@ -243,7 +243,7 @@ def _rows(program: Program) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
     n_sums = len(roots.used)
     later = np.flatnonzero(flow.steps > 0)
     before = np.flatnonzero(flow.steps < flow.model.problem.horizon)
-    inside, one = (
+    inside, each = (
         sparse.eye_array(flow.n_nodes, format="csr"),
         sparse.eye_array(n_sums, format="csr"),
     )
@@ -254,9 +254,9 @@ def _rows(program: Program) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
     blocks: list[list[Any]] = [
         [inside[later], -flow.entering[later], None, None, None],
         [inside[before], -flow.leaving[before], None, None, None],
-        [-roots.pixels, None, one, None, None],
-        [-roots.seen, None, None, one, None],
-        [None, None, None, -one, one],
+        [-roots.pixels, None, each, None, None],
+        [-roots.seen, None, None, each, None],
+        [None, None, None, -each, each],
         [None, None, -slopes, None, _at(at, np.ones(len(at)), n_sums)],
         [-phi, None, None, None, _at(cut_at, np.ones(len(cut_at)), n_sums)],
         [conflicts.at_nodes, None, None, None, None],

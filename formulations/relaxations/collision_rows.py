@@ -42,32 +42,32 @@ class CliquesOfMoves:
         pairs = (tails[:, None], heads[:, None]), (tails[None], heads[None])
         return self._rules.moves_conflict(*pairs), self._rules.conflict_between(*pairs)
 
-    def around(self, one: _Move, other: _Move) -> tuple[_Move, ...]:
+    def around(self, first: _Move, second: _Move) -> tuple[_Move, ...]:
         """Returns a clique with two moves in conflict: what passes where these are nearest.
 
         It has the moves of all classes, those nearest to that point where they are too many.
         """
-        meeting, found = self._meeting(one, other), dict[_Move, float]()
+        meeting, found = self._meeting(first, second), dict[_Move, float]()
         for number, robot_class in enumerate(self._model.classes):
             cells = self._model.places.cells[number]
-            moves, far = self._model.places.moves_through(robot_class, meeting, one)
+            moves, far = self._model.places.moves_through(robot_class, meeting, first)
             between = ((cells[tail], cells[head]) for tail, head in moves.tolist())
             found |= dict(zip(between, far.tolist(), strict=True))
         nearest = sorted(found, key=lambda move: (found[move], move))[:MOST_MOVES]
-        return tuple(sorted(nearest)) if {one, other} <= set(nearest) else (one, other)
+        return tuple(sorted(nearest)) if {first, second} <= set(nearest) else (first, second)
 
-    def among(self, one: _Move, other: _Move, tails: FloatArray, heads: FloatArray) -> IntArray:
+    def among(self, first: _Move, second: _Move, tails: FloatArray, heads: FloatArray) -> IntArray:
         """Returns which of some moves [n] are a clique with two of them, by number.
 
         Parameters
         ----------
         tails, heads : [n, 3] m, where the moves begin and end
         """
-        ways = self._meeting(one, other).ways(tails, heads)
+        ways = self._meeting(first, second).ways(tails, heads)
         return np.flatnonzero(self._rules.near_point(ways))
 
-    def _meeting(self, one: _Move, other: _Move) -> Meeting:
-        ends = zip(one, other, strict=True)
+    def _meeting(self, first: _Move, second: _Move) -> Meeting:
+        ends = zip(first, second, strict=True)
         return self._rules.meeting(*(self._model.problem.positions(cells) for cells in ends))
 
 
@@ -205,10 +205,10 @@ class _Slots:
         problem = flow.model.problem
         rows, columns = [], []
         for k, robot_class in enumerate(flow.model.classes):
-            own = np.flatnonzero(flow.owner == k)
+            of_class = np.flatnonzero(flow.owner == k)
             for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
                 reached = robot_class.graph.reachable([start], problem.horizon)
-                mine = own[reached[flow.steps[own], flow.states[own]]]
+                mine = of_class[reached[flow.steps[of_class], flow.states[of_class]]]
                 at = np.flatnonzero(np.isin(self.numbers, self.number_of(flow, mine)))
                 rows.append(at)
                 columns.append(np.full(len(at), robot))
@@ -263,10 +263,10 @@ def _pairs_too_close(problem: Problem, slots: _Slots) -> sparse.csr_array:
     reach = math.hypot(problem.rules.separation, problem.rules.vertical) * (1 + 1e-9)
     if tree.count_neighbors(tree, reach) > MOST_ENTRIES:
         raise UnsupportedError(TOO_MANY_ENTRIES)
-    one, other = tree.query_pairs(reach, output_type="ndarray").T
-    near = np.flatnonzero(problem.rules.too_near(at[other] - at[one]))
-    one, other, number = one[near], other[near], np.arange(len(near))
-    rows, columns = np.concatenate([number, number]), np.concatenate([one, other])
+    first, second = tree.query_pairs(reach, output_type="ndarray").T
+    near = np.flatnonzero(problem.rules.too_near(at[second] - at[first]))
+    first, second, number = first[near], second[near], np.arange(len(near))
+    rows, columns = np.concatenate([number, number]), np.concatenate([first, second])
     alone = sparse.eye_array(len(slots), format="csr")
     return sparse.csr_array(
         sparse.vstack([alone, _incidence(rows, columns, (len(near), len(slots)))])
@@ -315,8 +315,8 @@ def _clique(
     near: BoolArray,
     box: IntArray,
     heights: FloatArray,
-    one: tuple[int, int, int],
-    other: tuple[int, int, int],
+    first: tuple[int, int, int],
+    second: tuple[int, int, int],
 ) -> IntArray:
     """Returns a clique of cells [n, 3] around two of them, from their middle outwards.
 
@@ -326,7 +326,7 @@ def _clique(
     box : [m, 3] candidates: layer, cells along x and along y
     heights : of the layers, in cells
     """
-    ends = np.array([one, other], dtype=np.int64)
+    ends = np.array([first, second], dtype=np.int64)
     middle = ends[:, 1:].mean(axis=0)
     away = np.column_stack([box[:, 1:] - middle, heights[box[:, 0]] - heights[ends[:, 0]].mean()])
     candidates = box[np.argsort(np.linalg.norm(away, axis=1), kind="stable")]
@@ -375,12 +375,12 @@ def _passing_cliques(model: Model, moves: list[tuple[Cell, Cell]]) -> list[IntAr
     cliques, problem = CliquesOfMoves(model), model.problem
     ends = [problem.positions([move[k] for move in moves]) for k in (0, 1)]
     left, found = np.triu(cliques.conflicts(moves)[1]), list[IntArray]()
-    for one in range(len(moves)):
-        for other in np.flatnonzero(left[one]).tolist():
-            if left[one, other]:
-                clique = cliques.among(moves[one], moves[other], *ends)
-                if not np.isin([one, other], clique).all():
-                    clique = np.array([one, other])
+    for first in range(len(moves)):
+        for second in np.flatnonzero(left[first]).tolist():
+            if left[first, second]:
+                clique = cliques.among(moves[first], moves[second], *ends)
+                if not np.isin([first, second], clique).all():
+                    clique = np.array([first, second])
                 found.append(clique)
                 left[np.ix_(clique, clique)] = False
     return found
@@ -399,7 +399,7 @@ def _passing_at_steps(
     rows, columns = (
         np.concatenate([np.zeros(0, dtype=np.int64), *part]) for part in (members, cliques)
     )
-    own = _incidence(rows, columns, (len(cliques), len(moves)))
+    member = _incidence(rows, columns, (len(cliques), len(moves)))
     resources, blocks, entries = list[Swap | Moves](), [sparse.csr_array((0, flow.n_edges))], 0
     steps = flow.steps[flow.tails]
     for t in np.unique(steps).tolist():
@@ -408,9 +408,9 @@ def _passing_at_steps(
         )
         then = sparse.csr_array(used @ at_step)
         present = np.asarray(then.sum(axis=1)).ravel() > 0
-        counts = own @ present
+        counts = member @ present
         kept = np.flatnonzero(counts > 1)
-        blocks.append(sparse.csr_array((own[kept] @ then) > 0).astype(np.float64))
+        blocks.append(sparse.csr_array((member[kept] @ then) > 0).astype(np.float64))
         entries += blocks[-1].nnz
         if entries > MOST_ENTRIES:
             raise UnsupportedError(TOO_MANY_ENTRIES)
@@ -421,21 +421,21 @@ def _passing_at_steps(
 
 def _swaps(flow: Flow, slots: _Slots, reach: sparse.csr_array) -> _MoveRows:
     """Returns the swaps, either way, that the edges of a flow allow."""
-    one, other = flow.places[flow.tails], flow.places[flow.heads]
-    moving = np.flatnonzero(one != other)
-    one, other = one[moving], other[moving]
+    first, second = flow.places[flow.tails], flow.places[flow.heads]
+    moving = np.flatnonzero(first != second)
+    first, second = first[moving], second[moving]
     keys = np.column_stack(
-        [flow.steps[flow.tails[moving]], np.minimum(one, other), np.maximum(one, other)]
+        [flow.steps[flow.tails[moving]], np.minimum(first, second), np.maximum(first, second)]
     )
     pairs, at = np.unique(keys, axis=0, return_inverse=True)
     both = np.zeros((len(pairs), 2), dtype=bool)
-    both[at, (one < other).astype(np.int64)] = True
+    both[at, (first < second).astype(np.int64)] = True
     crossing = _incidence(at, moving, (len(pairs), flow.n_edges))
     kept = np.flatnonzero(both.all(axis=1))
     t, *ends = pairs[kept].T
-    one, other = (
+    first, second = (
         reach[np.searchsorted(slots.numbers, (t + 1) * slots.n_cells + end)] for end in ends
     )
-    kept = kept[np.asarray((one + other > 0).sum(axis=1)).ravel() > 1]
+    kept = kept[np.asarray((first + second > 0).sum(axis=1)).ravel() > 1]
     resources = [Swap(t, (flow.cell(a), flow.cell(b))) for t, a, b in pairs[kept].tolist()]
     return tuple(resources), sparse.csr_array(crossing[kept])

@@ -107,8 +107,10 @@ class Flow:
         rewards, owner = np.zeros(self.n_edges), self.owner[self.tails]
         tails, heads = self.states[self.tails], self.states[self.heads]
         for k, robot_class in enumerate(self.model.classes):
-            own = owner == k
-            rewards[own] = bonuses.of_edges(robot_class.graph.shape, tails[own], heads[own])
+            of_class = owner == k
+            rewards[of_class] = bonuses.of_edges(
+                robot_class.graph.shape, tails[of_class], heads[of_class]
+            )
         return rewards
 
     @property
@@ -128,13 +130,13 @@ class Flow:
         """Number of the cell of each node [N], comparable between commodities."""
         found = np.zeros(self.n_nodes, dtype=np.int64)
         for k, robot_class in enumerate(self.model.classes):
-            own = self.owner == k
+            of_class = self.owner == k
             graph = robot_class.graph
-            layer, x, y = graph.coordinates(self.states[own] % graph.n_places)
+            layer, x, y = graph.coordinates(self.states[of_class] % graph.n_places)
             layers = np.array(
                 [self.model.problem.layers.index(h) for h in robot_class.spec.motion.layers]
             )
-            found[own] = np.ravel_multi_index((layers[layer], x, y), self._cells)
+            found[of_class] = np.ravel_multi_index((layers[layer], x, y), self._cells)
         return found
 
     @property
@@ -152,12 +154,12 @@ class Flow:
         n_view_sums = len(self.model.problem.view_sum_weights)
         rows, columns, pixels = [], [], []
         for k, robot_class in enumerate(self.model.classes):
-            own = np.flatnonzero(self.owner == k)
+            of_class = np.flatnonzero(self.owner == k)
             table = self.model.coverage(robot_class)
-            nodes = self.steps[own] * robot_class.graph.n_states + self.states[own]
+            nodes = self.steps[of_class] * robot_class.graph.n_states + self.states[of_class]
             which, entries = table.entries(nodes)
             rows.append(table.view_sums[entries])
-            columns.append(own[which])
+            columns.append(of_class[which])
             pixels.append(table.pixels[entries])
         at = (_joined(rows), _joined(columns))
         values = np.concatenate([np.zeros(0), *pixels])
@@ -216,7 +218,7 @@ class Flow:
             low, high = np.searchsorted(self.tails, [node, node + 1])
             used = low + np.flatnonzero(y[low:high] > UNUSED)
             ahead.append(dict(zip(self.heads[used].tolist(), self.bonus[used], strict=True)))
-        nodes = sorted({head for some in ahead for head in some})
+        nodes = sorted({head for gains in ahead for head in gains})
         slots = [head for head in nodes for _ in range(counts[head])]
         # A forbidden edge costs more than all rewards together bring.
         worst = -2.0 * len(at) * (self.largest_bonus or 1.0)
@@ -246,7 +248,7 @@ class Flow:
 
         if len(heads) != len(gains):
             return None
-        gain = np.array([[some.get(head, -np.inf) for head in heads] for some in gains])
+        gain = np.array([[of_robot.get(head, -np.inf) for head in heads] for of_robot in gains])
         weights = np.where(np.isinf(gain), forbidden, gain)
         robots, chosen = linear_sum_assignment(weights, maximize=True)
         if np.isinf(gain[robots, chosen]).any():
@@ -315,8 +317,8 @@ def _edges(graph: TimeGraph, useful: BoolArray) -> Iterator[tuple[IntArray, IntA
 def _padded(turns: Sequence[Sequence[int]]) -> IntArray:
     """Returns the orientations that each orientation can turn to [O, M]; -1 fills up."""
     table = np.full((len(turns), max(map(len, turns))), -1, dtype=np.int64)
-    for row, some in zip(table, turns, strict=True):
-        row[: len(some)] = some
+    for row, following in zip(table, turns, strict=True):
+        row[: len(following)] = following
     return table
 
 

@@ -76,10 +76,10 @@ class Seen:
         """
         rows = []
         for number in np.unique(self.classes).tolist():
-            own = np.flatnonzero(self.classes == number)
-            own = own[np.argsort(-self.roots[own], kind="stable")]
-            ends = np.append(0.0, np.cumsum(self.amounts[own]) * SCENARIOS)
-            roots = np.append(0.0, np.cumsum(np.diff(ends) * self.roots[own]))
+            entries = np.flatnonzero(self.classes == number)
+            entries = entries[np.argsort(-self.roots[entries], kind="stable")]
+            ends = np.append(0.0, np.cumsum(self.amounts[entries]) * SCENARIOS)
+            roots = np.append(0.0, np.cumsum(np.diff(ends) * self.roots[entries]))
             robots = min(math.ceil(ends[-1] / SCENARIOS - 1e-6), sizes[number])
             dealt = np.interp(np.arange(robots * SCENARIOS + 1), ends, roots)
             rows.append(np.diff(dealt).reshape(robots, SCENARIOS) ** 2)
@@ -153,16 +153,19 @@ def loose_view_sums(
     for cut in cuts:
         known.setdefault(cut.view_sum, []).append(cut)
     found = []
-    for view_sum, own in seen:
+    for view_sum, mixture in seen:
         stop.check()
-        if not weights[view_sum] or own.is_exact(sizes):
+        if not weights[view_sum] or mixture.is_exact(sizes):
             continue
-        roots = float(np.sqrt(own.amounts @ own.roots**2)), float(own.amounts @ own.roots)
-        height = min(*roots, *(own.height(cut) for cut in known.get(view_sum, [])))
-        most, enough = height - own.coupled(sizes), least / float(weights[view_sum])
+        roots = (
+            float(np.sqrt(mixture.amounts @ mixture.roots**2)),
+            float(mixture.amounts @ mixture.roots),
+        )
+        height = min(*roots, *(mixture.height(cut) for cut in known.get(view_sum, [])))
+        most, enough = height - mixture.coupled(sizes), least / float(weights[view_sum])
         if most >= enough:
-            found.append(_Loose(most, enough, view_sum, own, height))
-    return sorted(found, key=lambda one: (-one.most * weights[one.view_sum], one.view_sum))
+            found.append(_Loose(most, enough, view_sum, mixture, height))
+    return sorted(found, key=lambda loose: (-loose.most * weights[loose.view_sum], loose.view_sum))
 
 
 # Breakpoints of a class [K], px^0.5/m, and how much of a robot is at each [K].
@@ -178,9 +181,11 @@ def _marginals(seen: Seen, largest: FloatArray, sizes: tuple[int, ...]) -> dict[
     found: dict[int, _Marginal] = {}
     weight: dict[int, float] = {}
     for number in np.unique(seen.classes).tolist():
-        own = seen.classes == number
-        weight[number] = float(seen.amounts[own] @ seen.roots[own])
-        found[number] = _distinct(seen.roots[own], seen.amounts[own], float(largest[number]))
+        of_class = seen.classes == number
+        weight[number] = float(seen.amounts[of_class] @ seen.roots[of_class])
+        found[number] = _distinct(
+            seen.roots[of_class], seen.amounts[of_class], float(largest[number])
+        )
     while _are_too_many(found, sizes):
         merges = {number: _cheapest_merge(marginal) for number, marginal in found.items()}
         number, (loss, at) = min(merges.items(), key=lambda item: item[1])
@@ -238,8 +243,8 @@ def _spread(points: FloatArray, seen: Seen, number: int) -> FloatArray:
 
     An amount between two breakpoints is shared between them, as phi is linear there.
     """
-    own = seen.classes == number
-    roots, amounts = np.minimum(seen.roots[own], points[-1]), seen.amounts[own]
+    of_class = seen.classes == number
+    roots, amounts = np.minimum(seen.roots[of_class], points[-1]), seen.amounts[of_class]
     after = np.searchsorted(points, roots)
     low = np.where(after > 0, points[after - 1], 0.0)
     upper = (roots - low) / (points[after] - low)
@@ -286,7 +291,7 @@ def _curves(marginals: Mapping[int, _Marginal], values: FloatArray) -> dict[int,
     """Returns the curves with these values at the breakpoints of all classes."""
     ends = np.cumsum([len(points) for points, _ in marginals.values()])[:-1]
     parts = zip(marginals.items(), np.split(values, ends), strict=True)
-    return {number: Curve(points, own) for (number, (points, _)), own in parts}
+    return {number: Curve(points, heights) for (number, (points, _)), heights in parts}
 
 
 def _first_corners(marginals: Mapping[int, _Marginal], sizes: tuple[int, ...]) -> IntArray:
@@ -321,11 +326,11 @@ def _rearranged(pixels: FloatArray) -> IntArray:
     total = np.zeros(pixels.shape[1])
     placed = np.zeros_like(pixels)
     for _ in range(SWEEPS):
-        for order, own, at in zip(orders, pixels, placed, strict=True):
+        for order, falling, at in zip(orders, pixels, placed, strict=True):
             total -= at
             rising = np.argsort(total, kind="stable")
             order[rising] = np.arange(len(order))
-            at[rising] = own
+            at[rising] = falling
             total += at
     return orders
 
@@ -338,10 +343,10 @@ def _most_promising(partial: Partial) -> tuple[IntArray, Partial]:
 
 def _smallest(values: FloatArray, count: int) -> IntArray:
     """Returns the positions of the smallest values, in order."""
-    some = np.arange(len(values))
+    positions = np.arange(len(values))
     if len(values) > count:
-        some = np.argpartition(values, count)[:count]
-    return np.sort(some)
+        positions = np.argpartition(values, count)[:count]
+    return np.sort(positions)
 
 
 class Transport:
