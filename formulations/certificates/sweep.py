@@ -6,7 +6,7 @@ definition.
 """
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -39,7 +39,7 @@ def values_to_go(
     Parameters are those of `plain_sweep`.
     """
     graph, objective = robot_class.graph, problem.objective
-    shape, stay = (graph.n_orientations, graph.n_places), reward_of_staying(objective)
+    shape = graph.n_orientations, graph.n_places
     bonuses, places, states, moves = _terms(graph, objective, charges)
     value = np.where(graph.free, reward[-1].reshape(shape), -np.inf)
     if robot_class.goal is not None:
@@ -48,19 +48,7 @@ def values_to_go(
     value = value - places.get(problem.horizon, 0.0) - states.get(problem.horizon, 0.0)
     yield value.reshape(-1)
     for t in range(problem.horizon - 1, -1, -1):
-        turned = _plain_turns(graph.turns, value, objective.keep_heading, graph.shape[1])
-        best = np.full(shape, -np.inf)
-        for k, (shift, allowed) in enumerate(zip(graph.shifts, graph.allowed, strict=True)):
-            tails = np.flatnonzero(allowed)
-            ahead = turned[:, tails + shift]
-            if k in bonuses:
-                ahead = ahead + bonuses[k]
-            if (t, k) in moves:
-                ahead = ahead - moves[t, k][tails]
-            best[:, tails] = np.maximum(best[:, tails], ahead)
-        if objective.stationarity:
-            # To stay is the first of the moves.
-            best = np.maximum(best, value + stay - moves.get((t, 0), 0.0))
+        best = _best_moves(graph, objective, t, value, graph.turns, bonuses, moves)
         value = best + reward[t].reshape(shape) - places.get(t, 0.0) - states.get(t, 0.0)
         yield value.reshape(-1)
 
@@ -83,28 +71,53 @@ def values_so_far(
     problem, robot_class, reward, charges : as in `plain_sweep`
     """
     graph, objective = robot_class.graph, problem.objective
-    shape, stay = (graph.n_orientations, graph.n_places), reward_of_staying(objective)
+    shape = graph.n_orientations, graph.n_places
     bonuses, places, states, moves = _terms(graph, objective, charges)
     value = np.where(graph.free, first.reshape(shape), -np.inf)
     yield value.reshape(-1)
     turns = _turned_from(graph)
     for t in range(problem.horizon):
         here = value + reward[t].reshape(shape) - places.get(t, 0.0) - states.get(t, 0.0)
-        turned = _plain_turns(turns, here, objective.keep_heading, graph.shape[1])
-        best = np.full(shape, -np.inf)
-        for k, (shift, allowed) in enumerate(zip(graph.shifts, graph.allowed, strict=True)):
-            tails = np.flatnonzero(allowed)
-            so_far = turned[:, tails]
-            if k in bonuses:
-                so_far = so_far + bonuses[k]
-            if (t, k) in moves:
-                so_far = so_far - moves[t, k][tails]
-            best[:, tails + shift] = np.maximum(best[:, tails + shift], so_far)
-        if objective.stationarity:
-            # To stay is the first of the moves.
-            best = np.maximum(best, here + stay - moves.get((t, 0), 0.0))
+        best = _best_moves(graph, objective, t, here, turns, bonuses, moves, forwards=True)
         value = np.where(graph.free, best, -np.inf)
         yield value.reshape(-1)
+
+
+def _best_moves(
+    graph: TimeGraph,
+    objective: Objective,
+    t: int,
+    value: FloatArray,
+    turns: Sequence[Sequence[int]],
+    bonuses: Mapping[int, FloatArray],
+    moves: Mapping[tuple[int, int], FloatArray],
+    forwards: bool = False,
+) -> FloatArray:
+    """Returns the best of the moves from step t to t + 1, for each state [O, P].
+
+    Parameters
+    ----------
+    value : [O, P] of being in a state at t + 1; at t, if `forwards`
+    turns : orientations to, or from, which a step can turn
+    bonuses, moves : as `_terms` returns them
+    forwards : look at the states at t + 1 and the moves into them, not at t and out of them
+    """
+    turned = _plain_turns(turns, value, objective.keep_heading, graph.shape[1])
+    best = np.full(value.shape, -np.inf)
+    for k, (shift, allowed) in enumerate(zip(graph.shifts, graph.allowed, strict=True)):
+        tails = np.flatnonzero(allowed)
+        known, wanted = (tails, tails + shift) if forwards else (tails + shift, tails)
+        gained = turned[:, known]
+        if k in bonuses:
+            gained = gained + bonuses[k]
+        if (t, k) in moves:
+            gained = gained - moves[t, k][tails]
+        best[:, wanted] = np.maximum(best[:, wanted], gained)
+    if objective.stationarity:
+        # To stay is the first of the moves.
+        stay = value + reward_of_staying(objective) - moves.get((t, 0), 0.0)
+        best = np.maximum(best, stay)
+    return best
 
 
 def _terms(

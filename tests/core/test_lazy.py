@@ -28,8 +28,7 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, LimitReached, Stop, TimeLimit, never
 from cocap_opt.vision import unhidden
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.screens import Screens
-from cocap_opt.vision.unhidden import UnhiddenViews
+from cocap_opt.vision.unhidden import Screens, UnhiddenViews
 
 SLACK = 1e-9  # relative, of sums
 LAZY_TWINS = ["greedy", "sequential", "cocap"]  # planners that have a lazy one of the same plan
