@@ -292,13 +292,11 @@ class _Formation:
         """Find the path; raises LimitReached."""
         task.stop.check()
         places, views = self.places[task.robot], self.views[task.robot]
-        pixels = task.model.problem.no_pixels()
         before, way = views.evaluated, _nearest(task, places)
         if way is None:
-            return SingleRobotPath(None, pixels, 0)
+            return SingleRobotPath(None, task.model.problem.no_pixels(), 0)
         path = _look(task, way, views)
-        for t in range(task.model.problem.first_step, len(path)):
-            pixels[task.model.problem.view_sums_at(t)] += views(t, np.array(path[t : t + 1]))[0]
+        pixels = views.along(task.model.problem, path)
         return SingleRobotPath(path, pixels, views.evaluated - before)
 
 

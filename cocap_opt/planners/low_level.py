@@ -15,6 +15,7 @@ from cocap_opt.coordination.team import Team
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.model import Model, Path
+from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.vision.views import Views
 
@@ -87,6 +88,13 @@ class LazyCoverage:
             rows = self._views.coverage(t, np.array(new, dtype=np.int64))
             self._known.update(zip(((t, s) for s in new), rows, strict=True))
         return np.array([self._known[t, s] for s in states.tolist()])
+
+    def along(self, problem: Problem, path: Path) -> FloatArray:
+        """Pixels [Z] of a path, state numbers at the steps from 0 on; empty without one."""
+        pixels = problem.no_pixels()
+        for t in range(problem.first_step, len(path)):
+            pixels[problem.view_sums_at(t)] += self(t, np.array(path[t : t + 1]))[0]
+        return pixels
 
     @classmethod
     def of_robots(cls, model: Model) -> "list[LazyCoverage]":

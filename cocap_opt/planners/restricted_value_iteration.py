@@ -306,7 +306,7 @@ class _Graph:
         ):
             if len(charged):
                 which, at = keys.found(charged[:, 0] * n + charged[:, 1])
-                value -= _summed(at, costs[which], len(keys))[keys.of]
+                value -= np.bincount(at, costs[which], len(keys))[keys.of]
         return value
 
     def _rewards_of_edges(self, charges: Charges) -> FloatArray | None:
@@ -318,12 +318,5 @@ class _Graph:
         which, at = self._places.found(t * self._n_places + tails)
         shift = self._shifts.searchsorted((heads - tails)[which])
         at, size = at * len(self._shifts) + shift, len(self._places) * len(self._shifts)
-        cost: FloatArray = _summed(at, costs[which], size)[self._moves]
+        cost: FloatArray = np.bincount(at, costs[which], size)[self._moves]
         return -cost if self._rewards is None else self._rewards - cost
-
-
-def _summed(at: IntArray, values: FloatArray, size: int) -> FloatArray:
-    """Returns the sum of the values at each of so many positions."""
-    total = np.zeros(size)
-    np.add.at(total, at, values)
-    return total

@@ -141,10 +141,8 @@ class ViewSearch:
             self._views[model] = LazyCoverage.of_robots(model)
         coverage = self._views[model][task.robot]
         evaluated_before = coverage.evaluated
-        path, pixels = _algorithm_2(task, coverage, self._discount), model.problem.no_pixels()
-        for t, state in enumerate(path or ()):
-            if t >= model.problem.first_step:
-                pixels[model.problem.view_sums_at(t)] += coverage(t, np.array([state]))[0]
+        path = _algorithm_2(task, coverage, self._discount)
+        pixels = coverage.along(model.problem, path or ())
         return SingleRobotPath(path, pixels, coverage.evaluated - evaluated_before)
 
 
