@@ -60,7 +60,7 @@ def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
     It takes a fraction of a second to a few seconds, for which `Model.prepare` leaves time.
     """
     model = compiled(problem)
-    prices = _Prices(model)
+    prices = _StepMultipliers(model)
     best = prices.quick_file() if prices.are_dear else prices.best_file()
     if best.proved == math.inf:
         return CertifiedResult(None, -math.inf, Reason.STOPPED, limit)
@@ -84,7 +84,7 @@ _Sums = tuple[FloatArray, FloatArray]
 _Steps = tuple[FloatArray, FloatArray]
 
 
-class _Prices:
+class _StepMultipliers:
     """The bounds that multipliers prove, on known coverage and on ceilings for the rest."""
 
     def __init__(self, model: Model) -> None:

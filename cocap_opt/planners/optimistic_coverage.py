@@ -18,7 +18,7 @@ from cocap_opt.objective import marginal_gain
 from cocap_opt.stop import Stop
 from cocap_opt.vision.coverage import usable_cores
 from cocap_opt.vision.unhidden import UnhiddenViews
-from cocap_opt.vision.views import NOTHING, Seen
+from cocap_opt.vision.views import NOTHING, SeenFaces
 
 _SLACK = 1e-9  # of the largest reward, much more than the rounding of bounds
 _AT_ONCE = 1_000_000  # entries, to bound the memory
@@ -153,7 +153,7 @@ class _StepBounds(NamedTuple):
     counts: IntArray  # [F] entries of each face, which stand one after the other
 
     @classmethod
-    def of(cls, found: Seen, first: int, weights: FloatArray) -> Self:
+    def of(cls, found: SeenFaces, first: int, weights: FloatArray) -> Self:
         """Returns the bounds of a step whose first node has this number.
 
         Parameters

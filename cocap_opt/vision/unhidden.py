@@ -28,7 +28,7 @@ from cocap_opt.problem import Camera
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.faces import FaceGeometry, Planes
 from cocap_opt.vision.projection import dot
-from cocap_opt.vision.views import NOTHING, PinholeViews, Seen, Views
+from cocap_opt.vision.views import NOTHING, PinholeViews, SeenFaces, Views
 
 _DEPTH = 1e-3  # m, by which lines of sight are inside of a column at least
 _PARTS = 4  # of a cell along x and y, at most
@@ -145,7 +145,7 @@ class UnhiddenViews:
         self._views = views
         self._screens = _screens_of(views.geometry) if isinstance(views, PinholeViews) else None
 
-    def at(self, t: int, reachable: BoolArray) -> Seen:
+    def at(self, t: int, reachable: BoolArray) -> SeenFaces:
         """Returns the most that the reachable states [S] may see of each face at step t.
 
         Its rows are the states, increasing. A camera that sees past obstacles sees what it sees.
@@ -171,7 +171,7 @@ class UnhiddenViews:
         ]
         rows, faces, pixels = (np.concatenate(column) for column in zip(*parts, strict=True))
         states = np.arange(len(views.axes))[:, None] * views.graph.n_places + places
-        return Seen(states.take(rows), faces, pixels)
+        return SeenFaces(states.take(rows), faces, pixels)
 
 
 _SCREENS: WeakKeyDictionary[FaceGeometry, Screens] = WeakKeyDictionary()

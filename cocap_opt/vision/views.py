@@ -21,7 +21,7 @@ from cocap_opt.vision.visibility import Sightings, Visibility
 ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
 
 
-class Seen(NamedTuple):
+class SeenFaces(NamedTuple):
     """The faces that some views see; the others see nothing."""
 
     rows: IntArray  # [n] number of the view, increasing
@@ -60,7 +60,7 @@ class PinholeSight:
         which: IntArray,
         orientation: IntArray,
         steps: tuple[int, int] | None = None,
-    ) -> Seen:
+    ) -> SeenFaces:
         """Returns what some views see.
 
         Parameters
@@ -92,7 +92,7 @@ class PinholeSight:
         kept = np.flatnonzero(area > 0)
         kept = kept[np.argsort(row[kept] * n_faces + face[kept])]
         face = face[kept]
-        return Seen(row[kept], face, area[kept] / faces.areas[face])
+        return SeenFaces(row[kept], face, area[kept] / faces.areas[face])
 
     def _in_pieces(
         self, sight: Sightings, which: IntArray, orientation: IntArray, in_view: BoolArray
@@ -206,7 +206,7 @@ class ConeSight:
 # Most states at once, and states times actors, so that limits are checked every 0.3 s or so.
 _BATCH, _BATCH_ACTORS = 8_192, 65_000
 _BATCH_RAYS = 400_000  # states times faces times the squared samples of a triangle
-NOTHING = Seen(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+NOTHING = SeenFaces(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
 class Views(ABC):
@@ -237,7 +237,7 @@ class Views(ABC):
         """Number of nodes, states at steps, that take a fraction of a second."""
 
     @abstractmethod
-    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> Seen:
+    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
         """Returns what nodes [n] see, increasing; node t S + s is state s at step t.
 
         Parameters
@@ -288,7 +288,7 @@ class PinholeViews(Views):
             most = min(most, _BATCH_RAYS // max(self.n_faces * self.problem.face_samples**2, 1))
         return max(most, 1)
 
-    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> Seen:
+    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
         """Returns what nodes [n] see; node t S + s is state s at step t."""
         if not self.n_faces or not len(nodes):
             return NOTHING
@@ -320,10 +320,10 @@ class ConeViews(Views):
         """Number of nodes, states at steps, that take a fraction of a second."""
         return max(_BATCH_ACTORS // max(self.n_faces, 1), 1)
 
-    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> Seen:
+    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
         """Returns what nodes [n] see, increasing; node t S + s is state s at step t."""
         t, states = np.divmod(nodes, self.n_states)
         parts = [self.coverage(int(step), states[t == step]) for step in np.unique(t)]
         coverage = np.concatenate([np.zeros((0, self.n_faces)), *parts])
         rows, faces = np.nonzero(coverage)
-        return Seen(rows, faces, coverage[rows, faces])
+        return SeenFaces(rows, faces, coverage[rows, faces])

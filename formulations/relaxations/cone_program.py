@@ -119,7 +119,7 @@ class ConeRelaxation:
 
         @timed
         def bound(problem: Problem) -> CertifiedResult:
-            return _Rounds(self, problem).run(stop, report)
+            return _CutRounds(self, problem).run(stop, report)
 
         return bound(problem)
 
@@ -129,7 +129,7 @@ single_view = ConeRelaxation("single-view")
 envelope = ConeRelaxation("envelope", separate=_violated_cuts, compile_=_disaggregated)
 
 
-class _Rounds:
+class _CutRounds:
     """A relaxation of one problem, solved again and again while there are cuts that it violates.
 
     Attributes

@@ -15,7 +15,7 @@ from strategies import Calls, examples
 
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, verify
-from cocap_opt.formulations.simple_bounds import _Prices, early_bound
+from cocap_opt.formulations.simple_bounds import _StepMultipliers, early_bound
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
@@ -75,7 +75,7 @@ def test_drones_that_jump_need_little_memory(monkeypatch: pytest.MonkeyPatch) ->
     model, found = covered_in_part(load_scene("passage", 0), 20), []
     for many in (math.inf, 0):
         monkeypatch.setattr("cocap_opt.formulations.simple_bounds._TOO_MANY", many)
-        prices = _Prices(model)
+        prices = _StepMultipliers(model)
         found.append([prices.without_motion(s) for s in (prices.alone(), *prices.tangents())])
     assert 0 < model.covered_steps < model.problem.horizon and len(found[0]) > 2
     assert found[1] == pytest.approx(found[0], rel=1e-12)
