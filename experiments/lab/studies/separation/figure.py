@@ -20,7 +20,7 @@ from cocap_opt.pictures.style import (
 
 
 def separation_figure(points: Sequence[Point]) -> Figure:
-    """Draws the price of separation, and processor seconds relative to the papers' rules."""
+    """Draws the price of separation, and processor seconds relative to those without one."""
     figure = new_figure(9, 8)
     (price, plan), (lns, proof) = figure.subplots(2, 2)
     scenes = list(dict.fromkeys(point.scene for point in points))
@@ -31,7 +31,7 @@ def separation_figure(points: Sequence[Point]) -> Figure:
         _draw_times(lns, some, colour, lambda point: point.lns_seconds)
         _draw_times(proof, some, colour, lambda point: point.proof_seconds)
     price.set_title("price of separation, certified", fontsize=TITLE)
-    price.set_ylabel("% of the optimal J under the papers' rules")
+    price.set_ylabel("% of the optimal J without a separation")
     titles = {
         plan: "time of CoCap", lns: "time of cocap-lns", proof: "time of the proof, or of its limit"
     }  # fmt: skip
@@ -40,7 +40,7 @@ def separation_figure(points: Sequence[Point]) -> Figure:
         set_plain_log(ax, "y")
         draw_level(ax, 2, "goal: 2")
     for ax in (plan, lns, proof):
-        ax.set_ylabel("times that under the papers' rules")
+        ax.set_ylabel("times that without a separation")
     for ax in (price, plan, lns, proof):
         ax.set_xlabel("separation (m)")
         ax.set_xticks(sorted({point.separation for point in points if point.separation}))
@@ -66,7 +66,7 @@ def _draw_price(ax: Axes, points: Sequence[Point], scene: str, colour: str) -> N
 def _draw_times(
     ax: Axes, points: Sequence[Point], colour: str, seconds: Callable[[Point], float]
 ) -> None:
-    """Draws the median over seeds of the time beside that under the papers' rules."""
+    """Draws the median over seeds of the time beside that without a separation."""
     wide = sorted({point.separation for point in points if point.separation})
     ratios = [
         median(seconds(p) / seconds(p.base(points)) for p in points if p.separation == apart)

@@ -16,7 +16,7 @@ class Point(NamedTuple):
 
     scene: str
     seed: int
-    separation: float  # m; 0: the papers' rules
+    separation: float  # m; 0: none, the scene's own rules
     cocap: float  # J
     cocap_seconds: float  # of processor
     cocap_limit: str
@@ -39,7 +39,7 @@ class Point(NamedTuple):
         return self.proof_limit == NO_LIMIT
 
     def base(self, points: "Sequence[Point]") -> "Point":
-        """Returns the point under the papers' rules of the same instance."""
+        """Returns the point without a separation of the same instance."""
         return next(
             one for one in points
             if (one.scene, one.seed, one.separation) == (self.scene, self.seed, 0)
@@ -63,7 +63,7 @@ class Point(NamedTuple):
             rows.append(
                 {
                     "scene": one.scene, "seed": one.seed,
-                    "separation": f"{one.separation:g} m" if one.separation else "papers' rules",
+                    "separation": f"{one.separation:g} m" if one.separation else "none",
                     "best J": f"{one.best:,.2f}",
                     "gap %": f"{100 * relative_gap(one.best, one.bound):.3f}",
                     "price %": between(*one.price(base)) if one.separation else "",

@@ -43,7 +43,8 @@ def separation(
 
     Parameters
     ----------
-    separations : m; 0 stands for the papers' rules, with which the others are compared
+    separations : m; 0 stands for the scene's own rules (`vertex+swap` of built-in scenes, `vertex`
+        of Greedy Perspectives'), with which the others are compared
     limit : s, of each plan and of each proof
 
     Returns
@@ -73,8 +74,8 @@ def separation(
                     save_csv(out / TABLE, [one._asdict() for one in points])
     finally:
         Listing(
-            f"price of a separation (* stopped at {limit:g} s; price in % of the J under the "
-            "papers' rules, certified)",
+            f"price of a separation (* stopped at {limit:g} s; price in % of the J "
+            "without one, certified)",
             Point.listed(points),
         ).print()
     if out is not None and points:
@@ -100,7 +101,7 @@ def _draw(points: Sequence[Point], out: Path) -> None:
 def _measured(scene: str, seed: int, separations: Sequence[float], limit: float) -> "list[Point]":
     """Plans and proves at each separation; those that fail are told, and left out.
 
-    Where it fails under the papers' rules, there is nothing to compare with: all are left out.
+    Where it fails without a separation, there is nothing to compare with: all are left out.
     """
     builds = [partial(built, scene, seed, apart, max(separations)) for apart in separations]
     runs = {

@@ -10,7 +10,7 @@ from cocap_opt.output.printing import counted
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import NO_LIMIT
 
-_GOAL = 2  # times the time under the papers' rules
+_GOAL = 2  # times the time without a separation
 _PLANNERS = ("cocap", "cocap-lns")
 
 
@@ -25,7 +25,7 @@ def separation_in_markdown(points: Sequence[Point]) -> str:
         *([scene, *(f"{_price(own[scene], apart)} %" for apart in wide)] for scene in scenes),
     ]
     times = [
-        ["time of", "scene", "papers' rules", *metres, "gap"],
+        ["time of", "scene", "no separation", *metres, "gap"],
         *(
             [f"`{planner}`", scene, *_times(own[scene], planner, wide)]
             for planner in _PLANNERS
@@ -37,7 +37,7 @@ def separation_in_markdown(points: Sequence[Point]) -> str:
         f"{_table(prices)}\n\n"
         f"Means over {counted(seeds, 'seed')}, as a range where a proof was stopped.\n\n"
         f"{_table(times)}\n\n"
-        "Processor time under the papers' rules (median), and at each separation as a multiple of "
+        "Processor time without a separation (median), and at each separation as a multiple of "
         f"it (geometric mean; **bold** above the goal of {_GOAL}); \\* where the limit stopped "
         "some, so that the multiple says little. The gap to the certified bound is the mean over "
         "all of them.\n\n"
@@ -70,12 +70,12 @@ def _times(points: Sequence[Point], planner: str, wide: Iterable[float]) -> list
 
 
 def _times_the_base(some: Sequence[Point], points: Sequence[Point], planner: str) -> float:
-    """Returns how many times as long as under the papers' rules a planner takes, as geometric mean.
+    """Returns a planner's time as a multiple of that without a separation, as geometric mean.
 
     Parameters
     ----------
     some : points at one separation
-    points : all of them, those under the papers' rules among them
+    points : all of them, those without a separation among them
     """
     ratios = [_seconds(p, planner) / _seconds(p.base(points), planner) for p in some]
     return math.exp(fmean(map(math.log, ratios)))
@@ -93,7 +93,7 @@ def _verdict(points: Sequence[Point]) -> str:
         kept = sum(ratio <= _GOAL for ratio in ended)
         parts.append(f"`{planner}` in {kept} of {len(ended)} runs")
     return (
-        f"At most {_GOAL} times the time under the papers' rules, where no limit stopped that: "
+        f"At most {_GOAL} times the time without a separation, where no limit stopped that: "
         f"{' and '.join(parts)}."
     )
 
