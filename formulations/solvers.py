@@ -1,4 +1,4 @@
-"""How solvers are limited and how their words are read, whatever library stands behind them.
+"""Limits of solvers, and the words in which they end, whatever library stands behind them.
 
 Each works on one thread, with one seed where it takes one, so that runs can be repeated, and
 prints nothing. To add one: a line in `_SOLVERS`.

@@ -87,7 +87,7 @@ def _modules(name: str) -> Iterator[str]:
     if not path.is_dir():
         raise ValueError(f"{name}: there is no such module")
     for inner in sorted(path.iterdir()):
-        if inner.is_dir():
+        if (inner / "__init__.py").is_file():
             yield from _modules(f"{name}.{inner.name}")
         elif inner.suffix == ".py":
             yield f"{name}.{inner.stem}"
@@ -96,7 +96,8 @@ def _modules(name: str) -> Iterator[str]:
 def _path(name: str) -> Path:
     """Returns the file of a module, or the folder of a package."""
     path = _FOLDER.joinpath(*name.removeprefix(_PACKAGE).split("."))
-    return path if path.is_dir() else path.with_suffix(".py")
+    # A folder without a front is a package that is gone, of which compiled files are left.
+    return path if (path / "__init__.py").is_file() else path.with_suffix(".py")
 
 
 def _text(module: str) -> str:

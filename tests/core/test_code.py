@@ -111,3 +111,12 @@ def test_the_modules_followed_are_those_that_python_loads() -> None:
         ).stdout.split()
         found = {name.removesuffix(".__init__") for name in with_imports(module)}
         assert {name for name in loaded if name.startswith("cocap_opt.")} <= found
+
+
+def test_a_folder_of_compiled_files_is_no_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is left where a package has become a module, which is the one that is imported."""
+    before = digest_of(MODULE, tmp_path, monkeypatch)
+    (tmp_path / "made" / "__pycache__").mkdir(parents=True)
+    assert digest_of(MODULE, tmp_path, monkeypatch) == before
