@@ -3,7 +3,7 @@
 import html
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from json import dumps
 from math import fsum
 from pathlib import Path
@@ -153,6 +153,22 @@ def line_width() -> int:
     return _USUAL if console.width == _WIDE and not console.is_terminal else console.width
 
 
+def markdown_table(rows: Sequence[Mapping[str, str]], right: Collection[str] = ()) -> str:
+    """Returns rows that all have the keys of the first as a Markdown table, its columns aligned.
+
+    Parameters
+    ----------
+    rows : text that may have marks of Markdown; `Listing.cell` escapes what must not
+    right : columns whose text ends where the column ends
+    """
+    from pandas import DataFrame  # slow to import
+
+    heads = [Listing.cell(key) for key in rows[0]]
+    frame = DataFrame([list(row.values()) for row in rows], columns=heads)
+    sides = ["right" if key in right else "left" for key in rows[0]]
+    return str(frame.to_markdown(index=False, disable_numparse=True, colalign=sides))
+
+
 class Listing(NamedTuple):
     """A small table to be printed; its rows all have the keys of the first.
 
@@ -242,10 +258,11 @@ class Listing(NamedTuple):
         """The same rows in Markdown."""
         if not self.rows:
             return ""
-        first = self.rows[0]
-        lines = [list(first), ["---" if isinstance(v, str) else "--:" for v in first.values()]]
-        lines += [[_text(key, value) for key, value in row.items()] for row in self.rows]
-        return "".join(f"| {' | '.join(map(self.cell, line))} |\n" for line in lines)
+        cells = [
+            {key: self.cell(_text(key, value)) for key, value in row.items()} for row in self.rows
+        ]
+        right = [key for key, value in self.rows[0].items() if not isinstance(value, str)]
+        return markdown_table(cells, right) + "\n"
 
     @staticmethod
     def cell(text: str) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.experiments.tables.statistics import NONE, Mean
-from cocap_opt.output.printing import Listing
+from cocap_opt.output.printing import Listing, markdown_table
 from cocap_opt.result import Reason
 from cocap_opt.text import printable
 
@@ -63,11 +63,9 @@ class Tables(dict[str, Table]):
 
     def markdown(self) -> str:
         """Returns the tables in Markdown under headings; special characters are escaped."""
-        texts = {
-            title: _frame(_escaped(table)).to_markdown(index=False, disable_numparse=True)
-            for title, table in self.items()
-        }
-        return "\n".join(f"## {title}\n\n{text}\n" for title, text in texts.items())
+        return "\n".join(
+            f"## {title}\n\n{markdown_table(_escaped(table))}\n" for title, table in self.items()
+        )
 
     def latex(self) -> str:
         """Returns them in LaTeX (package booktabs), as wide as two columns, with captions."""

@@ -9,7 +9,7 @@ from cocap_opt.experiments.lab.manual import one_face, worked
 from cocap_opt.experiments.lab.manual.recorded_tree import Closed
 from cocap_opt.formulations.certificates import Branch
 from cocap_opt.formulations.certificates.resources import Cells, Resource
-from cocap_opt.output.printing import Listing, Record
+from cocap_opt.output.printing import Record, markdown_table
 from cocap_opt.problem import Conflict, SwapConflict, VertexConflict
 
 
@@ -43,7 +43,7 @@ def _told_closed(closed: Closed) -> str:
 
 
 def _tree_table() -> str:
-    return _table([
+    return markdown_table([
         {
             "node": str(n),
             "child of": "" if one.parent is None else str(one.parent),
@@ -57,7 +57,7 @@ def _tree_table() -> str:
 
 
 def _bounds_table() -> str:
-    return _table([
+    return markdown_table([
         {"bound": f"`{name}`", "tiny-trap": number(trap),
          f"bottleneck, {worked.SHORT} steps": f"{short:,.3f}"}
         for name, (trap, short) in worked.compared()
@@ -71,7 +71,7 @@ def _certificate_table() -> str:
     named += [(f"price of {told_resource(row.resource)}", row.multiplier) for row in rows]
     named += [(f"best path of drone {i}", value) for i, value in enumerate(parts.paths)]
     named.append(("**the bound**", parts.total))
-    return _table([{"part": words, "amount": f"{amount:.4f}"} for words, amount in named])
+    return markdown_table([{"part": words, "amount": f"{amount:.4f}"} for words, amount in named])
 
 
 def told_resource(resource: Resource) -> str:
@@ -82,7 +82,7 @@ def told_resource(resource: Resource) -> str:
 
 
 def _stages_table() -> str:
-    return _table([
+    return markdown_table([
         {"": stage.words, "states left": f"{stage.left[1:].sum():,}", "bound": number(stage.bound),
          "joint states reached": f"{sum(stage.reached[1:]):,}" if n else ""}
         for n, stage in enumerate(worked.stages())
@@ -98,7 +98,7 @@ def _parts_table() -> str:
     own = worked.explained()
     rows = list(own.parts().items())
     rows.append(("**bound - J**", own.explanation.gap))
-    return _table([
+    return markdown_table([
         {"the bound is higher because": words, "amount": number(amount),
          "% of the bound": f"{100 * own.explanation.share(amount):.3f}"}
         for words, amount in rows
@@ -135,15 +135,7 @@ def _proof_table() -> str:
             rows.append({"node": str(n), "content": f"branch, {told}", "bound": ""})
         else:
             rows.append({"node": str(n), "content": "leaf", "bound": number(next(leaves))})
-    return _table(rows)
-
-
-def _table(rows: Sequence[Record]) -> str:
-    """Returns rows as a table in Markdown, in which cells may have marks."""
-    listing = Listing("", rows)
-    head, rule, *_ = listing.markdown.splitlines()
-    lines = [f"| {' | '.join(map(str, row.values()))} |" for row in rows]
-    return "\n".join([head, rule, *lines])
+    return markdown_table(rows)
 
 
 def _curve(name: str) -> str:

@@ -13,6 +13,7 @@ from cocap_opt.experiments.tables.statistics import NONE
 from cocap_opt.experiments.tables.tables import Table
 from cocap_opt.files.documents import FileError
 from cocap_opt.method import Method
+from cocap_opt.output.printing import markdown_table
 from cocap_opt.planners import PLANNERS, RECOMMENDED
 from cocap_opt.result import Result
 from cocap_opt.stop import NO_LIMIT
@@ -86,7 +87,7 @@ def planners_in_markdown(path: Path | None = None) -> str:
 
 def described_planners_in_markdown() -> str:
     """Returns what each planner is made of, what it takes and what it promises."""
-    return _lines(_without(planner_table(()), "time"))
+    return markdown_table(_without(planner_table(()), "time"))
 
 
 def measured_planners_in_markdown() -> str:
@@ -106,11 +107,6 @@ def _without(table: Table, *columns: str) -> Table:
     return [{key: cell for key, cell in row.items() if key not in columns} for row in table]
 
 
-def _lines(table: Table) -> str:
-    lines = [list(table[0]), ["---"] * len(table[0]), *(list(row.values()) for row in table)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
 def _rows(path: Path | None = None) -> Sequence[Row]:
     path = path or STORED / "paper.csv"
     rows = read_rows(path)
@@ -126,7 +122,7 @@ def _with_note(table: Table, rows: Sequence[Row]) -> str:
     joint = any("`joint`" in row["planner"] for row in table)
     without = ", or it takes no such teams" if joint else ""
     return (
-        f"{_lines(table)}\n\n"
+        f"{markdown_table(table)}\n\n"
         "Gaps: below the certified bound, in %, means over those seeds on which the planner's plan "
         f"obeys the rules: {seeds}, or as many as the brackets say; - where there is no such "
         f"plan{without}; \\* where the limit of {limit:g} s stopped some.{_fallen_back(rows)} "
