@@ -2,17 +2,16 @@
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import IntArray
+from cocap_opt.data import FloatArray
 
 _CONFIDENCE = 0.95
 NONE = "-"  # in place of a number that does not exist
 ENOUGH = 5  # values, of which on there is an interval
-_RESAMPLES = 10_000  # of a bootstrap interval
+_RESAMPLES, _SEED = 10_000, 0  # of a bootstrap interval
 _SHIFT = 10.0  # s, of geometric means of times, as in qpbenchmark and Mittelmann's benchmarks
 
 
@@ -29,20 +28,24 @@ class Mean(NamedTuple):
     def of(cls, *groups: Sequence[float]) -> "Mean":
         """Returns the mean over groups of their means, with a percentile bootstrap interval.
 
-        Each group is drawn again with replacement by itself, always the same way. What is never
-        negative, as gaps are, has no interval with negative ends (Efron and Tibshirani 1993).
-        Of few values the interval would be far too short, so that there is none.
+        Each group is drawn again with replacement by itself, always the same way, whatever the
+        order of the groups. What is never negative, as gaps are, has no interval with negative ends
+        (Efron and Tibshirani 1993). Of few values the interval would be far too short, so that
+        there is none.
         """
-        samples = [np.asarray(group, dtype=float) for group in groups]
+        samples = [np.asarray(group, dtype=float) for group in sorted(groups, key=list)]
         values = np.concatenate(samples)
         mean = float(np.mean([sample.mean() for sample in samples]))
         spread = float(values.std(ddof=1)) if len(values) > 1 else math.nan
         if len(values) < ENOUGH or min(map(len, samples)) < 2:
             return cls(mean, math.nan, math.nan, spread, len(values))
-        drawn = [sample[_draws(len(sample), n)].mean(axis=1) for n, sample in enumerate(samples)]
-        rest = (1 - _CONFIDENCE) / 2
-        low, high = np.quantile(np.mean(drawn, axis=0), [rest, 1 - rest]).tolist()
-        return cls(mean, low, high, spread, len(values))
+        from scipy.stats import bootstrap  # slow to import
+
+        interval = bootstrap(
+            samples, _mean_of_means, vectorized=True, n_resamples=_RESAMPLES,
+            confidence_level=_CONFIDENCE, method="percentile", random_state=_SEED,
+        ).confidence_interval  # fmt: skip
+        return cls(mean, float(interval.low), float(interval.high), spread, len(values))
 
     def text(self, digits: int, unit: str = "") -> str:
         """Returns the mean, with its unit, and its interval in words, if there is one."""
@@ -74,7 +77,6 @@ class Mean(NamedTuple):
         return f"{round(value, digits) + 0.0:,.{digits}f}"  # never -0
 
 
-@lru_cache(maxsize=32)
-def _draws(size: int, group: int) -> IntArray:
-    """Returns which of `size` values each resample takes, another way for each group."""
-    return np.random.default_rng(group).integers(size, size=(_RESAMPLES, size))
+def _mean_of_means(*samples: FloatArray, axis: int) -> FloatArray:
+    means: FloatArray = np.mean([sample.mean(axis=axis) for sample in samples], axis=0)
+    return means
