@@ -13,9 +13,8 @@ from cocap_opt.result import Result
 from cocap_opt.run.engine import SOLVERS, run
 from cocap_opt.run.forecast import warn_of_limit
 from cocap_opt.run.judged import Judged
-from cocap_opt.run.limits import Allowance
 from cocap_opt.run.named_planners import own_planners
-from cocap_opt.run.options import Option
+from cocap_opt.run.options import Allowance, Option
 from cocap_opt.stop import Stop, never
 
 R = TypeVar("R", bound=Result)

@@ -14,8 +14,7 @@ from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.flight.strain import strains
 from cocap_opt.plausibility import narrow_way, warnings
 from cocap_opt.problem import Problem
-from cocap_opt.run.limits import Allowance
-from cocap_opt.run.options import Option, UsageError
+from cocap_opt.run.options import Allowance, Option, UsageError
 from cocap_opt.scenarios import NOTHING, SCENES, load_scene
 
 _log = logging.getLogger(__name__)

@@ -16,8 +16,7 @@ from cocap_opt.cli.options import (
     Whole,
     chosen,
 )
-from cocap_opt.experiments.sweeps.results import load_results
-from cocap_opt.experiments.sweeps.run_file import RunFile
+from cocap_opt.experiments.sweeps.results import RunFile, load_results
 from cocap_opt.experiments.tables.rows import COLUMNS, Row
 from cocap_opt.experiments.tables.tables import AGAINST, DOCUMENTS, Tables
 from cocap_opt.output.files import check_output, save_bytes

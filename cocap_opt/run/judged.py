@@ -10,7 +10,7 @@ from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Reason, Result, relative_gap
-from cocap_opt.run.limits import Allowance
+from cocap_opt.run.options import Allowance
 from cocap_opt.stop import Clock
 
 _log = logging.getLogger(__name__)

@@ -1,4 +1,4 @@
-"""Options of commands: what is allowed, and words for what is not."""
+"""Options of commands: what is allowed, words for what is not, and the limits that they set."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -6,6 +6,7 @@ from numbers import Real
 from pathlib import Path
 from typing import NamedTuple
 
+from cocap_opt.stop import FirstOf, Stop, TimeLimit, WorkLimit, never
 from cocap_opt.text import meant
 from cocap_opt.vision.coverage import usable_cores
 
@@ -15,6 +16,20 @@ _MOST = 100_000  # numbers in a list
 
 class UsageError(ValueError):
     """An option has a value that is not allowed; the message names it."""
+
+
+class Allowance(NamedTuple):
+    """The limits of one computation, which begin to count with it."""
+
+    seconds: float
+    work: int | None = None  # units of `WorkLimit`; any number if None
+
+    def begin(self, stop: Stop = never) -> Stop:
+        """Returns a stop that is reached with `stop`, or once this allowance is spent."""
+        criteria = [stop, TimeLimit(self.seconds)]
+        if self.work is not None:
+            criteria.append(WorkLimit(self.work))
+        return FirstOf(*criteria)
 
 
 class Option(NamedTuple):

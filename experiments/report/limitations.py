@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from cocap_opt.experiments.sweeps.cells import FAILED
-from cocap_opt.experiments.sweeps.run_file import RunFile
+from cocap_opt.experiments.sweeps.results import RunFile
 from cocap_opt.experiments.tables.rows import SAMPLED_COVERAGE, Row
 from cocap_opt.experiments.tables.statistics import ENOUGH
 from cocap_opt.planners import PLANNERS

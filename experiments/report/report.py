@@ -21,7 +21,7 @@ from cocap_opt.experiments.report.charts import (
 from cocap_opt.experiments.report.explaining import explained_plans, parts_table
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.sweeps.cells import FAILED
-from cocap_opt.experiments.sweeps.run_file import RunFile
+from cocap_opt.experiments.sweeps.results import RunFile
 from cocap_opt.experiments.tables.layout import Paths
 from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.experiments.tables.tables import Tables

@@ -9,7 +9,6 @@ __all__ = [
     "crew",
     "instances",
     "results",
-    "run_file",
     "scenes",
     "sweep",
 ]

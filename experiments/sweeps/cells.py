@@ -22,7 +22,7 @@ from cocap_opt.files.code import code_digest, with_imports
 from cocap_opt.files.documents import Document, FileError, PlanFile, encode
 from cocap_opt.output.files import save_bytes
 from cocap_opt.run.engine import BOUND as BOUND
-from cocap_opt.run.limits import Allowance
+from cocap_opt.run.options import Allowance
 
 OWN = "own"  # the certificate of a planner that proves a bound itself
 RULES, FREE = "rules", "free"  # certificates and traces of the bound with and without rules

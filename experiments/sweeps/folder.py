@@ -31,8 +31,7 @@ import msgspec
 from cocap_opt.console.streams import say
 from cocap_opt.experiments.sweeps.cells import BOUND, FREE, RULES, CellFile, Status, Store
 from cocap_opt.experiments.sweeps.instances import Instance, Key
-from cocap_opt.experiments.sweeps.results import RESULTS, load_results
-from cocap_opt.experiments.sweeps.run_file import RUN, CommandRun, RunFile
+from cocap_opt.experiments.sweeps.results import RESULTS, RUN, CommandRun, RunFile, load_results
 from cocap_opt.experiments.tables.layout import FOLDERS, Paths
 from cocap_opt.experiments.tables.rows import COLUMNS, BoundColumns, Row
 from cocap_opt.files.atomic_write import UNFINISHED

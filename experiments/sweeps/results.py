@@ -1,17 +1,154 @@
-"""The table of a sweep, results.csv, as it is read.
+"""What a sweep's folder says of its runs: run.json, and the table results.csv as it is read.
 
 `COLUMNS` of `cocap_opt.experiments.tables.rows` says what the columns mean. A value that does not
 exist (no plan, no bound, no gap) is an empty field.
 """
 
 import csv
+import hashlib
 import io
+import os
+import platform
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
+from typing import Literal
 
-from cocap_opt.experiments.sweeps.run_file import RUN, RunFile
+import msgspec
+
+from cocap_opt.experiments.sweeps.cells import Cell
 from cocap_opt.experiments.tables.rows import COLUMNS, Row
-from cocap_opt.files.documents import FileError
-from cocap_opt.output.files import read_text
+from cocap_opt.files.code import code_digest
+from cocap_opt.files.documents import (
+    SAMPLED,
+    Document,
+    FileError,
+    decode_document,
+    encode,
+    read_bytes,
+)
+from cocap_opt.output.files import read_text, save_bytes
+from cocap_opt.vision.coverage import usable_cores
+
+RUN = "run.json"
+
+
+@cache
+def _rows_digest() -> str:
+    """Returns the digest of the code that rows depend on: that of cells, and of built-in scenes."""
+    parts = Cell.digest_of_code() + code_digest("cocap_opt.scenarios")
+    return hashlib.sha256(parts.encode()).hexdigest()
+
+
+class CommandRun(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One command, and where it ran.
+
+    Attributes
+    ----------
+    command : the program and its arguments
+    began : date and time, UTC
+    scenes : names or files, as they were given
+    seeds : seeds of each scene
+    workers : the processes or the cluster that computed
+    machine : its system, its processor and the like
+    packages : the versions of the libraries, by their names
+    """
+
+    command: list[str]
+    began: str
+    scenes: list[str]
+    seeds: list[int]
+    workers: str
+    machine: dict[str, str]
+    packages: dict[str, str]
+
+    @classmethod
+    def now(cls, scenes: list[str], seeds: list[int], workers: str) -> "CommandRun":
+        """Returns a description of the run that begins now."""
+        return cls(
+            command=[*_program(), *sys.argv[1:]],
+            began=datetime.now(UTC).isoformat(timespec="seconds"),
+            scenes=scenes,
+            seeds=seeds,
+            workers=workers,
+            machine={
+                "system": platform.platform(),
+                "processor": _processor(),
+                "cores": str(usable_cores()),
+                "memory": _memory(),
+                "python": platform.python_version(),
+            },
+            packages=Cell.versions("cocap-opt", "distributed"),
+        )
+
+
+class RunFile(Document, frozen=True, kw_only=True):
+    """All runs that the results in a folder are of; the same code has made all of them.
+
+    Attributes
+    ----------
+    format : the kind of file
+    version : of this format
+    code : the digest of what rows depend on, scenes included
+    runs : the commands that wrote into the folder, in their order
+    """
+
+    older = SAMPLED
+    format: Literal["cocap-opt run"] = "cocap-opt run"
+    version: Literal[4] = 4
+    code: str
+    runs: list[CommandRun]
+
+    @classmethod
+    def load(cls, folder: Path) -> "RunFile":
+        """Reads the file of a folder.
+
+        Raises
+        ------
+        FileError
+            If there is none, or it is damaged.
+        """
+        path = folder / RUN
+        return decode_document(read_bytes(path), str(path), cls)
+
+    @property
+    def is_of_this_code(self) -> bool:
+        """The code that made the results does the same as this one."""
+        return self.code == _rows_digest()
+
+    @classmethod
+    def add_run(cls, folder: Path, before: Sequence[CommandRun], run: CommandRun) -> None:
+        """Writes the file. A run that is there already, but for its time, stays as it was."""
+        again = any(msgspec.structs.replace(known, began=run.began) == run for known in before)
+        runs = [*before] if again else [*before, run]
+        save_bytes(folder / RUN, encode(cls(code=_rows_digest(), runs=runs)))
+
+
+def _program() -> list[str]:
+    """Returns how this process was called: as a module, or by the command's name."""
+    spec = sys.modules["__main__"].__spec__
+    if spec is None:
+        return ["cocap-opt"]
+    return ["python", "-m", spec.name.removesuffix(".__main__")]
+
+
+def _processor() -> str:
+    """Returns the processor's name, where the system tells it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
+
+
+def _memory() -> str:
+    if not hasattr(os, "sysconf"):
+        return "unknown"
+    return f"{os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 1e9:.0f} GB"
+
 
 RESULTS = "results.csv"
 # Columns that tables of older versions do not have, and nobody misses.

@@ -12,7 +12,7 @@ from cocap_opt.experiments.sweeps.cells import CellFile, Store
 from cocap_opt.experiments.sweeps.crew import Alone, Crew
 from cocap_opt.experiments.sweeps.folder import Earlier, IsSame, Output, only_writer
 from cocap_opt.experiments.sweeps.instances import Instance, Key
-from cocap_opt.experiments.sweeps.run_file import CommandRun
+from cocap_opt.experiments.sweeps.results import CommandRun
 from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.run.forecast import warn_before_limits
 from cocap_opt.stop import Interrupt, Stop

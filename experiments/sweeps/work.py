@@ -22,7 +22,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
 from cocap_opt.run.engine import BOUND_METHOD, cover, run, warm_up
 from cocap_opt.run.judged import Judged, RefereeError
-from cocap_opt.run.limits import Allowance
+from cocap_opt.run.options import Allowance
 from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
 from cocap_opt.stop import Clock, Stop, never
 

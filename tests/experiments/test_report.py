@@ -9,7 +9,7 @@ import cocap_opt as co
 from cocap_opt.cli import commands
 from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.report.report import _rules, _telling_pair, _telling_seed
-from cocap_opt.experiments.sweeps.run_file import CommandRun, RunFile
+from cocap_opt.experiments.sweeps.results import CommandRun, RunFile
 from cocap_opt.experiments.tables.layout import Paths
 from cocap_opt.problem import NO_RULES, CollisionRules
 

@@ -33,7 +33,7 @@ from cocap_opt.cli import commands
 from cocap_opt.console.progress import Watch
 from cocap_opt.console.threads import ONE_THREAD
 from cocap_opt.experiments.sweeps import cells as cells_module
-from cocap_opt.experiments.sweeps import run_file as run_file_module
+from cocap_opt.experiments.sweeps import results as results_module
 from cocap_opt.experiments.sweeps.cells import (
     BOUND,
     OWN,
@@ -46,8 +46,7 @@ from cocap_opt.experiments.sweeps.cluster import Cluster
 from cocap_opt.experiments.sweeps.crew import Alone
 from cocap_opt.experiments.sweeps.folder import only_writer
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
-from cocap_opt.experiments.sweeps.results import load_results
-from cocap_opt.experiments.sweeps.run_file import RunFile
+from cocap_opt.experiments.sweeps.results import RunFile, load_results
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.sweeps.work import BoundStart, Task
 from cocap_opt.experiments.tables import rows as rows_module
@@ -276,7 +275,7 @@ def test_rows_that_do_not_fit_leave(
     swept(instances(range(1), ("greedy",)), tmp_path)
     some = instances(range(1), ("cocap",))
     if what == "code":
-        monkeypatch.setattr(run_file_module, "_rows_digest", lambda: "another")
+        monkeypatch.setattr(results_module, "_rows_digest", lambda: "another")
     elif what == "scene":
         changed = [g.problem.replace(face_samples=1) for g in some]
         some = [Instance(problem, 0, ("cocap",), SETTINGS) for problem in changed]

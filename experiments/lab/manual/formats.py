@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from cocap_opt.experiments.sweeps.run_file import RunFile
+from cocap_opt.experiments.sweeps.results import RunFile
 from cocap_opt.files.documents import Document, PlanFile, SceneFile, encode, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.run.engine import run
