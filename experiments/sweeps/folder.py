@@ -166,10 +166,9 @@ def _of_same_code(folder: Path) -> Earlier:
     if not file.is_of_this_code:
         _tell_leaving(folder, rows, "another version of the code")
         return nothing
-    known: dict[Key, list[Row]] = {}
-    for row in rows:
-        known.setdefault(row.key, []).append(row)
-    return Earlier(known, file.runs)
+    return Earlier(
+        {group[0].key: group for group in Row.grouped(rows, "scene", "seed").values()}, file.runs
+    )
 
 
 def _rejoin(instance: Instance, rows: Sequence[Row], folder: Path) -> None:

@@ -189,8 +189,7 @@ def _means(rows: Sequence[Row]) -> list[Record]:
     A mean exists only where all seeds have a value: means over different seeds mislead.
     """
     table = []
-    for scene, planner in dict.fromkeys((row.scene, row.planner) for row in rows):
-        group = [row for row in rows if (row.scene, row.planner) == (scene, planner)]
+    for (scene, planner), group in Row.grouped(rows, "scene", "planner").items():
         table.append(
             {
                 "scene": scene,
