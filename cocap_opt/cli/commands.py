@@ -11,11 +11,10 @@ from typing import Annotated, Literal
 from cyclopts import App, CycloptsError, Parameter
 
 from cocap_opt.cli import (
-    fly_command,
+    flight_commands,
     gap_command,
     picture_commands,
     result_commands,
-    robustness_command,
     scene_commands,
     solver_commands,
     verify_command,
@@ -54,7 +53,7 @@ app = App(
 )
 for _family in (
     scene_commands, solver_commands, verify_command, gap_command, result_commands,
-    picture_commands, fly_command, robustness_command,
+    picture_commands, flight_commands,
 ):  # fmt: skip
     for _name, _command in _family.COMMANDS.items():
         app.command(_command, name=_name, help=_help(_command), usage=_usage(_name, _command))

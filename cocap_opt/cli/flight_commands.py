@@ -1,15 +1,16 @@
-"""The command `fly`, which makes of a plan what drones fly."""
+"""The commands that fly a plan: `fly` writes its flight, `robustness` what slips leave of it."""
 
 import logging
+import math
 import re
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.flight_options import AS_PLANNED, FlightOptions
 from cocap_opt.cli.options import (
     FLAG,
     Json,
@@ -22,14 +23,113 @@ from cocap_opt.cli.options import (
 )
 from cocap_opt.data import FieldError, ProblemError
 from cocap_opt.files.documents import FileError
+from cocap_opt.flight.changes import (
+    Changes,
+    people_and_delay,
+    tolerated_delay,
+    tolerated_delay_of_people,
+    written_delay,
+)
+from cocap_opt.flight.flight_scene import FlightScene
+from cocap_opt.flight.flights import Flight, LimitError
 from cocap_opt.missions import FORMATS, Writer
 from cocap_opt.output.files import PlanReader, check_output, save_files
 from cocap_opt.output.printing import Listing, Record, print_result
-from cocap_opt.problem import Plan
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.stop import Interrupt
 
 _log = logging.getLogger(__name__)
+
+_MARGINS = 0.25, 0.5, 1.0  # m, which are tried for a plan that cannot be flown
+
+Smooth = Annotated[bool, FLAG(name="--smooth", help="fly with continuous speed and acceleration")]
+StepSeconds = Annotated[
+    float | None,
+    Parameter(name="--step", help="seconds of a step, if the scene does not say"),
+]
+Margin = Annotated[
+    float | None,
+    Parameter(
+        help="metres by which drones may be nearer to people than the scene says, aside (`people`) "
+        "and over heads (`over_people`)"
+    ),
+]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class _FlightOptions:
+    """The options of commands that fly a plan."""
+
+    step: StepSeconds = None
+    smooth: Smooth = False
+    margin: Margin = None
+
+    def flight(self, problem: Problem, plan: Plan, is_local: bool) -> Flight:
+        """Returns the flight of a plan as the options ask for it.
+
+        Parameters
+        ----------
+        is_local : nobody asks where it is on the Earth
+
+        Raises
+        ------
+        ProblemError
+            If it breaks a rule or cannot be flown; one line, with what would do.
+        """
+        flown_in = self._scene(problem)
+        try:
+            return (flown_in.without_earth if is_local else flown_in).flight(plan, self.smooth)
+        except LimitError as error:
+            ways = [
+                f"set {_longer(problem, error.any_plan)} in the scene's recipe and plan again"
+                if self.step is None
+                else f"--step {error.step:g} would do"
+            ]
+            if self.smooth and self.margin is None:
+                ways += _margins_that_do(flown_in.problem, plan)
+            before = f"{error.way_out}, or " if error.way_out else "; "
+            raise ProblemError(f"{error.words}{before}{', or '.join(ways)}") from error
+
+    def _scene(self, problem: Problem) -> FlightScene:
+        """Returns the scene that plans of a problem are flown in."""
+        if self.step is not None and not Option("--step").require_seconds(self.step) > 0:
+            raise UsageError("--step: must be more than 0 seconds")
+        try:
+            return FlightScene.of(problem, self.step, self.margin)
+        except FieldError as error:
+            raise UsageError(f"--{error}") from error
+        except ProblemError as error:  # it is out of range, or too short for the drones' limits
+            raise UsageError(f"--step: {error}") from error
+
+
+_AS_PLANNED = _FlightOptions()
+
+
+def _longer(problem: Problem, step: float) -> str:
+    """Says which step a recipe must have, and how many of them last as long as those of before."""
+    steps = math.floor(problem.horizon * (problem.step or 0.0) / step)
+    return f"step = {step:g}" + (f" and steps = {steps}" if steps > 1 else "")
+
+
+def _margins_that_do(problem: Problem, plan: Plan) -> Iterator[str]:
+    """Yields the least margin with which drones can fly a plan smoothly, if there is one."""
+    asked = problem.airspace.people_aside
+    for margin in _MARGINS:
+        if margin > asked / 2:
+            return
+        nearer = FlightScene.of(problem, None, margin)
+        try:
+            nearer.flight(plan, smooth=True)
+        except ProblemError:
+            continue
+        kept = nearer.problem.airspace.people_aside
+        yield f"fly with --margin {margin:g}, {kept:g} m from people in place of {asked:g} m"
+        return
+
+
+# -- fly --------------------------------------------------------------------------------
 
 Autopilot = Literal["px4", "ardupilot"]
 _OPTIONS = "every", "smooth", "start"
@@ -44,7 +144,7 @@ def _fly(
     *,
     output: Output = None,
     seed: Seed = 0,
-    flown: FlightOptions = AS_PLANNED,
+    flown: _FlightOptions = _AS_PLANNED,
     every: Annotated[
         float | None,
         Parameter(help="seconds between rows; else a row a step, and ten a step with --smooth"),
@@ -231,4 +331,107 @@ def _start(text: str, suffix: str, is_dated: bool) -> datetime:
     )
 
 
-COMMANDS = {"fly": _fly}
+# -- robustness ------------------------------------------------------------------------
+
+_USUAL = Changes()
+
+
+def _robustness(
+    scene: Scene,
+    plan: PlanPath,
+    /,
+    *,
+    seed: Seed = 0,
+    flown: _FlightOptions = _AS_PLANNED,
+    late: Annotated[
+        list[float] | None,
+        Parameter(
+            negative="", consume_multiple=True, help="seconds by which people are late, and early"
+        ),
+    ] = None,
+    aside: Annotated[
+        list[float] | None,
+        Parameter(negative="", consume_multiple=True, help="metres by which people walk aside"),
+    ] = None,
+    lag: Annotated[
+        list[float] | None,
+        Parameter(
+            negative="", consume_multiple=True, help="seconds by which any one drone is late"
+        ),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Tell what is left of a plan when people are late, early or aside, or a drone lags.
+
+    Nobody reacts: all others fly as planned. J is computed between the steps, too. Distances are
+    the least at any moment, and rules are checked at every moment, on the flights' polynomials.
+
+    Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
+    """
+    given = PlanReader(scene, load_planned(scene, seed)).plan(plan)
+    problem = given.problem
+    if cut_short := given.cut_short:
+        _log.warning("%s: %s", plan, cut_short)
+    changes = Changes(
+        _USUAL.late if late is None else late,
+        _USUAL.aside if aside is None else aside,
+        _USUAL.lag if lag is None else lag,
+    )
+    try:
+        flight = flown.flight(problem, given.plan, is_local=True)  # where it is does not matter
+    except ProblemError as error:
+        raise FileError(f"{plan}: {error}") from error
+    try:
+        rows = changes.rows(flight)
+    except ProblemError as error:
+        raise UsageError(f"--{error}") from error
+    delay, to_people = tolerated_delay(flight), tolerated_delay_of_people(flight)
+    notes = list(_notes(flight, delay, to_people))
+    if json:
+        answer: Record = {
+            **({"cut_short": cut_short} if cut_short else {}),
+            "scene": problem.name,
+            "seed": seed,
+            "delay_tolerance": written_delay(delay),
+            "delay_tolerance_to_people": written_delay(to_people),
+        }
+        print_result({**answer, "changes": rows, "notes": notes}, json)
+    else:
+        kind = "smooth" if flown.smooth else "straight"
+        title = f"{problem.name}, {kind}: what is left of J = {rows[0]['reward']:,.2f}"
+        Listing(title, [_shown(row) for row in rows], notes).print()
+    return 0
+
+
+def _shown(row: Record) -> Record:
+    """Returns a row as people read it."""
+    share = row["share"]
+    columns: Record = {
+        "change": row["change"],
+        "J (%)": None if share is None else 100 * share,
+        "drones (m)": row["least_distance"],
+    }
+    if row["people_distance"] is not None:
+        columns["people (m)"] = row["people_distance"]
+    return {**columns, "rules": row["rules"]}
+
+
+def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iterator[str]:
+    """Yields sentences on what the numbers mean."""
+    problem = flight.flown.problem
+    yield (
+        "J is computed between the steps, too; distances are the least at any moment, those to "
+        "people seen from above; people are moved to their own left or right, as they walk; where "
+        "any drone may be late, each column has the worst of them"
+    )
+    yield from flight.nearer_to_people()
+    if delay is not None and math.isinf(delay):
+        yield f"the {problem.rules} between drones is kept however late any of them is"
+    elif delay is not None:
+        yield f"the {problem.rules} is kept while no drone is {delay:.2f} s or more behind another"
+    elif not problem.rules.separation and len(problem.robots) > 1:
+        yield "the scene's rules ask for no distance between drones between the steps"
+    yield from people_and_delay(flight, to_people)
+
+
+COMMANDS = {"fly": _fly, "robustness": _robustness}
