@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -20,14 +21,22 @@ PACKAGES = ("cocap_opt", "formulations", "scenarios", "experiments")
 PUBLISHED = ("pyproject.toml", "README.md", "LICENSE", *PACKAGES)
 
 
-def run(words: Sequence[object], folder: Path, **environment: str) -> str:
+def run(words: Sequence[object], folder: Path, seconds: float = 120, **environment: str) -> str:
     """Run a program, which must succeed; returns what it prints."""
     done = subprocess.run(
-        [str(word) for word in words], cwd=folder, capture_output=True, text=True, timeout=120,
+        [str(word) for word in words], cwd=folder, capture_output=True, text=True, timeout=seconds,
         check=False, env=os.environ | environment,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
+
+
+def install(wheel: Path, folder: Path) -> tuple[Path, dict[str, str]]:
+    """Installs a wheel alone into a folder; returns its program, and the environment for it."""
+    run([sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--no-compile",
+         "--target", folder, wheel], folder.parent)  # fmt: skip
+    cache = folder.parent / "cache"
+    return folder / "bin" / "cocap-opt", {"PYTHONPATH": str(folder), "COCAP_OPT_CACHE": str(cache)}
 
 
 def modules(text: str) -> list[str]:
@@ -37,10 +46,24 @@ def modules(text: str) -> list[str]:
     return [line for cell in cells for line in cell.splitlines() if re.match("import|from", line)]
 
 
-@pytest.mark.slow(seconds=9)
-def test_the_wheel_works_without_the_repository(tmp_path: Path) -> None:
-    """Built of the sdist and installed alone, without the lab, it plans, plays and measures."""
-    source, built, installed = (tmp_path / name for name in ("source", "built", "installed"))
+def commands_of_readme() -> list[list[str]]:
+    """The words after `cocap-opt` of each command in the README, in its order."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```sh\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    lines = [shlex.split(line, comments=True) for block in blocks for line in block.splitlines()]
+    return [
+        words[k + 1 :]
+        for words in lines
+        for k, word in enumerate(words)
+        if word.rpartition("/")[2] == "cocap-opt"
+    ]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, built of the sdist, which is built of what is published."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source, built = folder / "source", folder / "built"
     source.mkdir()
     for name in PUBLISHED:
         path = ROOT / name
@@ -50,8 +73,14 @@ def test_the_wheel_works_without_the_repository(tmp_path: Path) -> None:
         else:
             shutil.copy(path, source / name)
     run([sys.executable, "-m", "build", "-q", "--no-isolation", "-o", built], source)
-    (wheel,) = built.glob("*.whl")
+    (made,) = built.glob("*.whl")
     assert len(list(built.glob("*.tar.gz"))) == 1
+    return made
+
+
+@pytest.mark.slow(seconds=9)
+def test_the_wheel_works_without_the_repository(wheel: Path, tmp_path: Path) -> None:
+    """Installed alone, without the lab, it plans, plays and measures."""
     within = {name for name in ZipFile(wheel).namelist() if name.startswith("cocap_opt/")}
     expected = {
         (path.relative_to(ROOT) if name == "cocap_opt" else "cocap_opt" / path.relative_to(ROOT))
@@ -63,10 +92,8 @@ def test_the_wheel_works_without_the_repository(tmp_path: Path) -> None:
     assert lab
     shipped = {path.as_posix() for path in expected - lab} | {"cocap_opt/py.typed"}
     assert shipped == within
-    run([sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--no-compile",
-         "--target", installed, wheel], tmp_path)  # fmt: skip
-    alone = {"PYTHONPATH": str(installed), "COCAP_OPT_CACHE": str(tmp_path / "cache")}
-    command = installed / "bin" / "cocap-opt"
+    installed = tmp_path / "installed"
+    command, alone = install(wheel, installed)
     run([command, "plan", "tiny-turn", "-o", "plan.json"], tmp_path, **alone)
     run([command, "show", "tiny-turn", "plan.json", "-o", "plan.html"], tmp_path, **alone)
     assert "</html>" in (tmp_path / "plan.html").read_text(encoding="utf-8")
@@ -79,6 +106,31 @@ def test_the_wheel_works_without_the_repository(tmp_path: Path) -> None:
     lines += ["import cocap_opt", "print(cocap_opt.__file__)"]
     found = run([sys.executable, "-c", "\n".join(lines)], tmp_path, **alone)
     assert Path(found.strip()) == installed / "cocap_opt" / "__init__.py"
+
+
+@pytest.mark.slow(seconds=60)
+def test_the_wheel_runs_every_command_of_the_readme(wheel: Path, tmp_path: Path) -> None:
+    """In an empty folder, one after the other, as they stand; what measures the project is named.
+
+    Only the number of seeds is cut to two, of what takes minutes.
+    """
+    command, alone = install(wheel, tmp_path / "installed")
+    work = tmp_path / "work"
+    work.mkdir()
+    commands = commands_of_readme()
+    assert {words[0] for words in commands} >= {"plan", "solve", "verify", "show", "gap"}
+    for words in commands:
+        run([command, *(word.replace("0-9", "0-1") for word in words)], work, 300, **alone)
+    made = {path.name for path in work.iterdir()}
+    assert made == {"plan.json", "best.json", "proof.json", "plans.html", "results"}
+    studied = subprocess.run(
+        [str(command), "study", "paper", "--out", "paper"], cwd=work, capture_output=True,
+        text=True, timeout=60, check=False, env=os.environ | alone,
+    )  # fmt: skip
+    assert (studied.returncode, studied.stdout) == (2, "")
+    (line,) = studied.stderr.splitlines()
+    assert "study" in line and "repository" in line
+    assert {path.name for path in work.iterdir()} == made
 
 
 @pytest.mark.slow
