@@ -110,3 +110,13 @@ def test_each_word_stands_in_the_glossary_once() -> None:
     words = re.findall(r"^\| (.+?) \|", text.partition("## Letters")[0], re.MULTILINE)[2:]
     assert len(words) > 50
     assert len(set(words)) == len(words)
+
+
+def test_contributing_says_where_things_are() -> None:
+    """Each path in the table of what one looks for exists, as it is written there."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    table = text.partition("| you look for")[2].partition("To add a planner")[0]
+    answers = "\n".join(line.partition(" | ")[2] for line in table.splitlines())
+    named = re.findall(r"`([\w/]+/[\w/]+(?:\.py)?|\w+\.py)`", answers)
+    assert len(named) > 30
+    assert [path for path in named if not (ROOT / path).exists()] == []
