@@ -15,8 +15,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.scenarios.built_in import field, tiny, walled
-from cocap_opt.scenarios.formats import conventions, hughes, movingai
-from cocap_opt.scenarios.formats.options import NOTHING, Options
+from cocap_opt.scenarios.formats import NOTHING, Options, conventions, hughes, movingai
 from cocap_opt.scenarios.kinds import JSON, WKT, kind_of
 from cocap_opt.text import meant
 
@@ -90,7 +89,7 @@ FORMATS = MappingProxyType(
         "recipe": _Format(
             "*.toml, a scene of maps, meshes, tracks and drones (the seed places the drones)",
             scenes=_Files((".toml",)),
-            reader="recipe.recipe",
+            reader="recipe",
         ),
         "hughes": _Format(
             "*.json, a scene of Hughes et al. with a solution beside it, or a solution (no seed)",

@@ -41,7 +41,7 @@ def _recipe(*, json: Json = False) -> int:
 
     Example: cocap-opt recipe > scene.toml
     """
-    from cocap_opt.scenarios.recipe.recipe import EXAMPLE  # its readers are slow to import
+    from cocap_opt.scenarios.recipe import EXAMPLE  # its readers are slow to import
 
     if json:
         print_result({"recipe": EXAMPLE}, json)

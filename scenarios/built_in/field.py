@@ -25,7 +25,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, ProblemError
 from cocap_opt.problem import Actor, Motion, Problem
-from cocap_opt.scenarios.built_in.parts import WALL, Point, drones, walker
+from cocap_opt.scenarios.built_in import WALL, Point, drones, walker
 from cocap_opt.scenarios.walking import GridCell, walking_graph
 from cocap_opt.world.workspace import HeightMap
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from cocap_opt.problem import Camera, Motion, Problem
-from cocap_opt.scenarios.built_in.parts import SIZE, Point, Room, drones, walker
+from cocap_opt.scenarios.built_in import SIZE, Point, Room, drones, walker
 from cocap_opt.world.workspace import HeightMap, Mesh
 
 # -- Corridor: two people walk through a narrow passage, and two drones film them from behind.

@@ -1,7 +1,47 @@
-"""Readers of scene files, one module for each format.
+"""Readers of scene files, one module for each format, and the options that they take in words.
 
 A reader has `read(path, seed)`, which returns the Problem; `read(path, seed, options)` where its
 format has options; and `read_plan(path, problem)`, which returns one path of states per robot,
 where plans of its format can be read. Readers raise a ProblemError of one line that names the file.
-They are listed in `cocap_opt.scenarios.FORMATS` and imported when a file needs them.
+They are listed in `cocap_opt.scenarios.FORMATS` and imported when a file needs them. Options are
+words such as {"triangles": "no"}; `Options` has the values that they stand for.
 """
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from cocap_opt.data import ProblemError
+
+Values = Mapping[str, Mapping[str, Any]]
+
+YES_NO: Mapping[str, Any] = MappingProxyType({"yes": True, "no": False})
+NO_YES: Mapping[str, Any] = MappingProxyType({"no": False, "yes": True})
+NOTHING: Mapping[str, str] = MappingProxyType({})  # no option is given: all have their defaults
+
+
+class Options(NamedTuple):
+    """The options that a format has, and the words that each option may have."""
+
+    values: Values = MappingProxyType({})  # by option, then by word; an option's first is default
+
+    @property
+    def allowed(self) -> Mapping[str, tuple[str, ...]]:
+        """The words that each option may have, the default first."""
+        return MappingProxyType({name: tuple(words) for name, words in self.values.items()})
+
+    def chosen(self, given: Mapping[str, str]) -> dict[str, Any]:
+        """Returns the values of the options that are given in words, by option.
+
+        Raises
+        ------
+        ProblemError
+            If there is no such option, or it has no such word; one line with what is allowed.
+        """
+        for name, word in given.items():
+            if name not in self.values:
+                raise ProblemError(f"option {name!r}: must be one of {', '.join(self.values)}")
+            if word not in self.values[name]:
+                allowed = ", ".join(self.values[name])
+                raise ProblemError(f"option {name}: must be one of {allowed}, not {word!r}")
+        return {name: self.values[name][word] for name, word in given.items()}

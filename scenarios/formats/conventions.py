@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 from cocap_opt.problem import VERTEX_ONLY, CollisionRules
-from cocap_opt.scenarios.formats.options import NO_YES, YES_NO, Options
+from cocap_opt.scenarios.formats import NO_YES, YES_NO, Options
 
 
 class Conventions(NamedTuple):

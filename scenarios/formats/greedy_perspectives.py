@@ -46,8 +46,8 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.scenarios.formats import NOTHING
 from cocap_opt.scenarios.formats.conventions import Conventions
-from cocap_opt.scenarios.formats.options import NOTHING
 from cocap_opt.scenarios.kinds import JSON, NUMPY, require
 from cocap_opt.scenarios.text import integer, naming, number, read_table, read_text
 from cocap_opt.world.workspace import HeightMap

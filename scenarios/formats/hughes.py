@@ -53,7 +53,7 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
-from cocap_opt.scenarios.formats.options import NO_YES, NOTHING, Options
+from cocap_opt.scenarios.formats import NO_YES, NOTHING, Options
 from cocap_opt.scenarios.kinds import JSON
 from cocap_opt.scenarios.text import naming, read_text
 from cocap_opt.text import printable

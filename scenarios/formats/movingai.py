@@ -30,7 +30,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, ProblemError
 from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.problem import Actor, Motion, Problem, Robot, State
-from cocap_opt.scenarios.formats.options import NOTHING, Options
+from cocap_opt.scenarios.formats import NOTHING, Options
 from cocap_opt.scenarios.text import integer, naming, number, read_text
 from cocap_opt.scenarios.walking import GridCell, walking_graph
 from cocap_opt.world.workspace import HeightMap, Workspace

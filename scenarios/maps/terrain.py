@@ -44,7 +44,7 @@ class Terrain(NamedTuple):
 
 
 class MapTable(Table):
-    """Table `map` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
+    """Table `map` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
     file: str | None = None
     unit: Unit | None = None  # of the heights in files; None: as the file says, else m

@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 
 class WallsTable(Table):
-    """One of the tables `walls` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`.
+    """One of the tables `walls` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`.
 
     The file is JSON: {name: {"walkable": [[x, y], ..], "obstacles": [[[x, y], ..], ..]}}, in m
     unless it says "unit" there, or GeoJSON, in degrees unless it or the table says otherwise, or

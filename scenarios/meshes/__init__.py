@@ -41,7 +41,7 @@ FORMATS: dict[str, tuple[Callable[[Path], MeshFaces], Literal["y", "z"], Kind | 
 
 
 class MeshTable(Table):
-    """One of the tables `mesh` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
+    """One of the tables `mesh` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
     file: str
     unit: Unit = "m"  # of its coordinates

@@ -78,7 +78,7 @@ class _LimitsTable(Table):
 
 
 class DronesTable(Table):
-    """One of the tables `drones` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
+    """One of the tables `drones` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
     count: Count | None = None
     near: Length | None = None

@@ -22,8 +22,8 @@ from cocap_opt.scenarios.tables import (
     TimeUnit,
     Unit,
 )
+from cocap_opt.scenarios.tracks import BODY, MOST_GAP, SLACK, STILL, Track, on_one_clock
 from cocap_opt.scenarios.tracks.times import SINCE_1970, Epoch, likely_unit
-from cocap_opt.scenarios.tracks.track import BODY, MOST_GAP, SLACK, STILL, Track, on_one_clock
 
 log = logging.getLogger(__name__)
 
@@ -36,7 +36,7 @@ _LEAST_WALK = 0.5  # of the scene's duration; who walks for less may be meant to
 
 
 class TracksTable(Table):
-    """One of the tables `tracks` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
+    """One of the tables `tracks` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
     file: str | Annotated[list[str], Meta(min_length=1)]  # several are on one clock
     columns: list[str] | None = None
@@ -216,7 +216,7 @@ class TracksTable(Table):
 
 
 class WalkTable(Table):
-    """One of the tables `walk` of a recipe, see `cocap_opt.scenarios.recipe.recipe.EXAMPLE`."""
+    """One of the tables `walk` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
     points: Annotated[list[Point], Meta(min_length=1)]
     name: str | None = None

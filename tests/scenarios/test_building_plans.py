@@ -15,7 +15,7 @@ from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.maps.building_heights import extent
 from cocap_opt.scenarios.maps.ground_plans import sound
 from cocap_opt.scenarios.maps.walls import WallsTable, extruded
-from cocap_opt.scenarios.recipe.recipe import read
+from cocap_opt.scenarios.recipe import read
 from cocap_opt.world.workspace import Mesh
 
 pyproj = pytest.importorskip("pyproj")

@@ -12,7 +12,7 @@ from rasterio.transform import Affine
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import SceneFile, problem_digest
 from cocap_opt.problem import Earth, Problem
-from cocap_opt.scenarios.recipe.recipe import read
+from cocap_opt.scenarios.recipe import read
 
 pyproj = pytest.importorskip("pyproj")
 

@@ -16,9 +16,9 @@ from cocap_opt.flight.earth import Geodesy
 from cocap_opt.problem import Earth
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.earth.place import MapProjection
+from cocap_opt.scenarios.tracks import Track
 from cocap_opt.scenarios.tracks.gpx import read_gpx
 from cocap_opt.scenarios.tracks.table import Form
-from cocap_opt.scenarios.tracks.track import Track
 
 EARTH = Earth(crs="EPSG:32633", origin=(52.4010, 13.0590))
 PLACE = MapProjection(EARTH)

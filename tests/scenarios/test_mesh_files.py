@@ -16,7 +16,7 @@ from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios.meshes import MeshTable
-from cocap_opt.scenarios.recipe.recipe import read
+from cocap_opt.scenarios.recipe import read
 from cocap_opt.world.workspace import Mesh
 
 Faces = list[list[int]]

@@ -11,11 +11,10 @@ import pytest
 from cocap_opt import scenarios
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.problem import Problem
-from cocap_opt.scenarios import meshes
+from cocap_opt.scenarios import meshes, tracks
 from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.meshes.faces import MeshFaces
-from cocap_opt.scenarios.recipe.recipe import read
-from cocap_opt.scenarios.tracks import track
+from cocap_opt.scenarios.recipe import read
 from cocap_opt.scenarios.tracks.table import Form, TrackTable
 
 RECIPE = """
@@ -89,7 +88,7 @@ def test_a_track_format_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     part = '[[tracks]]\nfile = "walk.points"\ncount = 1\n'
     with pytest.raises(ValueError, match="columns: must be given"):
         recipe(tmp_path, part)
-    monkeypatch.setitem(track.READERS, ".points", read_points)
+    monkeypatch.setitem(tracks.READERS, ".points", read_points)
     (actor,) = recipe(tmp_path, part).actors
     assert actor.poses[:, :2].tolist() == [[5, 5], [6, 5], [7, 5], [8, 6]]
     with pytest.raises(ValueError, match="fps: must be left out for points"):

@@ -35,8 +35,8 @@ from cocap_opt.scenarios import SCENES, load_scene
 from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.maps.walls import WallsTable
 from cocap_opt.scenarios.meshes import MeshTable
+from cocap_opt.scenarios.recipe import EXAMPLE, read
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings
-from cocap_opt.scenarios.recipe.recipe import EXAMPLE, read
 from cocap_opt.scenarios.tables import Table
 from cocap_opt.stop import never
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from cocap_opt.data import ProblemError
-from cocap_opt.scenarios.tracks.track import Track
+from cocap_opt.scenarios.tracks import Track
 
 
 def read(folder: Path, text: str, **options: Any) -> list[Track]:

@@ -21,7 +21,7 @@ from cocap_opt.problem import Cuboid, Prism, TriangulatedCuboid
 from cocap_opt.scenarios.earth.place import NOWHERE
 from cocap_opt.scenarios.maps.terrain import MapTable
 from cocap_opt.scenarios.recipe.people import TracksTable
-from cocap_opt.scenarios.tracks.track import Track
+from cocap_opt.scenarios.tracks import Track
 
 ROWS = [(1, 0, 100.0, 250.0), (1, 1, 112.5, 250.0), (2, 1, -30.0, 0.5), (2, 2, -30.0, 1.5)]
 headings = Track.headings
@@ -347,7 +347,7 @@ def test_odd_tracks_are_warned_of(
 ) -> None:
     """A wrong unit is likely where people race, are giants or dwarfs, or fill no room."""
     text = "".join(f"1 {t} {x} {y} {z}\n" for t, (x, y, z) in enumerate(rows))
-    with caplog.at_level(logging.WARNING, logger="cocap_opt.scenarios.tracks.track"):
+    with caplog.at_level(logging.WARNING, logger="cocap_opt.scenarios.tracks"):
         read(tmp_path, text, unit=unit, fps=1)
     assert len(caplog.messages) == len(words)
     for message, word in zip(caplog.messages, words, strict=True):

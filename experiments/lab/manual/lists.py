@@ -10,7 +10,7 @@ from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.method import Method
 from cocap_opt.output.known_scenes import known_scenes
 from cocap_opt.output.printing import Listing, Record
-from cocap_opt.scenarios.recipe.recipe import EXAMPLE
+from cocap_opt.scenarios.recipe import EXAMPLE
 
 _WIDEST = 78  # characters of a line of code that a page shows without scrolling
 

@@ -28,7 +28,7 @@ from cocap_opt.problem import Motion, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Result
 from cocap_opt.run.engine import run
-from cocap_opt.scenarios.built_in.parts import SIZE, Room, drones, walker
+from cocap_opt.scenarios.built_in import SIZE, Room, drones, walker
 from cocap_opt.stop import NO_LIMIT, Limit, TimeLimit, WorkLimit
 
 PUBLISHED = 13.0  # % that CoCap is above sequential planning on the paper's corridor
