@@ -6,6 +6,7 @@ import pydoc
 import re
 import subprocess
 import sys
+from functools import cache
 from itertools import pairwise
 
 import msgspec
@@ -15,7 +16,7 @@ from brute_force import objective_from_scratch, optimum
 from hypothesis import given
 from hypothesis import strategies as st
 from pool import meetings, problems
-from strategies import Calls, drawn_problems, examples, tiny
+from strategies import Calls, examples, tiny
 
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateFile, verify
@@ -74,7 +75,7 @@ def assert_sandwich(problem: Problem, result: CertifiedResult) -> None:
 
 @pytest.mark.parametrize("method", [slow(m) if m in TAKING_LONG else m for m in OWN])
 @examples(10)
-@given(problem=drawn_problems(over_time=True))
+@given(problem=problems(over_time=True))
 def test_sandwich(method: str, problem: Problem) -> None:
     """plan <= optimum <= bound, for every method, rule, class of robots and goal."""
     best = optimum(problem)
@@ -93,13 +94,18 @@ def test_exact_methods_find_the_optimum(method: str, problem: Problem) -> None:
     assert result.reason in (Reason.OPTIMAL, Reason.INFEASIBLE)
 
 
+@cache
+def solved(name: str) -> CertifiedResult:
+    """The result of branch-and-price for a built-in scene."""
+    return branch_and_price(load_scene(name, 0))
+
+
 @pytest.mark.parametrize(
     "name", [slow(name) if name == "tiny-give-way" else name for name in TINY_OPTIMA]
 )
 def test_tiny_scenes_are_solved_by_branch_and_price(name: str) -> None:
     """The optima written in the tiny scenes are proved again."""
-    problem = load_scene(name, 0)
-    result = branch_and_price(problem)
+    problem, result = load_scene(name, 0), solved(name)
     assert_sandwich(problem, result)
     assert result.reason in (Reason.OPTIMAL, Reason.INFEASIBLE)
 
@@ -232,7 +238,7 @@ def test_results_do_not_depend_on_the_process() -> None:
         [sys.executable, "-c", code], env=os.environ | {"PYTHONHASHSEED": "2"}, check=True,
         capture_output=True, text=True,
     ).stdout  # fmt: skip
-    here = branch_and_price(load_scene("tiny-give-way")).certificate
+    here = solved("tiny-give-way").certificate
     assert said.strip() == hashlib.sha256(msgspec.json.encode(here)).hexdigest()
 
 

@@ -21,7 +21,7 @@ from cocap_opt.formulations.column_generation.primal.recombination import Recomb
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Objective, Plan, Problem
-from cocap_opt.referee import check
+from cocap_opt.referee import _Referee, check
 from cocap_opt.stop import Limit, LimitReached
 
 
@@ -68,9 +68,10 @@ def best_along(problem: Problem, plans: list[Incumbent], model: Model) -> float:
         np.sum([own[k] for own, k in zip(pixels, some, strict=True)], axis=0) for some in numbers
     ]
     values = views_of(problem, np.array(seen))
+    referee = _Referee(problem)  # rewards are in `values`, so no verdict is needed
     for n in np.argsort(-values).tolist():
         plan = Plan(paths=tuple(own[k] for own, k in zip(paths, numbers[n], strict=True)))
-        if check(problem, plan).valid:
+        if not referee.violations(plan) and not referee.conflicts(plan):
             return float(values[n])
     raise AssertionError("some of the plans obey the rules")
 
