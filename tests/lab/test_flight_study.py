@@ -49,7 +49,7 @@ def test_what_is_stored_is_told_again(tmp_path: Path, capsys: pytest.CaptureFixt
     tell(runs, tmp_path)
     rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith(" ")]
     assert rows and max(map(len, map(str.rstrip, rows))) <= 80
-    assert flights_in_markdown(runs).startswith("| scene |")
+    assert flights_in_markdown(runs).startswith("| scene ")
     assert (tmp_path / "flight.png").stat().st_size > 10_000
 
 

@@ -104,7 +104,7 @@ def test_a_document_is_quoted_into_between_its_marks(tmp_path: Path) -> None:
     page.write_text("a\n<!-- quote: planners_measured -->\nold\n<!-- end of quote -->\nb\n")
     requote(page)
     again = page.read_text(encoding="utf-8")
-    assert again.startswith("a\n<!-- quote: planners_measured -->\n\n| planner |")
+    assert again.startswith("a\n<!-- quote: planners_measured -->\n\n| planner ")
     assert "old" not in again
     assert again.endswith("\n\n<!-- end of quote -->\nb\n")
     for text, message in (("none", "must hold"), (again.replace("planners_", "plans_"), "one of")):
