@@ -42,6 +42,7 @@ class Method(Generic[R_co]):
     takes : what the function takes besides a problem and a stop: "start" and "report" by position,
         "seed" and "gap" by keyword
     lazy : it evaluates only the views that it touches; others need the coverage of all states
+    bounds : its result has an upper bound, which takes the coverage of all steps
     obeys_rules : its plans obey all collision rules that the problem has; others may break each
     complete : it gives no plan only where there is none, unless it is stopped
     optimal : its plan is a proved optimum, unless it is stopped
@@ -57,6 +58,7 @@ class Method(Generic[R_co]):
     scenes: str = "any size"
     takes: frozenset[str] = frozenset()
     lazy: bool = False
+    bounds: bool = False
     obeys_rules: bool = False
     complete: bool = False
     optimal: bool = False

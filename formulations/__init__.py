@@ -22,6 +22,7 @@ def _bound(call: str, made_of: str, scenes: str, promises: str = "") -> "Method[
         f"a certified bound {promises}".strip(),
         scenes,
         START_AND_REPORT,
+        bounds=True,
         certified=True,
     )
 
@@ -35,6 +36,7 @@ def _exact(
         promises,
         scenes,
         START_AND_REPORT | {"gap"},
+        bounds=True,
         obeys_rules=True,
         complete=True,
         optimal=True,

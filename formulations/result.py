@@ -18,6 +18,7 @@ __all__ = [
     "Report",
     "Snapshot",
     "checked_start",
+    "proved_by",
     "silent",
 ]
 
@@ -42,11 +43,8 @@ class CertifiedResult(Result):
     def bounded(
         cls, file: CertificateFile | ProofFile, statistics: Mapping[str, float]
     ) -> "CertifiedResult":
-        """Returns the result of a method that ran to its end and looks for no plan.
-
-        A negative bound proves that there is no plan, since J >= 0.
-        """
-        reason = Reason.INFEASIBLE if file.proved < 0 else Reason.FINISHED
+        """Returns the result of a method that ran to its end and looks for no plan."""
+        reason = proved_by(-math.inf, file.proved) or Reason.FINISHED
         return cls(
             None, -math.inf, reason, bound=file.proved, statistics=statistics, certificate=file
         )
@@ -74,6 +72,16 @@ class CertifiedResult(Result):
         if self.reason is Reason.INFEASIBLE:
             return self
         return replace(self, reason=Reason.STOPPED, limit=limit)
+
+
+def proved_by(value: float, bound: float) -> Reason | None:
+    """Returns what the J of a plan and a bound prove together: OPTIMAL, INFEASIBLE, or None.
+
+    A negative bound proves that there is no plan, since J >= 0.
+    """
+    if relative_gap(value, bound) <= OPTIMALITY:
+        return Reason.OPTIMAL
+    return Reason.INFEASIBLE if bound < 0 else None
 
 
 def checked_start(problem: Problem, plan: Plan | None) -> tuple[Plan | None, str]:

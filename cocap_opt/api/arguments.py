@@ -31,6 +31,13 @@ def require_problem(problem: object) -> None:
     require(problem, "problem", "a Problem; `load` makes one of a scene's name or file", Problem)
 
 
+def name_of(given: object) -> str:
+    """Returns the name, in messages and tables, of what is given by name or as a callable."""
+    if isinstance(given, str):
+        return given
+    return str(getattr(given, "__name__", type(given).__name__))
+
+
 def require_made_for(name: str, given: object, problem: Problem) -> None:
     """Raises ValueError if a result, or the file that a plan was read from, is of another problem.
 

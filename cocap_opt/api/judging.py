@@ -133,7 +133,7 @@ def _require_consistent(claim: Result) -> None:
     bound = bound_in(claim)
     for name in ("value", "bound"):
         require_number(getattr(claim, name), name)
-    if claim.reason is Reason.INFEASIBLE and bound is not None and not bound.proved < 0:
+    if claim.reason is Reason.INFEASIBLE and bound is not None and bound.proved >= 0:
         raise ValueError("reason: the result claims that there is no plan; its file does not")
     if claim.plan is None and claim.value != -inf:
         raise ValueError(f"reward: the result claims {claim.value!r} and has no plan")

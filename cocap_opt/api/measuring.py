@@ -5,9 +5,8 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cocap_opt.api.arguments import require
-from cocap_opt.formulations import EXACT
-from cocap_opt.planners import PLANNERS, Planner
+from cocap_opt.api.arguments import name_of, require
+from cocap_opt.planners import Planner
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import SCENES, load_scene
 
@@ -89,7 +88,7 @@ def gap(
         time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit, kept=kept
     )
     foreign = _own(planners or (), out is not None, workers is not None)
-    names = None if planners is None else [_name(planner) for planner in planners]
+    names = None if planners is None else [name_of(planner) for planner in planners]
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
     if hired.workers is not None:
         _require_guard()
@@ -120,7 +119,7 @@ def _own(planners: Sequence[str | Planner], kept: bool, sent: bool) -> "dict[str
     from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
 
     if isinstance(planners, str) or callable(planners):
-        name = repr(planners) if isinstance(planners, str) else _name(planners)
+        name = repr(planners) if isinstance(planners, str) else name_of(planners)
         raise ValueError(f"planners: must be several, such as [{name}]")
     if not isinstance(planners, Iterable):
         raise ValueError(f"planners: must be names or functions, not {planners!r}")
@@ -128,30 +127,23 @@ def _own(planners: Sequence[str | Planner], kept: bool, sent: bool) -> "dict[str
     for planner in functions:
         if not callable(planner):
             raise ValueError(f"planners: must be names or functions, not {planner!r}")
-    _require_free([_name(planner) for planner in planners], functions)
+    _require_free([name_of(planner) for planner in planners], functions)
     names = [planner for planner in planners if isinstance(planner, str)]
     foreign = own_planners(Option("planners"), names)
     try:
         for call in functions:
-            foreign[_name(call)] = OwnPlanner.of_function(call, _name(call), kept)
+            foreign[name_of(call)] = OwnPlanner.of_function(call, name_of(call), kept)
         return {name: each.to_be_sent() if sent else each for name, each in foreign.items()}
     except OwnPlannerError as error:
         raise ValueError(f"planners: {error}") from error
 
 
-def _name(given: str | Callable[..., object]) -> str:
-    """Returns what a planner or a scene is called in the table."""
-    if isinstance(given, str):
-        return given
-    return str(getattr(given, "__name__", type(given).__name__))
-
-
 def _require_free(names: Sequence[str], functions: Sequence[Planner]) -> None:
     """Refuses functions that are called as another planner is."""
-    from cocap_opt.experiments.sweeps.cells import BOUND
+    from cocap_opt.run.engine import BOUND, SOLVERS
 
-    for name in map(_name, functions):
-        if names.count(name) > 1 or name in {**PLANNERS, **EXACT, BOUND: None}:
+    for name in map(name_of, functions):
+        if names.count(name) > 1 or name in SOLVERS or name == BOUND:
             raise ValueError(f"planners: two are called {name}; give the function another name")
 
 
@@ -176,9 +168,9 @@ def _several_scenes(scenes: _Scene | Sequence[_Scene]) -> list[_Scene]:
 
 def _words_of_scenes(scenes: Sequence[_Scene]) -> tuple[list[str], Callable[[str, int], Problem]]:
     """Returns what scenes are called that have seeds, and what makes a problem of word and seed."""
-    functions = {_name(scene): scene for scene in scenes if callable(scene)}
+    functions = {name_of(scene): scene for scene in scenes if callable(scene)}
     seeded = [scene for scene in scenes if not isinstance(scene, Problem)]
-    words = [_name(scene) if callable(scene) else str(scene) for scene in seeded]
+    words = [name_of(scene) if callable(scene) else str(scene) for scene in seeded]
     for word in functions:
         if words.count(word) > 1 or word in SCENES:
             raise ValueError(f"scenes: two are called {word}; give the function another name")

@@ -1,9 +1,9 @@
 """The face's planners, bounds and exact methods: by name or callable, with a limit."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol, TypeVar
 
-from cocap_opt.api.arguments import require, require_number, require_problem, start_for
+from cocap_opt.api.arguments import name_of, require, require_number, require_problem, start_for
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.method import START_AND_REPORT, Method
@@ -13,8 +13,9 @@ from cocap_opt.result import Result
 from cocap_opt.run.engine import SOLVERS, run
 from cocap_opt.run.forecast import warn_of_limit
 from cocap_opt.run.judged import Judged
-from cocap_opt.run.named_planners import own_planners
+from cocap_opt.run.named_planners import planner_named
 from cocap_opt.run.options import Allowance, Option
+from cocap_opt.run.own_planners import OwnPlanner, guarded
 from cocap_opt.stop import Stop, never
 
 R = TypeVar("R", bound=Result)
@@ -68,11 +69,8 @@ def plan(
     >>> result.plot()
     """
     require_problem(problem)
-    if isinstance(planner, str) and (own := own_planners(Option("planner"), [planner])):
-        method: str | Method[Result] = own[planner].method
-    else:
-        method = _known("planner", planner, SOLVERS, frozenset())
-    return _answer(problem, planner, method, _limits(problem, planner, time_limit, stop))
+    method = _planner(planner)
+    return _answer(problem, planner, method, _limits(problem, method, time_limit, stop))
 
 
 def bound(
@@ -116,10 +114,10 @@ def bound(
     >>> co.bound(problem, time_limit=10).bound
     """
     require_problem(problem)
-    method_or_name = _known("method", method, BOUNDS, START_AND_REPORT)
+    known = _bounding(method, BOUNDS, START_AND_REPORT)
     begin = start_for(problem, start)
-    limits = _limits(problem, method, time_limit, stop)
-    return _answer(problem, method, method_or_name, limits, start=begin, report=report)
+    limits = _limits(problem, known, time_limit, stop)
+    return _answer(problem, method, known, limits, start=begin, report=report)
 
 
 def solve(
@@ -168,42 +166,54 @@ def solve(
     require_problem(problem)
     require_number(gap, "gap")
     least = max(Option("gap").require_share(gap), OPTIMALITY)
-    method_or_name = _known("method", method, EXACT, START_AND_REPORT | {"gap"})
+    known = _bounding(method, EXACT, START_AND_REPORT | {"gap"})
     begin = start_for(problem, start)
-    limits = _limits(problem, method, time_limit, stop)
-    return _answer(problem, method, method_or_name, limits, start=begin, report=report, gap=least)
+    limits = _limits(problem, known, time_limit, stop)
+    return _answer(problem, method, known, limits, start=begin, report=report, gap=least)
 
 
-def _known(
-    option: str,
-    given: str | Callable[..., R],
-    known: Mapping[str, Method[R]],
-    takes: frozenset[str],
-) -> str | Method[R]:
-    """Returns the name of a method if there is one of this name, or the record of a callable."""
+def _planner(given: str | Planner) -> Method[Result]:
+    """Returns the record of a planner by name, or of a callable."""
     if isinstance(given, str):
-        Option(option).require_one_of(given, known)
+        return planner_named(Option("planner"), given)
+    _require_callable("planner", given, SOLVERS)
+    if isinstance(given, Method):
         return given
+    return OwnPlanner.of_function(given, name_of(given), kept=False).method
+
+
+def _bounding(
+    given: str | Callable[..., CertifiedResult],
+    known: Mapping[str, Method[CertifiedResult]],
+    takes: frozenset[str],
+) -> Method[CertifiedResult]:
+    """Returns the record of a bound or an exact method by name, or of a callable."""
+    if isinstance(given, str):
+        Option("method").require_one_of(given, known)
+        return known[given]
+    _require_callable("method", given, known)
+    if isinstance(given, Method):
+        return given
+    return Method(guarded(given, name_of(given)), takes=takes, bounds=True)
+
+
+def _require_callable(option: str, given: object, known: Iterable[str]) -> None:
     if not callable(given):
         raise ValueError(f"{option}: must be one of {', '.join(known)}, not {given!r}")
-    return given if isinstance(given, Method) else Method(given, takes=takes)
 
 
-def _answer(
-    problem: Problem, given: object, method: str | Method[R], stop: Stop, **options: Any
-) -> R:
+def _answer(problem: Problem, given: object, method: Method[R], stop: Stop, **options: Any) -> R:
     """Runs a method, and returns its result with the referee's J."""
-    name = given if isinstance(given, str) else getattr(given, "__name__", type(given).__name__)
+    name = name_of(given)
     judged: Judged[R] = run(problem, method, stop, name=name, **options)
     return judged.answer(problem, name)
 
 
-def _limits(problem: Problem, method: object, seconds: float | None, stop: Stop) -> Stop:
+def _limits(problem: Problem, method: Method[Any], seconds: float | None, stop: Stop) -> Stop:
     """Returns a stop with a time limit; warns of one in which coverage will hardly be done."""
     require(stop, "stop", "a stopping criterion, such as WorkLimit(100)", Stop)
     if seconds is not None:
         require_number(seconds, "time_limit")
         stop = Allowance(Option("time_limit").require_limit(seconds)).begin(stop)
-    if isinstance(method, str):
-        warn_of_limit(problem, method, stop.seconds_left, option="time_limit =")
+    warn_of_limit(problem, method, stop.seconds_left, option="time_limit =")
     return stop

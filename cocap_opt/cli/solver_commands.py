@@ -41,11 +41,11 @@ from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
-from cocap_opt.run.engine import SOLVERS, cover, run
+from cocap_opt.run.engine import SOLVERS, run
 from cocap_opt.run.forecast import warn_of_limit
 from cocap_opt.run.judged import Judged, RefereeError
-from cocap_opt.run.named_planners import FORMS, own_planners
-from cocap_opt.run.options import Option, UsageError
+from cocap_opt.run.named_planners import FORMS, planner_named
+from cocap_opt.run.options import Allowance, Option, UsageError
 from cocap_opt.run.own_planners import OwnPlannerError
 from cocap_opt.stop import Interrupt, Stop
 
@@ -79,7 +79,7 @@ def _plan(
 
     Example: cocap-opt plan corridor --seed 0 -o plan.json
     """
-    own = own_planners(Option("--planner"), [planner]).get(planner)
+    method = planner_named(Option("--planner"), planner)
     allowance = budget.allowance
     _check_outputs({"-o": output}, scene)
     task = _Task.read(scene, seed, free, None)
@@ -87,17 +87,14 @@ def _plan(
     say_strains(scene, seed, problem)
     with Interrupt.caught() as interrupt, Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         watch.show("estimate of coverage")
-        warn_of_limit(problem, planner, allowance.seconds, seed, scene=scene)
+        warn_of_limit(problem, method, allowance.seconds, seed, scene=scene)
         stop = allowance.begin(interrupt)
-        # Coverage comes before, in the same time, and is not in the search's seconds.
-        cover(problem, planner, stop, watch)
-        method = planner if own is None else own.method
         try:
-            judged = run(problem, method, stop, name=planner, seed=seed)
+            judged = run(problem, method, stop, name=planner, watch=watch, seed=seed)
         except UnsupportedError as error:
             raise UsageError(f"--planner: {error}") from error
         except (OwnPlannerError, RefereeError) as error:
-            if own is None:  # a bug of ours
+            if planner in SOLVERS:  # a bug of ours
                 raise
             raise UsageError(f"--planner: {error}") from error
         if not judged.valid:
@@ -136,9 +133,8 @@ def _bound(
     _check_outputs({"-o": output, "--trace": trace}, scene, start)
     task = _Task.read(scene, seed, free, start)
     with Interrupt.caught() as interrupt:
-        warn_of_limit(task.problem, method, allowance.seconds, seed, scene=scene)
-        judged = task.certified(seed, method, allowance.begin(interrupt), OPTIMALITY, trace)
-        answer = task.answer(seed, method, judged)
+        judged = task.certified(method, allowance, interrupt, OPTIMALITY, trace)
+        answer = task.answer(method, judged)
         _say(answer, task.surpassed(judged))
         _save(answer, "certificate", {"file": (output, judged.result.certificate)})
     print_result(_in_order({**answer, **judged.result.statistics}), json)
@@ -184,10 +180,9 @@ def _solve(
     _check_outputs({"-o": output, "--certificate": certificate, "--trace": trace}, scene, start)
     task = _Task.read(scene, seed, free, start)
     with Interrupt.caught() as interrupt:
-        warn_of_limit(task.problem, method, allowance.seconds, seed, scene=scene)
-        stop = allowance.begin(interrupt)
-        judged = task.certified(seed, method, stop, max(gap, OPTIMALITY), trace)
-        answer = task.answer(seed, method, judged)
+        least = max(gap, OPTIMALITY)
+        judged = task.certified(method, allowance, interrupt, least, trace)
+        answer = task.answer(method, judged)
         proof = certificate, judged.result.certificate
         if judged.result.plan is None:
             say_narrow_way(scene, seed, task.problem)
@@ -220,6 +215,8 @@ def _motion(problem: Problem) -> str:
 class _Task(NamedTuple):
     """The scene of a command; with a start, the variant of the scene that it fits."""
 
+    scene: str
+    seed: int
     problem: Problem
     start: Plan | None
     about: Record  # for the answer
@@ -235,20 +232,22 @@ class _Task(NamedTuple):
             about |= {"seed": None, "starts": OWN_STARTS} if fitting is not problem else {}
             problem = fitting
         problem = problem.without_rules() if free else problem
-        return cls(problem, start, about | {"digest": problem_digest(problem)})
+        about |= {"digest": problem_digest(problem)}
+        return cls(scene, seed, problem, start, about)
 
     def certified(
-        self, seed: int, method: str, stop: Stop, gap: float, path: Path | None
+        self, method: str, allowance: Allowance, stop: Stop, gap: float, path: Path | None
     ) -> Judged[CertifiedResult]:
         """Runs a bound or an exact method, shows progress, and writes a trace if asked to."""
         problem, trace = self.problem, Trace()
-        with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
+        warn_of_limit(problem, method, allowance.seconds, self.seed, scene=self.scene)
+        with Watch.on_terminal(f"{problem.name} seed {self.seed}") as watch:
             report = trace.beside(watch.report())
-            cover(problem, method, stop, watch)
             try:
                 judged: Judged[CertifiedResult] = run(
-                    problem, method, stop, start=self.start, report=report, gap=gap
-                )
+                    problem, method, allowance.begin(stop), watch=watch,
+                    start=self.start, report=report, gap=gap,
+                )  # fmt: skip
             except UnsupportedError as error:
                 raise UsageError(f"--method {method}: {error}") from error
         if path is not None:
@@ -268,10 +267,11 @@ class _Task(NamedTuple):
             "`solve --start` with -o writes it"
         )
 
-    def answer(self, seed: int, method: str, judged: Judged[CertifiedResult]) -> Record:
+    def answer(self, method: str, judged: Judged[CertifiedResult]) -> Record:
         """Returns what the command prints."""
-        judged.warn(self.problem, seed, method)
-        record: Record = asdict(PlanRow.certified(self.problem, seed, method, judged)) | self.about
+        judged.warn(self.problem, self.seed, method)
+        row = PlanRow.certified(self.problem, self.seed, method, judged)
+        record: Record = asdict(row) | self.about
         is_open = OPTIMALITY < judged.result.gap < math.inf
         may_have = method in _WITH_STEP_ENVELOPES and not self.problem.objective.over_time
         if is_open and may_have and find_spec("numba") is None:

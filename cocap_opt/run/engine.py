@@ -3,33 +3,35 @@
 Commands, the Python face, sweeps and studies run all methods here, those of somebody's own as well.
 """
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
-from typing import Any, TypeVar
+from typing import Any
 
 from cocap_opt.console.progress import Watch
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, Report, silent
 from cocap_opt.method import Method
-from cocap_opt.model import compiled
+from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.result import Result
 from cocap_opt.run.judged import Judged
+from cocap_opt.run.options import Allowance
 from cocap_opt.run.own_planners import require_result
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import LimitReached, Stop, TimeLimit, never
 from cocap_opt.timing import timed
-
-R = TypeVar("R", bound=Result)
 
 BOUND = "bound"  # what tables call their bounds, and so the name of no planner
 BOUND_METHOD = "branch-and-price"  # of the gap table; at any limit it has a bound
 # What plans: planners, and exact methods.
 SOLVERS: dict[str, Method[Any]] = {**PLANNERS, **EXACT}
 _SMALL, _WARMING = "tiny-share", 5.0  # a scene, and most seconds, in which a method warms up
+
+
+def record_of(method: str | Method[Any]) -> Method[Any]:
+    """Returns the record of a method of a registry by its name, or the record itself."""
+    return {**BOUNDS, **SOLVERS}[method] if isinstance(method, str) else method
 
 
 def is_lazy(name: str) -> bool:
@@ -43,17 +45,22 @@ def run(
     stop: Stop = never,
     *,
     name: str = "",
+    allowance: Allowance | None = None,
+    watch: Watch | None = None,
     seed: int = 0,
     start: Plan | None = None,
     report: Report = silent,
     gap: float = OPTIMALITY,
 ) -> Judged[Any]:
-    """Runs a method, and has the referee judge what it returns.
+    """Computes the coverage that a method needs, runs it, and has the referee judge its result.
 
     Parameters
     ----------
     method : the name of one in a registry, or the record of one that is in none
+    stop : ends both, coverage and the search
     name : of the method, for messages
+    allowance : of the search alone, which begins once coverage is there
+    watch : shows how far coverage is, which the method would compute in silence
     seed, start, report, gap : for methods that take them
 
     Raises
@@ -65,17 +72,27 @@ def run(
     RefereeError
         If the referee finds another J than the method, or refuses its plan or its bound.
     """
-    known = {**BOUNDS, **SOLVERS}[method] if isinstance(method, str) else method
+    known = record_of(method)
     name = name or (method if isinstance(method, str) else known.__name__)
-    function = known if isinstance(method, str) else _required(known, name)
+    watch, model = watch or Watch(), compiled(problem)
+    before = model.tables.seconds
+    _cover(model, known, stop, watch)
+    watch.show(name)
     options: dict[str, Any] = {"start": start, "report": report, "seed": seed, "gap": gap}
     placed = [options[option] for option in ("start", "report") if option in known.takes]
     named = {option: options[option] for option in ("seed", "gap") if option in known.takes}
-    result = function(problem, stop, *placed, **named)
-    model = compiled(problem)
-    if "start" in known.takes and result.limit is not None:
-        missing = model.covered_steps <= problem.horizon
-        result = replace(result, in_coverage=True) if missing else result
+    allowed = stop if allowance is None else allowance.begin(stop)
+
+    @timed
+    def search(problem: Problem) -> Any:
+        result = known(problem, allowed, *placed, **named)
+        require_result(name, result)
+        return result
+
+    result = search(problem)
+    if known.bounds and result.limit is not None:
+        result = replace(result, in_coverage=model.covered_steps <= problem.horizon)
+    result = replace(result, coverage_seconds=model.tables.seconds - before)
     judged = Judged.of(name, problem, result)
     if known.lazy:
         views = result.statistics.get("evaluated")
@@ -83,19 +100,18 @@ def run(
     return judged._replace(coverage_seconds=model.tables.seconds, views=model.covered_views)
 
 
-def cover(problem: Problem, method: str, stop: Stop, watch: Watch) -> None:
-    """Computes the coverage that a method needs, and shows how far it is.
+def _cover(model: Model, method: Method[Any], stop: Stop, watch: Watch) -> None:
+    """Computes the coverage that a method needs.
 
-    Without it the method would do it by itself, in silence. Where a limit comes first, planners
-    leave time for planning with what there is, and bounds for a bound.
+    Where the limit comes first, planners leave time for planning with what there is, and bounds
+    for a bound.
     """
-    model, progress = compiled(problem), watch.countdown("coverage")
-    if method in EXACT or method in BOUNDS:
+    progress = watch.countdown("coverage")
+    if method.bounds:
         with suppress(LimitReached):  # the method meets the limit as well
             model.prepare_all(stop, progress)
-    elif not is_lazy(method):
+    elif not method.lazy:
         model.covered_by(stop, progress)
-    watch.show(method)
 
 
 @cache
@@ -106,15 +122,3 @@ def warm_up(method: str) -> None:
     """
     with suppress(Exception):  # if something is wrong, the method itself tells
         SOLVERS[method](load_scene(_SMALL), TimeLimit(_WARMING))
-
-
-def _required(method: Method[R], name: str) -> Callable[..., R]:
-    """Returns a method of somebody's own, which is timed, and whose results are checked."""
-
-    @timed
-    def call(problem: Problem, *placed: Any, **named: Any) -> R:
-        result = method(problem, *placed, **named)
-        require_result(name, result)
-        return result
-
-    return call

@@ -4,7 +4,7 @@ import logging
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import psutil
 
@@ -12,9 +12,10 @@ from cocap_opt.console.streams import without_warnings
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Leaf, ProofFile
+from cocap_opt.method import Method
 from cocap_opt.model import CoverageEstimate, Model, compiled
 from cocap_opt.problem import Problem
-from cocap_opt.run.engine import is_lazy
+from cocap_opt.run.engine import record_of
 from cocap_opt.scenarios import FORMATS, SCENES
 
 if TYPE_CHECKING:
@@ -232,7 +233,7 @@ def _leaves(file: CertificateFile | ProofFile) -> int:
 
 def warn_of_limit(
     problem: Problem,
-    method: str,
+    method: str | Method[Any],
     seconds: float,
     seed: int | None = None,
     option: str = "--time-limit",
@@ -246,7 +247,7 @@ def warn_of_limit(
     ----------
     method : that needs the coverage; those that evaluate single views do not
     """
-    if is_lazy(method) or _is_little(compiled(problem), seconds):
+    if record_of(method).lazy or _is_little(compiled(problem), seconds):
         return
     try:
         forecast = Forecast.of(compiled(problem))

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from importlib.metadata import EntryPoint, entry_points
 
 from cocap_opt.console.streams import say
+from cocap_opt.method import Method
+from cocap_opt.result import Result
 from cocap_opt.run.engine import BOUND, SOLVERS
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
@@ -36,6 +38,18 @@ def own_planners(option: Option, names: Sequence[str]) -> dict[str, OwnPlanner]:
         except OwnPlannerError as error:
             raise UsageError(f"{option.name}: {error}") from error
     return found
+
+
+def planner_named(option: Option, name: str) -> Method[Result]:
+    """Returns the record of a planner, of ours or of others.
+
+    Raises
+    ------
+    UsageError
+        As `own_planners` does.
+    """
+    found = own_planners(option, [name])
+    return found[name].method if found else SOLVERS[name]
 
 
 def _offered() -> dict[str, list[EntryPoint]]:

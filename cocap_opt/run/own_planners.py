@@ -17,11 +17,11 @@ from typing import Any
 import cloudpickle
 
 from cocap_opt.method import Method
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import Plan
 from cocap_opt.result import Reason, Result, UnsupportedError
 from cocap_opt.run.own_code import OwnCode, counted
 from cocap_opt.run.own_code import OwnPlannerError as OwnPlannerError
-from cocap_opt.stop import LimitReached, Stop
+from cocap_opt.stop import LimitReached
 from cocap_opt.text import meant, shortened
 
 _SEED = "seed"  # the parameter of planners that take the scene's seed
@@ -154,23 +154,32 @@ class OwnPlanner:
         """The record of the planner, which raises OwnPlannerError if the planner raises."""
         call = self.ready().call
         assert call is not None
+        takes = frozenset({_SEED} if _takes_seed(call) else ())
+        return Method(guarded(call, self.name), takes=takes)
 
-        def planner(problem: Problem, stop: Stop, **seed: int) -> Any:
-            try:
-                return call(problem, stop, **seed)
-            except SystemExit as error:
-                raise OwnPlannerError(f"{self.name} has ended its process: {error!r}") from error
-            except UnsupportedError:
-                raise
-            except LimitReached as error:
-                raise OwnPlannerError(
-                    f"{self.name} hands on LimitReached; it must catch it and return a Result with "
-                    "the best plan that it has, or with None"
-                ) from error
-            except Exception as error:
-                raise OwnPlannerError(f"{self.name} raised {_told(error)}") from error
 
-        return Method(planner, takes=frozenset({_SEED} if _takes_seed(call) else ()))
+def guarded(call: _Call, name: str) -> Callable[..., Any]:
+    """Returns a function of somebody's own that raises OwnPlannerError whatever it raises.
+
+    Only UnsupportedError stays what it is: it says which problems the function takes.
+    """
+
+    def checked(*placed: Any, **named: Any) -> Any:
+        try:
+            return call(*placed, **named)
+        except SystemExit as error:
+            raise OwnPlannerError(f"{name} has ended its process: {error!r}") from error
+        except UnsupportedError:
+            raise
+        except LimitReached as error:
+            raise OwnPlannerError(
+                f"{name} hands on LimitReached; it must catch it and return a Result with "
+                "the best plan that it has, or with None"
+            ) from error
+        except Exception as error:
+            raise OwnPlannerError(f"{name} raised {_told(error)}") from error
+
+    return checked
 
 
 def _told(error: Exception) -> str:

@@ -13,10 +13,10 @@ from cocap_opt.experiments.sweeps.cells import BOUND, FREE, RULES, Cell, CellFil
 from cocap_opt.experiments.sweeps.work import BoundStart, Task
 from cocap_opt.experiments.tables.rows import OWN_STARTS, BoundColumns, PlannedRow, Row
 from cocap_opt.files.documents import PlanFile, problem_digest
-from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.formulations.result import proved_by
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.result import Reason, Result, relative_gap
+from cocap_opt.result import Reason, Result
 from cocap_opt.run.judged import (
     Judged,
     RefereeError,
@@ -303,7 +303,7 @@ def _met(columns: BoundColumns, name: str) -> dict[str, Any]:
     bound = _COLUMNS_OF[name][0]
     value, best = _or(columns, bound, math.inf), _or(columns, _OPTIMA[name], -math.inf)
     RefereeError.unless_bound(f"{bound} of two commands", best, value)
-    if relative_gap(best, value) > OPTIMALITY:
+    if proved_by(best, value) is not Reason.OPTIMAL:
         return {}
     return {f"{bound}_reason": str(Reason.OPTIMAL), f"{bound}_limit": NO_LIMIT}
 

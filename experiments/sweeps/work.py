@@ -15,12 +15,12 @@ from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, Ce
 from cocap_opt.experiments.tables.rows import BoundColumns, PlannedRow
 from cocap_opt.files.documents import PlanFile, decode_document, encode, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
-from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report
+from cocap_opt.formulations.result import CertifiedResult, Report, proved_by
 from cocap_opt.model import compiled, compiled_anew
 from cocap_opt.output.trace import Trace
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.result import Reason, Result, UnsupportedError, relative_gap
-from cocap_opt.run.engine import BOUND_METHOD, cover, run, warm_up
+from cocap_opt.result import Reason, Result, UnsupportedError
+from cocap_opt.run.engine import BOUND_METHOD, run, warm_up
 from cocap_opt.run.judged import Judged, RefereeError
 from cocap_opt.run.options import Allowance
 from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
@@ -146,11 +146,12 @@ def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
     """Runs a planner."""
     cell, problem = task.cell, task.problem
     method = cell.planner if task.own is None else task.own.method
-    cover(problem, cell.planner, stop, watch)  # which is charged to nobody
-    allowed = cell.allowance.begin(stop)
     columns = {"time_limit": cell.time_limit, "work_limit": cell.work_limit}
     try:
-        judged = run(problem, method, allowed, name=cell.planner, seed=cell.seed)
+        judged = run(
+            problem, method, stop, name=cell.planner, allowance=cell.allowance, watch=watch,
+            seed=cell.seed,
+        )  # fmt: skip
     except UnsupportedError as error:
         judged = Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
         columns["seconds"] = None  # nobody timed it
@@ -280,7 +281,7 @@ class _Bounds:
         bound = min((b for b in known if b.certificate), key=_bound_of, default=known[-1])
         judged = (*self._plans, Judged.of(BOUND_METHOD, self._problem, free.result))
         best = _best([plan for plan in judged if plan.valid])
-        if relative_gap(best.reward, bound.bound) > OPTIMALITY and bound.bound >= 0:
+        if proved_by(best.reward, bound.bound) is None:
             found = self._run(self._problem, best, _WITH_RULES)
             best = _best([best, found])
             tightest = min(found.result, bound, key=_bound_of)
@@ -288,11 +289,10 @@ class _Bounds:
         return _joined(best, bound)
 
     def _run(self, problem: Problem, start: Judged[Any], name: str) -> Judged[CertifiedResult]:
-        cover(problem, BOUND_METHOD, self._stop, self._watch)  # which is charged to nobody
-        stop = self._allowance.begin(self._stop)
         return run(
-            problem, BOUND_METHOD, stop, start=start.result.plan, report=self._report_to(name)
-        )
+            problem, BOUND_METHOD, self._stop, allowance=self._allowance, watch=self._watch,
+            start=start.result.plan, report=self._report_to(name),
+        )  # fmt: skip
 
     def _of_all_plans(self, free: CertifiedResult) -> CertifiedResult:
         """Returns a bound on all plans as one on those that obey the problem's rules."""
@@ -315,8 +315,6 @@ def _joined(best: Judged[Any], bound: CertifiedResult) -> Judged[CertifiedResult
     """Returns a plan and a bound that may come from different runs, and what both prove."""
     RefereeError.unless_bound(BOUND_METHOD, best.reward, bound.bound)
     result = replace(bound, plan=best.result.plan, value=best.result.value)
-    if relative_gap(best.reward, bound.bound) <= OPTIMALITY:
-        result = replace(result, reason=Reason.OPTIMAL, limit=None)
-    elif bound.bound < 0:  # J >= 0
-        result = replace(result, reason=Reason.INFEASIBLE, limit=None)
+    if (reason := proved_by(best.reward, bound.bound)) is not None:
+        result = replace(result, reason=reason, limit=None)
     return Judged(result, best.verdict)

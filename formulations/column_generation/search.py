@@ -18,11 +18,11 @@ from cocap_opt.formulations.column_generation.primal.local_search import LocalSe
 from cocap_opt.formulations.column_generation.primal.recombination import Recombination
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import (
-    OPTIMALITY,
     CertifiedResult,
     Report,
     Snapshot,
     checked_start,
+    proved_by,
     silent,
 )
 from cocap_opt.model import Model
@@ -238,13 +238,12 @@ class Search:
             statistics = {**statistics, **_staged_statistics(self.spare)}
         plan = None if self.incumbent is None else self.model.plan(self.incumbent.paths)
         reached = relative_gap(self.value, file.proved)
-        if (
-            reached <= OPTIMALITY
-            or file.proved - self.value <= self.parameters.search.exact * self.scale
-        ):
+        exact = self.parameters.search.exact * self.scale
+        proved = proved_by(self.value, file.proved)
+        if proved is Reason.OPTIMAL or file.proved - self.value <= exact:
             reason = Reason.OPTIMAL
-        elif file.proved < 0:  # J >= 0
-            reason = Reason.INFEASIBLE
+        elif proved is not None:
+            reason = proved
         elif reached <= gap or limit is None:
             reason = Reason.FINISHED
         else:

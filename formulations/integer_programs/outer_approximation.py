@@ -29,6 +29,7 @@ from cocap_opt.formulations.result import (
     Report,
     Snapshot,
     checked_start,
+    proved_by,
     silent,
 )
 from cocap_opt.formulations.simple_bounds import early_bound
@@ -36,7 +37,7 @@ from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import objective
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.result import Reason, relative_gap
+from cocap_opt.result import Reason
 from cocap_opt.stop import Clock, FirstOf, Limit, LimitReached, Stop, TimeLimit, never
 from cocap_opt.timing import timed
 
@@ -273,7 +274,7 @@ class _Rounds:
     def _proves(self, bound: float) -> bool:
         """Returns True where a bound leaves nothing open."""
         least = LEAST_TOLERANCE * self.scale
-        return relative_gap(self.value, bound) <= OPTIMALITY or bound - self.value <= least
+        return proved_by(self.value, bound) is Reason.OPTIMAL or bound - self.value <= least
 
     def _tick(self) -> None:
         """Reports value and bound, at most once in `SECONDS_BETWEEN_REPORTS`."""

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from scene_files import SMALL_SEQUENCE
 
 import cocap_opt as co
 from cocap_opt import scenarios
-from cocap_opt.cli import commands, solver_commands
+from cocap_opt.cli import commands
 from cocap_opt.cli.main import main
 from cocap_opt.cli.solver_commands import AT_THE_ROOT
 from cocap_opt.console import progress
@@ -30,9 +29,7 @@ from cocap_opt.files.documents import SceneFile
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.column_generation.tree import root
 from cocap_opt.method import Method
-from cocap_opt.model import compiled
 from cocap_opt.output.printing import print_result
-from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.results import without_a_path
 from cocap_opt.problem import NO_RULES, Problem
 from cocap_opt.run.engine import SOLVERS
@@ -90,27 +87,6 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     assert commands.run(["plan", "corridor-tight", "-o", str(plan)]) == 0
     assert commands.run(["bound", "corridor-tight", "-o", str(certificate)]) == 0
     return plan, certificate
-
-
-@pytest.mark.parametrize("planner", PLANNERS)
-def test_coverage_is_there_before_a_planner_begins(
-    planner: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    """So `seconds` are the planner's own; those that need no whole coverage never compute it."""
-    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
-    seen, run = [], solver_commands.run
-
-    def spy(*arguments: Any, **options: Any) -> Any:
-        seen.append(any(tmp_path.glob("*.coverage")))
-        judged = run(*arguments, **options)
-        seen.append(any(tmp_path.glob("*.coverage")))
-        return judged
-
-    monkeypatch.setattr(solver_commands, "run", spy)
-    compiled.cache_clear()
-    assert Run(capsys, "plan", "tiny-share", "--planner", planner).code == 0
-    assert seen == 2 * [not PLANNERS[planner].lazy]
 
 
 def test_a_path_that_is_no_text_is_shown_escaped(

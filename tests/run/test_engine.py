@@ -1,6 +1,7 @@
 """The engine: one room runs all methods, and what it says is the same wherever it is asked."""
 
 import ast
+import math
 import os
 import shutil
 import subprocess
@@ -18,7 +19,8 @@ import cocap_opt as co
 from cocap_opt.experiments.sweeps.instances import Instance
 from cocap_opt.experiments.sweeps.sweep import sweep
 from cocap_opt.method import START_AND_REPORT, Method
-from cocap_opt.run.engine import SOLVERS, run
+from cocap_opt.model import compiled
+from cocap_opt.run.engine import SOLVERS, record_of, run
 from cocap_opt.run.judged import RefereeError
 
 SCENE = "tiny-share"
@@ -60,6 +62,23 @@ def methods_taken(source: str) -> Iterator[str]:
                 yield f"line {node.lineno}: {ast.unparse(node)}"
         elif isinstance(node, ast.Call) and called(node.func) in members:
             yield f"line {node.lineno}: {ast.unparse(node)}"
+
+
+@pytest.mark.parametrize("name", [*SOLVERS, *co.BOUNDS])
+def test_coverage_is_there_before_a_method_begins(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So `seconds` are the method's own; those that need no whole coverage never compute it."""
+    method, seen = record_of(name), []
+
+    def spy(problem: co.Problem, *_: object, **__: object) -> co.Result:
+        seen.append(compiled(problem).covered_steps > problem.horizon)
+        return co.Result(None, -math.inf, co.Reason.FAILED)
+
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
+    compiled.cache_clear()
+    run(co.load(SCENE), replace(method, call=spy))
+    assert seen == [not method.lazy]
 
 
 def test_only_the_engine_calls_methods_of_registries() -> None:
@@ -219,3 +238,23 @@ def test_a_new_method_is_one_file_and_one_line(tmp_path: Path) -> None:
         front.write_text(before + head + opened + brace + added + rest)
     environment = os.environ | {"PYTHONPATH": str(tmp_path), "COCAP_OPT_CACHE": str(tmp_path)}
     subprocess.run([sys.executable, "-c", TRIED], check=True, env=environment, cwd=tmp_path)
+
+
+def test_the_face_takes_a_planner_as_the_gap_table_does() -> None:
+    """It hands the planner the seed that it asks for, and says in words what goes wrong in it."""
+    problem, seeds = co.load(SCENE), []
+
+    def seeded(problem: co.Problem, stop: co.Stop, seed: int) -> co.Result:
+        seeds.append(seed)
+        return co.Result.without_plan(co.Reason.FAILED, "it does not try")
+
+    def broken(*_: object, **__: object) -> co.CertifiedResult:
+        raise KeyError("battery")
+
+    assert co.plan(problem, seeded).message == "it does not try"
+    assert seeds == [0]
+    for call in (co.plan, co.bound, co.solve):
+        with pytest.raises(ValueError, match=r"^broken raised KeyError: 'battery' \(test_engine"):
+            call(problem, broken)
+    with pytest.raises(ValueError, match="must be a function of a problem and a stop"):
+        co.plan(problem, lambda: None)
