@@ -23,11 +23,15 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 def pytest_configure(config: pytest.Config) -> None:
     """Let properties go through fewer examples where slow tests are left out."""
     if "not slow" in config.option.markexpr:
-        os.environ["COCAP_OPT_QUICK"] = "1"
+        os.environ.setdefault("COCAP_OPT_EXAMPLES", "0.1")
 
 
+@pytest.hookimpl(tryfirst=True)  # before tests are left out by their markers
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with what takes longest, so that no worker ends long after the others."""
+    for item in items:
+        if (marker := item.get_closest_marker("long")) is not None:
+            item.add_marker(pytest.mark.slow(**marker.kwargs))
     items.sort(key=_seconds, reverse=True)
 
 

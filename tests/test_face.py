@@ -381,7 +381,7 @@ def test_types_are_known() -> None:
         assert "return" in get_type_hints(getattr(co, name))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_readme_lives_on_the_face(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The README's Python runs as it stands, and imports nothing else of the project.
 

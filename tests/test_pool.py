@@ -17,7 +17,7 @@ def test_the_pool_is_of_these_strategies() -> None:
 
 
 @pytest.mark.parametrize(
-    "every", [EVERY, pytest.param(1, marks=pytest.mark.slow(seconds=8))], ids=["some", "all"]
+    "every", [EVERY, pytest.param(1, marks=pytest.mark.long(seconds=8))], ids=["some", "all"]
 )
 def test_stored_optima_are_those_of_brute_force(every: int) -> None:
     """Stored optima are found again, with their plans, to the last bit; nobody believes a file."""

@@ -809,7 +809,7 @@ def test_altered_proofs_are_refused(
     assert Run(capsys, "verify", "tiny-queue", good).code == 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_altered_number_of_a_proof_is_noticed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -1105,7 +1105,7 @@ def test_a_work_limit_stops_where_it_stops_anywhere(
     assert first[limited] != free[limited]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_same_plan_file_in_any_process(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -1121,7 +1121,7 @@ def test_the_same_plan_file_in_any_process(
     assert plans[0] == plans[1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ctrl_c_prints_what_is_finished(tmp_path: Path) -> None:
     """An interrupted gap table is printed as far as it got, with exit code 0."""
     words = "gap", "corridor", "--seeds", "0-9", "--planner", "greedy", "--planner", "sequential"

@@ -313,7 +313,7 @@ def test_a_file_that_is_no_table_is_made_again(
     assert cache._read(path) is not None  # mended
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_pipe_in_a_files_place_is_not_waited_for(
     folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

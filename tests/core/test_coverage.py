@@ -817,7 +817,7 @@ def as_mesh(boxes: list[tuple[Corner, Corner]]) -> Mesh:
     return Mesh(vertices=np.array(mesh.vertices), triangles=np.array(mesh.faces))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_rays_past_meshes_are_near_what_is_exact() -> None:
     """J of plans among houses given as one mesh, against the same houses given wing by wing."""
     problem = load_scene("field", 1)

@@ -786,7 +786,7 @@ def in_another_process(seed: str) -> str:
     return done.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_plans_do_not_depend_on_the_process() -> None:
     """The same problem has the same plan in every process, byte for byte."""
     here = "".join(

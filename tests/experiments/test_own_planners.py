@@ -479,7 +479,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.slow(seconds=8)
+@pytest.mark.long(seconds=8)
 def test_a_script_measures_its_own_function(tmp_path: Path) -> None:
     """With workers and a folder; the second time its cell is there already."""
     (tmp_path / "script.py").write_text(SCRIPT)

@@ -85,7 +85,7 @@ def test_a_folder_that_cannot_be_told_of_is_refused(
     assert not page.exists()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_names_cannot_break_a_report(results: Path, tmp_path: Path) -> None:
     """A scene's name is text, whatever it looks like, and is marked as such once."""
     evil, copy = "</td><script>x\x1b[2J</script>", shutil.copytree(results, tmp_path / "copy")

@@ -307,7 +307,7 @@ def test_rows_of_other_limits_stay_and_the_newest_of_a_planner_wins(tmp_path: Pa
     assert computed(back, tmp_path) == []  # what it was is known still
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_rendered_reward_stays_with_its_row(tmp_path: Path) -> None:
     """Rows with and without it stand in one table; a planner that is not named keeps its own."""
     rendered = msgspec.structs.replace(SETTINGS, rendered=True)
@@ -609,7 +609,7 @@ def command(*arguments: object) -> list[str]:
     return [sys.executable, "-c", program, *small_sweep(*arguments)]
 
 
-@pytest.mark.slow(seconds=8)
+@pytest.mark.long(seconds=8)
 def test_a_sweep_that_is_killed_goes_on_where_it_was(undisturbed: Path, tmp_path: Path) -> None:
     """Killed hard once it has some cells, and begun again: each cell once, the same table."""
     folder = tmp_path / "run"

@@ -358,7 +358,7 @@ for width in (60, 80, 140):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_tables_fit_into_a_terminal(results: Path) -> None:
     """At 60, 80 and 140 columns no line is longer; scene, planner, gap and conflicts are there."""
     here, there = pty.openpty()

@@ -25,7 +25,7 @@ from cocap_opt.stop import Limit, Stop, never
 from cocap_opt.vision.coverage import usable_cores
 
 
-@pytest.mark.slow(seconds=8)
+@pytest.mark.long(seconds=8)
 def test_workers_make_the_same_table(undisturbed: Path, tmp_path: Path) -> None:
     """On workers of its own, as many as there are cores."""
     folder, workers = tmp_path / "run", min(2, usable_cores())
@@ -138,7 +138,7 @@ def sent(name: str, function: Callable[[Problem, Stop], Result]) -> OwnPlanner:
 
 
 @pytest.mark.filterwarnings("ignore")  # of processes that are killed
-@pytest.mark.slow(seconds=8)
+@pytest.mark.long(seconds=8)
 def test_a_worker_that_dies_or_hangs_costs_its_own_cell(local: Cluster, tmp_path: Path) -> None:
     """Both are recorded with their reason; the only worker computes all other cells after it."""
     folder = folder_for_a_sweep(tmp_path / "run")

@@ -27,7 +27,7 @@ from random_certificates import (
     some_model,
 )
 from scipy.optimize import linprog
-from strategies import QUICK, examples, number_of_plans, tiny
+from strategies import SHARE, examples, number_of_plans, tiny
 
 from cocap_opt.files.documents import FileError, decode_document, encode, read_bytes
 from cocap_opt.formulations import BOUNDS
@@ -562,7 +562,7 @@ def test_an_altered_number_is_refused_or_the_claim_still_holds(
     best = optimum(problem).value
     plain = msgspec.json.decode(msgspec.json.encode(file))
     assert len(numbers(plain)) > 20
-    for path in alterations(plain, change, first, 10 if QUICK else 3):
+    for path in alterations(plain, change, first, 10 if SHARE < 1 else 3):
         try:
             claim = msgspec.convert(plain, kind)
             verify(problem, claim, model=model)

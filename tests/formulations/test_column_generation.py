@@ -240,7 +240,7 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
 
 
 @pytest.mark.parametrize(("name", "horizon", "is_disaggregated"), [
-    pytest.param("bottleneck-tight", 4, True, marks=pytest.mark.slow), ("corridor", 6, True),
+    pytest.param("bottleneck-tight", 4, True, marks=pytest.mark.long), ("corridor", 6, True),
 ])  # fmt: skip
 def test_robots_are_disaggregated_where_that_pays(
     name: str, horizon: int, is_disaggregated: bool, monkeypatch: pytest.MonkeyPatch
@@ -270,7 +270,7 @@ def test_fractions_are_found_kind_by_kind() -> None:
     assert all(1e-4 < amount % 1 < 1 - 1e-4 for amount in found.values())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["corridor-tight", "bottleneck", "passage"])
 def test_plans_from_mixtures_obey_the_rules(name: str) -> None:
     """Rounding, best pairs and diving give plans that the referee accepts."""

@@ -224,7 +224,7 @@ def test_results_are_deterministic(problem: Problem) -> None:
     assert first.plan == second.plan
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_results_do_not_depend_on_the_process() -> None:
     """Nor on the order of sets and dictionaries of one: a tree comes out the same in two."""
     code = (

@@ -234,7 +234,7 @@ print(EXACT["scip-nonlinear"](problem).reason)
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_symmetric_programs_come_to_an_end() -> None:
     """SCIP's search for symmetries went on for ever here, without hearing of a limit."""
     said = subprocess.run(
@@ -444,7 +444,7 @@ IMPORTS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "order", [("cvxpy", "highspy", "ortools"), ("ortools", "highspy", "cvxpy")]
 )

@@ -49,6 +49,7 @@ def test_numbers_that_make_no_sense_are_refused(section: type, name: str, value:
     assert "\n" not in str(told.value)
 
 
+@pytest.mark.long
 def test_a_bound_holds_whatever_the_parameters_are() -> None:
     """They guide the search, and reach it: as a large scene, without masters, it goes otherwise."""
     problem = load_scene("bottleneck", 0).replace(horizon=6)

@@ -155,6 +155,7 @@ def test_what_trials_for_higher_targets_prove_is_verified(
     assert verify(root.search.model.problem, file).bound == file.proved
 
 
+@pytest.mark.long
 def test_stages_are_repeated_for_a_better_plan() -> None:
     """They close more states for its J, and a file claims what they prove then."""
     root = solved_root()

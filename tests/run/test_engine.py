@@ -220,7 +220,7 @@ for words in ("plan tiny-share --planner stays", "bound tiny-share --method agai
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_new_method_is_one_file_and_one_line(tmp_path: Path) -> None:
     """A planner and a bound, added to a copy: commands, Python, sweeps and tables know them."""
     copy = shutil.copytree(ROOT, tmp_path / "cocap_opt")

@@ -142,7 +142,7 @@ def test_memory_that_is_not_there_is_said() -> None:
     assert "--time-limit" not in words
 
 
-@pytest.mark.slow(seconds=20)
+@pytest.mark.long(seconds=20)
 def test_changes_of_a_recipe_are_read_as_they_are_written(town: Path) -> None:
     """Who writes a change into the recipe, as its words say, has the scene that was tried."""
     problem = load_scene(str(town))
@@ -238,7 +238,7 @@ def test_gap_says_how_long_coverage_takes_which_no_limit_ends(
     assert "17 min and 0.1 GB; a worker gives up after 10 min; what would do: --cell" in caplog.text
 
 
-@pytest.mark.slow(seconds=60)
+@pytest.mark.long(seconds=60)
 def test_advice_that_is_followed_leads_to_a_plan_that_moves(
     town: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -1031,7 +1031,7 @@ def test_built_in_scenes_leave_no_warning(name: str) -> None:
 # -- the bridge ---------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_bridge_changes_the_plan() -> None:
     """With the deck as a column the best plan sees a third; as a mesh drones fly below it."""
     problem = load_scene("bridge", 0).replace(horizon=8)

@@ -168,7 +168,7 @@ def test_seeds_make_different_scenes(name: str) -> None:
     assert problem_digest(SCENES[name](0)) in digests
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_scenes_are_the_same_in_every_process() -> None:
     """Nothing depends on the process, and listing scenes loads no reader of files."""
     code = (

@@ -28,7 +28,7 @@ import msgspec
 import strategies
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
-from strategies import MOST_PLANS, QUICK, drawn_meetings, drawn_problems, number_of_plans
+from strategies import MOST_PLANS, SHARE, drawn_meetings, drawn_problems, number_of_plans
 
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.documents import Document, decode_document, encode
@@ -36,10 +36,10 @@ from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 
 FILE = Path(__file__).parents[1] / "data" / "pool.jsonl"
 COMMAND = "python tests/support/pool.py --draw"
-HUNT = "COCAP_OPT_EXAMPLES" in os.environ or "HYPOTHESIS_PROFILE" in os.environ
-# How many problems of each kind are stored, and how many of them are used without slow tests.
+HUNT = SHARE > 1 or "HYPOTHESIS_PROFILE" in os.environ
+# How many problems of each kind are stored, and how many are used where not all examples are.
 STORED = {"alone": 50, "teams": 80, "meetings-2": 45, "meetings-3": 35}
-USED = {"alone": 12, "teams": 20, "meetings-2": 10, "meetings-3": 8} if QUICK else STORED
+USED = {"alone": 12, "teams": 20, "meetings-2": 10, "meetings-3": 8} if SHARE < 1 else STORED
 KINDS = {
     "alone": drawn_problems(st.just(1), over_time=True),
     "teams": drawn_problems(st.sampled_from([2, 3]), over_time=True),

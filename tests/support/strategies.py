@@ -36,8 +36,8 @@ from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 WALL = 20.0  # m, higher than anything flies
 MOST_PLANS = 20_000  # combinations of paths that brute force goes through
 
-QUICK = "COCAP_OPT_QUICK" in os.environ  # slow tests are left out
-_FACTOR = int(os.environ.get("COCAP_OPT_EXAMPLES", "1"))
+# The share of all examples that property tests go through: 1 in the second suite, more in a hunt.
+SHARE = float(os.environ.get("COCAP_OPT_EXAMPLES", "0.25"))
 
 
 class Calls(Stop):
@@ -53,13 +53,8 @@ class Calls(Stop):
 
 
 def examples(count: int) -> settings:
-    """Settings for a property test: so many examples, times COCAP_OPT_EXAMPLES.
-
-    Without slow tests it is a tenth of them, but for a few.
-    """
-    if QUICK:
-        count = min(count, max(3, count // 10))
-    return settings(max_examples=count * _FACTOR)
+    """Settings for a property test: so many examples, times COCAP_OPT_EXAMPLES, but for a few."""
+    return settings(max_examples=max(round(count * SHARE), min(count, 3)))
 
 
 def tiny() -> Problem:
