@@ -26,7 +26,7 @@ SCENES: Mapping[str, Callable[[int], Problem]] = MappingProxyType(
     {
         **walled.SCENES,  # corridor, bottleneck, both also tight, passage, bridge
         **field.SCENES,  # field, field-long, field-large
-        **tiny.SCENES,  # tiny-approach and eight others
+        **tiny.SCENES,  # tiny-approach and nine others
     }
 )
 
@@ -243,7 +243,7 @@ def _find_file(name_or_path: str) -> tuple[Path, _Format]:
             raise FileError(f"{name_or_path}: no such file")
         question = meant(str(name_or_path), SCENES)
         raise FileError(
-            f"{name_or_path}: no such scene or file{question}; scenes: {', '.join(SCENES)}"
+            f"{name_or_path}: no such scene or file; there are {', '.join(SCENES)}{question}"
         )
     if os.path.isfile(path) and _is_blank(path):
         raise FileError(f"{path}: is empty, and no scene")

@@ -1,5 +1,6 @@
 """The gap table of the face."""
 
+import logging
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from cocap_opt.run.own_planners import OwnPlanner
+
+_log = logging.getLogger(__name__)
 
 _Build = Callable[[int], Problem]  # makes the problem of a seed
 _Scene = str | Path | Problem | _Build  # a name, a file, the problem itself, or what makes it
@@ -103,6 +106,9 @@ def gap(
     ]
     folder = None if out is None else Path(out)
     rows = sweep(instances, folder, hired, is_same=named.is_same, quiet=True)
+    for row in rows:
+        if row.has_error:
+            _log.warning("%s, seed %s, %s: %s", row.scene, row.seed, row.planner, row.message)
     return DataFrame(Row.records(rows))
 
 

@@ -8,7 +8,7 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from typing import Annotated, Literal
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CoercionError, CycloptsError, Parameter
 
 from cocap_opt.cli import (
     flight_commands,
@@ -94,13 +94,22 @@ def run(arguments: Sequence[str] | None) -> int:
     try:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except (CycloptsError, UsageError, ClusterError, FileError, ProblemError) as error:
-        own = isinstance(error.__cause__, UsageError)  # an option's own words say all
-        say(str(error.__cause__ if own else error))
+        has_words = isinstance(error.__cause__, UsageError)  # an option's own words say all
+        say(_number(error) or str(error.__cause__ if has_words else error))
         return 2
     except MemoryError:
         say("out of memory: the scene is too large for this method")
         return 2
     return int(code or 0)
+
+
+def _number(error: Exception) -> str:
+    """Returns words for a value that must be a number and is none; empty for other errors."""
+    if not isinstance(error, CoercionError) or error.token is None:
+        return ""
+    allowed = {int: "a whole number", float: "a number"}.get(error.target_type or object)
+    name = error.token.keyword or (error.argument.name if error.argument is not None else "")
+    return f"{name}: must be {allowed}, not {error.token.value!r}" if allowed and name else ""
 
 
 class _Once(logging.Filter):

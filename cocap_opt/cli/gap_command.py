@@ -31,7 +31,7 @@ from cocap_opt.result import Reason
 from cocap_opt.run.engine import SOLVERS
 from cocap_opt.run.named_planners import FORMS, own_planners
 from cocap_opt.run.options import Option, UsageError
-from cocap_opt.text import printable, shortened
+from cocap_opt.text import other_scene, printable
 
 _TAKEN = (*SOLVERS, BOUND)  # names that mean something else in the table
 
@@ -115,10 +115,9 @@ def _matched(path: Path, readers: Mapping[str, PlanReader]) -> _GivenPlan:
     if not isinstance(content, PlanFile):
         raise FileError(f"{path}: must be a plan, not a certificate")
     if content.digest not in readers:
-        raise FileError(
-            f"{path}: digest: the plan was made for {shortened(printable(content.scene))} of "
-            "another seed, content, rules or objective than those of this command"
-        )
+        names = [reader.problem.name for reader in readers.values()]
+        ours = content.scene if content.scene in names else " or ".join(dict.fromkeys(names))
+        raise FileError(f"{path}: digest: the plan was made for {other_scene(content.scene, ours)}")
     readers[content.digest].flown(path, content)
     return _GivenPlan(content, content.digest)
 

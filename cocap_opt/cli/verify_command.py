@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -20,7 +21,14 @@ from cocap_opt.cli.options import (
 from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.tables.rows import OWN_STARTS
-from cocap_opt.files.documents import FileError, PlanFile, other_coverage, problem_digest
+from cocap_opt.files.documents import (
+    FileError,
+    PlanFile,
+    decode_document,
+    other_coverage,
+    problem_digest,
+    read_bytes,
+)
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
 from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.model import Model
@@ -95,6 +103,7 @@ def _verify(
     if not files:
         if not Path(scene).exists():
             load_planned(scene, seed)  # there may be no such file
+        _require_scene(scene)
         raise UsageError("FILE: name a plan, a certificate or a proof")
     time_limit = Option("--time-limit").require_limit(time_limit)
     claims = _Claims.read(scene, seed, free, files)
@@ -136,6 +145,19 @@ def _plan_with_scene(scene: str) -> tuple[Path, ...]:
     path = Path(scene)
     both = any(kind.scenes.has(path) and kind.plans.has(path) for kind in FORMATS.values())
     return (path,) if both else ()
+
+
+def _require_scene(scene: str) -> None:
+    """Refuses the file of a plan or a bound where a scene is to be named."""
+    path = Path(scene)
+    if not path.is_file():
+        return
+    with suppress(FileError):  # it may be a scene
+        found = decode_document(read_bytes(path), str(path), PlanFile, CertificateFile, ProofFile)
+        assert isinstance(found, PlanFile | CertificateFile | ProofFile)
+        kind = "plan" if isinstance(found, PlanFile) else "bound"
+        name = f"; it was made for {printable(found.scene)}"
+        raise UsageError(f"SCENE: {printable(scene)} is a {kind}; name its scene before it{name}")
 
 
 def _between_cells(path: Path, problem: Problem) -> tuple[float, ...] | None:

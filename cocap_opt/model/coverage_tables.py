@@ -129,11 +129,12 @@ class CoverageTables:
         if self._ended is not None and stop is self._ended[0]:
             raise LimitReached(self._ended[1])
         self.require_memory(spec)
+        key = self._key(spec) if self._use_cache else ""  # digests code, which is no coverage
         clock = Clock()
         if math.isfinite(stop.seconds_left):
             reserve = max(reserve, self._seconds_to_bound(spec))
         try:
-            self._tables[_sight(spec)] = self._made(spec, stop.before(reserve), progress)
+            self._tables[_sight(spec)] = self._made(spec, key, stop.before(reserve), progress)
             self._growing.pop(_sight(spec), None)
         except LimitReached as reached:
             self._ended = stop, reached.limit
@@ -168,7 +169,7 @@ class CoverageTables:
             total += found._replace(memory=found.memory + sweeps)
         return total
 
-    def _made(self, spec: Robot, stop: Stop, progress: Progress) -> CoverageTable:
+    def _made(self, spec: Robot, key: str, stop: Stop, progress: Progress) -> CoverageTable:
         def make() -> tuple[CoverageTable, float]:
             table, clock, before = self._table_of(spec), Clock(), self._spent.get(_sight(spec), 0.0)
             try:
@@ -179,7 +180,7 @@ class CoverageTables:
 
         if not self._use_cache:
             return self._by_view_sum(make()[0])
-        table, self._spent[_sight(spec)] = TableCache.of_user().table(self._key(spec), make)
+        table, self._spent[_sight(spec)] = TableCache.of_user().table(key, make)
         return self._by_view_sum(table)
 
     def _key(self, spec: Robot) -> str:

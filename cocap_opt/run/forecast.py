@@ -102,9 +102,8 @@ class Forecast(NamedTuple):
         if not self.has_memory:
             problem, ways = f"of which {_free():.1f} GB are free", []
         else:
-            problem = (
-                f"too much for a limit of {duration(seconds)}: drones may stay at their starts"
-            )
+            limit = duration(seconds) if seconds >= 1 else f"{seconds:.2g} s"
+            problem = f"too much for a limit of {limit}: drones may stay at their starts"
             ways = [f"{option} {self.ample:g}"]
         changes = () if recipe is None else recipe.that_fit(self, _NEAR * seconds)
         ways += [f"{change.words} ({about(found.seconds)})" for change, found in changes]

@@ -265,7 +265,7 @@ class WalkTable(Table):
         if ends >= _LEAST_WALK * seconds:
             return ""
         return (
-            f"ends after {ends:.3g} of {seconds:.3g} s, and the person stands there: are speed and "
+            f"ends after {ends:.4g} of {seconds:.4g} s, and the person stands there: are speed and "
             "points right?"
         )
 
