@@ -75,7 +75,7 @@ class CertifiedResult(Result):
 
 
 def proved_by(value: float, bound: float) -> Reason | None:
-    """Returns what the J of a plan and a bound prove together: OPTIMAL, INFEASIBLE, or None.
+    """Returns the reason that a plan's J and a bound prove: OPTIMAL, INFEASIBLE, or None.
 
     A negative bound proves that there is no plan, since J >= 0.
     """

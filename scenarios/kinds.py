@@ -233,8 +233,11 @@ _GRID = re.compile(rb"\s*ncols\s+\d", re.IGNORECASE)
 def kind_of(path: Path) -> Kind | None:
     """Returns the kind of a file by its first bytes; None if it is of none that is known.
 
-    A file that cannot be opened has none, and whoever reads it says why.
+    A file that cannot be opened has none, and whoever reads it says why; nor has a pipe, whose
+    other end might never write.
     """
+    if not path.is_file():
+        return None
     try:
         with path.open("rb") as file:
             begin = file.read(BEGIN)

@@ -587,7 +587,7 @@ def test_optimal_is_what_the_bound_proves() -> None:
     proved = co.solve(problem)
 
     def claims(*_: Any, **__: Any) -> co.Result:
-        return dataclasses.replace(proved, bound=1.01 * proved.value, method="claims")
+        return dataclasses.replace(proved, bound=proved.value, certificate=None)
 
     assert (proved.reason, co.solve(problem, claims).reason) == ("optimal", "finished")
 

@@ -1,15 +1,14 @@
 """The arguments of the face: what they may be, and the words that refuse all else."""
 
-import msgspec
 import numpy as np
 
 from cocap_opt.files.documents import problem_digest
-from cocap_opt.files.messages import in_words
 from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
 from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Result
+from cocap_opt.run.own_planners import plain_plan
 from cocap_opt.text import other_scene
 
 Bound = CertificateFile | ProofFile
@@ -71,10 +70,7 @@ def plan_of(given: Plan | Result | None) -> Plan | None:
     if given is None or isinstance(given, Result):
         return None if given is None else given.plan
     require(given, "plan", "a Plan or a Result; `read` reads files of plans", Plan)
-    try:
-        return msgspec.convert(msgspec.to_builtins(given, enc_hook=_plain_number), Plan)
-    except msgspec.ValidationError as error:
-        raise ValueError(f"plan: {in_words(error, 'plan', Plan)}") from None
+    return plain_plan(given)
 
 
 def plan_for(
@@ -143,9 +139,3 @@ def required_bound(claim: object) -> Bound:
     if file is None:
         raise ValueError("certificate: the result has none")
     return file
-
-
-def _plain_number(value: object) -> object:
-    if isinstance(value, np.generic):
-        return value.item()
-    raise msgspec.ValidationError(f"must hold states of whole numbers, not {value!r}")

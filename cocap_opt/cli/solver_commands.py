@@ -2,7 +2,9 @@
 
 import math
 import os
+import sys
 from collections.abc import Mapping
+from contextlib import redirect_stdout
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
@@ -90,7 +92,8 @@ def _plan(
         warn_of_limit(problem, method, allowance.seconds, seed, scene=scene)
         stop = allowance.begin(interrupt)
         try:
-            judged = run(problem, method, stop, name=planner, watch=watch, seed=seed)
+            with redirect_stdout(sys.stderr):  # what a planner prints is no part of the answer
+                judged = run(problem, method, stop, name=planner, watch=watch, seed=seed)
         except UnsupportedError as error:
             raise UsageError(f"--planner: {error}") from error
         except (OwnPlannerError, RefereeError) as error:

@@ -91,6 +91,11 @@ class LazyCoverage:
 
     def along(self, problem: Problem, path: Path) -> FloatArray:
         """Pixels [Z] of a path, state numbers at the steps from 0 on; empty without one."""
+        steps = [t for t in range(problem.first_step, len(path)) if (t, path[t]) not in self._known]
+        if steps:  # all at once: a view of its own costs as much as hundreds among others
+            nodes = np.array([t * self._views.n_states + path[t] for t in steps])
+            rows = self._views.dense(nodes)
+            self._known.update(zip(((t, path[t]) for t in steps), rows, strict=True))
         pixels = problem.no_pixels()
         for t in range(problem.first_step, len(path)):
             pixels[problem.view_sums_at(t)] += self(t, np.array(path[t : t + 1]))[0]

@@ -127,13 +127,15 @@ def _stay(model: Model, robots: list[_Progress]) -> bool:
 
     False if a person sends one away.
     """
-    for robot, progress in enumerate(robots):
-        for t in range(len(progress.path), model.problem.horizon + 1):
-            if progress.path[-1] not in progress.robot_class.graph.successors(
-                t - 1, progress.path[-1]
-            ):
-                return False
-            _move(model, robots, robot, t, np.array(progress.path[-1:]))
+    for progress in robots:
+        graph, place = progress.robot_class.graph, progress.path[-1]
+        steps = range(len(progress.path), model.problem.horizon + 1)
+        if not all(place in graph.successors(t - 1, place) for t in steps):
+            return False
+        progress.path += [place] * len(steps)
+        before = progress.coverage.evaluated
+        progress.pixels = progress.coverage.along(model.problem, tuple(progress.path))
+        progress.evaluated += progress.coverage.evaluated - before
     return True
 
 

@@ -3,6 +3,7 @@
 Commands, the Python face, sweeps and studies run all methods here, those of somebody's own as well.
 """
 
+import math
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
@@ -10,14 +11,16 @@ from typing import Any
 
 from cocap_opt.console.progress import Watch
 from cocap_opt.formulations import BOUNDS, EXACT
-from cocap_opt.formulations.result import OPTIMALITY, Report, silent
+from cocap_opt.formulations.certificates import CertificateError, verify
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.method import Method
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.run.judged import Judged
+from cocap_opt.result import Result
+from cocap_opt.run.judged import Judged, RefereeError, below_certificate
 from cocap_opt.run.options import Allowance
-from cocap_opt.run.own_planners import require_result
+from cocap_opt.run.own_planners import usable_result
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import LimitReached, Stop, TimeLimit, never
 from cocap_opt.timing import timed
@@ -85,19 +88,40 @@ def run(
 
     @timed
     def search(problem: Problem) -> Any:
-        result = known(problem, allowed, *placed, **named)
-        require_result(name, result)
-        return result
+        return usable_result(name, known(problem, allowed, *placed, **named))
 
     result = search(problem)
     if known.bounds and result.limit is not None:
         result = replace(result, in_coverage=model.covered_steps <= problem.horizon)
+    if not any(known is ours for ours in (*BOUNDS.values(), *SOLVERS.values())):
+        result = _without_claims(name, problem, result)
     result = replace(result, coverage_seconds=model.tables.seconds - before)
     judged = Judged.of(name, problem, result)
     if known.lazy:
         views = result.statistics.get("evaluated")
         return judged._replace(coverage_seconds=0.0, views=None if views is None else int(views))
     return judged._replace(coverage_seconds=model.tables.seconds, views=model.covered_views)
+
+
+def _without_claims(name: str, problem: Problem, result: Result) -> Result:
+    """Returns the result of somebody's own method with the bound that its certificate proves.
+
+    Without a certificate its bound counts for nothing.
+
+    Raises
+    ------
+    RefereeError
+        If the certificate proves nothing, or less than it claims.
+    """
+    file = result.certificate if isinstance(result, CertifiedResult) else None
+    if file is None:
+        return replace(result, bound=math.inf)
+    if words := below_certificate(result):
+        raise RefereeError(f"{name}: {words}")
+    try:
+        return replace(result, bound=verify(problem, file, model=compiled(problem)).bound)
+    except CertificateError as error:
+        raise RefereeError(f"{name}: certificate: {error}") from error
 
 
 def _cover(model: Model, method: Method[Any], stop: Stop, watch: Watch) -> None:

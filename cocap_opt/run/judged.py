@@ -125,17 +125,18 @@ class Judged(NamedTuple, Generic[_R_co]):
     def reason(self) -> Reason:
         """Why the method stopped; "finished" where it says "optimal" and its bound leaves more.
 
-        A generic solver calls a plan optimal by its own word; only a bound that is proved counts.
+        A generic solver, or a planner of somebody's own, calls a plan optimal by its own word; only
+        a bound that is proved counts.
         """
-        own = self.result.reason
-        is_open = math.isfinite(self.result.bound) and self.gap > OPTIMALITY
-        return Reason.FINISHED if own is Reason.OPTIMAL and is_open else own
+        reason = self.result.reason
+        is_open = self.gap > OPTIMALITY
+        return Reason.FINISHED if reason is Reason.OPTIMAL and is_open else reason
 
     def remarks(self, problem: Problem) -> list[str]:
         """Returns what is to be said of the result and its plan, each in a few words."""
         result = self.result
         found = [words for words in (result.message, self.blind(problem)) if words]
-        if self.reason is not result.reason and not found:
+        if self.reason is not result.reason and not found and math.isfinite(result.bound):
             found.append("what is open is within the accuracy of the computation")
         return found
 

@@ -106,7 +106,8 @@ class Option(NamedTuple):
 
     def whole(self, text: str) -> int:
         """Returns the whole number that a word is; one such as 1.5 is refused, not rounded."""
-        if not text.removeprefix("-").isdecimal() or len(text) > len(str(LARGEST)):
+        digits = text.removeprefix("-")
+        if not (digits.isascii() and digits.isdecimal()) or len(text) > len(str(LARGEST)):
             raise UsageError(f"{self.name}: must be 0..{LARGEST}, whole, not {text[:40]!r}")
         return int(text)
 
@@ -123,7 +124,7 @@ class Option(NamedTuple):
     def _range(self, part: str, text: str) -> range:
         first, dash, last = part.partition("-")
         ends = (first, last) if dash else (first,)
-        if not all(end.isdecimal() for end in ends):
+        if not all(end.isascii() and end.isdecimal() for end in ends):
             raise UsageError(
                 f"{self.name}: must be numbers and ranges such as 0-9,12, not {text!r}"
             )

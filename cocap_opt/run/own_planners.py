@@ -15,7 +15,10 @@ from traceback import extract_tb
 from typing import Any
 
 import cloudpickle
+import msgspec
+import numpy as np
 
+from cocap_opt.files.messages import in_words
 from cocap_opt.method import Method
 from cocap_opt.problem import Plan
 from cocap_opt.result import Reason, Result, UnsupportedError
@@ -189,8 +192,14 @@ def _told(error: Exception) -> str:
     return f"{type(error).__name__}: {error} ({file}, line {where.lineno}, in {where.name})"
 
 
-def require_result(name: str, result: object) -> None:
-    """Raises OwnPlannerError, in words, unless what a planner has returned is a result."""
+def usable_result(name: str, result: object) -> Result:
+    """Returns what a planner has returned, if it is a result, with a plan of plain states.
+
+    Raises
+    ------
+    OwnPlannerError
+        If it is no result, or one that holds what it must not, in words.
+    """
     makes = "a planner returns a Result, such as Result(plan, J, Reason.FINISHED)"
     if not isinstance(result, Result):
         what = "nothing (None)" if result is None else f"a {type(result).__name__}"
@@ -198,6 +207,7 @@ def require_result(name: str, result: object) -> None:
     for field_name, value, kind, allowed in (
         ("plan", result.plan, Plan | None, "Plan"),
         ("value", result.value, Real, "number"),
+        ("bound", result.bound, Real, "number"),
         ("reason", result.reason, Reason, "Reason"),
     ):
         if not isinstance(value, kind):
@@ -205,6 +215,33 @@ def require_result(name: str, result: object) -> None:
                 f"{name} returned a Result whose {field_name} is a {type(value).__name__}, not a "
                 f"{allowed}; {makes}"
             )
+    if result.plan is None:
+        return result
+    try:
+        return replace(result, plan=plain_plan(result.plan))
+    except ValueError as error:
+        raise OwnPlannerError(f"{name} returned a Result with a wrong plan: {error}") from error
+
+
+def plain_plan(plan: Plan) -> Plan:
+    """Returns a plan whose states, which may be tuples or have numbers of NumPy, are states.
+
+    Raises
+    ------
+    ValueError
+        If they are none, in words.
+    """
+    try:
+        return msgspec.convert(msgspec.to_builtins(plan, enc_hook=_plain_number), Plan)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"plan: {in_words(error, 'plan', Plan)}") from None
+
+
+def _plain_number(value: object) -> object:
+    """Returns a number of NumPy as one of Python."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise msgspec.ValidationError(f"must hold states of whole numbers, not {value!r}")
 
 
 # -- by name ----------------------------------------------------------------------------------

@@ -248,18 +248,19 @@ class Views(ABC):
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
-        return self._dense(t * self.n_states + states)
+        return self.dense(t * self.n_states + states)
 
     def along(self, first_step: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] of states [n], one at each step from `first_step` on."""
-        return self._dense((first_step + np.arange(len(states))) * self.n_states + states)
+        return self.dense((first_step + np.arange(len(states))) * self.n_states + states)
 
     def eyes(self, places: IntArray) -> FloatArray:
         """Returns the positions [n, 3] m of places [n], from the geometry's origin."""
         eyes = self.graph.positions(self.problem.height_map, places)
         return np.asarray(eyes - self.geometry.origin)
 
-    def _dense(self, nodes: IntArray) -> FloatArray:
+    def dense(self, nodes: IntArray) -> FloatArray:
+        """Returns the coverage [n, F] in px/m2 of nodes [n], increasing; see `seen`."""
         coverage, seen = np.zeros((len(nodes), self.n_faces)), self.seen(nodes)
         coverage[seen.rows, seen.faces] = seen.pixels
         return coverage

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 
+import msgspec
+import numpy as np
 import pytest
 from sources import ROOT, sources
 from sweeps import SETTINGS
@@ -18,6 +20,7 @@ from test_cli import Run
 import cocap_opt as co
 from cocap_opt.experiments.sweeps.instances import Instance
 from cocap_opt.experiments.sweeps.sweep import sweep
+from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.method import START_AND_REPORT, Method
 from cocap_opt.model import compiled
 from cocap_opt.run.engine import SOLVERS, record_of, run
@@ -258,3 +261,33 @@ def test_the_face_takes_a_planner_as_the_gap_table_does() -> None:
             call(problem, broken)
     with pytest.raises(ValueError, match="must be a function of a problem and a stop"):
         co.plan(problem, lambda: None)
+
+
+def test_a_foreign_bound_is_what_its_certificate_proves() -> None:
+    """Without a certificate it counts for nothing, and nothing is called optimal by it."""
+    problem = co.load(SCENE)
+    best, plan = co.solve(problem), co.plan(problem, "sequential")
+    low = replace(best, plan=plan.plan, value=plan.value, bound=plan.value)
+    assert best.certificate is not None
+    forged = replace(low, certificate=msgspec.structs.replace(best.certificate, bound=plan.value))
+    for call in (co.plan, co.bound, co.solve):
+        assert call(problem, lambda *_, **__: best).gap <= OPTIMALITY
+        found = call(problem, lambda *_, **__: replace(low, certificate=None))
+        assert (found.bound, found.reason) == (math.inf, co.Reason.FINISHED)
+        if plan.value < best.value:
+            with pytest.raises(RefereeError, match="certificate: bound: claims"):
+                call(problem, lambda *_, **__: forged)
+
+
+def test_a_plan_of_tuples_and_numpys_numbers_is_a_plan() -> None:
+    """Whoever reads the result finds states; what are none is refused in words."""
+    problem = co.load(SCENE)
+    known = co.plan(problem, "sequential")
+    assert known.plan is not None
+    paths = tuple(
+        tuple(tuple(np.int64(x) for x in state) for state in path) for path in known.plan.paths
+    )
+    found = co.plan(problem, lambda *_: replace(known, plan=co.Plan(paths=paths)))
+    assert found.plan == known.plan
+    with pytest.raises(ValueError, match="wrong plan: plan: paths: must be a list"):
+        co.plan(problem, lambda *_: replace(known, plan=co.Plan(paths=5)))
