@@ -5,8 +5,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
-from cocap_opt.formulations.certificates import CertificateFile, ProofFile
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.files.documents import problem_digest
+from cocap_opt.formulations.certificates import (
+    Certificate,
+    CertificateFile,
+    ProofFile,
+    Staged,
+    priced,
+)
+from cocap_opt.model import Model
+from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.stop import Limit, Stop, never
@@ -17,12 +25,34 @@ __all__ = [
     "CertifiedResult",
     "Report",
     "Snapshot",
+    "certify",
     "checked_start",
     "proved_by",
     "silent",
 ]
 
 OPTIMALITY = 1e-6  # relative gap at which a plan is called optimal
+
+
+def certify(
+    problem: Problem, model: Model, method: str, certificate: Certificate | Staged
+) -> CertificateFile:
+    """Prices a certificate and returns the file that claims the bound it gives.
+
+    Parameters
+    ----------
+    method : name of the method that found the numbers
+    """
+    bound = priced(model, certificate).bound
+    return CertificateFile(
+        scene=problem.name,
+        digest=problem_digest(problem),
+        method=method,
+        coverage_version=COVERAGE_VERSION,
+        classes="single" if model.is_disaggregated else "alike",
+        bound=None if bound == -math.inf else bound,
+        certificate=certificate,
+    )
 
 
 @dataclass(frozen=True, repr=False)

@@ -25,13 +25,13 @@ from cocap_opt.formulations.certificates import (
     CertificateFile,
     Multipliers,
     ReferencePixels,
-    certify,
 )
 from cocap_opt.formulations.certificates.format import OPTIMISTIC
 from cocap_opt.formulations.certificates.sweep import reward_of_staying
 from cocap_opt.formulations.result import (
     CertifiedResult,
     Report,
+    certify,
     checked_start,
     silent,
 )

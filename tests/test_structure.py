@@ -238,7 +238,7 @@ def test_the_core_and_the_certificates_call_no_solver() -> None:
             assert not {name.split(".")[0] for name in imports(module)} & SOLVERS, module
 
 
-def test_certificates_use_nothing_that_searches() -> None:
+def test_certificates_use_the_core_without_what_plans_and_nothing_else() -> None:
     """What must be trusted is one room: it uses the core and no other room of its package."""
     for module in within(frozenset(sources()), CERTIFICATES):
         used = [n for n in imports(module) if package_of(n) == "formulations"]

@@ -33,7 +33,7 @@ its scene). Besides these, importing it loads what no number depends on: `stop`,
 `files.atomic_write`, `files.code`, and `method` (the records of methods, which import none).
 """
 
-from cocap_opt.formulations.certificates.checking import certify, verify
+from cocap_opt.formulations.certificates.checking import priced, verify
 from cocap_opt.formulations.certificates.format import (
     Branch,
     Certificate,
@@ -68,6 +68,6 @@ __all__ = [
     "Row",
     "Staged",
     "UnfinishedError",
-    "certify",
+    "priced",
     "verify",
 ]

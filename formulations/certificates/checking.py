@@ -1,6 +1,5 @@
-"""Certificates made and checked: the claim of a file against the numbers in it."""
+"""Certificates checked: the claim of a file against the numbers in it."""
 
-import math
 from collections.abc import Callable
 
 from cocap_opt.files.documents import other_coverage, problem_digest
@@ -14,32 +13,11 @@ from cocap_opt.formulations.certificates.format import (
 )
 from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.model import Model
-from cocap_opt.problem import COVERAGE_VERSION, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.stop import LimitReached, Stop, never
 from cocap_opt.text import other_scene
 
 Progress = Callable[[int, int], None]
-
-
-def certify(
-    problem: Problem, model: Model, method: str, certificate: Certificate | Staged
-) -> CertificateFile:
-    """Prices a certificate and returns the file that claims the bound it gives.
-
-    Parameters
-    ----------
-    method : name of the method that found the numbers
-    """
-    bound = _priced(model, certificate).bound
-    return CertificateFile(
-        scene=problem.name,
-        digest=problem_digest(problem),
-        method=method,
-        coverage_version=COVERAGE_VERSION,
-        classes="single" if model.is_disaggregated else "alike",
-        bound=None if bound == -math.inf else bound,
-        certificate=certificate,
-    )
 
 
 def verify(
@@ -79,7 +57,7 @@ def verify(
             if isinstance(file, ProofFile):
                 pricing = Pricing.of_proof(model, file, progress, stop)
             else:
-                pricing = _priced(model, file.certificate, progress, stop, plain)
+                pricing = priced(model, file.certificate, progress, stop, plain)
         except LimitReached as reached:
             raise UnfinishedError(
                 f"not verified: the limit ({reached.limit}) was reached before the end; the claim "
@@ -96,7 +74,7 @@ def verify(
     raise CertificateError(f"digest: the {file.kind} was made for {which}")
 
 
-def _priced(
+def priced(
     model: Model,
     certificate: Certificate | Staged,
     progress: Progress = lambda done, total: None,

@@ -88,14 +88,6 @@ class Cut:
         """Returns phi of the robots of class `number` at any roots."""
         return self.curves.get(number, _IDENTITY)(roots)
 
-    def phi_of(self, classes: IntArray, roots: FloatArray) -> FloatArray:
-        """Returns phi of robots of these classes [n] at their roots [n]."""
-        values = np.empty(len(roots))
-        for number in np.unique(classes).tolist():
-            of_class = classes == number
-            values[of_class] = self.phi(number, roots[of_class])
-        return values
-
 
 class Partial(NamedTuple):
     """Partial corners: where the robots of some stages are, all others at 0."""

@@ -68,7 +68,7 @@ class _Resource(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
         number, most = getattr(self, "class_number", None), len(model.classes) - 1
         if not (number is None or 0 <= number <= most):
             return f"robot_class: must be 0..{most}, not {number}"
-        return ""
+        return _wrong_cells(model.problem, getattr(self, "cells", ()))
 
     def why_shared(self, problem: Problem) -> str:
         """Returns why two robots may use the resource at once; empty where a rule forbids it."""
@@ -99,10 +99,6 @@ class Cells(_Resource, frozen=True, tag="cells"):
         if self.class_number not in (None, number):
             return _Footprint()
         return _Footprint(places=_places(model, number, self.cells))
-
-    def why_absent(self, model: Model) -> str:
-        """Returns why the problem has no such cells, in words; empty where it has them."""
-        return super().why_absent(model) or _wrong_cells(model.problem, self.cells)
 
     def why_shared(self, problem: Problem) -> str:
         """Returns why two robots may be in the cells at once; empty where a rule forbids it."""
@@ -137,10 +133,6 @@ class Swap(_Resource, frozen=True, tag="swap"):
             return _Footprint()
         here, there = places
         return _Footprint(moves=((here, there), (there, here)))
-
-    def why_absent(self, model: Model) -> str:
-        """Returns why the problem has no such swap, in words; empty where it has it."""
-        return super().why_absent(model) or _wrong_cells(model.problem, self.cells)
 
     def why_shared(self, problem: Problem) -> str:
         """Returns why two robots may swap the cells; empty where a rule forbids it."""
@@ -261,10 +253,6 @@ class Move(_Resource, frozen=True, tag="move"):
             return _Footprint()
         tail, head = places
         return _Footprint(moves=((tail, head),))
-
-    def why_absent(self, model: Model) -> str:
-        """Returns why the problem has no such move, in words; empty where it has it."""
-        return super().why_absent(model) or _wrong_cells(model.problem, self.cells)
 
 
 Resource = Cells | Swap | Moves | Visit | Move

@@ -20,13 +20,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates import CertificateFile, certify
+from cocap_opt.formulations.certificates import CertificateFile
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.duals import Duals, repaired_roots
 from cocap_opt.formulations.relaxations.flow import Compile, Flow, Roots
 from cocap_opt.formulations.relaxations.separation import Seen
-from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot, silent
+from cocap_opt.formulations.result import CertifiedResult, Report, Snapshot, certify, silent
 from cocap_opt.formulations.simple_bounds import early_bound
 from cocap_opt.formulations.solvers import ending, solve_cones
 from cocap_opt.model import Model, compiled

@@ -16,12 +16,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.relaxations.separation import phi_of
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep
@@ -37,6 +39,17 @@ Compile = Callable[[Problem], Model]  # robots that are alike as one class, or d
 Amounts = tuple[FloatArray, FloatArray]
 
 UNUSED = 1e-6  # amounts below are rounding errors
+
+
+class _ClassPart(NamedTuple):
+    """What one class adds to a flow, in the order of its fields."""
+
+    owner: IntArray
+    steps: IntArray
+    states: IntArray
+    tails: IntArray
+    heads: IntArray
+    supply: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +79,7 @@ class Flow:
         for k, robot_class in enumerate(model.classes):
             useful = _useful(model, robot_class)
             part = _class_part(k, robot_class, useful, n_nodes, MOST_EDGES - n_edges, stop)
-            n_nodes, n_edges = n_nodes + len(part[0]), n_edges + len(part[3])
+            n_nodes, n_edges = n_nodes + len(part.owner), n_edges + len(part.tails)
             parts.append(part)
         return cls(model, *(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
@@ -258,8 +271,8 @@ class Flow:
 
 def _class_part(
     k: int, robot_class: RobotClass, useful: BoolArray, first: int, most_edges: int, stop: Stop
-) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray, FloatArray]:
-    """Returns what class k adds to a flow, in the order of its fields, from node `first` on.
+) -> _ClassPart:
+    """Returns what class k adds to a flow, whose nodes have numbers from `first` on.
 
     Parameters
     ----------
@@ -283,7 +296,7 @@ def _class_part(
             )
         tails.append(first + here)
         heads.append(first + there)
-    return np.full(len(t), k), t, state, _joined(tails), _joined(heads), supply
+    return _ClassPart(np.full(len(t), k), t, state, _joined(tails), _joined(heads), supply)
 
 
 def _useful(model: Model, robot_class: RobotClass) -> BoolArray:
@@ -372,7 +385,7 @@ class Roots:
         entries = [self.entries(z) for z in at.tolist()]
         scales = self.scale[at]
         data = [
-            cut.phi_of(self.owner[nodes], seen) / scale
+            phi_of(cut, self.owner[nodes], seen) / scale
             for cut, (nodes, seen), scale in zip(cuts, entries, scales, strict=True)
         ]
         parts = (

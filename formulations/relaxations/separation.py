@@ -36,6 +36,15 @@ SWEEPS = 2  # of the rearrangement
 LEAST_MASS = 1e-6  # a little mass everywhere keeps phi low where there is none
 
 
+def phi_of(cut: Cut, classes: IntArray, roots: FloatArray) -> FloatArray:
+    """Returns a cut's phi of robots of these classes [n] at their roots [n]."""
+    values = np.empty(len(roots))
+    for number in np.unique(classes).tolist():
+        of_class = classes == number
+        values[of_class] = cut.phi(number, roots[of_class])
+    return values
+
+
 class Seen:
     """The roots that a mixture of paths has of one view sum.
 
@@ -51,7 +60,7 @@ class Seen:
 
     def height(self, cut: Cut) -> float:
         """Returns the right side of a cut at the mixture."""
-        return cut.constant + float(self.amounts @ cut.phi_of(self.classes, self.roots))
+        return cut.constant + float(self.amounts @ phi_of(cut, self.classes, self.roots))
 
     def is_exact(self, sizes: tuple[int, ...]) -> bool:
         """Returns True where nothing can be cut off: one robot's views, or integral and equal ones.

@@ -44,7 +44,6 @@ from cocap_opt.formulations.certificates import (
     ProofFile,
     ReferencePixels,
     Row,
-    certify,
     envelope,
     verify,
 )
@@ -52,7 +51,8 @@ from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, PathCells, Swap, Visit
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.relaxations.collision_rows import CliquesOfMoves
-from cocap_opt.formulations.relaxations.separation import MOST_BREAKPOINTS, Seen
+from cocap_opt.formulations.relaxations.separation import MOST_BREAKPOINTS, Seen, phi_of
+from cocap_opt.formulations.result import certify
 from cocap_opt.formulations.second_opinion import TooLargeError, _highest_corner
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
@@ -295,7 +295,7 @@ def test_cuts_of_robots_that_are_a_class_each_have_few_breakpoints() -> None:
     assert sum(len(curve.roots) for curve in cut.curves.values()) <= MOST_BREAKPOINTS
     for _ in range(200):
         views = rng.uniform(0.0, 12.0, 3) * (rng.random(3) < 0.5)
-        assert np.linalg.norm(views) <= cut.constant + cut.phi_of(np.arange(3), views).sum() + 1e-9
+        assert np.linalg.norm(views) <= cut.constant + phi_of(cut, np.arange(3), views).sum() + 1e-9
 
 
 @examples(30)

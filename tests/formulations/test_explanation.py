@@ -19,10 +19,10 @@ from cocap_opt.formulations.certificates import (
     ProofFile,
     ReferencePixels,
     Row,
-    certify,
 )
 from cocap_opt.formulations.certificates.resources import Cells, Swap
 from cocap_opt.formulations.explanation import explain
+from cocap_opt.formulations.result import certify
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Cell, Plan, Problem, State
 from cocap_opt.referee import check

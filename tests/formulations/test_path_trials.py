@@ -17,6 +17,7 @@ from cocap_opt.formulations.column_generation.parameters import (
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import envelopes, path_trials
+from cocap_opt.formulations.column_generation.step_envelopes.counting import states_left
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
@@ -181,7 +182,7 @@ def test_stages_are_repeated_for_a_better_plan() -> None:
     stages._raise_target()
     after = stages.narrowing
     assert after.target == better.value > before.target
-    assert after.states_left.sum() < before.states_left.sum()
+    assert states_left(after).sum() < states_left(before).sum()
     assert after.bound <= before.bound + before.rounding
     assert {path for _, path in stages.known.paths} >= set(better.paths)
     file = stages.file()

@@ -16,9 +16,9 @@ from cocap_opt.formulations.certificates import (
     Pricing,
     ProofFile,
     ReferencePixels,
-    certify,
     pricing,
 )
+from cocap_opt.formulations.result import certify
 from cocap_opt.formulations.second_opinion import SecondOpinion, TooLargeError, _highest_corner
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem

@@ -23,6 +23,10 @@ from cocap_opt.formulations.certificates.staged import Narrowing, best_plan, mos
 from cocap_opt.formulations.certificates.staged.stages import MOST_NODES
 from cocap_opt.formulations.certificates.sweep import plain_sweep
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.step_envelopes.counting import (
+    joint_states_left,
+    states_left,
+)
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
 from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.explanation import explain
@@ -211,8 +215,8 @@ def _stage(words: str, narrowing: Narrowing) -> Stage:
         places = np.flatnonzero(left[middle()]) % model.classes[number].graph.n_places
         cells |= {model.places.cells[number][place][:2] for place in places.tolist()}
     return Stage(
-        words, narrowing.bound, narrowing.states_left, frozenset(cells),
-        narrowing.joint_states_left, best_plan(narrowing, MOST_NODES).reached,
+        words, narrowing.bound, states_left(narrowing), frozenset(cells),
+        joint_states_left(narrowing), best_plan(narrowing, MOST_NODES).reached,
     )  # fmt: skip
 
 

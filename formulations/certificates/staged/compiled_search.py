@@ -35,11 +35,6 @@ def may_take_over(stop: Stop) -> bool:
     return is_there() and stop.seconds_left > _COMPILING
 
 
-def is_fast(stop: Stop) -> bool:
-    """Returns True if searches are compiled, or will be once they are long."""
-    return is_loaded() or may_take_over(stop)
-
-
 def compiled(function: Callable[..., Any], forceinline: bool = False) -> Any:
     """Returns a compiled function, kept on disk where there is a folder for it.
 

@@ -49,7 +49,7 @@ class JointStates:
     price : [n] of each state, in units of J
     charge : [n] of each state; a joint state counts if its worth less its charges is >= `floor`
     floor : in units of J
-    conflict_of : returns `conflict`, for which not everyone asks, and keeps it for `repriced`
+    conflict_of : returns `conflict`, for which not everyone asks, and keeps it, also for copies
     ceilings : of earlier prices; rounding included
     limits : ceilings of the worth less the charges; rounding included
     """
@@ -131,11 +131,6 @@ class JointStates:
         return (*self.ceilings, *self.limits)
 
     @cached_property
-    def keys(self) -> list[tuple[int, int]]:
-        """Class and number of each state [n]."""
-        return list(zip(self.class_of.tolist(), self.states.tolist(), strict=True))
-
-    @cached_property
     def margin(self) -> float:
         """The room that a constant leaves above a profit for rounding, in units of J.
 
@@ -148,19 +143,6 @@ class JointStates:
         most += robots * np.abs(self.price).max(initial=0.0)
         most += robots * np.abs(self.charge).max(initial=0.0)
         return float(16 * robots * (len(self.weights) + robots + 4) * UNIT_ROUNDOFF * most)
-
-    def repriced(self, price: FloatArray, constant: float = np.inf) -> "JointStates":
-        """Returns the same joint states at other prices.
-
-        Parameters
-        ----------
-        constant : that no joint state's profit exceeds at the present prices, rounding included
-        """
-        raised = price - self.price
-        ceilings = [(profit, before + raised) for profit, before in self.ceilings]
-        if constant < np.inf:
-            ceilings.append((constant, raised))
-        return replace(self, price=price, ceilings=tuple(ceilings))
 
     def part(self, positions: IntArray, floor: float) -> "JointStates":
         """Returns the joint states of some of the states, those up to another floor.
@@ -210,12 +192,6 @@ class JointStates:
         pixels = [math.fsum(seen) for seen in self.pixels[list(chosen)].T.tolist()]
         worths: list[float] = (self.weights * np.sqrt(pixels)).tolist()
         return worths
-
-    def counts(self, chosen: Sequence[int]) -> bool:
-        """Returns True for a joint state that some plan above the target may visit."""
-        at = list(chosen)
-        apart = not np.triu(self.conflict[np.ix_(at, at)], 1).any()
-        return apart and self.worth(at) - float(self.charge[at].sum()) >= self.floor - self.margin
 
     @cached_property
     def sparse(self) -> tuple[IntArray, IntArray, FloatArray]:

@@ -228,22 +228,6 @@ class Narrowing:
         """Returns the right side of (*) for a target, rounding included."""
         return self.bound + 2 * self.rounding - target
 
-    @property
-    def states_left(self) -> IntArray:
-        """Number of states that are left at each step [T+1]."""
-        left: IntArray = np.sum([is_left.sum(axis=1) for is_left in self.left], axis=0)
-        return left
-
-    @property
-    def joint_states_left(self) -> int:
-        """Number of joint states of all steps, conflicts included; none are too many for an int."""
-        first, sizes = self.model.problem.first_step, self.model.class_sizes
-        per_step = np.array([is_left.sum(axis=1) for is_left in self.left]).T[first:].tolist()
-        return sum(
-            math.prod(math.comb(n + k - 1, k) for n, k in zip(left, sizes, strict=True))
-            for left in per_step
-        )
-
     def charges(self, number: int) -> Charges:
         """Returns what the robots of a class are charged by rows."""
         return self._charges[number]

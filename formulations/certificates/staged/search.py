@@ -146,6 +146,16 @@ class _Partial(NamedTuple):
     states: IntArray  # positions of the states that may still be taken, class by class
 
 
+class _Children(NamedTuple):
+    """The states that may be taken next and reach enough: the next robot's first, best first."""
+
+    states: IntArray  # [n] their positions
+    gains: FloatArray  # [n] of worth less prices
+    low: FloatArray  # [n] gains of worth less charges
+    most: FloatArray  # [n] the profit that is reached with them at most
+    of_class: int  # how many are of the next robot's class
+
+
 class _PlainSearch:
     """The plain search, written to be read; `compiled_search` does the same, faster.
 
@@ -190,14 +200,15 @@ class _PlainSearch:
             self._end(node)
             return
         counts = tuple(n - (c == robot_class) for c, n in enumerate(node.counts))
-        states, gains, low, most, of_class = self._children(node, robot_class)
-        for k in range(of_class):
+        found = self._children(node, robot_class)
+        for k in range(found.of_class):
             # Of this class, none of those before it is taken any more.
-            if most[k] - counts[robot_class] * (gains[0] - gains[k]) <= self.best:
+            worse = found.gains[0] - found.gains[k]
+            if found.most[k] - counts[robot_class] * worse <= self.best:
                 break
-            left = states[k if counts[robot_class] else of_class :]
-            gained = float(gains[k]), float(low[k])
-            self._explore(self._child(node, int(states[k]), gained, counts, left), stop)
+            left = found.states[k if counts[robot_class] else found.of_class :]
+            gained = float(found.gains[k]), float(found.low[k])
+            self._explore(self._child(node, int(found.states[k]), gained, counts, left), stop)
 
     def _end(self, node: _Partial) -> None:
         """Takes down a joint state that is complete."""
@@ -208,18 +219,8 @@ class _PlainSearch:
         elif node.profit > self.best:
             self.best, self.positions = node.profit, node.chosen
 
-    def _children(
-        self, node: _Partial, robot_class: int
-    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, int]:
-        """Returns the states that may be taken next and reach enough.
-
-        First come those of the next robot's class, the best first.
-
-        Returns
-        -------
-        Their positions [n], the gains of worth less prices [n], less charges [n], the profit that
-        is reached with them at most [n], and how many are of the next robot's class.
-        """
+    def _children(self, node: _Partial, robot_class: int) -> _Children:
+        """Returns the states that may be taken next, by a robot of this class first."""
         joint, states, counts = self._joint, node.states, node.counts
         worth = np.sqrt(node.pixels) @ joint.weights
         gains = np.sqrt(node.pixels + joint.pixels[states]) @ joint.weights - worth
@@ -234,7 +235,7 @@ class _PlainSearch:
         able = np.flatnonzero(is_able)
         of_class = int(np.searchsorted(classes[able], robot_class, side="right"))
         able[:of_class] = able[:of_class][np.argsort(-gains[able[:of_class]], kind="stable")]
-        return states[able], gains[able], low[able], most[able], of_class
+        return _Children(states[able], gains[able], low[able], most[able], of_class)
 
     def _child(
         self, node: _Partial, state: int, gained: tuple[float, float], counts: tuple[int, ...],

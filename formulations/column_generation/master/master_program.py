@@ -25,6 +25,7 @@ from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.master.columns import Arc, Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.relaxations.duals import Duals, repaired_roots
+from cocap_opt.formulations.relaxations.separation import phi_of
 from cocap_opt.formulations.solvers import solve_cones
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path
@@ -308,7 +309,7 @@ class MasterProgram:
             z = int(self._cut_at[k])
             entries = order[bounds[z] : bounds[z + 1]]
             arcs, roots = self._seeing[entries], self._roots[entries] * self._scale[z]
-            values = self._cuts[k].phi_of(classes[arcs], roots) / self._scale[z]
+            values = phi_of(self._cuts[k], classes[arcs], roots) / self._scale[z]
             program.put("cuts", "flow", np.full(len(entries), k), arcs, -values)
             program.put("cuts", "roots", np.array([k]), np.array([z]), np.ones(1))
 

@@ -29,6 +29,7 @@ from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.pricing import Priced, Pricer
 from cocap_opt.formulations.column_generation.parameters import AscentParameters
 from cocap_opt.formulations.relaxations.duals import Duals
+from cocap_opt.formulations.relaxations.separation import phi_of
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop
 
@@ -219,7 +220,7 @@ def _cut_heights(base: MixtureProgram, classes: IntArray, cuts: Sequence[Cut]) -
     for cut in cuts:
         part = slice(*by_view_sum.indptr[cut.view_sum : cut.view_sum + 2])
         at.append(by_view_sum.indices[part].astype(np.int64))
-        values.append(cut.phi_of(classes[at[-1]], by_view_sum.data[part]))
+        values.append(phi_of(cut, classes[at[-1]], by_view_sum.data[part]))
         ends.append(ends[-1] + len(at[-1]))
     shape = len(classes), len(cuts)
     return sparse.csc_array((np.concatenate(values), np.concatenate(at), ends), shape).tocsr()

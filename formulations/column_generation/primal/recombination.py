@@ -30,6 +30,11 @@ from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
 
+def searches_are_fast(stop: Stop) -> bool:
+    """Returns True if searches are compiled, or will be once they are long."""
+    return compiled_search.is_loaded() or compiled_search.may_take_over(stop)
+
+
 @dataclass
 class Recombination:
     """The plans that were found, and what is known of their recombinations.
@@ -96,7 +101,7 @@ class Recombination:
     def _most_nodes(self, stop: Stop) -> int:
         """Returns how many nodes the searches may take."""
         most, plain = self.parameters.most_nodes, self.parameters.most_plain_nodes
-        return most if compiled_search.is_fast(stop) else plain
+        return most if searches_are_fast(stop) else plain
 
     def _recombined(
         self, parents: frozenset[PlanKey], best: Incumbent, narrowing: Narrowing, stop: Stop

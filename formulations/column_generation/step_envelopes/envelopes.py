@@ -25,7 +25,7 @@ above higher targets are tried.
 import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 
 import numpy as np
@@ -47,6 +47,10 @@ from cocap_opt.formulations.column_generation.master.columns import Arc, Column
 from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.parameters import EnvelopeParameters
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.formulations.column_generation.step_envelopes.counting import (
+    joint_states_left,
+    states_left,
+)
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
@@ -99,7 +103,7 @@ def step_envelopes(
     try:
         if envelopes.try_paths():
             return
-        if most_joint == math.inf or narrowing.joint_states_left <= most_joint:
+        if most_joint == math.inf or joint_states_left(narrowing) <= most_joint:
             envelopes.run(cutoff)
     finally:
         if envelopes.bound < before - CLEARLY * abs(before):
@@ -240,7 +244,7 @@ class _Envelopes:
 
     def _is_small(self) -> bool:
         """Returns True if the searches of the steps may end."""
-        left = self.narrowing.states_left[self.search.model.problem.first_step :]
+        left = states_left(self.narrowing)[self.steps.start :]
         few = self._can_be_listed() and not self.lists_stall
         most = self._parameters.few_states_left if few else self._parameters.most_states_left
         return int(left.sum()) <= most and int(left.max()) <= self._parameters.most_at_a_step
@@ -324,7 +328,7 @@ class _Envelopes:
         heights = {}
         for t, joint in sorted(bundle.joints.items(), key=lambda item: len(item[1].states)):
             self.report()
-            paid = joint.repriced(prices[bundle.span(t)], self.narrowing.ceiling(t))
+            paid = _repriced(joint, prices[bundle.span(t)], self.narrowing.ceiling(t))
             least = self.known.highest(paid)
             if bundle.has_lists:
                 least = max(least, bundle.constants[t])
@@ -406,6 +410,20 @@ class _Envelopes:
         self.stages.append(stage)
         self.report()
         return True
+
+
+def _repriced(joint: JointStates, price: FloatArray, constant: float) -> JointStates:
+    """Returns the same joint states at other prices.
+
+    Parameters
+    ----------
+    constant : that no joint state's profit exceeds at the present prices, rounding included
+    """
+    raised = price - joint.price
+    ceilings = [(profit, before + raised) for profit, before in joint.ceilings]
+    if constant < math.inf:
+        ceilings.append((constant, raised))
+    return replace(joint, price=price, ceilings=tuple(ceilings))
 
 
 def _after(stage: Stage, narrowing: Narrowing) -> Narrowing:

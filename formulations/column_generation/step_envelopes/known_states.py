@@ -4,7 +4,7 @@ Local search raises a joint state of one step robot after robot, as high as can 
 compiled (`ascent_kernel`), so that it begins at more joint states in less time.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -60,7 +60,8 @@ class Known:
         """Remembers a joint state, if there is one; returns True if it is new."""
         if not positions:
             return False
-        key = tuple(sorted(joint.keys[k] for k in positions))
+        at = list(positions)
+        key = tuple(sorted(_named(joint.class_of[at], joint.states[at])))
         states = self._joint.setdefault(joint.t, {})
         is_new = key not in states
         states[key] = None
@@ -73,7 +74,7 @@ class Known:
 
     def at(self, joint: JointStates) -> list[list[int]]:
         """Returns the positions of the joint states that are known and still count."""
-        at = {place: k for k, place in enumerate(joint.keys)}
+        at = {place: k for k, place in enumerate(_named(joint.class_of, joint.states))}
         keys = self._joint.get(joint.t, {})
         found = [[at[place] for place in key] for key in keys if all(place in at for place in key)]
         if not found:
@@ -108,6 +109,11 @@ class Known:
         return max((joint.reduced_profit(found) for found in self.ascended(joint)), default=-np.inf)
 
 
+def _named(classes: IntArray, states: IntArray) -> Iterator[tuple[int, int]]:
+    """Returns class and number of each of some states [n]."""
+    return zip(classes.tolist(), states.tolist(), strict=True)
+
+
 def _local_optima(
     joint: JointStates, starts: Sequence[Sequence[int]], is_compiled: bool = False
 ) -> IntArray:
@@ -132,7 +138,7 @@ def _local_optima(
 
 
 def _that_count(joint: JointStates, teams: IntArray) -> BoolArray:
-    """Returns True for the joint states [K, R] that obey `JointStates.counts`."""
+    """Returns True for the joint states [K, R] that some plan above the target may visit."""
     low = joint.worths(teams) - joint.charge[teams].sum(axis=1)
     able: BoolArray = low >= joint.floor - joint.margin
     for k in range(teams.shape[1]):

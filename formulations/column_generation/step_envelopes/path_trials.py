@@ -14,11 +14,11 @@ from cocap_opt.formulations.certificates.staged import (
     Narrowing,
     NotEndedError,
     best_plan,
-    compiled_search,
     may_be_used,
 )
 from cocap_opt.formulations.column_generation.parameters import TrialParameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
+from cocap_opt.formulations.column_generation.primal.recombination import searches_are_fast
 from cocap_opt.formulations.column_generation.search import Search
 
 
@@ -117,4 +117,4 @@ class PathTrials:
     def _fewest_nodes(self) -> int:
         """Returns how many nodes any trial may take."""
         few, plain = self._parameters.fewest_nodes, self._parameters.fewest_plain_nodes
-        return few if compiled_search.is_fast(self.search.stop) else plain
+        return few if searches_are_fast(self.search.stop) else plain

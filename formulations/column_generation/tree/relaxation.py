@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cocap_opt.formulations.certificates import CertificateFile, Decision, certify
+from cocap_opt.formulations.certificates import CertificateFile, Decision
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.master import BEST_ACCURACY, Master
@@ -27,6 +27,7 @@ from cocap_opt.formulations.column_generation.parameters import RelaxationParame
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.separation import loose_view_sums
+from cocap_opt.formulations.result import certify
 from cocap_opt.stop import LimitReached
 
 _LEAST_SHARE = 1e-6  # of a cut in a solution, from which on it is kept
