@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cocap_opt.formulations.certificates import verify
+from cocap_opt.formulations.certificates import Staged, verify
 from cocap_opt.formulations.certificates.staged import Narrowing, NotEndedError, compiled_search
 from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan
 from cocap_opt.formulations.column_generation.parameters import (
@@ -18,11 +18,9 @@ from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes import envelopes, path_trials
 from cocap_opt.formulations.column_generation.step_envelopes.counting import states_left
-from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
-from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import ListLengths
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
 from cocap_opt.formulations.column_generation.tree.root import Root
-from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.formulations.result import OPTIMALITY, certify
 from cocap_opt.model import compiled
 from cocap_opt.problem import Plan
 from cocap_opt.scenarios import load_scene
@@ -165,28 +163,27 @@ def test_stages_are_repeated_for_a_better_plan() -> None:
     assert better is not None
     search.incumbent = Incumbent.of_plan(search.model, Plan.hovering(search.model.problem))
     narrowing = search.narrowing(duals)
-    assert narrowing is not None
-    steps = range(1, search.model.problem.horizon + 1)
-    known = Known(search.rng, DEFAULTS.bundle)
-    known.add_plan(better, steps)
-    stages = envelopes._Envelopes(
-        search, narrowing, duals, known, steps,
-        PathTrials(search, is_on=False), ListLengths(len(steps), DEFAULTS.lists),
-    )  # fmt: skip
-    stages._lower()
-    stages._pay(root.cutoff)
-    before = stages.narrowing
-    stages._raise_target()
-    assert stages.narrowing is before
+    search.parameters = Parameters(envelopes=EnvelopeParameters(most_rounds=1))
+    envelopes.step_envelopes(search, duals, root.cutoff, tries_paths=False)
+    assert narrowing is not None and search.spare is not None
+    proved = envelopes.Stages(narrowing)
+    for stage in search.spare.certificate.stages:
+        proved = proved.then(stage)
+    before = proved.narrowing
+    assert len(proved.stages) == 2 and before.pricing.bound == search.spare.proved
     search.offer(better)
-    stages._raise_target()
-    after = stages.narrowing
+    higher = search.narrowing(duals)
+    assert higher is not None
+    asked: list[None] = []
+    after = proved.again(higher, lambda: asked.append(None)).narrowing
+    assert len(asked) == len(proved.stages)
     assert after.target == better.value > before.target
     assert states_left(after).sum() < states_left(before).sum()
     assert after.bound <= before.bound + before.rounding
-    assert {path for _, path in stages.known.paths} >= set(better.paths)
-    file = stages.file()
+    numbers = Staged(duals.certificate(search.model), after.target, proved.stages)
+    file = certify(search.model.problem, search.model, "again", numbers)
     assert verify(search.model.problem, file, model=search.model).bound == file.bound
+    assert file.bound == after.pricing.bound
 
 
 def test_a_better_plan_found_in_a_round_is_the_target_of_the_next(
@@ -198,13 +195,15 @@ def test_a_better_plan_found_in_a_round_is_the_target_of_the_next(
     better = search.incumbent
     assert better is not None
     search.incumbent = Incumbent.of_plan(search.model, Plan.hovering(search.model.problem))
-    targets = []
+    targets, paths = [], []
 
     def finding(self: envelopes._Envelopes, _: object) -> None:
         targets.append(self.narrowing.target)
+        paths.append({path for _, path in self.known.paths})
         search.offer(better)
 
     monkeypatch.setattr(envelopes._Envelopes, "_pay", finding)
     envelopes.step_envelopes(search, duals, root.cutoff, tries_paths=False)
     assert targets[0] < better.value
     assert targets[1] == better.value
+    assert paths[1] >= set(better.paths)

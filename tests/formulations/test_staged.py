@@ -568,11 +568,10 @@ def test_a_narrowing_never_changes() -> None:
     rng, model = np.random.default_rng(0), compiled(tiny())
     narrowing = Narrowing.of(model, random_multipliers(model, rng), -1.0).closed()
     before = deepcopy(narrowing)
-    higher = narrowing.above(-0.5).repriced(random_prices(model, rng))
-    for t in (1, 2):
-        joint = higher.joint_states(t)
-        higher = higher.lowered(joint, most_profitable(joint, -100.0, 10**6).profit)
-    higher = higher.closed()
+    stage = Stage(random_prices(model, rng), (StepConstant(1, -100.0), StepConstant(2, -100.0)))
+    higher = narrowing.above(-0.5).after(
+        stage, lambda _, joint: most_profitable(joint, -100.0, 10**6).profit
+    )
     assert higher.constants.tolist() != before.constants.tolist()
     for name in ("constants", "rewards", "left", "slack"):
         np.testing.assert_array_equal(getattr(narrowing, name), getattr(before, name))
@@ -580,16 +579,19 @@ def test_a_narrowing_never_changes() -> None:
     assert not narrowing.joint_states(1).ceilings and higher.joint_states(1).ceilings
 
 
-def test_what_is_known_of_other_prices_lowers_no_constant() -> None:
-    """Joint states must be those of the present prices, and a step without a constant is no end."""
+def test_a_stage_proves_no_more_than_its_constants_and_searches() -> None:
+    """New prices need a constant, and no search makes it less than what the stage says."""
     rng, model = np.random.default_rng(0), compiled(tiny())
     narrowing = Narrowing.of(model, random_multipliers(model, rng), -1.0).closed()
-    before, after = narrowing.joint_states(1), narrowing.repriced(random_prices(model, rng))
-    with pytest.raises(ValueError, match="step 1 have other prices"):
-        after.lowered(before, -100.0)
-    for unfinished in (after.closed, lambda: after.above(0.0), lambda: after.pricing):
-        with pytest.raises(CertificateError, match="too large"):
-            unfinished()
+    prices = random_prices(model, rng)
+    assert {step.t for step in prices} == {1, 2}
+    with pytest.raises(CertificateError, match="stage: a step has payments but no constant"):
+        narrowing.after(Stage(prices, (StepConstant(1, 10.0),)), lambda *_: 10.0)
+    constants = (StepConstant(1, 10.0), StepConstant(2, 20.0))
+    after = narrowing.after(Stage(prices, constants), lambda *_: -math.inf)
+    assert after.constants[1:].tolist() == pytest.approx([10.0, 20.0])
+    with pytest.raises(CertificateError, match=r"constants\[0\]: .* states are left at step 1"):
+        narrowing.after(Stage(prices, constants), lambda *_: 0.0, most_states=0)
 
 
 @pytest.mark.slow

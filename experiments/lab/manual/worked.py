@@ -3,7 +3,7 @@
 Small scenes, whose numbers can be followed by hand; the bottleneck, where they are of real size.
 """
 
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,8 +18,14 @@ from cocap_opt.formulations.certificates import (
     Staged,
     verify,
 )
+from cocap_opt.formulations.certificates.format import Stage as FileStage
 from cocap_opt.formulations.certificates.pricing import CertificatePrices
-from cocap_opt.formulations.certificates.staged import Narrowing, best_plan, most_profitable
+from cocap_opt.formulations.certificates.staged import (
+    JointStates,
+    Narrowing,
+    best_plan,
+    most_profitable,
+)
 from cocap_opt.formulations.certificates.staged.stages import MOST_NODES
 from cocap_opt.formulations.certificates.sweep import plain_sweep
 from cocap_opt.formulations.column_generation.search import Search
@@ -194,14 +200,14 @@ def stages() -> list[Stage]:
     narrowing = narrowing.closed()
     found.append(_stage("after the multipliers", narrowing))
     for n, stage in enumerate(own.stages, 1):
-        narrowing = narrowing.repriced(stage.prices)
-        for step in stage.constants:
-            joint = narrowing.joint_states(step.t, step.constant)
-            profit = most_profitable(joint, step.constant, MOST_NODES).profit
-            narrowing = narrowing.lowered(joint, profit)
-        narrowing = narrowing.closed()
+        narrowing = narrowing.after(stage, partial(_most_profit, stage))
         found.append(_stage(f"after stage {n}", narrowing))
     return found
+
+
+def _most_profit(stage: FileStage, k: int, joint: JointStates) -> float:
+    """Returns the most profit of the joint states of a stage's constant, if that is more."""
+    return most_profitable(joint, stage.constants[k].constant, MOST_NODES).profit
 
 
 def middle() -> int:

@@ -31,13 +31,13 @@ short list; K_t is then found by search among the states on the list. Higher pri
 nothing where their paths' slack is as large. Joint states that break (*) of an earlier stage may
 have more profit than (**), but no plan above the target visits these.
 
-A `Narrowing` never changes: what narrows further returns the next one. New prices and the slacks
-that belong to them come together, and only joint states of the present prices lower a constant; so
-there is no order of calls that would prove too much.
+A `Narrowing` never changes: what narrows further returns the next one. A stage is one call, which
+prices, asks for the constants of its own joint states and closes; so there is no order of calls
+that would prove too much, and no joint states of another narrowing lower a constant.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
@@ -45,7 +45,12 @@ import numpy as np
 
 from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.certificates.format import CertificateError, Multipliers, StepPrices
+from cocap_opt.formulations.certificates.format import (
+    CertificateError,
+    Multipliers,
+    Stage,
+    StepPrices,
+)
 from cocap_opt.formulations.certificates.pricing import (
     UNIT_ROUNDOFF,
     CertificatePrices,
@@ -63,6 +68,9 @@ from cocap_opt.stop import Stop, never
 
 # The constant that replaced prices of a step had, rounding included, and those of each class [S].
 _Earlier = tuple[float, list[FloatArray]]
+
+# Finds a profit that none of some joint states exceeds; given a constant's position, and them.
+Search = Callable[[int, JointStates], float]
 
 
 class _Closing(NamedTuple):
@@ -127,6 +135,7 @@ class Narrowing:
     target : J: plans that are not above it need not be bounded
     constants : [T+1] K_t; infinite where prices are new
     rewards : of each class, the prices of states [T+1, S], which its robots get for being there
+    charges : of each class, what its robots are charged by rows
     row_multipliers : the step and the multiplier of each row
     """
 
@@ -134,9 +143,9 @@ class Narrowing:
     target: float
     constants: FloatArray
     rewards: list[FloatArray]
-    _prices: CertificatePrices
+    charges: list[Charges]
     row_multipliers: tuple[tuple[int, float], ...]
-    _charges: list[Charges]
+    _prices: CertificatePrices
     _sweeps: _Sweeps
     _closing: _Closing
     _earlier: tuple[tuple[_Earlier, ...], ...]  # by step
@@ -166,8 +175,8 @@ class Narrowing:
         everywhere = [np.ones(reward.shape, dtype=np.bool_) for reward in rewards]
         sweeps = _Sweeps.of(model, charges, rewards, everywhere)
         first = cls(
-            model, target, constants.sum(axis=1), rewards, prices,
-            tuple((row.resource.t, row.multiplier) for row in multipliers.rows), charges, sweeps,
+            model, target, constants.sum(axis=1), rewards, charges,
+            tuple((row.resource.t, row.multiplier) for row in multipliers.rows), prices, sweeps,
             _Closing(constants.sum(axis=1), constants, [], []), ((),) * len(constants),
         )  # fmt: skip
         first._require_finite()
@@ -228,10 +237,6 @@ class Narrowing:
         """Returns the right side of (*) for a target, rounding included."""
         return self.bound + 2 * self.rounding - target
 
-    def charges(self, number: int) -> Charges:
-        """Returns what the robots of a class are charged by rows."""
-        return self._charges[number]
-
     # -- the next narrowing -------------------------------------------------------------------
 
     def closed(self) -> "Narrowing":
@@ -247,7 +252,7 @@ class Narrowing:
         left = [
             is_left & (slack <= room) for is_left, slack in zip(self.left, self.slack, strict=True)
         ]
-        after = replace(self, _sweeps=_Sweeps.of(self.model, self._charges, self.rewards, left))
+        after = replace(self, _sweeps=_Sweeps.of(self.model, self.charges, self.rewards, left))
         return replace(
             after, _closing=after._closed_now(after.constants - after.room_above(after.target))
         )
@@ -271,7 +276,41 @@ class Narrowing:
         ]
         return replace(self, target=target, _sweeps=self._sweeps._replace(left=left)).closed()
 
-    def repriced(self, prices: Sequence[StepPrices]) -> "Narrowing":
+    def after(
+        self, stage: Stage, search: Search, field: str = "stage", most_states: float = math.inf
+    ) -> "Narrowing":
+        """Returns the narrowing after a stage: prices, then constants, then states closed.
+
+        Parameters
+        ----------
+        search : called with the position of each constant of the stage, and with the joint states
+            that may have more profit than it says; returns a profit that none of them exceeds. A
+            constant is never lowered to less than it says.
+        field : name of the stage, for messages
+        most_states : that a step may have left
+
+        Raises
+        ------
+        CertificateError
+            If a step has new prices and no constant, or more states.
+        """
+        narrowing = self._repriced(stage.prices)
+        for k, claim in enumerate(stage.constants):
+            states = narrowing._states_of_joint(claim.t, claim.constant)
+            if (left := sum(map(len, states))) > most_states:
+                raise CertificateError(
+                    f"{field}.constants[{k}]: {left:,} states are left at step {claim.t}; "
+                    f"at most {most_states:,} can be searched"
+                )
+            joint = narrowing.joint_states_of(claim.t, states)
+            narrowing = narrowing._lowered(joint, max(search(k, joint), claim.constant))
+        if not math.isfinite(narrowing.rounding):
+            raise CertificateError(
+                f"{field}: a step has payments but no constant, or too large ones"
+            )
+        return narrowing.closed()
+
+    def _repriced(self, prices: Sequence[StepPrices]) -> "Narrowing":
         """Returns the narrowing at new prices; K_t of their steps is not known there."""
         if not prices:
             return self
@@ -279,43 +318,28 @@ class Narrowing:
         earlier = [*self._earlier]
         for step in prices:
             t, graph = step.t, self.model.classes[step.class_number].graph
-            if (constant := float(constants[t])) < math.inf:
+            if constants[t] < math.inf:
                 before = [reward[t].copy() for reward in rewards]
-                earlier[t] = (*earlier[t], (constant + self._rounding(abs(constant)), before))
+                earlier[t] = (*earlier[t], (self.ceiling(t), before))
             reward = rewards[step.class_number][t]
             reward += step.others
             reward[[graph.index(state) for state in step.states]] = step.prices
             constants[t] = math.inf
-        sweeps = _Sweeps.of(self.model, self._charges, rewards, self.left)
+        sweeps = _Sweeps.of(self.model, self.charges, rewards, self.left)
         return replace(
             self, rewards=rewards, constants=constants, _sweeps=sweeps, _earlier=tuple(earlier)
         )
 
-    def lowered(self, joint: JointStates, profit: float) -> "Narrowing":
+    def _lowered(self, joint: JointStates, profit: float) -> "Narrowing":
         """Returns the narrowing with K_t lowered to a profit, and room for rounding.
 
         Parameters
         ----------
         joint : the joint states that are left at a step, at least all of more profit
-        profit : that a search among these has found none to exceed
-
-        Raises
-        ------
-        ValueError
-            If the joint states are of other prices.
         """
-        if not np.array_equal(joint.price, self._at(self.rewards, joint)):
-            raise ValueError(f"the joint states of step {joint.t} have other prices")
         constants = self.constants.copy()
         constants[joint.t] = min(float(constants[joint.t]), profit + joint.margin)
         return replace(self, constants=constants)
-
-    def _at(self, values: Sequence[FloatArray], joint: JointStates) -> FloatArray:
-        """Returns the values [T+1, S] of classes at the states [n] of a step."""
-        return np.concatenate([
-            value[joint.t, joint.states[joint.class_of == number]]
-            for number, value in enumerate(values)
-        ])  # fmt: skip
 
     def _closed_now(self, floors: FloatArray) -> _Closing:
         """Returns what decides from now on which joint states count."""
@@ -339,7 +363,7 @@ class Narrowing:
         ----------
         above : states may be missing that are in no joint state of more profit than this
         """
-        return self.joint_states_of(t, self.states_of_joint(t, above))
+        return self.joint_states_of(t, self._states_of_joint(t, above))
 
     def joint_states_of(self, t: int, states: Sequence[IntArray]) -> JointStates:
         """Returns the joint states of some of the states that are left to each class at a step."""
@@ -361,7 +385,7 @@ class Narrowing:
         """Returns the ceiling that the present constant of a step is to later prices."""
         return float(self.constants[t]) + self._rounding(abs(float(self.constants[t])))
 
-    def states_of_joint(self, t: int, above: float = -math.inf) -> list[IntArray]:
+    def _states_of_joint(self, t: int, above: float = -math.inf) -> list[IntArray]:
         """Returns the states of each class that ceilings leave in a joint state of more profit."""
         states = [np.flatnonzero(is_left[t]) for is_left in self.left]
         sizes = self.model.class_sizes

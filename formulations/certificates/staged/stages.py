@@ -5,20 +5,20 @@ At the end the paths of all robots together that are left may be explored (`join
 plans above the target or a higher one.
 """
 
-import math
 from collections.abc import Callable
-from itertools import count
+from dataclasses import dataclass
 
-from cocap_opt.data import IntArray
 from cocap_opt.formulations.certificates.format import (
     CertificateError,
     Stage,
     Staged,
+    StepConstant,
     UnfinishedError,
 )
 from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.resources import Visit
 from cocap_opt.formulations.certificates.staged.joint_paths import best_plan, may_be_used
+from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
 from cocap_opt.formulations.certificates.staged.search import NotEndedError, most_profitable
 from cocap_opt.model import Model
@@ -53,15 +53,11 @@ def price_staged(
         At a limit.
     """
     narrowing = Narrowing.of(model, certificate.multipliers, certificate.target, stop).closed()
-    nodes = MOST_NODES
-    searches = count(1)
     total = sum(len(stage.constants) for stage in certificate.stages)
+    searches = _Searches(MOST_NODES, total, stop, progress, plain)
     for n, stage in enumerate(certificate.stages):
         stop.check()
-        narrowing, nodes = _after(
-            narrowing, stage, f"certificate.stages[{n}]", nodes, stop, plain,
-            lambda: progress(next(searches), total),
-        )  # fmt: skip
+        narrowing = searches.after(stage, narrowing, f"certificate.stages[{n}]")
     if certificate.paths_above is None:
         return narrowing.pricing
     if not may_be_used(model):
@@ -70,7 +66,7 @@ def price_staged(
         )
     higher = narrowing.above(certificate.paths_above)
     try:
-        best = best_plan(higher, nodes, stop, plain)
+        best = best_plan(higher, searches.nodes_left, stop, plain)
     except NotEndedError as error:
         raise UnfinishedError(
             "certificate.paths_above: not verified: too many joint states are left to go through "
@@ -79,51 +75,53 @@ def price_staged(
     return higher.pricing_of(best.value)
 
 
-def _after(
-    narrowing: Narrowing, stage: Stage, field: str, nodes: int, stop: Stop, plain: bool,
-    tell: Callable[[], None],
-) -> tuple[Narrowing, int]:  # fmt: skip
-    """Returns the narrowing after a stage, and how many of the nodes its searches have left.
+@dataclass
+class _Searches:
+    """The searches of a file, which have a number of nodes in all.
 
-    The stage replaces prices and constants, and closes states.
+    Attributes
+    ----------
+    nodes_left : that they may still have
+    total : number of searches
+    progress : told how many searches are done, and of how many
+    done : how many are
     """
-    _check(narrowing.model, stage, field)
-    narrowing = narrowing.repriced(stage.prices)
-    for k, step in enumerate(stage.constants):
-        stop.check()
-        name = f"{field}.constants[{k}]"
-        states = _few_states(narrowing, step.t, name, step.constant)
-        joint = narrowing.joint_states_of(step.t, states)
+
+    nodes_left: int
+    total: int
+    stop: Stop
+    progress: Callable[[int, int], None]
+    plain: bool
+    done: int = 0
+
+    def after(self, stage: Stage, narrowing: Narrowing, field: str) -> Narrowing:
+        """Returns the narrowing after a stage, which is checked first."""
+        _check(narrowing.model, stage, field)
+
+        def most_profit(k: int, joint: JointStates) -> float:
+            return self._most_profit(joint, stage.constants[k], f"{field}.constants[{k}]")
+
+        return narrowing.after(stage, most_profit, field, MOST_STATES)
+
+    def _most_profit(self, joint: JointStates, claim: StepConstant, field: str) -> float:
+        """Returns the most profit of joint states, or the constant that is claimed if it is more.
+
+        Parameters
+        ----------
+        field : name of the claim in its file, for the message
+        """
+        self.stop.check()
         try:
-            found = most_profitable(joint, step.constant, nodes, stop, plain)
+            found = most_profitable(joint, claim.constant, self.nodes_left, self.stop, self.plain)
         except NotEndedError as error:
             raise UnfinishedError(
-                f"{name}: not verified: the searches of the file do not end within {MOST_NODES:,} "
+                f"{field}: not verified: the searches of the file do not end within {MOST_NODES:,} "
                 "nodes in all; the claim may hold all the same"
             ) from error
-        nodes -= found.nodes
-        narrowing = narrowing.lowered(joint, found.profit)
-        tell()
-    if not math.isfinite(narrowing.rounding):
-        raise CertificateError(f"{field}: a step has payments but no constant, or too large ones")
-    return narrowing.closed(), nodes
-
-
-def _few_states(narrowing: Narrowing, t: int, field: str, above: float) -> list[IntArray]:
-    """Returns the states to search at a step, class by class; refuses where too many are left.
-
-    Parameters
-    ----------
-    field : name of the step's constant in its file, for the message
-    above : states are missing that are in no joint state of more profit than this
-    """
-    states = narrowing.states_of_joint(t, above)
-    if (left := sum(map(len, states))) > MOST_STATES:
-        raise CertificateError(
-            f"{field}: {left:,} states are left at step {t}; "
-            f"at most {MOST_STATES:,} can be searched"
-        )
-    return states
+        self.nodes_left -= found.nodes
+        self.done += 1
+        self.progress(self.done, self.total)
+        return found.profit
 
 
 def _check(model: Model, stage: Stage, field: str) -> None:

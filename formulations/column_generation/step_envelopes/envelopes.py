@@ -23,10 +23,11 @@ above higher targets are tried.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
@@ -97,7 +98,7 @@ def step_envelopes(
         known.add_path(column.along.class_number, column.path)
     before = narrowing.pricing.bound
     envelopes = _Envelopes(
-        search, narrowing, duals, known, steps,
+        search, Stages(narrowing), duals, known, steps,
         PathTrials(search, is_on=tries_paths), ListLengths(len(steps), search.parameters.lists),
     )  # fmt: skip
     try:
@@ -110,12 +111,49 @@ def step_envelopes(
             envelopes.offer()
 
 
+class Stages(NamedTuple):
+    """Stages and the narrowing that they lead to, which only change together.
+
+    Searches among more states have found the constants. They get as much room for rounding as a
+    checker gives them, who searches among fewer.
+    """
+
+    narrowing: Narrowing
+    stages: tuple[Stage, ...] = ()
+
+    def then(self, stage: Stage) -> "Stages":
+        """Returns the stages with one more, whose constants no joint state is known to exceed."""
+        narrowing = self.narrowing.after(stage, lambda k, _: stage.constants[k].constant)
+        return Stages(narrowing, (*self.stages, stage))
+
+    def lowered(self, constants: Sequence[StepConstant]) -> "Stages":
+        """Returns the stages with one of constants alone; those that lower nothing are left out."""
+        narrowing = self.then(Stage(constants=tuple(constants))).narrowing
+        lower = narrowing.constants < self.narrowing.constants
+        stage = Stage(constants=tuple(claim for claim in constants if lower[claim.t]))
+        return Stages(narrowing, (*self.stages, stage))
+
+    def again(self, narrowing: Narrowing, tell: Callable[[], None]) -> "Stages":
+        """Returns the same stages from another narrowing on, of a higher target.
+
+        Parameters
+        ----------
+        tell : called before each stage
+        """
+        found = Stages(narrowing)
+        for stage in self.stages:
+            tell()
+            found = found.then(stage)
+        return found
+
+
 @dataclass
 class _Envelopes:
     """The stages so far, and what is known of joint states and paths.
 
     Attributes
     ----------
+    proved : the stages so far, and what they leave
     steps : at which views count
     trials : of the paths of all robots together
     lengths : of the lists of states
@@ -125,13 +163,12 @@ class _Envelopes:
     """
 
     search: Search
-    narrowing: Narrowing
+    proved: Stages
     duals: Duals
     known: Known
     steps: range
     trials: PathTrials
     lengths: ListLengths
-    stages: list[Stage] = field(default_factory=list)
     nodes: int = 0
     lists_stall: bool = False
     responses: int = 0
@@ -143,6 +180,11 @@ class _Envelopes:
     @property
     def _parameters(self) -> EnvelopeParameters:
         return self.search.parameters.envelopes
+
+    @property
+    def narrowing(self) -> Narrowing:
+        """Where better plans can be, after the stages so far."""
+        return self.proved.narrowing
 
     @property
     def bound(self) -> float:
@@ -185,7 +227,9 @@ class _Envelopes:
                 break
         self._raise_target()
         if self.bound > cutoff():
-            self.trials.for_higher_targets(self.narrowing, len(self.stages), self.nodes, self.offer)
+            self.trials.for_higher_targets(
+                self.narrowing, len(self.proved.stages), self.nodes, self.offer
+            )
 
     def _has_better_plan(self) -> bool:
         """Returns True if a plan is clearly above the target of the stages."""
@@ -205,15 +249,16 @@ class _Envelopes:
             return
         # Of the paths that are known, these are sure to be among the states that are left.
         self.known.add_plan(plan, self.steps)
-        for stage in self.stages:
-            self.search.stop.check()
-            self.search.report_again()
-            narrowing = _after(stage, narrowing)
-        self.narrowing = narrowing
+        self.proved = self.proved.again(narrowing, self._tell_again)
+
+    def _tell_again(self) -> None:
+        """Reports that the search goes on; raises LimitReached."""
+        self.search.stop.check()
+        self.search.report_again()
 
     def try_paths(self) -> bool:
         """Tries all paths of better plans that are left; returns True if that has ended."""
-        has_ended = self.trials.after_stages(self.narrowing, len(self.stages), self.nodes)
+        has_ended = self.trials.after_stages(self.narrowing, len(self.proved.stages), self.nodes)
         if has_ended:
             self.offer()
         return has_ended
@@ -237,7 +282,7 @@ class _Envelopes:
             certificate=Staged(
                 self.duals.certificate(model),
                 self.narrowing.target,
-                tuple(self.stages[: trials.stages if is_tried else None]),
+                self.proved.stages[: trials.stages if is_tried else None],
                 trials.above if is_tried else None,
             ),
         )
@@ -266,15 +311,10 @@ class _Envelopes:
                 if found is None:
                     continue
                 self.known.add(higher, found.positions)
-                claim = StepConstant(t, found.profit)
-                lowered = _lowered(self.narrowing, claim)
-                if lowered.constants[t] < self.narrowing.constants[t]:
-                    constants.append(claim)
-                self.narrowing = lowered
+                constants.append(StepConstant(t, found.profit))
         finally:
             # What was lowered before a limit counts, so that the certificate has to tell of it.
-            self.narrowing = self.narrowing.closed()
-            self.stages.append(Stage(constants=tuple(constants)))
+            self.proved = self.proved.lowered(constants)
             self.report()
 
     def _searched(self, joint: JointStates, least: float, most_nodes: int) -> MostProfitable | None:
@@ -405,9 +445,7 @@ class _Envelopes:
             return False
         written = (bundle.written(t, prices[bundle.span(t)], heights[t]) for t in heights)
         constants_now = tuple(StepConstant(t, height) for t, height in heights.items())
-        stage = Stage(tuple(chain.from_iterable(written)), constants_now)
-        self.narrowing = _after(stage, self.narrowing)
-        self.stages.append(stage)
+        self.proved = self.proved.then(Stage(tuple(chain.from_iterable(written)), constants_now))
         self.report()
         return True
 
@@ -424,19 +462,3 @@ def _repriced(joint: JointStates, price: FloatArray, constant: float) -> JointSt
     if constant < math.inf:
         ceilings.append((constant, raised))
     return replace(joint, price=price, ceilings=tuple(ceilings))
-
-
-def _after(stage: Stage, narrowing: Narrowing) -> Narrowing:
-    """Returns the narrowing after a stage; that no joint state has more profit is known."""
-    narrowing = narrowing.repriced(stage.prices)
-    for claim in stage.constants:
-        narrowing = _lowered(narrowing, claim)
-    return narrowing.closed()
-
-
-def _lowered(narrowing: Narrowing, claim: StepConstant) -> Narrowing:
-    """Returns the narrowing with a step's constant as a search among more states has found it.
-
-    It leaves as much room for rounding as a checker does, who searches among fewer.
-    """
-    return narrowing.lowered(narrowing.joint_states(claim.t, claim.constant), claim.constant)

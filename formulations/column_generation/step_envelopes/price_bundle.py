@@ -318,7 +318,7 @@ class PriceBundle:
                 reward[t] += others.get(t, 0.0)
                 of_class = joint.class_of == number
                 reward[t, joint.states[of_class]] = prices[self._spans[t]][of_class]
-            charges = self._narrowing.charges(number)
+            charges = self._narrowing.charges[number]
             value = backward_sweep(
                 robot_class.graph, reward, self._bonuses, charges, robot_class.goal, self._stop
             )
@@ -336,7 +336,7 @@ class PriceBundle:
             left, graph = self._narrowing.left[number], self._model.classes[number].graph
             if not all(left[t, state] for t, state in enumerate(path)):
                 continue
-            charges, n_places = self._narrowing.charges(number), graph.n_places
+            charges, n_places = self._narrowing.charges[number], graph.n_places
             for t in range(len(path) - 1):
                 tail, head = path[t], path[t + 1]
                 ends = (number, t, tail), (number, t + 1, head)
