@@ -3,6 +3,7 @@
 import math
 from copy import copy
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,10 +14,12 @@ from cocap_opt.memory import require_memory
 from cocap_opt.model.coverage_estimate import CoverageEstimate
 from cocap_opt.problem import AnyCamera, Motion, Problem, Robot
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
-from cocap_opt.vision.cache import TableCache
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable, Progress
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import Views
+
+if TYPE_CHECKING:
+    from cocap_opt.vision.cache import TableCache
 
 Path = tuple[int, ...]  # T+1 state numbers of one robot
 Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on besides its start
@@ -129,7 +132,8 @@ class CoverageTables:
         if self._ended is not None and stop is self._ended[0]:
             raise LimitReached(self._ended[1])
         self.require_memory(spec)
-        key = self._key(spec) if self._use_cache else ""  # digests code, which is no coverage
+        cache = self._cache
+        key = "" if cache is None else self._key(cache, spec)  # digests code: that is no coverage
         clock = Clock()
         if math.isfinite(stop.seconds_left):
             reserve = max(reserve, self._seconds_to_bound(spec))
@@ -146,7 +150,8 @@ class CoverageTables:
         """Returns True if nothing is to be computed: the coverage is in memory or in the cache."""
         if _sight(spec) in self._tables:
             return True
-        return self._use_cache and TableCache.of_user().has(self._key(spec))
+        cache = self._cache
+        return cache is not None and cache.has(self._key(cache, spec))
 
     def estimate(self) -> CoverageEstimate:
         """Estimates what the coverage that is not there yet will cost, from a sample of it.
@@ -178,17 +183,27 @@ class CoverageTables:
                 self._spent[_sight(spec)] = before + clock.seconds
             return table.table(), self._spent[_sight(spec)]
 
-        if not self._use_cache:
+        cache = self._cache
+        if cache is None:
             return self._by_view_sum(make()[0])
-        table, self._spent[_sight(spec)] = TableCache.of_user().table(key, make)
+        table, self._spent[_sight(spec)] = cache.table(key, make)
         return self._by_view_sum(table)
 
-    def _key(self, spec: Robot) -> str:
+    @property
+    def _cache(self) -> "TableCache | None":
+        """The user's cache, if it is to be used."""
+        if not self._use_cache:
+            return None
+        from cocap_opt.vision.cache import TableCache  # no judge of bounds loads it
+
+        return TableCache.of_user()
+
+    def _key(self, cache: "TableCache", spec: Robot) -> str:
         """Returns the digest of all that the coverage of a robot like this one depends on."""
         problem = self.problem
         poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
         shapes = [actor.shape for actor in problem.actors]
-        return TableCache.key(
+        return cache.key(
             __name__, problem.workspace, problem.airspace, spec.motion, spec.camera,
             graph_of(problem, spec).window,
             self._starts(spec), problem.horizon, problem.face_samples, problem.first_step, poses,

@@ -20,7 +20,6 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray, read_only
 from cocap_opt.problem.checks import require_scene
-from cocap_opt.problem.pictures import TopView
 from cocap_opt.problem.rules import NO_RULES
 from cocap_opt.problem.scene import SceneData
 from cocap_opt.text import printable
@@ -72,6 +71,8 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     def _repr_html_(self) -> str:
         """Describes the problem in a notebook, with a picture."""
+        from cocap_opt.problem.pictures import TopView  # which nothing that is computed needs
+
         return f"<p>{html.escape(repr(self))}</p>{TopView.of(self).image()}"
 
     @overload
@@ -91,6 +92,8 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         plan : a plan, or any object with `paths`
         ax : matplotlib axes; a figure of its own if not given
         """
+        from cocap_opt.problem.pictures import TopView  # as above
+
         return TopView.of(self, plan).draw(ax)
 
     def without_rules(self) -> "Problem":

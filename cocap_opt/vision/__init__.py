@@ -1,9 +1,9 @@
 """Coverage: the pixels that each face of the actors has in each robot's image, and its pictures.
 
-The modules build on one another in this order: projection, bodies, candidates, faces, shadows,
-visibility, views, coverage, cache; `render` is the slow reference that they are tested against.
-`unhidden` and `ceilings` bound coverage before it is computed; nothing else here uses them. The
-modules are imported one by one, since those that cast rays load Embree.
+The modules build on one another in this order: projection, bodies, candidates, surfaces, faces,
+shadows, visibility, views, coverage, cache; `render` is the slow reference that they are tested
+against. `unhidden` and `ceilings` bound coverage before it is computed; nothing else here uses
+them. The modules are imported one by one, since `surfaces` loads Embree.
 """
 
 __all__ = [

@@ -1,84 +1,22 @@
 """Geometry of all actors' faces at every step, and of the bodies that can hide them.
 
-Rays meet surfaces that are made of triangles, for pictures and for meshes that hide actors. Embree
-casts them. It computes in float32, so all coordinates are relative to a point near by: at map
-coordinates of 5e5 m it would otherwise lose several per cent of the pixels.
+All coordinates are relative to a point near by, which is what rays need (`surfaces`); these are
+cast only where a mesh is not convex.
 """
 
-from functools import cache, cached_property, lru_cache
-from typing import NamedTuple
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore import EmbreeDevice
-from embreex.rtcore_scene import EmbreeScene
 
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import FloatArray
 from cocap_opt.problem import SceneData, Shape
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.candidates import Candidates
 from cocap_opt.vision.projection import dot
 
-RAYS = 100_000  # rays cast at once, to bound the memory
-_TOUCH = 1e-3  # m; a hit this near to the target is the target itself
-
-
-@cache
-def _device() -> EmbreeDevice:
-    """Returns the one device of the process; each takes one of 1024 thread-local keys."""
-    return EmbreeDevice()
-
-
-class Surface:
-    """A surface of triangles.
-
-    Parameters
-    ----------
-    triangles : [n, 3, 3] m
-
-    Attributes
-    ----------
-    triangles : [n, 3, 3] m
-    """
-
-    def __init__(self, triangles: FloatArray) -> None:
-        self.triangles = triangles
-        self._scene: EmbreeScene | None = None
-        if len(triangles):
-            self._scene = EmbreeScene(_device(), robust=True)
-            TriangleMesh(self._scene, triangles.astype(np.float32))
-            # The first ray builds the scene; several threads must not do that at the same time.
-            self.first_hit(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]))
-
-    def first_hit(self, eyes: FloatArray, ways: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Returns the distances (m) at which rays first meet a triangle, and the triangles.
-
-        Parameters
-        ----------
-        eyes : [n, 3] m, starts of the rays
-        ways : [n, 3] unit vectors
-
-        Returns
-        -------
-        distances, triangles : [n] each; inf and -1 where there is nothing
-        """
-        if self._scene is None or not len(eyes):
-            return np.full(len(eyes), np.inf), np.full(len(eyes), -1)
-        hit = self._scene.run(eyes.astype(np.float32), ways.astype(np.float32), output=True)
-        triangles = hit["primID"].astype(np.int64)
-        return np.where(triangles >= 0, hit["tfar"].astype(np.float64), np.inf), triangles
-
-    def lets_pass(self, eyes: FloatArray, targets: FloatArray) -> BoolArray:
-        """Returns an array [n], true if a ray gets from its eye to its target, both [n, 3]."""
-        passes = np.ones(len(eyes), dtype=bool)
-        for first in range(0, len(eyes), RAYS):
-            batch = slice(first, first + RAYS)
-            ways = targets[batch] - eyes[batch]
-            length = np.maximum(np.sqrt(dot(ways, ways)), _TOUCH)  # a nearer one arrives
-            distance, _ = self.first_hit(eyes[batch], ways / length[:, None])
-            passes[batch] = distance >= length - _TOUCH
-        return passes
-
+if TYPE_CHECKING:
+    from cocap_opt.vision.surfaces import Surface
 
 ROUNDING = 1e-6  # m, much more than that of coordinates
 _DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
@@ -139,7 +77,7 @@ class FaceGeometry:
             for m, solid in zip(problem.meshes, solids, strict=True)
             if solid is None
         ]
-        self.mesh = Surface(np.concatenate(rough)) if rough else None
+        self.mesh = _surface(np.concatenate(rough)) if rough else None
         convex = [solid for solid in solids if solid is not None]
         self.columns = Bodies.of_columns(problem.height_map, self.origin)
         self._fixed = Bodies.joined([self.columns, *convex])
@@ -231,6 +169,13 @@ class FaceGeometry:
             Bodies.joined([Bodies.none(), *bodies]).taken(by_step),
             candidates,
         )
+
+
+def _surface(triangles: FloatArray) -> "Surface":
+    """Returns a surface of triangles [n, 3, 3], in m."""
+    from cocap_opt.vision.surfaces import Surface  # loads Embree, which few scenes need
+
+    return Surface(triangles)
 
 
 class _Local(NamedTuple):

@@ -13,7 +13,8 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.problem import Camera, Problem, Robot, State
 from cocap_opt.result import UnsupportedError
-from cocap_opt.vision.faces import FaceGeometry, Surface
+from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.surfaces import Surface
 
 SKY, TERRAIN = -2, -1  # in place of a face
 RAYS = 500_000  # cast at once, to bound the memory

@@ -5,7 +5,7 @@ of an actor, the pieces of its faces outside of all shadows are found, exactly. 
 are not convex, rays to points all over a piece tell how much of it is seen.
 """
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,12 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.problem import Problem
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.candidates import Skyline
-from cocap_opt.vision.faces import FaceGeometry, Faces, Surface
+from cocap_opt.vision.faces import FaceGeometry, Faces
 from cocap_opt.vision.projection import Projection, dot
 from cocap_opt.vision.shadows import Shadows
+
+if TYPE_CHECKING:
+    from cocap_opt.vision.surfaces import Surface
 
 _IN_ITS_PLANE = 1e-9  # m; an eye that is no farther before a face sees nothing of it
 _AT_ONCE = 50_000  # shadows, to bound the memory
@@ -133,7 +136,9 @@ class Visibility:
             veil = self._veil(self._mesh, pieces, behind, eyes[eye[owners]])
         return Sightings(whole, eye, face, np.cumsum(of_face) - of_face, of_face, pieces, veil)
 
-    def _veil(self, mesh: Surface, pieces: FloatArray, behind: IntArray, eyes: FloatArray) -> _Veil:
+    def _veil(
+        self, mesh: "Surface", pieces: FloatArray, behind: IntArray, eyes: FloatArray
+    ) -> _Veil:
         """Casts rays to points all over some pieces.
 
         Parameters
@@ -184,7 +189,7 @@ class Visibility:
         return casting.result()
 
     def _share_past_mesh(
-        self, mesh: Surface, faces: Faces, steps: IntArray, eyes: FloatArray, actors: IntArray
+        self, mesh: "Surface", faces: Faces, steps: IntArray, eyes: FloatArray, actors: IntArray
     ) -> FloatArray:
         """Returns the share [n] of points all over actors that rays from eyes [n, 3] reach."""
         targets = faces.points[steps, actors]

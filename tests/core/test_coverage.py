@@ -751,13 +751,13 @@ def test_values_do_not_depend_on_the_rays_cast_at_once(
     )
     scene = scene.replace(meshes=(rough,))
     expected = all_views(scene)
-    monkeypatch.setattr("cocap_opt.vision.faces.RAYS", rays)
+    monkeypatch.setattr("cocap_opt.vision.surfaces.RAYS", rays)
     assert all_views(scene).tobytes() == expected.tobytes()
 
 
 MANY_STEPS = """
 import numpy as np
-from cocap_opt.vision.faces import Surface
+from cocap_opt.vision.surfaces import Surface
 triangle = np.array([[[1.0, -9.0, -9.0], [1.0, 9.0, -9.0], [1.0, 0.0, 9.0]]])
 steps = [Surface(triangle) for _ in range(1500)]
 eye, way = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0]])

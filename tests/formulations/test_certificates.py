@@ -60,7 +60,8 @@ from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State
 from cocap_opt.referee import _Referee
 from cocap_opt.scenarios import load_scene
 
-CERTIFICATES = "cocap_opt.formulations.certificates"
+CORE = "cocap_opt"
+CERTIFICATES = f"{CORE}.formulations.certificates"
 
 
 def optimum_under(model: Model, decisions: tuple[Decision, ...]) -> float:
@@ -851,7 +852,7 @@ def loaded_by(code: str, *arguments: str) -> set[str]:
     ids=["face", "command"],
 )
 def test_checking_plain_certificates_loads_nothing_that_searches(code: str, tmp_path: Path) -> None:
-    """A plain certificate and a proof: no storey of staged ones, no numba, none of its caches."""
+    """A plain certificate and a proof: no storey of staged ones, no numba, no caster of rays."""
     problem = load_scene("tiny-doorway")
     model, rng = compiled(problem), np.random.default_rng(0)
     plain = certify(problem, model, "by hand", random_multipliers(model, rng))
@@ -863,4 +864,5 @@ def test_checking_plain_certificates_loads_nothing_that_searches(code: str, tmp_
     loaded = loaded_by(code, *map(str, files))
     assert f"{CERTIFICATES}.checking" in loaded
     assert not {name for name in loaded if name.startswith(f"{CERTIFICATES}.staged")}
-    assert not {"numba", "llvmlite"} & {name.split(".")[0] for name in loaded}
+    assert f"{CORE}.vision.coverage" in loaded and f"{CORE}.vision.surfaces" not in loaded
+    assert not {"numba", "llvmlite", "embreex"} & {name.split(".")[0] for name in loaded}
