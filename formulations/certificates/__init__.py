@@ -25,12 +25,37 @@ The upper storey, the folder `staged`, checks staged certificates by searches, i
 and 340 more that are compiled. It is loaded only where one of these is checked or made. `checking`
 opens it, in one place.
 
-Below both, the trusted core, about 5,000 lines: `cocap_opt.problem`, `world` and `graph` without
-`value_iteration` (which moves there are), `vision` (what a view sees), `model` (which drones share
-a graph, and what its places and states are), `objective` (weights and J), `data` (array types and
-checks of fields), `arithmetic` (of floats) and `files.documents` (the digest that ties a file to
-its scene). Besides these, importing it loads what no number depends on: `stop`, `text`, `memory`,
-`files.atomic_write`, `files.code`, and `method` (the records of methods, which import none).
+Below both, the trusted core, about 5,000 lines:
+
+- `problem`: `actor`, `airspace`, `camera`, `checks`, `motion`, `objective`, `plan`, `problem`,
+  `robot`, `rules`, `scene`, `shapes`; the scene, and which conflicts it forbids.
+- `world`: `columns`, `triangles`, `workspace`; what is solid.
+- `graph`: `charges`, `motion`, `move_rewards`, `timegraph`; which moves there are.
+- `vision`: `bodies`, `candidates`, `coverage`, `faces`, `projection`, `shadows`, `views`,
+  `visibility`; what a view sees.
+- `model`: `coverage_tables`, `model`, `places`; which drones share a graph, and its states.
+- `files`: `documents`, `strict_json`; reading files, and the digest that ties one to its scene.
+- `objective`, `arithmetic`, `data`; weights and J, sums of floats, and checks of fields.
+
+Importing it loads these as well, on which no number depends:
+
+- `model`: `coverage_estimate`; what coverage will cost.
+- `files`: `atomic_write`, `messages`; how files are written, and errors worded.
+- `formulations`, `method`; names of methods, none of which is imported.
+- `memory`, `stop`, `text`; refusals of what is too large, limits, and words.
+
+Some of what it may import it does not load at once:
+
+- `vision.surfaces`; rays, where a scene has meshes that are not convex: trusted for these scenes.
+- `problem.pictures`; for `Problem.plot`. `verify` draws nothing.
+- `vision.cache`, `files.code`; the cache of coverage. `verify` makes a model without it.
+
+Libraries that have to be trusted, too:
+
+- lower storey: `numpy`, `msgspec`, which decodes files, `psutil`, which says how much memory is
+  free, `scipy`, where a scene has meshes, `embreex`, where these are not convex, and
+  `matplotlib`, where something is drawn.
+- upper storey: these and `numba`, where it is installed and wanted.
 """
 
 from cocap_opt.formulations.certificates.checking import priced, verify

@@ -52,6 +52,11 @@ def imports(module: str) -> frozenset[str]:
     return _imports(module, of_types=True)
 
 
+def imports_to_run(module: str) -> frozenset[str]:
+    """Everything a module imports, anywhere in it, but for type checkers."""
+    return _imports(module, of_types=False)
+
+
 @cache
 def _imports(module: str, of_types: bool, in_functions: bool = True) -> frozenset[str]:
     """What a module imports, with or without what only type checkers or functions import."""

@@ -13,6 +13,10 @@ from cocap_opt.output.printing import Listing
 CHECKER = "cocap_opt.formulations.certificates"
 UPPER = f"{CHECKER}.staged"
 COMPILED = frozenset(f"{UPPER}.{name}" for name in ("compiled_search", "search_kernel"))
+# What the core imports for other things than checking, which never loads it.
+UNUSED = frozenset(
+    f"cocap_opt.{name}" for name in ("problem.pictures", "vision.cache", "files.code")
+)
 _DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -41,7 +45,7 @@ def storeys() -> dict[str, Trusted]:
     upper = {name for name in loaded if name.startswith(f"{UPPER}.")}
     lower = {name for name in loaded if name.startswith(f"{CHECKER}.")} - upper
     # The fronts of packages that only name what is in them are no part of it.
-    core = {name for name in loaded - lower - upper if code_lines(name)}
+    core = {name for name in loaded - lower - upper - UNUSED if code_lines(name)}
     return {
         "core": Trusted.of(core),
         "lower": Trusted.of(lower),
