@@ -342,7 +342,7 @@ def test_all_that_must_be_trusted_is_named() -> None:
     loaded, all_ = loaded_with(CERTIFICATES) - lower, reached(CERTIFICATES) - lower - upper
     told = sources()[CERTIFICATES].read_text().split('"""')[1]
     _, core, harmless, later, foreign = re.split(
-        r"Below both, |Importing it loads|Some of what it may|Libraries that have", told
+        r"Below both, |Importing the room|What it may import|Libraries that have", told
     )
     named = modules_named(core) | modules_named(harmless)
     rooms = {name for name in named if sources()[name].name == "__init__.py"}

@@ -25,7 +25,7 @@ The upper storey, the folder `staged`, checks staged certificates by searches, i
 and 340 more that are compiled. It is loaded only where one of these is checked or made. `checking`
 opens it, in one place.
 
-Below both, the trusted core, about 5,000 lines:
+Below both, the trusted core, about 4,600 lines:
 
 - `problem`: `actor`, `airspace`, `camera`, `checks`, `motion`, `objective`, `plan`, `problem`,
   `robot`, `rules`, `scene`, `shapes`; the scene, and which conflicts it forbids.
@@ -37,14 +37,14 @@ Below both, the trusted core, about 5,000 lines:
 - `files`: `documents`, `strict_json`; reading files, and the digest that ties one to its scene.
 - `objective`, `arithmetic`, `data`; weights and J, sums of floats, and checks of fields.
 
-Importing it loads these as well, on which no number depends:
+Importing the room loads these as well, on which no number depends:
 
 - `model`: `coverage_estimate`; what coverage will cost.
 - `files`: `atomic_write`, `messages`; how files are written, and errors worded.
 - `formulations`, `method`; names of methods, none of which is imported.
 - `memory`, `stop`, `text`; refusals of what is too large, limits, and words.
 
-Some of what it may import it does not load at once:
+What it may import but does not load at once:
 
 - `vision.surfaces`; rays, where a scene has meshes that are not convex: trusted for these scenes.
 - `problem.pictures`; for `Problem.plot`. `verify` draws nothing.

@@ -63,7 +63,7 @@ class Ending:
         self.targets.append(narrowing.target)
         if narrowing.target < self.least:
             raise NotEndedError
-        return BestPlan(-np.inf, nodes=1000)
+        return BestPlan(narrowing, -np.inf, nodes=1000)
 
 
 def test_failed_trials_are_made_again_once_more_is_allowed_or_less_is_open(

@@ -125,9 +125,9 @@ def test_more_and_more_plans_are_taken_and_none_twice(
     plans, narrowing = drawn
     asked = count()
 
-    def nothing(_: Narrowing, *__: object) -> BestPlan:
+    def nothing(narrowing: Narrowing, *_: object) -> BestPlan:
         next(asked)
-        return BestPlan(-np.inf)
+        return BestPlan(narrowing, -np.inf)
 
     monkeypatch.setattr(recombination, "best_plan", nothing)
     found = known(plans)
@@ -170,10 +170,10 @@ def test_a_better_plan_is_kept_where_a_limit_ends_the_next_recombination(
     search.incumbent = plans[0]
     search.recombination.values = {plan.paths: plan.value for plan in plans[:-1]}
 
-    def limited(_: Narrowing, *__: object) -> BestPlan:
+    def limited(narrowing: Narrowing, *_: object) -> BestPlan:
         if next(calls):
             raise LimitReached(Limit.TIME)
-        return BestPlan(best.value, best.paths)
+        return BestPlan(narrowing, best.value, best.paths)
 
     monkeypatch.setattr(recombination, "best_plan", limited)
     narrowing = search.narrowing(search.alone.duals)

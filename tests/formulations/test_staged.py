@@ -558,9 +558,11 @@ def test_plans_above_a_higher_target_are_tried(problem: Problem, seed: int, shar
         assert found.value == pytest.approx(best.value)
     else:
         assert not found.paths
-        assert higher.pricing_of(found.value).bound == pytest.approx(target)
+        assert found.pricing.bound == pytest.approx(target)
     with pytest.raises(CertificateError, match="not below target"):
         narrowing.above(narrowing.target - 1)
+    with pytest.raises(ValueError, match="not one on all plans"):
+        _ = best_plan(narrowing.above(target, narrowing.left), 10**6).pricing
 
 
 def test_a_narrowing_never_changes() -> None:

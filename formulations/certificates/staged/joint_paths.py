@@ -24,6 +24,7 @@ import numpy as np
 
 from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.formulations.certificates.pricing import Pricing
 from cocap_opt.formulations.certificates.staged import compiled_search
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 from cocap_opt.formulations.certificates.staged.narrowing import Narrowing
@@ -208,12 +209,18 @@ class _Following:
 
 
 class BestPlan(NamedTuple):
-    """The best plan among the joint states that are left."""
+    """The best plan among the joint states that a narrowing leaves."""
 
+    narrowing: Narrowing
     value: float  # J; -infinity if there is no plan
     paths: tuple[Path, ...] = ()  # state numbers, robot by robot
     nodes: int = 0  # that the searches took
     reached: tuple[int, ...] = ()  # joint states at each step, until there are none
+
+    @property
+    def pricing(self) -> Pricing:
+        """The bound on all plans, now that those above the target have been explored."""
+        return self.narrowing.pricing_of(self.value)
 
 
 class _Reached(NamedTuple):
@@ -260,8 +267,8 @@ def best_plan(
     nodes = most_nodes - following.nodes_left
     numbers = tuple(len(step.values) for step in reached)
     if not numbers[-1]:
-        return BestPlan(-np.inf, nodes=nodes, reached=numbers)
-    return BestPlan(float(reached[-1].values[0]), _paths(reached), nodes, numbers)
+        return BestPlan(narrowing, -np.inf, nodes=nodes, reached=numbers)
+    return BestPlan(narrowing, float(reached[-1].values[0]), _paths(reached), nodes, numbers)
 
 
 def may_be_used(model: Model) -> bool:

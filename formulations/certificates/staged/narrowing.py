@@ -149,6 +149,7 @@ class Narrowing:
     _sweeps: _Sweeps
     _closing: _Closing
     _earlier: tuple[tuple[_Earlier, ...], ...]  # by step
+    _bounds_all: bool = True  # all plans above the target, not only those among some states
 
     @classmethod
     def of(
@@ -215,16 +216,33 @@ class Narrowing:
 
     @property
     def pricing(self) -> Pricing:
-        """The bound on all plans that the stages so far prove; raises CertificateError."""
+        """The bound on all plans that the stages so far prove.
+
+        Raises
+        ------
+        CertificateError
+            If the bound is infinite.
+        ValueError
+            If only some of the plans above the target are bounded.
+        """
+        if not self._bounds_all:
+            raise ValueError("narrowing: the bound is not one on all plans")
         self._require_finite()
         return Pricing(self._proved_by(self.bound), self.rounding)
 
     def pricing_of(self, best: float) -> Pricing:
         """Returns the bound on all plans, once those above the target have been explored.
 
+        `BestPlan.pricing` asks for it, where the plans of this narrowing have been.
+
         Parameters
         ----------
         best : J of the best of them; -infinity if there is none
+
+        Raises
+        ------
+        CertificateError, ValueError
+            As `pricing` does.
         """
         of_stages = self.pricing
         return of_stages._replace(bound=min(of_stages.bound, self._proved_by(best)))
@@ -262,7 +280,8 @@ class Narrowing:
 
         Parameters
         ----------
-        among : of each class, the only states [T+1, S] that plans may visit; no others are bounded
+        among : of each class, the only states [T+1, S] that plans may visit; others are not
+            bounded, so that there is no `pricing`
 
         Raises
         ------
@@ -274,7 +293,12 @@ class Narrowing:
         left = [
             is_left & wanted for is_left, wanted in zip(self.left, among or self.left, strict=True)
         ]
-        return replace(self, target=target, _sweeps=self._sweeps._replace(left=left)).closed()
+        return replace(
+            self,
+            target=target,
+            _sweeps=self._sweeps._replace(left=left),
+            _bounds_all=self._bounds_all and among is None,
+        ).closed()
 
     def after(
         self, stage: Stage, search: Search, field: str = "stage", most_states: float = math.inf

@@ -66,13 +66,12 @@ def price_staged(
         )
     higher = narrowing.above(certificate.paths_above)
     try:
-        best = best_plan(higher, searches.nodes_left, stop, plain)
+        return best_plan(higher, searches.nodes_left, stop, plain).pricing
     except NotEndedError as error:
         raise UnfinishedError(
             "certificate.paths_above: not verified: too many joint states are left to go through "
             "them all; the claim may hold all the same"
         ) from error
-    return higher.pricing_of(best.value)
 
 
 @dataclass

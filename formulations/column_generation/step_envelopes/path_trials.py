@@ -96,16 +96,15 @@ class PathTrials:
             return False
         value = self.search.value
         target = value + share * max(narrowing.bound - value, 0.0)
-        higher = narrowing.above(target)
         try:
-            found = best_plan(higher, most_nodes, self.search.stop)
+            found = best_plan(narrowing.above(target), most_nodes, self.search.stop)
         except NotEndedError:
             self.nodes += most_nodes  # also where there were too many joint states before that
             return False
         self.nodes += found.nodes
         if found.paths:
             self.search.offer(Incumbent.along(narrowing.model, found.paths))
-        bound = higher.pricing_of(found.value).bound
+        bound = found.pricing.bound
         if bound < self.bound:
             self.bound, self.above, self.stages = bound, target, stages
         return True
