@@ -48,6 +48,7 @@ class Method(Generic[R_co]):
     optimal : its plan is a proved optimum, unless it is stopped
     certified : a certificate proves its bound, which others can check
     most_robots : None for any number of them
+    foreign : it is none of this project's: its bound is what its certificate proves
     """
 
     __doc__ = cast(str, _Docstring(__doc__))
@@ -64,6 +65,7 @@ class Method(Generic[R_co]):
     optimal: bool = False
     certified: bool = False
     most_robots: int | None = None
+    foreign: bool = False
 
     @property
     def function(self) -> "Callable[..., R_co]":

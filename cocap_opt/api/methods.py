@@ -1,6 +1,7 @@
 """The face's planners, bounds and exact methods: by name or callable, with a limit."""
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any, Protocol, TypeVar
 
 from cocap_opt.api.arguments import name_of, require, require_number, require_problem, start_for
@@ -178,7 +179,7 @@ def _planner(given: str | Planner) -> Method[Result]:
         return planner_named(Option("planner"), given)
     _require_callable("planner", given, SOLVERS)
     if isinstance(given, Method):
-        return given
+        return _recorded(given)
     return OwnPlanner.of_function(given, name_of(given), kept=False).method
 
 
@@ -193,8 +194,14 @@ def _bounding(
         return known[given]
     _require_callable("method", given, known)
     if isinstance(given, Method):
-        return given
-    return Method(guarded(given, name_of(given)), takes=takes, bounds=True)
+        return _recorded(given)
+    return Method(guarded(given, name_of(given)), takes=takes, bounds=True, foreign=True)
+
+
+def _recorded(given: Method[R]) -> Method[R]:
+    """Returns a record that is given; one that stands in no registry is somebody's own."""
+    is_ours = any(given is known for known in (*BOUNDS.values(), *SOLVERS.values()))
+    return given if is_ours else replace(given, foreign=True)
 
 
 def _require_callable(option: str, given: object, known: Iterable[str]) -> None:

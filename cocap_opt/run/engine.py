@@ -93,7 +93,7 @@ def run(
     result = search(problem)
     if known.bounds and result.limit is not None:
         result = replace(result, in_coverage=model.covered_steps <= problem.horizon)
-    if not any(known is ours for ours in (*BOUNDS.values(), *SOLVERS.values())):
+    if known.foreign:
         result = _without_claims(name, problem, result)
     result = replace(result, coverage_seconds=model.tables.seconds - before)
     judged = Judged.of(name, problem, result)

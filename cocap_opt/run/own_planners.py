@@ -158,7 +158,7 @@ class OwnPlanner:
         call = self.ready().call
         assert call is not None
         takes = frozenset({_SEED} if _takes_seed(call) else ())
-        return Method(guarded(call, self.name), takes=takes)
+        return Method(guarded(call, self.name), takes=takes, foreign=True)
 
 
 def guarded(call: _Call, name: str) -> Callable[..., Any]:
