@@ -50,7 +50,7 @@ ORDER = {
     "run": ("console", "output", "run", "pictures", "missions", "player"),
     "experiments": ("tables", "sweeps", "report"),
     "front": ("api", "cli"),
-    "lab": ("stored_results", "benchmark", "studies", "manual", "notebooks"),
+    "lab": ("results", "benchmark", "studies", "manual", "notebooks"),
 }  # fmt: skip
 # Likewise, of the rooms within a room.
 INNER_ORDER = {
@@ -161,7 +161,7 @@ def test_no_module_imports_itself_in_a_circle() -> None:
 def test_the_folder_of_stored_results_has_one_spelling() -> None:
     """Its path is in one module; whoever reads stored results imports it from there."""
     spelt = [name for name, path in sources().items() if '/ "stored"' in path.read_text("utf-8")]
-    assert spelt == ["cocap_opt.experiments.lab.stored_results"]
+    assert spelt == ["cocap_opt.experiments.lab.results"]
     folder = import_module(spelt[0]).STORED
     assert (folder / "paper.csv").is_file()
 

@@ -4,8 +4,6 @@
 without help of column generation, so that their bounds are their own word.
 """
 
-import csv
-import io
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -19,10 +17,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from cocap_opt.experiments.lab.stored_results import STORED
+from cocap_opt.experiments.lab.results import STORED, read_csv
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.result import OPTIMALITY
-from cocap_opt.output.files import read_text
 from cocap_opt.pictures.style import (
     SERIES,
     TITLE,
@@ -43,7 +40,7 @@ _LEAST_SECONDS = 1e-3  # where the axis of seconds begins
 _SPREAD = 0.5  # of a step, over which methods lie beside each other
 
 
-class Outcome(StrEnum):
+class RunStatus(StrEnum):
     """The way in which a run of an exact method ended."""
 
     PROVED = "proved"
@@ -66,7 +63,7 @@ class MethodRun(NamedTuple):
     method: str
     steps: int
     seed: int
-    outcome: Outcome
+    outcome: RunStatus
     seconds: float
     processor: float
     value: float
@@ -89,12 +86,7 @@ class Benchmark:
         FileError
             If it cannot be read, or is no such table.
         """
-        table = csv.DictReader(io.StringIO(read_text(path)))
-        try:
-            runs = [_run(row) for row in table]
-        except (KeyError, TypeError, ValueError, csv.Error) as error:
-            words = "must be as `cocap-opt study steps` writes it"
-            raise FileError(f"{path}: line {table.line_num}: {words}") from error
+        runs = read_csv(path, _run, "must be as `cocap-opt study steps` writes it")
         if not runs:
             raise FileError(f"{path}: has no runs")
         return cls(runs)
@@ -144,7 +136,7 @@ class Benchmark:
         optima = [
             other.value
             for other in self.runs
-            if other.outcome is Outcome.PROVED
+            if other.outcome is RunStatus.PROVED
             and (other.steps, other.seed) == (run.steps, run.seed)
         ]  # fmt: skip
         optimum = max(optima, default=math.nan)
@@ -165,12 +157,12 @@ class _Series(NamedTuple):
     def draw(self, ax: Axes, height: Callable[[MethodRun], float]) -> Axes:
         """Draws marks of all runs, and a line through medians over the seeds."""
         colour, mark = self.style
-        for outcome, filling in ((Outcome.PROVED, colour), (Outcome.STOPPED, "none")):
+        for outcome, filling in ((RunStatus.PROVED, colour), (RunStatus.STOPPED, "none")):
             some = [run for run in self.runs if run.outcome is outcome]
             at = [run.steps + self.aside for run in some]
             ax.scatter(at, [height(run) for run in some], s=18, lw=0.8, alpha=0.7, marker=mark,
                        facecolors=filling, edgecolors=colour)  # fmt: skip
-        lost = [run for run in self.runs if run.outcome in (Outcome.REFUSED, Outcome.FAILED)]
+        lost = [run for run in self.runs if run.outcome in (RunStatus.REFUSED, RunStatus.FAILED)]
         ax.plot([run.steps + self.aside for run in lost], [0.98] * len(lost), "x", ms=5,
                 color=colour, transform=ax.get_xaxis_transform())  # fmt: skip
         line = list(self._medians(height))
@@ -182,7 +174,7 @@ class _Series(NamedTuple):
         """Yields the medians of steps at which the method has an answer for each seed."""
         for steps in sorted({run.steps for run in self.runs}):
             some = [run for run in self.runs if run.steps == steps]
-            if all(run.outcome in (Outcome.PROVED, Outcome.STOPPED) for run in some):
+            if all(run.outcome in (RunStatus.PROVED, RunStatus.STOPPED) for run in some):
                 yield steps + self.aside, median(height(run) for run in some)
 
 
@@ -200,5 +192,5 @@ def _run(row: dict[str, str]) -> MethodRun:
     numbers = {name: float(row[name]) for name in ("seconds", "processor", "value", "bound")}
     return MethodRun(
         method=row["method"], steps=int(row["steps"]), seed=int(row["seed"]),
-        outcome=Outcome(row["outcome"]), message=row["message"], **numbers,
+        outcome=RunStatus(row["outcome"]), message=row["message"], **numbers,
     )  # fmt: skip

@@ -6,7 +6,7 @@ import pytest
 from studies import rows_of, study
 from test_flight import flights
 
-from cocap_opt.experiments.lab.stored_results import STORED
+from cocap_opt.experiments.lab.results import STORED
 from cocap_opt.experiments.lab.studies.flight.flight import tell
 from cocap_opt.experiments.lab.studies.flight.measures import (
     delays,
@@ -14,7 +14,7 @@ from cocap_opt.experiments.lab.studies.flight.measures import (
     least_apart,
     least_clearance,
 )
-from cocap_opt.experiments.lab.studies.flight.runs import Run, fitting_step
+from cocap_opt.experiments.lab.studies.flight.runs import FlightRun, fitting_step
 from cocap_opt.experiments.lab.studies.flight.simulation import Reference, Simulated
 from cocap_opt.experiments.lab.studies.flight.tables import flights_in_markdown, sentences
 from cocap_opt.experiments.lab.studies.flight.wind import Wind
@@ -29,14 +29,14 @@ FLIGHTS = STORED / "flight.csv"
 
 def test_all_flights_are_stored() -> None:
     """There is one run for each scene, seed, kind of flight and wind."""
-    runs = Run.read(FLIGHTS)
+    runs = FlightRun.read(FLIGHTS)
     kinds = {(run.scene, run.seed, run.flight, run.wind) for run in runs}
     assert len(kinds) == len(runs) == 2 * 3 * 2 * 3
 
 
 def test_stored_flights_are_of_plans_that_can_be_flown() -> None:
     """Planned distances keep the separation, and what is filmed is never more than J by far."""
-    for run in Run.read(FLIGHTS):
+    for run in FlightRun.read(FLIGHTS):
         assert run.apart_planned >= run.separation - 1e-6
         assert 0 <= run.error_mean <= run.error_most
         assert run.apart_flown >= run.apart_planned - 2 * run.error_most
@@ -45,7 +45,7 @@ def test_stored_flights_are_of_plans_that_can_be_flown() -> None:
 
 def test_what_is_stored_is_told_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Without the simulator: tables of 80 columns, a figure, and a table in Markdown."""
-    runs = Run.read(FLIGHTS)
+    runs = FlightRun.read(FLIGHTS)
     tell(runs, tmp_path)
     rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith(" ")]
     assert rows and max(map(len, map(str.rstrip, rows))) <= 80
@@ -55,7 +55,7 @@ def test_what_is_stored_is_told_again(tmp_path: Path, capsys: pytest.CaptureFixt
 
 def test_a_separation_that_is_too_small_is_called_so() -> None:
     """What is left is the separation less twice the largest error; it must hold a vehicle."""
-    run = Run.read(FLIGHTS)[0]._replace(flight="smooth", wind=3.0, span=0.5, error_most=0.7)
+    run = FlightRun.read(FLIGHTS)[0]._replace(flight="smooth", wind=3.0, span=0.5, error_most=0.7)
     both = [run, run._replace(flight="straight")]
     told = " ".join(sentences(both))
     assert "have 0.60 m left of 2 m, which is enough" in told
@@ -147,7 +147,7 @@ def test_what_cannot_be_simulated_is_refused(
         assert len(err) == 1 and expected in err[0]
         assert not out.exists()
     with pytest.raises(ValueError, match=r"bad\.csv: must be what"):
-        Run.read(bad)
+        FlightRun.read(bad)
 
 
 @pytest.mark.slow
@@ -163,4 +163,4 @@ def test_flights_are_simulated(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert 0 < float(smooth_["error_most"]) < 0.2 < float(straight["error_most"]) < 0.5
     assert float(smooth_["reward_flown"]) == pytest.approx(float(smooth_["reward"]), rel=0.05)
     assert 0 < float(smooth_["late_mean"]) < 0.2
-    assert [run.apart_flown for run in Run.read(tmp_path / "flight.csv")] == [np.inf, np.inf]
+    assert [run.apart_flown for run in FlightRun.read(tmp_path / "flight.csv")] == [np.inf, np.inf]

@@ -8,28 +8,27 @@ from typing import Any
 import pytest
 from studies import rows_of, study
 
-from cocap_opt.experiments.lab.benchmark import Benchmark, MethodRun, Outcome
+from cocap_opt.experiments.lab.benchmark import Benchmark, MethodRun, RunStatus
 from cocap_opt.experiments.lab.studies import runs as runs_module
 from cocap_opt.experiments.lab.studies import steps as steps_module
-from cocap_opt.experiments.lab.studies.growth.points import MEASURES, Point, Runs, Sample
+from cocap_opt.experiments.lab.studies.growth.points import MEASURES, GrowthPoint, Runs, Sample
 from cocap_opt.experiments.lab.studies.runs import Run, _measured, scene
 from cocap_opt.experiments.lab.studies.solvers import table as solvers_module
-from cocap_opt.experiments.lab.studies.solvers.figures import Figure, Target
-from cocap_opt.experiments.lab.studies.solvers.rows import Options
+from cocap_opt.experiments.lab.studies.solvers.metrics import Metric, Target
+from cocap_opt.experiments.lab.studies.solvers.rows import RowOptions
 from cocap_opt.experiments.lab.studies.steps import METHODS
 from cocap_opt.formulations.column_generation.branch_and_price import (
     branch_and_price,
-    column_generation,
 )
 from cocap_opt.formulations.result import CertifiedResult, Snapshot
 from cocap_opt.output.files import save_csv
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason
-from cocap_opt.stop import Limit, Stop
+from cocap_opt.stop import Limit
 
 MADE = [
-    Figure("seconds", 1.5, "s", Target.below(2), Target.below(1), note="a, note"),
-    Figure("more", 3.0, "x"),
+    Metric("seconds", 1.5, "s", Target.below(2), Target.below(1), note="a, note"),
+    Metric("more", 3.0, "x"),
 ]
 
 
@@ -39,12 +38,12 @@ def finished(seconds: float, limit: Limit | None = None, bound: float = 100.0) -
     return Run(moments, 99.5, bound, Reason.FINISHED, limit, seconds)
 
 
-def replaced(monkeypatch: pytest.MonkeyPatch, **rows: Callable[[Options], list[Figure]]) -> None:
+def replaced(monkeypatch: pytest.MonkeyPatch, **rows: Callable[[RowOptions], list[Metric]]) -> None:
     """Have the command know these rows only."""
     monkeypatch.setattr(solvers_module, "ROWS", rows)
 
 
-def dying(problem: Problem, stop: Stop) -> CertifiedResult:
+def dying(problem: Problem, *arguments: Any) -> CertifiedResult:
     """A method that ends its process."""
     raise SystemExit(3)
 
@@ -69,7 +68,7 @@ def test_a_row_that_fails_stops_no_other(
 ) -> None:
     """It says why; what was measured before it and after it is there; the exit code is 1."""
 
-    def failing(options: Options) -> list[Figure]:
+    def failing(options: RowOptions) -> list[Metric]:
         raise Run.Error("out of luck")
 
     replaced(monkeypatch, first=lambda o: MADE, bad=failing, last=lambda o: MADE)
@@ -84,7 +83,7 @@ def test_a_row_that_fails_stops_no_other(
 def test_the_file_is_whole_after_each_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An interrupt in a later row leaves the earlier ones, and no other file."""
 
-    def interrupted(options: Options) -> list[Figure]:
+    def interrupted(options: RowOptions) -> list[Metric]:
         raise KeyboardInterrupt
 
     replaced(monkeypatch, first=lambda o: MADE, second=interrupted)
@@ -145,7 +144,7 @@ def test_growth_writes_table_and_figure(
     assert study(*arguments, "--seeds", "0-1", "--out", tmp_path) == 0
     samples = Sample.read(tmp_path / "growth.csv")
     assert [s.axis for s in samples] == ["robots"] * 8 + ["steps"] * 8 + ["cells"] * 4
-    points = Point.all_of(samples)
+    points = GrowthPoint.all_of(samples)
     slopes = {axis: MEASURES["seconds"].exponent([p for p in points if p.axis == axis])
               for axis in ("robots", "steps", "cells")}  # fmt: skip
     assert slopes == pytest.approx({"robots": 2, "steps": math.nan, "cells": math.nan}, nan_ok=True)
@@ -163,7 +162,7 @@ def test_growth_outlives_a_failed_run(tmp_path: Path, monkeypatch: pytest.Monkey
     def made(build: partial[Problem], method: object, seconds: float) -> Run:
         if build.keywords["robots"] == 4:
             raise Run.Error("its process died")
-        return finished(1.0) if method is column_generation else finished(1.0, bound=104.0)
+        return finished(1.0) if method == "column-generation" else finished(1.0, bound=104.0)
 
     monkeypatch.setattr(Run, "of", made)
     arguments = ["growth", "--robots", "2,4", "--steps", "8", "--cells", "15", "--seeds", "0"]
@@ -224,11 +223,11 @@ def test_outcomes_come_from_one_process_until_it_dies(monkeypatch: pytest.Monkey
 
 # Two seeds: `good` proves both, `slow` one of two with a bound of 20 % above, `odd` refuses.
 STEPS = [
-    MethodRun("good", 1, 0, Outcome.PROVED, 0.2, 0.1, 100.0, 100.0, ""),
-    MethodRun("good", 1, 1, Outcome.PROVED, 0.4, 0.3, 200.0, 200.0, ""),
-    MethodRun("slow", 1, 0, Outcome.PROVED, 4.0, 2.0, 100.0, 100.0, "by the solver's word"),
-    MethodRun("slow", 1, 1, Outcome.STOPPED, 5.0, 3.0, 150.0, 240.0, 'a, "b"'),
-    MethodRun("odd", 1, 0, Outcome.REFUSED, math.nan, math.nan, -math.inf, math.inf, "too large"),
+    MethodRun("good", 1, 0, RunStatus.PROVED, 0.2, 0.1, 100.0, 100.0, ""),
+    MethodRun("good", 1, 1, RunStatus.PROVED, 0.4, 0.3, 200.0, 200.0, ""),
+    MethodRun("slow", 1, 0, RunStatus.PROVED, 4.0, 2.0, 100.0, 100.0, "by the solver's word"),
+    MethodRun("slow", 1, 1, RunStatus.STOPPED, 5.0, 3.0, 150.0, 240.0, 'a, "b"'),
+    MethodRun("odd", 1, 0, RunStatus.REFUSED, math.nan, math.nan, -math.inf, math.inf, "too large"),
 ]
 
 
@@ -271,7 +270,7 @@ def test_the_stored_benchmark_holds() -> None:
     for steps in range(1, 9):
         for seed in range(5):
             some = [run for run in runs if (run.steps, run.seed) == (steps, seed)]
-            optima = [run.value for run in some if run.outcome is Outcome.PROVED]
+            optima = [run.value for run in some if run.outcome is RunStatus.PROVED]
             assert max(optima) <= min(optima) * (1 + 2e-6)
             assert all(run.bound >= max(optima) * (1 - 1e-6) for run in some)
 
@@ -297,10 +296,10 @@ def test_methods_are_measured_until_they_refuse(
     assert "made, 2 steps, seed 3: failed" in capsys.readouterr().err
 
 
-def sampled(size: int, seconds: float, limit: Limit | None = None) -> Point:
+def sampled(size: int, seconds: float, limit: Limit | None = None) -> GrowthPoint:
     """A point of one run."""
     run = finished(seconds, limit)
-    return Point("robots", size, (Sample.of("robots", size, 0, 40.0, Runs(run, run)),))
+    return GrowthPoint("robots", size, (Sample.of("robots", size, 0, 40.0, Runs(run, run)),))
 
 
 def test_exponents_are_those_of_power_laws() -> None:
@@ -315,8 +314,8 @@ def test_exponents_are_those_of_power_laws() -> None:
 
 def test_targets() -> None:
     """The most that is met is named; a number that is missing meets nothing."""
-    assert Figure("", 0.1, "s", Target.below(2), Target.below(1)).met == "moonshot"
-    assert Figure("", 1.5, "s", Target.below(2), Target.below(1)).met == "must"
-    assert Figure("", math.inf, "s", Target.below(2), Target.below(1)).met == "missed"
-    assert Figure("", math.nan, "x", Target.at_least(50)).met == "missed"
-    assert Figure("", 3.0, "s").met == ""
+    assert Metric("", 0.1, "s", Target.below(2), Target.below(1)).met == "moonshot"
+    assert Metric("", 1.5, "s", Target.below(2), Target.below(1)).met == "must"
+    assert Metric("", math.inf, "s", Target.below(2), Target.below(1)).met == "missed"
+    assert Metric("", math.nan, "x", Target.at_least(50)).met == "missed"
+    assert Metric("", 3.0, "s").met == ""

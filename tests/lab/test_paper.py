@@ -14,7 +14,7 @@ from result_rows import row
 from strategies import examples
 from studies import study
 
-from cocap_opt.experiments.lab.stored_results import STORED
+from cocap_opt.experiments.lab.results import STORED, Results
 from cocap_opt.experiments.lab.studies.paper import (
     ablation,
     answers,
@@ -22,7 +22,7 @@ from cocap_opt.experiments.lab.studies.paper import (
     measured,
     reproduction,
 )
-from cocap_opt.experiments.lab.studies.paper.conditions import Corridor, Search, Trial
+from cocap_opt.experiments.lab.studies.paper.conditions import Corridor, CorridorSearch, Trial
 from cocap_opt.experiments.lab.studies.paper.giving_way import Encounter, _own_reward
 from cocap_opt.experiments.lab.studies.paper.page import Page
 from cocap_opt.experiments.lab.studies.paper.planner_table import (
@@ -50,13 +50,14 @@ def interval(low: float, high: float) -> Mean:
 
 def test_claims_are_judged_by_the_whole_interval() -> None:
     """Only where the whole interval is on one side of the line something is said."""
-    assert answers.Answer.below(interval(0.1, 0.9), 1.0) == answers.HOLDS
-    assert answers.Answer.below(interval(1.1, 1.9), 1.0) == answers.FAILS
-    assert answers.Answer.below(interval(0.5, 1.5), 1.0) == answers.OPEN
-    assert answers.Answer.above(interval(0.1, 0.9), 0.0) == answers.HOLDS
-    assert answers.Answer.above(interval(-0.9, -0.1), 0.0) == answers.FAILS
-    assert answers.Answer.above(interval(-0.1, 0.1), 0.0) == answers.OPEN
-    assert answers.Answer.below(Mean.of([0.1]), 1.0) == answers.OPEN  # one seed settles nothing
+    assert answers.ClaimAnswer.below(interval(0.1, 0.9), 1.0) == answers.HOLDS
+    assert answers.ClaimAnswer.below(interval(1.1, 1.9), 1.0) == answers.FAILS
+    assert answers.ClaimAnswer.below(interval(0.5, 1.5), 1.0) == answers.OPEN
+    assert answers.ClaimAnswer.above(interval(0.1, 0.9), 0.0) == answers.HOLDS
+    assert answers.ClaimAnswer.above(interval(-0.9, -0.1), 0.0) == answers.FAILS
+    assert answers.ClaimAnswer.above(interval(-0.1, 0.1), 0.0) == answers.OPEN
+    one_seed = Mean.of([0.1])  # which settles nothing
+    assert answers.ClaimAnswer.below(one_seed, 1.0) == answers.OPEN
 
 
 def closeness(rows: Sequence[Row]) -> str:
@@ -100,7 +101,7 @@ def test_stopped_runs_are_told_apart_from_those_that_ended() -> None:
 def test_low_levels_are_compared_with_the_coverage_that_one_needs() -> None:
     """Value iteration's time has the coverage of all states in it, on the same seeds."""
 
-    def times(coverage: float, count: int = 5) -> answers.Answer:
+    def times(coverage: float, count: int = 5) -> answers.ClaimAnswer:
         own = {"coverage_seconds": coverage}
         rows = [row("cocap", s, 99.0, seconds=1.0 + 0.1 * s, **own) for s in range(5)]
         rows += [row("cocap-vs", s, 90.0, seconds=2.0 + 0.1 * s, **own) for s in range(count)]
@@ -192,7 +193,7 @@ def test_one_command_makes_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     times = {path: path.stat().st_mtime_ns for path in kept}
     assert len(kept) == (len(some) + 1) + (5 + 1) + 1
     measured = (tmp_path / "measured.csv").read_bytes()
-    monkeypatch.setattr(reproduction, "picture", lambda *figure: b"")
+    monkeypatch.setattr(Results, "draw", lambda *figure: None)
     assert study(*arguments) == 0
     assert {path: path.stat().st_mtime_ns for path in times} == times
     assert (tmp_path / "measured.csv").read_bytes() == measured
@@ -246,7 +247,7 @@ def test_compositions_obey_the_rules_and_lose_nothing() -> None:
     problem = load_scene("corridor-tight", 1)
     sequential, rounds = (PLANNERS[n](problem) for n in ("sequential", "sequential-rounds"))
     assert sequential.plan is not None
-    better = measured.polished(problem, sequential.plan)
+    better = measured.polished(problem, plan=sequential.plan)
     assert better.plan is not None
     assert better.value == pytest.approx(rounds.value)  # no drone can better it
     assert rounds.value > sequential.value
@@ -301,7 +302,9 @@ def test_the_best_is_judged_by_fresh_seeds(monkeypatch: pytest.MonkeyPatch) -> N
         return trial(stage, corridor, seed, fits + luck)
 
     monkeypatch.setattr(conditions, "_tried", tried)
-    found = Search(drawn=12, again=3, seeds=2, rounds=4, fresh=5).trials(0, lambda words: None)
+    found = CorridorSearch(drawn=12, again=3, seeds=2, rounds=4, fresh=5).trials(
+        0, lambda words: None
+    )
     fresh = [one for one in found if one.stage == conditions.FRESH]
     assert {one.seed for one in fresh}.isdisjoint(one.seed for one in found if one not in fresh)
     assert fresh[0].corridor.width == 1 and fresh[0].corridor.starts == "file"

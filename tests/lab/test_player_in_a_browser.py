@@ -11,7 +11,7 @@ from players import EVIL, ROOT, hills, planned, run, seen_by, shut_in, told
 from players import plans as plans
 from strategies import tiny
 
-from cocap_opt.experiments.lab.studies.pictures import _Browser
+from cocap_opt.experiments.lab.studies.pictures import Browser
 from cocap_opt.files.documents import PlanFile, SceneFile, problem_digest
 from cocap_opt.player import player_scene
 from cocap_opt.player.player import Player
@@ -29,12 +29,12 @@ from cocap_opt.vision.render import Renderer
 @pytest.fixture(scope="module")
 def player(plans: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """A browser with two plans of the bottleneck."""
-    if not _Browser.is_installed():
+    if not Browser.is_installed():
         pytest.skip("needs chromium and chromedriver")
     page = tmp_path_factory.mktemp("page") / "plans.html"
     files = plans / "greedy.json", plans / "cocap.json"
     assert run("show", "bottleneck", *files, "-o", page) == 0
-    with _Browser.opened(page) as driver:
+    with Browser.opened(page) as driver:
         yield driver
 
 
@@ -441,7 +441,7 @@ def test_a_plan_that_a_limit_stopped_at_the_starts_says_so(player: Any, tmp_path
         reward=0.0, plan=stay,
     ).save(path)  # fmt: skip
     assert run("show", tmp_path / "scene.json", path, "-o", page) == 0
-    with _Browser.opened(page) as driver:
+    with Browser.opened(page) as driver:
         assert value(driver, "document.querySelector('h2').textContent") == (
             "greedy, stopped by the time limit"
         )

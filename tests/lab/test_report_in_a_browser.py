@@ -5,7 +5,7 @@ from browser import value
 from selenium.webdriver.support.wait import WebDriverWait
 
 from cocap_opt.cli import commands
-from cocap_opt.experiments.lab.studies.pictures import PLAYER_IS_READY, _Browser
+from cocap_opt.experiments.lab.studies.pictures import PLAYER_IS_READY, Browser
 
 SWEEP = ("gap", "tiny-queue", "bottleneck", "--time-limit", "0.5", "--seeds", "0",
          "--planner", "greedy", "--planner", "cocap", "--planner", "sequential")  # fmt: skip
@@ -14,12 +14,12 @@ SWEEP = ("gap", "tiny-queue", "bottleneck", "--time-limit", "0.5", "--seeds", "0
 @pytest.mark.slow
 def test_a_report_opens_and_plays_without_network(tmp_path: Path) -> None:
     """All sections are there, players in it play, nothing is loaded, nothing is complained of."""
-    if not _Browser.is_installed():
+    if not Browser.is_installed():
         pytest.skip("needs chromium and chromedriver")
     folder, page = tmp_path / "run", tmp_path / "report.html"
     assert commands.run([*SWEEP, "--out", str(folder)]) == 0
     assert commands.run(["report", str(folder), "-o", str(page)]) == 0
-    with _Browser.opened(page, ready="document.readyState === 'complete'") as browser:
+    with Browser.opened(page, ready="document.readyState === 'complete'") as browser:
         titles = value(browser, "[...document.querySelectorAll('h2')].map((h) => h.textContent)")
         assert titles == [
             "Results", "Search for the bounds", "Plans", "Limitations", "How it was made",

@@ -11,18 +11,16 @@ from cyclopts import CycloptsError
 from pages import pages
 from studies import rows_of, study
 
-from cocap_opt.experiments.lab.stored_results import STORED
+from cocap_opt.experiments.lab.results import STORED
 from cocap_opt.experiments.lab.studies import app as app_module
 from cocap_opt.experiments.lab.studies import runs
 from cocap_opt.experiments.lab.studies.app import app
-from cocap_opt.experiments.lab.studies.gamma import _measured, gammas_in_markdown
-from cocap_opt.experiments.lab.studies.lazy import ALL, means
-from cocap_opt.experiments.lab.studies.lazy import _measured as _measured_lazily
-from cocap_opt.experiments.lab.studies.runs import BoundMethod, Build, Run
-from cocap_opt.experiments.lab.studies.separation.points import Point
-from cocap_opt.experiments.lab.studies.separation.separation import built, separation
+from cocap_opt.experiments.lab.studies.gamma import discounted_runs, gammas_in_markdown
+from cocap_opt.experiments.lab.studies.lazy import ALL, lazy_in_markdown, means, measured_lazily
+from cocap_opt.experiments.lab.studies.runs import Build, Measurable, Run
+from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
+from cocap_opt.experiments.lab.studies.separation.separation import built
 from cocap_opt.experiments.lab.studies.separation.tables import separation_in_markdown
-from cocap_opt.experiments.lab.studies.stored_tables import lazy_in_markdown
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.output.files import save_csv
@@ -113,10 +111,10 @@ def test_the_planner_quotes_the_stored_table() -> None:
 def test_the_stored_table_is_what_planners_do() -> None:
     """Some of its runs, made again, get the same J from the same views."""
     rows = {(r["planner"], r["gamma"], r["scene"], r["seed"]): r for r in rows_of(GAMMAS)}
-    for run in _measured(["corridor"], [0], [0.97], 60.0).to_dict("records"):
-        row = rows[run["planner"], "0.97", "corridor", "0"]
+    for run in discounted_runs("corridor", 0, [0.97], 60.0):
+        row = rows[run.planner, "0.97", "corridor", "0"]
         assert [float(row[key]) for key in ("reward", "views")] == pytest.approx(
-            [run["reward"], run["views"]], rel=1e-6
+            [run.reward, run.views], rel=1e-6
         )
         assert row["reason"] == "finished"
 
@@ -164,7 +162,7 @@ def test_the_lazy_table_has_all_scenes() -> None:
 def test_the_stored_views_are_what_planners_evaluate() -> None:
     """The corridor, planned again, has the same J from the same views."""
     (row,) = (row for row in rows_of(LAZY) if row["scene"] == "corridor")
-    again = _measured_lazily("corridor", int(row["seed"]))
+    again = measured_lazily("corridor", int(row["seed"]))
     for name in ("states", "views", "reward"):
         assert float(row[name]) == pytest.approx(again[name], rel=1e-9)
 
@@ -182,10 +180,14 @@ def test_lazy_planning_is_measured(tmp_path: Path, capsys: pytest.CaptureFixture
 SEPARATION = STORED / "separation.csv"
 
 
-def point(separation: float, value: float, bound: float, seconds: float, limit: str) -> Point:
+def point(
+    separation: float, value: float, bound: float, seconds: float, limit: str
+) -> SeparationPoint:
     """What was measured at a separation; cocap-lns takes a second and finds the best."""
-    return Point("made", 0, separation, value - 10, seconds, limit, value, 1.0, "none", value,
-                 bound, 3.0, "none")  # fmt: skip
+    return SeparationPoint(
+        "made", 0, separation, value - 10, seconds, limit, value, 1.0, "none", value, bound, 3.0,
+        "none",
+    )  # fmt: skip
 
 
 def test_tables_of_separation_say_what_is_above_the_goal(tmp_path: Path) -> None:
@@ -199,15 +201,15 @@ def test_tables_of_separation_say_what_is_above_the_goal(tmp_path: Path) -> None
     assert "`cocap` in 1 of 2 runs and `cocap-lns` in 2 of 2 runs." in text
     path = tmp_path / "separation.csv"
     save_csv(path, [one._asdict() for one in points])
-    assert Point.read(path) == points
+    assert SeparationPoint.read(path) == points
     path.write_text("scene,seed\nmade,x\n")
     with pytest.raises(FileError, match=r"separation\.csv: must be what .* must be scene,seed,"):
-        Point.read(path)
+        SeparationPoint.read(path)
 
 
 def test_stored_prices_are_those_of_the_methods() -> None:
     """The corridor's optima, proved again, are the stored ones."""
-    for point in Point.read(SEPARATION):
+    for point in SeparationPoint.read(SEPARATION):
         if (point.scene, point.seed) == ("corridor", 0) and point.separation in (0, 2):
             problem = built("corridor", 0, point.separation, 3.0)
             assert branch_and_price(problem).value == pytest.approx(point.best, rel=1e-9)
@@ -230,11 +232,12 @@ def test_where_runs_without_a_separation_fail_there_is_no_price(
         return [Run.Error("it died") if k in fails else fine for k, _ in enumerate(builds)]
 
     monkeypatch.setattr(Run, "each", each)
-    assert separation(["tiny-queue"], [0], [1.0], 5.0)
+    arguments = ["separation", "--scene", "tiny-queue", "--seeds", 0, "--metres", 1, "--limit", 5]
+    assert study(*arguments) == 0
     assert "1 m" in capsys.readouterr().out
     for failed, shown in ([1], "none"), ([0], ""):
         fails[:] = failed
-        assert not separation(["tiny-queue"], [0], [1.0], 5.0)
+        assert study(*arguments) == 1
         out, told = capsys.readouterr()
         assert "it died" in told
         assert "  1 m" not in out and (shown in out if shown else "tiny-queue" not in out)
@@ -246,7 +249,7 @@ def test_separations_are_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     The runs are in this process; their own ones are tested with growth and solvers.
     """
 
-    def outcomes(builds: Sequence[Build], method: BoundMethod, *_: float) -> Iterator[Run]:
+    def outcomes(builds: Sequence[Build], method: Measurable, *_: float) -> Iterator[Run]:
         return (runs._measured(build, method, 1.0) for build in builds)
 
     monkeypatch.setattr(runs, "_outcomes", outcomes)

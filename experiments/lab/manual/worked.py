@@ -167,7 +167,7 @@ def bottleneck() -> _Bottleneck:
     return _Bottleneck(problem, plan, found.bound, found.certificate, tuple(told))
 
 
-class Stage(NamedTuple):
+class Remaining(NamedTuple):
     """What is left of the bottleneck after a stage of a certificate."""
 
     words: str
@@ -192,7 +192,7 @@ def in_stages() -> Staged:
 
 
 @cache
-def stages() -> list[Stage]:
+def stages() -> list[Remaining]:
     """Returns what the stages of the bottleneck leave, one after the other."""
     own = in_stages()
     narrowing = Narrowing.of(bottleneck().model, own.multipliers, own.target)
@@ -215,12 +215,12 @@ def middle() -> int:
     return bottleneck().problem.horizon // 2
 
 
-def _stage(words: str, narrowing: Narrowing) -> Stage:
+def _stage(words: str, narrowing: Narrowing) -> Remaining:
     model, cells = narrowing.model, set[tuple[int, int]]()
     for number, left in enumerate(narrowing.left):
         places = np.flatnonzero(left[middle()]) % model.classes[number].graph.n_places
         cells |= {model.places.cells[number][place][:2] for place in places.tolist()}
-    return Stage(
+    return Remaining(
         words, narrowing.bound, states_left(narrowing), frozenset(cells),
         joint_states_left(narrowing), best_plan(narrowing, MOST_NODES).reached,
     )  # fmt: skip

@@ -7,12 +7,16 @@ can be older than its numbers.
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Annotated
 
-from cocap_opt.experiments.lab.stored_results import STORED
+from cyclopts import Parameter
+
+from cocap_opt.experiments.lab.results import STORED
 from cocap_opt.experiments.lab.studies.flight.figure import flight_figure
-from cocap_opt.experiments.lab.studies.flight.runs import Run as FlightRun
+from cocap_opt.experiments.lab.studies.flight.flight import stored_flights
 from cocap_opt.experiments.lab.studies.growth.figure import growth_figure
-from cocap_opt.experiments.lab.studies.growth.points import Point, Sample
+from cocap_opt.experiments.lab.studies.growth.points import GrowthPoint, Sample
+from cocap_opt.experiments.lab.studies.options import chromium
 from cocap_opt.experiments.lab.studies.paper.conditions import read_trials
 from cocap_opt.experiments.lab.studies.paper.curves import StepReward, curves_of
 from cocap_opt.experiments.lab.studies.paper.figures import (
@@ -25,7 +29,7 @@ from cocap_opt.experiments.lab.studies.paper.giving_way import Encounter
 from cocap_opt.experiments.lab.studies.paper.measured import read_rows
 from cocap_opt.experiments.lab.studies.paper.reproduction import effects_of
 from cocap_opt.experiments.lab.studies.separation.figure import separation_figure
-from cocap_opt.experiments.lab.studies.separation.points import Point as SeparationPoint
+from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
 from cocap_opt.experiments.report.charts import gaps_figure
 from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.output.files import make_folder, save_files
@@ -65,12 +69,12 @@ def _separation() -> bytes:
 
 
 def _flight() -> bytes:
-    return picture(flight_figure(FlightRun.read(STORED / "flight.csv")), _SUFFIX)
+    return picture(flight_figure(stored_flights()), _SUFFIX)
 
 
 def _growth() -> bytes:
     samples = Sample.read(STORED / "growth.csv")
-    return picture(growth_figure(Point.all_of(samples), samples[0].limit), _SUFFIX)
+    return picture(growth_figure(GrowthPoint.all_of(samples), samples[0].limit), _SUFFIX)
 
 
 def _giving_way() -> bytes:
@@ -125,6 +129,15 @@ DRAWINGS: dict[str, Callable[[], bytes]] = {
     "bridge": lambda: _top_view("bridge"),
     "bottleneck": lambda: _top_view("bottleneck", 0, 4, 8, 11),
 }
+
+
+def pictures(folder: Annotated[Path, Parameter(help="folder for the pictures")], /) -> None:
+    """Writes all drawings, and the pictures of the player."""
+    write_drawings(folder)
+    with chromium("player.png"):
+        from cocap_opt.experiments.lab.studies.pictures import write_pictures
+
+        write_pictures(folder)
 
 
 def write_drawings(folder: Path) -> None:

@@ -7,9 +7,11 @@ pictures a second, so that a busy machine hardly changes it. It needs Chromium, 
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Annotated, Any
 
-from cocap_opt.experiments.lab.studies.pictures import _Browser
+from cyclopts import Parameter
+
+from cocap_opt.experiments.lab.studies.options import chromium
 from cocap_opt.output.printing import Listing, Record
 from cocap_opt.player.player import Player
 from cocap_opt.run.engine import run
@@ -30,18 +32,16 @@ count();
 """
 
 
-def frames(scene: str, planner: str) -> None:
-    """Prints how fast a scene's plan is drawn while it plays, row by row for what is looked at.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no browser, or no driver.
-    """
+def frames(
+    scene: Annotated[str, Parameter(help="built-in scene")] = "field-large",
+    *,
+    planner: Annotated[str, Parameter(help="of the plan that is played")] = "greedy",
+) -> None:
+    """Prints how fast a scene's plan is drawn while it plays, row by row for what is looked at."""
     problem = load_scene(scene, 0)
     plan = run(problem, planner).result.plan
     assert plan is not None
-    with TemporaryDirectory() as folder:
+    with chromium("frames"), TemporaryDirectory() as folder:
         page = Path(folder) / "player.html"
         Player(problem, [(planner, plan)]).save(page)
         rows = [_measured(page, name, keys) for name, keys in _KEYS.items()]
@@ -50,7 +50,9 @@ def frames(scene: str, planner: str) -> None:
 
 
 def _measured(page: Path, name: str, keys: str) -> Record:
-    with _Browser.opened(page, _SIZE) as browser:
+    from cocap_opt.experiments.lab.studies.pictures import Browser
+
+    with Browser.opened(page, _SIZE) as browser:
         browser.execute_cdp_cmd("Performance.enable", {"timeDomain": "threadTicks"})
         browser.press(keys)
         browser.execute_script(_PLAY)

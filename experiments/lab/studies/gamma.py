@@ -1,22 +1,23 @@
 """The cost and the savings of view search's discount gamma, of which CoCap's paper is silent."""
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from functools import partial
+from statistics import fmean
+from typing import NamedTuple
 
-from cocap_opt.experiments.lab.stored_results import STORED
+from cocap_opt.experiments.lab.results import STORED, Results, markdown
+from cocap_opt.experiments.lab.studies.options import Out, Scenes, Seconds, Seeds
+from cocap_opt.method import Method
 from cocap_opt.model import compiled
-from cocap_opt.output.files import make_folder, save_csv
+from cocap_opt.output.files import load_csv
 from cocap_opt.output.printing import Listing
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.view_search import GAMMA, Compounded, Undiscounted, ViewSearch
-from cocap_opt.problem import Problem
-from cocap_opt.result import Result
+from cocap_opt.result import Reason
+from cocap_opt.run.engine import run
+from cocap_opt.run.options import Option
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import TimeLimit
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _TABLE = "gamma.csv"
 _KEPT = (0.95, 0.98)  # shares of J for which it is asked what needs the fewest views
@@ -27,108 +28,118 @@ _ORDERS: dict[str, type[Compounded | Undiscounted]] = {
 }
 
 
+class DiscountedRun(NamedTuple):
+    """A run of view search: a row of gamma.csv."""
+
+    planner: str
+    gamma: float
+    scene: str
+    seed: int
+    reward: float  # J as a share of CoCap's with value iteration
+    views: float  # states evaluated, as a share of those that are reachable
+    seconds: float
+    reason: str
+
+
+class _Mean(NamedTuple):
+    """Means over scenes and seeds of one planner and gamma."""
+
+    planner: str
+    gamma: float
+    reward: float
+    views: float
+    seconds: float
+    ended: int  # runs that no limit stopped
+    runs: int
+
+    @classmethod
+    def all_of(cls, runs: Sequence[DiscountedRun]) -> "list[_Mean]":
+        """Returns the means, by planner and gamma."""
+        groups: dict[tuple[str, float], list[DiscountedRun]] = {}
+        for measured in runs:
+            groups.setdefault((measured.planner, measured.gamma), []).append(measured)
+        return [cls.of(*key, groups[key]) for key in sorted(groups)]
+
+    @classmethod
+    def of(cls, planner: str, gamma: float, runs: Sequence[DiscountedRun]) -> "_Mean":
+        """Returns the means of some runs."""
+        return cls(
+            planner, gamma, fmean(r.reward for r in runs), fmean(r.views for r in runs),
+            fmean(r.seconds for r in runs), sum(r.reason == Reason.FINISHED for r in runs),
+            len(runs),
+        )  # fmt: skip
+
+
 def gamma(
-    scenes: Sequence[str], seeds: Sequence[int], seconds: float, out: Path | None = None
+    *, scene: Scenes = None, seeds: Seeds = "0-4", limit: Seconds = 60.0, out: Out = None
 ) -> None:
-    """Measures, prints means over scenes and seeds, and writes all runs (gamma.csv).
-
-    Parameters
-    ----------
-    seconds : time limit of each run
-    """
-    make_folder(out)
-    measured = _measured(scenes, seeds, _GAMMAS, seconds)
-    means = _means(measured).to_dict("records")
+    """Measures, prints means over scenes and seeds, and writes all runs (gamma.csv)."""
+    results, numbers = Results.into(out), Option("--seeds").numbers(seeds)
+    runs = [
+        measured
+        for name in scene or ["corridor", "bottleneck"]
+        for seed in numbers
+        for measured in discounted_runs(name, seed, _GAMMAS, limit)
+    ]
     Listing(
-        "view search by gamma: J and views, as shares of those of value iteration", means
+        "view search by gamma: J and views, as shares of those of value iteration",
+        [mean._asdict() for mean in _Mean.all_of(runs)],
     ).print()
-    if out is not None:
-        save_csv(out / _TABLE, measured.to_dict("records"))
+    results.save(_TABLE, runs)
 
 
-def _measured(
-    scenes: Sequence[str], seeds: Sequence[int], gammas: Sequence[float], seconds: float
-) -> "pd.DataFrame":
-    """Plans scenes with each order of view search and each gamma.
+def discounted_runs(
+    scene: str, seed: int, gammas: Sequence[float], seconds: float
+) -> Iterator[DiscountedRun]:
+    """Plans a scene with each order of view search and each gamma.
 
     Parameters
     ----------
     seconds : time limit of each run
-
-    Returns
-    -------
-    DataFrame
-        A row per planner, gamma, scene and seed: `reward` (J as a share of CoCap's with value
-        iteration), `views` (states evaluated as a share of those that are reachable), `seconds`
-        and `reason`.
     """
-    import pandas as pd
-
-    rows = []
-    for scene in scenes:
-        for seed in seeds:
-            problem = load_scene(scene, seed)
-            compiled(problem).prepare_all()
-            whole, reachable = cocap(problem), compiled(problem).reachable_views
-            for planner, order in _ORDERS.items():
-                for gamma in gammas:
-                    run = _run(problem, order(gamma), seconds)
-                    rows.append(
-                        {
-                            "planner": planner, "gamma": gamma, "scene": scene, "seed": seed,
-                            "reward": run.value / whole.value,
-                            "views": run.statistics["evaluated"] / reachable,
-                            "seconds": run.seconds, "reason": str(run.reason),
-                        }
-                    )  # fmt: skip
-    return pd.DataFrame(rows)
+    problem = load_scene(scene, seed)
+    compiled(problem).prepare_all()
+    whole, reachable = run(problem, "cocap").reward, compiled(problem).reachable_views
+    for planner, order in _ORDERS.items():
+        for gamma in gammas:
+            method = Method(partial(cocap, low_level=ViewSearch(order(gamma))))
+            judged = run(problem, method, TimeLimit(seconds), name=planner)
+            yield DiscountedRun(
+                planner, gamma, scene, seed, judged.reward / whole,
+                judged.result.statistics["evaluated"] / reachable, judged.result.seconds,
+                str(judged.reason),
+            )  # fmt: skip
 
 
-def _means(measured: "pd.DataFrame") -> "pd.DataFrame":
-    """Returns means over scenes and seeds by planner and gamma, and how many runs ended in time."""
-    groups = measured.groupby(["planner", "gamma"])
-    table = groups[["reward", "views", "seconds"]].mean()
-    table["ended"] = groups["reason"].agg(lambda reasons: int((reasons == "finished").sum()))
-    table["runs"] = groups.size()
-    return table.reset_index()
+def _stored_means() -> list[_Mean]:
+    return _Mean.all_of(load_csv(STORED / _TABLE, DiscountedRun, "cocap-opt study gamma"))
 
 
 def gammas_in_markdown() -> str:
-    """Returns the stored means in Markdown: J and views of both orders by gamma, and a note."""
-    import pandas as pd
-
-    means = _means(pd.read_csv(STORED / _TABLE)).set_index(["planner", "gamma"])
-    rows = [
+    """Returns the stored means in Markdown: J and views of both orders by gamma."""
+    means = {(mean.planner, mean.gamma): mean for mean in _stored_means()}
+    return markdown([
         {
             "gamma": f"{gamma:g}",
             **{
-                f"{planner}: {title}": f"{100 * means.loc[(planner, gamma), key]:.0f} %"
+                f"{planner}: {title}": f"{100 * getattr(means[planner, gamma], key):.0f} %"
                 for planner in _ORDERS
                 for key, title in (("reward", "J"), ("views", "views"))
             },
         }
         for gamma in _GAMMAS
-    ]
-    return Listing("", rows).markdown
+    ])  # fmt: skip
 
 
 def chosen_in_words() -> str:
     """Says which gamma `cocap-vs` takes, and which stored runs keep much of J for few views."""
-    import pandas as pd
-
-    means = _means(pd.read_csv(STORED / _TABLE))
-    said = [_fewest_views(means[means["reward"] >= kept], kept) for kept in _KEPT]
-    most, nearly_all = said
+    most, nearly_all = (_fewest_views(_stored_means(), kept) for kept in _KEPT)
     return f"`cocap-vs` takes {GAMMA:g}. Of all rows that keep {most}; of those with {nearly_all}."
 
 
-def _fewest_views(means: "pd.DataFrame", kept: float) -> str:
-    best = means.loc[means["views"].idxmin()]
+def _fewest_views(means: Sequence[_Mean], kept: float) -> str:
+    best = min((mean for mean in means if mean.reward >= kept), key=lambda mean: mean.views)
     return (
-        f"{100 * kept:g} % of J, that of `{best['planner']}` with {best['gamma']:g} looks at the "
-        f"fewest views, {100 * best['views']:.0f} %"
+        f"{100 * kept:g} % of J, that of `{best.planner}` with {best.gamma:g} looks at the fewest "
+        f"views, {100 * best.views:.0f} %"
     )
-
-
-def _run(problem: Problem, discount: Compounded | Undiscounted, seconds: float) -> Result:
-    return cocap(problem, TimeLimit(seconds), low_level=ViewSearch(discount))

@@ -5,25 +5,28 @@ measured in one process. Nothing is taken from the disk cache, but the coverage 
 compared with, whose computation is measured apart.
 """
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from statistics import fmean, median
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from cocap_opt.console.streams import say
+from cocap_opt.experiments.lab.results import Results, markdown, stored_rows
 from cocap_opt.experiments.lab.studies.coverage.coverage import ACTORS, SCENES
+from cocap_opt.experiments.lab.studies.options import Out, Scenes, Seeds
+from cocap_opt.experiments.lab.studies.runs import TimedRun, processor_seconds
 from cocap_opt.model import Model, compiled
-from cocap_opt.output.files import make_folder, save_csv
 from cocap_opt.output.printing import Listing, Record
-from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem
+from cocap_opt.run.judged import Judged
+from cocap_opt.run.options import Option
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import never
 from cocap_opt.world.workspace import Mesh
+
+T = TypeVar("T")
+_TABLE = "lazy.csv"
 
 _LAYERS, _TILTS = tuple(np.arange(2.0, 16.0, 2.0).tolist()), (-0.3, 0.2, 0.6, 1.0)  # m, rad
 _PIER, _FROM_EDGE = 0.2, 0.5  # m: half of its width, and how far it is from the deck's edges
@@ -78,21 +81,18 @@ _MORE: dict[str, Callable[[int], Problem]] = {
 ALL = ["corridor", "bottleneck", "passage", "field", "bridge", *_MORE, "field-large"]
 
 
-def lazy(scenes: Sequence[str], seeds: Sequence[int], out: Path | None = None) -> None:
+def lazy(*, scene: Scenes = None, seeds: Seeds = "0", out: Out = None) -> None:
     """Measures, prints means over the seeds, and writes all runs (lazy.csv).
 
-    Parameters
-    ----------
-    scenes : built-in scenes, files, or names of _MORE
+    Scenes are built-in ones, files, or names of `_MORE`.
     """
-    make_folder(out)
+    results, numbers = Results.into(out), Option("--seeds").numbers(seeds)
     rows: list[Record] = []
-    for scene in scenes:
-        for seed in seeds:
-            rows.append(_measured(scene, seed))
-            say(f"{scene} seed {seed}: {rows[-1]['views']:.1%} of the views")
-            if out is not None:
-                save_csv(out / "lazy.csv", rows)
+    for name in scene or ALL:
+        for seed in numbers:
+            rows.append(measured_lazily(name, seed))
+            say(f"{name} seed {seed}: {rows[-1]['views']:.1%} of the views")
+            results.save(_TABLE, rows)
     Listing(
         "lazy value iteration: views evaluated, J and processor time, as shares of those of value "
         "iteration with the coverage of all states",
@@ -100,58 +100,79 @@ def lazy(scenes: Sequence[str], seeds: Sequence[int], out: Path | None = None) -
     ).print()
 
 
-def means(rows: Sequence[Record]) -> list[Record]:
+def lazy_in_markdown() -> str:
+    """Returns the stored means in Markdown: views, J and time, scene by scene."""
+    return markdown(means(stored_rows(_TABLE)))
+
+
+def means(rows: Sequence[Mapping[str, Any]]) -> list[Record]:
     """Returns a row for each scene, with means over its seeds as they are shown."""
-    found: list[Record] = []
-    for scene in dict.fromkeys(row["scene"] for row in rows):
-        some = [row for row in rows if row["scene"] == scene]
-
-        def mean(name: str, some: Sequence[Record] = some) -> float:
-            return fmean(float(row[name]) for row in some)
-
-        found.append({
-            "scene": scene,
-            "planner": some[0]["planner"],
-            "states": f"{mean('states'):,.0f}",
-            "us a view": f"{mean('view_us'):.1f}",
-            "views": f"{100 * mean('views'):.2g} %",
-            "J": f"{mean('reward'):.3f}",
-            "time": f"{mean('seconds') / (mean('coverage_seconds') + mean('plan_seconds')):.2f}",
-        })  # fmt: skip
-    return found
+    scenes: dict[str, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        scenes.setdefault(row["scene"], []).append(row)
+    return [
+        {"scene": scene, "planner": runs[0]["planner"], **_shown(runs)}
+        for scene, runs in scenes.items()
+    ]
 
 
-def _measured(scene: str, seed: int) -> Record:
+def _shown(runs: Sequence[Mapping[str, Any]]) -> Record:
+    """Returns the means over the seeds of a scene."""
+
+    def mean(name: str) -> float:
+        return fmean(float(row[name]) for row in runs)
+
+    return {
+        "states": f"{mean('states'):,.0f}",
+        "us a view": f"{mean('view_us'):.1f}",
+        "views": f"{100 * mean('views'):.2g} %",
+        "J": f"{mean('reward'):.3f}",
+        "time": f"{mean('seconds') / (mean('coverage_seconds') + mean('plan_seconds')):.2f}",
+    }
+
+
+def measured_lazily(scene: str, seed: int) -> Record:
     """Plans a scene with all coverage, and lazily."""
     problem = _MORE[scene](seed) if scene in _MORE else load_scene(scene, seed)
     planner = _ONE_BY_ONE if scene == "field-large" else "cocap"
     states = _reachable(Model(problem, use_cache=False))  # which compiles the graph as well
-    _, coverage = _timed(lambda: Model(problem, use_cache=False).prepare_all())
-    found, seconds = _timed(lambda: _anew(problem, f"{planner}-lazy"))
+    _, coverage = _repeated(lambda: _covered(problem))
+    found, seconds = _repeated(lambda: _anew(problem, f"{planner}-lazy"))
     compiled(problem).prepare_all()
-    expected, plan = _timed(lambda: PLANNERS[planner](problem, never))
+    expected, plan = _repeated(lambda: _planned(problem, planner))
     return {
         "scene": scene, "seed": seed, "planner": planner, "states": states,
-        "view_us": 1e6 * coverage / states, "views": found.statistics["evaluated"] / states,
-        "reward": found.value / expected.value, "seconds": seconds, "coverage_seconds": coverage,
+        "view_us": 1e6 * coverage / states, "views": found.result.statistics["evaluated"] / states,
+        "reward": found.reward / expected.reward, "seconds": seconds, "coverage_seconds": coverage,
         "plan_seconds": plan,
     }  # fmt: skip
 
 
-def _anew(problem: Problem, planner: str) -> Any:
-    """Plans a problem of which no view is known."""
-    compiled.cache_clear()
-    return PLANNERS[planner](problem, never)
-
-
-def _timed(run: Callable[[], Any]) -> tuple[Any, float]:
-    """Returns what a call returns, and the median of its seconds of processor time."""
+def _repeated(measure: Callable[[], tuple[T, float]]) -> tuple[T, float]:
+    """Returns the last outcome of a measurement, and the median of its seconds."""
     seconds: list[float] = []
     while not seconds or (seconds[0] < _QUICK and len(seconds) < _REPEATS):
-        begin = time.process_time()
-        result = run()
-        seconds.append(time.process_time() - begin)
-    return result, median(seconds)
+        outcome, taken = measure()
+        seconds.append(taken)
+    return outcome, median(seconds)
+
+
+def _covered(problem: Problem) -> tuple[Model, float]:
+    """Computes all coverage, and returns its model and the seconds of both."""
+    begin, model = processor_seconds(), Model(problem, use_cache=False)
+    model.prepare_all()
+    return model, processor_seconds() - begin
+
+
+def _anew(problem: Problem, planner: str) -> tuple[Judged[Any], float]:
+    """Plans a problem of which no view is known."""
+    compiled.cache_clear()
+    return _planned(problem, planner)
+
+
+def _planned(problem: Problem, planner: str) -> tuple[Judged[Any], float]:
+    timed = TimedRun.of(problem, planner)
+    return timed.judged, timed.seconds
 
 
 def _reachable(model: Model) -> int:

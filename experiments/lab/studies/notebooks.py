@@ -1,20 +1,19 @@
 """The project's notebooks, run from start to end and stored with their outputs."""
 
 import hashlib
-from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Self
+from typing import TYPE_CHECKING, Annotated, Self
 
-import nbformat
-from nbclient import NotebookClient
-from nbclient.exceptions import CellExecutionError
-from nbformat import NotebookNode
-from traitlets.config import Config
+from cyclopts import Parameter
 
 from cocap_opt.console.streams import say
+from cocap_opt.experiments.lab.studies.options import of_extra
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.documents import FileError
+
+if TYPE_CHECKING:
+    from nbformat import NotebookNode
 
 _FOLDER = Path(__file__).parents[1] / "notebooks"
 _MOST_SECONDS = 120  # for a cell
@@ -23,6 +22,31 @@ _METADATA = {
     "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
     "language_info": {"name": "python"},
 }
+
+
+def notebooks(
+    *names: Annotated[str, Parameter(help="such as first_tour; all if none is given")],
+) -> None:
+    """Runs notebooks and stores them; a notebook of which a cell fails is left as it is.
+
+    Raises
+    ------
+    FileError
+        If there is no such notebook, or one of its cells fails.
+    """
+    with of_extra("notebooks"):
+        from nbclient.exceptions import CellExecutionError
+
+    found = {notebook.path.stem: notebook for notebook in Notebook.all()}
+    if unknown := [name for name in names if name not in found]:
+        raise FileError(f"{unknown[0]}: must be one of {', '.join(found)}")
+    for name in names or found:
+        say(name)
+        try:
+            found[name].store()
+        except CellExecutionError as error:
+            words = f"a cell fails with {error.ename}: {error.evalue}"
+            raise FileError(f"{found[name].path.name}: {words}") from error
 
 
 class Notebook:
@@ -36,36 +60,14 @@ class Notebook:
         """Returns all notebooks of the project."""
         return [cls(path) for path in sorted(_FOLDER.glob("*.ipynb"))]
 
-    @classmethod
-    def store_all(cls, names: Sequence[str]) -> None:
-        """Runs notebooks and stores them; a notebook of which a cell fails is left as it is.
-
-        Parameters
-        ----------
-        names : as of `first_tour`; all notebooks if there is none
-
-        Raises
-        ------
-        FileError
-            If there is no such notebook, or one of its cells fails.
-        """
-        found = {notebook.path.stem: notebook for notebook in cls.all()}
-        if unknown := [name for name in names if name not in found]:
-            raise FileError(f"{unknown[0]}: must be one of {', '.join(found)}")
-        for name in names or found:
-            say(name)
-            try:
-                found[name].store()
-            except CellExecutionError as error:
-                words = f"a cell fails with {error.ename}: {error.evalue}"
-                raise FileError(f"{found[name].path.name}: {words}") from error
-
-    def content(self) -> NotebookNode:
+    def content(self) -> "NotebookNode":
         """Reads the notebook."""
+        import nbformat
+
         notebook: NotebookNode = nbformat.read(self.path, as_version=4)
         return notebook
 
-    def executed(self) -> NotebookNode:
+    def executed(self) -> "NotebookNode":
         """Runs the notebook in a process of its own, in a folder that is removed afterwards.
 
         Raises
@@ -73,6 +75,9 @@ class Notebook:
         nbclient.exceptions.CellExecutionError
             If a cell fails.
         """
+        from nbclient import NotebookClient
+        from traitlets.config import Config
+
         notebook = self.content()
         with TemporaryDirectory() as folder:
             # Sockets are files of that folder: TCP would be open to others on this machine.
@@ -86,6 +91,8 @@ class Notebook:
 
     def store(self) -> None:
         """Runs the notebook and writes it with its outputs."""
+        import nbformat
+
         notebook = self.executed()
         notebook.metadata = nbformat.from_dict({**_METADATA, "ran": self.digest(notebook)})
         for cell in notebook.cells:
@@ -93,7 +100,7 @@ class Notebook:
         write_atomically({self.path: (nbformat.writes(notebook) + "\n").encode()})
 
     @staticmethod
-    def digest(content: NotebookNode) -> str:
+    def digest(content: "NotebookNode") -> str:
         """Returns a digest of the code that outputs come from."""
         code = [cell.source for cell in content.cells if cell.cell_type == "code"]
         return hashlib.sha256("\0".join(code).encode()).hexdigest()[:12]

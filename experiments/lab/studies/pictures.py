@@ -54,7 +54,7 @@ def write_pictures(folder: Path) -> None:
     page = folder / "player.html"
     problem = load_scene(_SCENE, 0)
     _player(problem).save(page)
-    with _Browser.opened(page) as browser:
+    with Browser.opened(page) as browser:
         browser.go_to(_STEP)
         browser.press(_KEYS)
         browser.go_to(_STEP)
@@ -77,7 +77,7 @@ def _player(problem: Problem) -> Player:
     return Player(problem, titled, gaps, list(shown))
 
 
-class _Browser(webdriver.Chrome):
+class Browser(webdriver.Chrome):
     """Chromium without a window, which cannot reach any network."""
 
     @staticmethod

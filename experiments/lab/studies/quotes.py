@@ -9,12 +9,22 @@ import re
 from collections.abc import Callable, Iterable
 from functools import cache, partial
 from pathlib import Path
+from typing import Annotated
 
-from cocap_opt.experiments.lab.stored_results import STORED
-from cocap_opt.experiments.lab.studies.flight.flight import TABLE as FLIGHTS
-from cocap_opt.experiments.lab.studies.flight.runs import Run as FlightRun
+from cyclopts import Parameter
+
+from cocap_opt.experiments.lab.results import STORED
+from cocap_opt.experiments.lab.studies.coverage.coverage import coverage_in_markdown
+from cocap_opt.experiments.lab.studies.flight.flight import stored_flights
 from cocap_opt.experiments.lab.studies.flight.tables import flights_in_markdown, sentences
 from cocap_opt.experiments.lab.studies.gamma import chosen_in_words, gammas_in_markdown
+from cocap_opt.experiments.lab.studies.growth.growth import growth_in_markdown
+from cocap_opt.experiments.lab.studies.lazy import lazy_in_markdown
+from cocap_opt.experiments.lab.studies.others.others import (
+    findings_in_markdown,
+    published_in_markdown,
+    start_sets_in_markdown,
+)
 from cocap_opt.experiments.lab.studies.paper.answers import lines
 from cocap_opt.experiments.lab.studies.paper.conditions import PUBLISHED, read_trials
 from cocap_opt.experiments.lab.studies.paper.measured import read_rows
@@ -25,23 +35,15 @@ from cocap_opt.experiments.lab.studies.paper.planner_table import (
     short_planners_in_markdown,
 )
 from cocap_opt.experiments.lab.studies.paper.reproduction import SCENES
-from cocap_opt.experiments.lab.studies.separation.points import Point
+from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
 from cocap_opt.experiments.lab.studies.separation.tables import separation_in_markdown
-from cocap_opt.experiments.lab.studies.stored_tables import (
-    coverage_in_markdown,
-    findings_in_markdown,
-    growth_in_markdown,
-    lazy_in_markdown,
-    published_in_markdown,
-    solver_figures_in_markdown,
-    speed_in_markdown,
-    start_sets_in_markdown,
-    views_in_markdown,
-)
+from cocap_opt.experiments.lab.studies.solvers.table import solvers_in_markdown
+from cocap_opt.experiments.lab.studies.speed import speed_in_markdown
+from cocap_opt.experiments.lab.studies.views import views_in_markdown
 from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.files.documents import FileError
 from cocap_opt.output.files import read_text, save_bytes
-from cocap_opt.output.printing import counted
+from cocap_opt.output.printing import counted, print_texts
 from cocap_opt.planners import RECOMMENDED
 
 _MARKED = re.compile(r"(<!-- quote: (\S+) -->\n).*?(<!-- end of quote -->)", re.DOTALL)
@@ -87,9 +89,9 @@ QUOTES: dict[str, Callable[[], str]] = {
     "planners_described": described_planners_in_markdown,
     "planners_measured": measured_planners_in_markdown,
     "planners_in_short": short_planners_in_markdown,
-    "separation": lambda: separation_in_markdown(Point.read(STORED / "separation.csv")),
-    "flights": lambda: flights_in_markdown(FlightRun.read(STORED / FLIGHTS)),
-    "flights_in_sentences": lambda: _listed(sentences(FlightRun.read(STORED / FLIGHTS))),
+    "separation": lambda: separation_in_markdown(SeparationPoint.read(STORED / "separation.csv")),
+    "flights": lambda: flights_in_markdown(stored_flights()),
+    "flights_in_sentences": lambda: _listed(sentences(stored_flights())),
     "gammas": gammas_in_markdown,
     "gamma_chosen": chosen_in_words,
     "lazy": lazy_in_markdown,
@@ -100,7 +102,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "coverage": coverage_in_markdown,
     "growth": growth_in_markdown,
     "views": views_in_markdown,
-    "solver_figures": solver_figures_in_markdown,
+    "solver_figures": solvers_in_markdown,
     "speed": speed_in_markdown,
     "paper_in_short": lambda: _listed(_paper().summary()),
     "paper_settings": _settings,
@@ -119,14 +121,23 @@ QUOTES: dict[str, Callable[[], str]] = {
 }
 
 
-def quote(name: str) -> str:
-    """Returns the Markdown of a name.
+def quote(
+    name: Annotated[str | None, Parameter(help="what is quoted; without it, all names")] = None,
+    /,
+    *,
+    into: Annotated[
+        Path | None, Parameter(help="Markdown file in which all that is quoted is replaced")
+    ] = None,
+) -> None:
+    """Prints the Markdown of a name or all names, or writes it into a file."""
+    if into is not None:
+        requote(into)
+    else:
+        print_texts(["\n".join(QUOTES) if name is None else quoted(name)], [])
 
-    Raises
-    ------
-    FileError
-        If nothing has this name.
-    """
+
+def quoted(name: str) -> str:
+    """Returns the Markdown of a name; raises FileError if nothing has it."""
     if name not in QUOTES:
         raise FileError(f"quote: must be one of {', '.join(QUOTES)}, not {name!r}")
     return QUOTES[name]().strip()
@@ -137,5 +148,5 @@ def requote(document: Path) -> None:
     text = read_text(document)
     if not _MARKED.search(text):
         raise FileError(f"{document}: must hold <!-- quote: NAME --> and <!-- end of quote -->")
-    again = _MARKED.sub(lambda found: f"{found[1]}\n{quote(found[2])}\n\n{found[3]}", text)
+    again = _MARKED.sub(lambda found: f"{found[1]}\n{quoted(found[2])}\n\n{found[3]}", text)
     save_bytes(document, again.encode())

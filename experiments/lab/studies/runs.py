@@ -1,8 +1,8 @@
-"""Runs of one method on one instance, each in a process of its own and on one thread.
+"""Runs of one method on one instance, with the processor time that they take.
 
-Seconds are of processor time, limits, too, so that a busy machine hardly changes them. Imports,
-first solves of tiny instances and the coverage are not counted. Plan and bound pass the referee
-after the clock has stopped.
+Processor time hardly changes on a busy machine; limits are of it, too. Plan and bound pass the
+referee after the clock has stopped. A `Run` has a process of its own and one thread; imports, first
+solves of tiny instances and the coverage are not counted.
 """
 
 import math
@@ -12,21 +12,23 @@ import resource
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import Connection, wait
 from threading import Thread
-from typing import Any, Self
+from time import process_time
+from typing import Any, NamedTuple, Self
 
 from cocap_opt.console.streams import say
 from cocap_opt.console.threads import ONE_THREAD
-from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.result import BoundMethod, CertifiedResult, Snapshot
+from cocap_opt.formulations import BOUNDS
+from cocap_opt.formulations.result import BoundMethod, Report, Snapshot, silent
 from cocap_opt.method import START_AND_REPORT, Method
 from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
-from cocap_opt.result import Reason, relative_gap
-from cocap_opt.run.engine import run
+from cocap_opt.result import Reason, Result, relative_gap
+from cocap_opt.run.engine import BOUND_METHOD, SOLVERS, run
+from cocap_opt.run.judged import Judged
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, Stop, TimeLimit, never
 
@@ -36,6 +38,64 @@ BYTES = 1 if sys.platform == "darwin" else 1024  # unit of ru_maxrss
 _ONE_THREAD = {**ONE_THREAD, "RAYON_NUM_THREADS": "1"}
 
 Build = Callable[[], Problem]  # made so that it can be pickled: it goes to another process
+# The name of one in a registry, the record of one in none, or the function of a bound.
+Measurable = str | Method[Any] | BoundMethod
+
+
+class TimedRun(NamedTuple):
+    """A judged result, with what the method took until it returned it.
+
+    Attributes
+    ----------
+    seconds : of processor time, that of processes that the method has started included
+    gigabytes : peak memory of the process, imports and coverage included
+    """
+
+    judged: Judged[Any]
+    seconds: float
+    gigabytes: float
+
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        method: Measurable,
+        stop: Stop = never,
+        *,
+        name: str = "",
+        report: Report = silent,
+    ) -> Self:
+        """Has the engine run a method, and stops the clock before the referee begins.
+
+        Parameters
+        ----------
+        name : of a method that is in no registry, for messages
+        """
+        record = _record(method)
+        function, taken = record.function, list[tuple[float, float]]()
+        begin = processor_seconds()
+
+        def clocked(*arguments: Any, **options: Any) -> Result:
+            found: Result = function(*arguments, **options)
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * BYTES / 1e9
+            taken.append((processor_seconds() - begin, peak))
+            return found
+
+        name = name or (method if isinstance(method, str) else record.__name__)
+        judged = run(problem, replace(record, call=clocked), stop, name=name, report=report)
+        return cls(judged, *taken[0])
+
+
+def _record(method: Measurable) -> Method[Any]:
+    if isinstance(method, str):
+        return {**BOUNDS, **SOLVERS}[method]
+    return method if isinstance(method, Method) else Method(method, takes=START_AND_REPORT)
+
+
+def processor_seconds() -> float:
+    """Returns the processor time of this process, and of those that it has started and awaited."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return process_time() + children.ru_utime + children.ru_stime
 
 
 @dataclass(frozen=True)
@@ -82,7 +142,7 @@ class Run:
                     os.environ[name] = value
 
     @staticmethod
-    def of(build: Build, method: BoundMethod, seconds: float) -> "Run":
+    def of(build: Build, method: Measurable, seconds: float) -> "Run":
         """Runs a method with a limit of processor time in a process of its own.
 
         Raises
@@ -98,7 +158,7 @@ class Run:
     @staticmethod
     def each(
         builds: Sequence[Build],
-        method: BoundMethod,
+        method: Measurable,
         seconds: float,
         patience: float = _MOST_MORE_SECONDS,
     ) -> "Iterator[Run | Run.Error]":
@@ -169,13 +229,14 @@ def scene(name_or_path: str, seed: int, horizon: int | None = None) -> Problem:
     return problem if horizon is None else problem.replace(horizon=horizon)
 
 
-def _warm_up(method: BoundMethod) -> None:
+def _warm_up(method: Measurable) -> None:
     """Has libraries imported that methods import only once they need them."""
-    method(_prepared(partial(scene, "tiny-share", 0)), TimeLimit(_WARM_UP_SECONDS))
-    branch_and_price(_prepared(partial(scene, "bottleneck", 0, 4)), TimeLimit(_WARM_UP_SECONDS))
+    TimedRun.of(_prepared(partial(scene, "tiny-share", 0)), method, TimeLimit(_WARM_UP_SECONDS))
+    small = _prepared(partial(scene, "bottleneck", 0, 4))
+    run(small, BOUND_METHOD, TimeLimit(_WARM_UP_SECONDS))
 
 
-def _measured(build: Build, method: BoundMethod, seconds: float) -> Run:
+def _measured(build: Build, method: Measurable, seconds: float) -> Run:
     """Runs a method with a limit of processor time in this process."""
     problem = _prepared(build)
     moments: list[Snapshot] = []
@@ -186,18 +247,8 @@ def _measured(build: Build, method: BoundMethod, seconds: float) -> Run:
         if not moments or (value, bound) != (moments[-1].value, moments[-1].bound):
             moments.append(Snapshot(value, bound, stop.seconds))
 
-    spent: list[float] = []
-
-    def measured(*arguments: Any) -> CertifiedResult:  # before the referee's time
-        found = method(*arguments)
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        spent.extend((stop.seconds, peak * BYTES / 1e9))
-        return found
-
-    name = str(getattr(method, "__name__", method))
-    record = Method(measured, takes=START_AND_REPORT)
-    judged = run(problem, record, stop, name=name, report=note)
-    result, (processor, gigabytes) = judged.result, spent
+    judged, processor, gigabytes = TimedRun.of(problem, method, stop, report=note)
+    result = judged.result
     if result.plan is not None and not judged.valid:
         raise Run.Error("the plan breaks a collision rule")
     return Run(
@@ -215,11 +266,11 @@ class _ProcessorLimit(Stop):
     """
 
     def __init__(self, most: float) -> None:
-        self._most, self._begin = most, _processor_seconds()
+        self._most, self._begin = most, processor_seconds()
 
     @property
     def seconds(self) -> float:
-        return _processor_seconds() - self._begin
+        return processor_seconds() - self._begin
 
     def reached(self) -> Limit | None:
         """Return `Limit.TIME` once the processor time is up."""
@@ -231,13 +282,8 @@ class _ProcessorLimit(Stop):
         return max(0.0, self._most - self.seconds)
 
 
-def _processor_seconds() -> float:
-    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(some.ru_utime + some.ru_stime for some in usage)
-
-
 def _outcomes(
-    builds: Sequence[Build], method: BoundMethod, seconds: float, patience: float
+    builds: Sequence[Build], method: Measurable, seconds: float, patience: float
 ) -> "Iterator[Run | Run.Error]":
     """Yields the outcomes of a process, until it has done all, dies or must be killed."""
     context = multiprocessing.get_context("spawn")
@@ -263,7 +309,7 @@ def _outcomes(
         receiver.close()
 
 
-def _send(sender: Connection, builds: Sequence[Build], method: BoundMethod, seconds: float) -> None:
+def _send(sender: Connection, builds: Sequence[Build], method: Measurable, seconds: float) -> None:
     Thread(target=_end_with_parent, daemon=True).start()
     with suppress(Exception):  # it fails in the runs, too, where it is told
         _warm_up(method)

@@ -15,20 +15,21 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from statistics import median
-from time import process_time
 from typing import NamedTuple
 
 from rich.console import Console
 from rich.table import Table
 
+from cocap_opt.experiments.lab.results import Results, in_unit, markdown, stored_rows
+from cocap_opt.experiments.lab.studies.options import Out
+from cocap_opt.experiments.lab.studies.runs import TimedRun, processor_seconds
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import marginal_reward
-from cocap_opt.output.files import make_folder, save_csv
-from cocap_opt.planners import PLANNERS
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 
+_TABLE = "speed.csv"
 _SEEDS = range(10)
 _SHORT_CALLS = 100  # of what takes microseconds, timed together
 _GAP = "from cocap_opt.cli.main import main; main(['gap', 'corridor', '--seeds', '0'])"
@@ -50,35 +51,45 @@ print(json.dumps([seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 
 """
 
 
-class _Figure(NamedTuple):
+class _Speed(NamedTuple):
     figure: str
     measured: float
     unit: str
     target: str = ""
 
 
-def speed(out: Path | None = None) -> None:
+def speed(*, out: Out = None) -> None:
     """Measures and prints all figures, and writes the table (speed.csv)."""
-    make_folder(out)
-    path = None if out is None else out.resolve() / "speed.csv"
+    results = Results.into(None if out is None else out.resolve())
     os.chdir(Path(__file__).parents[2])  # for the programs that are started
     table = Table("figure", "measured", "target", title="speed (processor time; one thread)")
     figures = [figure for measure in _MEASURES for figure in measure()]
     for figure in figures:
         table.add_row(figure.figure, f"{figure.measured:.3g} {figure.unit}", figure.target)
-    if path is not None:
-        save_csv(path, [figure._asdict() for figure in figures])
+    results.save(_TABLE, figures)
     Console(soft_wrap=True).print(table)
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
     Console().print(f"largest process started: {peak:.2f} GB; Python {sys.version.split()[0]}")
 
 
-def _value_iteration() -> list[_Figure]:
+def speed_in_markdown() -> str:
+    """Returns stored processor times and ratios beside those that are promised."""
+    return markdown([
+        {
+            "figure": row["figure"],
+            "measured": in_unit(row["measured"], row["unit"]),
+            "promised": row["target"] or "-",
+        }
+        for row in stored_rows(_TABLE)
+    ])  # fmt: skip
+
+
+def _value_iteration() -> list[_Speed]:
     """Compares a backward sweep with copying its reward array, on two scenes."""
     return [
-        _Figure("value iteration / copying the reward array, corridor", _sweep("corridor"), "x",
+        _Speed("value iteration / copying the reward array, corridor", _sweep("corridor"), "x",
                 "< 20"),
-        _Figure("... field", _sweep("field"), "x", "< 20"),
+        _Speed("... field", _sweep("field"), "x", "< 20"),
     ]  # fmt: skip
 
 
@@ -100,7 +111,7 @@ def _sweep(scene: str) -> float:
     return median(_seconds(sweeps, 3) / _seconds(copies, 3) for _ in range(11))
 
 
-def _coverage() -> list[_Figure]:
+def _coverage() -> list[_Speed]:
     """Measures the coverage of all reachable states of the corridor, without the cache."""
     problem = load_scene("corridor", 0)
 
@@ -108,37 +119,38 @@ def _coverage() -> list[_Figure]:
         model = Model(problem, use_cache=False)
         model.coverage(model.classes[0])
 
-    return [_Figure("coverage of the corridor", _seconds(run, 5), "s", "< 3")]
+    return [_Speed("coverage of the corridor", _seconds(run, 5), "s", "< 3")]
 
 
-def _joint() -> list[_Figure]:
+def _joint() -> list[_Speed]:
     """Measures joint value iteration on the corridor in a process of its own, for its memory."""
     runs = [json.loads(_run_python(_JOINT)) for _ in range(3)]
     seconds, gigabytes = (median(column) for column in zip(*runs, strict=True))
     return [
-        _Figure("joint value iteration, corridor, both rules", seconds, "s", "< 5"),
-        _Figure("... its memory", gigabytes, "GB", "< 2"),
+        _Speed("joint value iteration, corridor, both rules", seconds, "s", "< 5"),
+        _Speed("... its memory", gigabytes, "GB", "< 2"),
     ]
 
 
-def _cocap() -> list[_Figure]:
+def _cocap() -> list[_Speed]:
     """Compares CoCap with value iteration and sequential planning on the bottleneck."""
     ratios = []
     for seed in _SEEDS:
         problem = load_scene("bottleneck", seed)
         compiled(problem).prepare_all(never)
         cocap, sequential = (
-            _seconds(partial(PLANNERS[name], problem, never), 3) for name in ("cocap", "sequential")
+            median([TimedRun.of(problem, name).seconds for _ in range(4)][1:])
+            for name in ("cocap", "sequential")
         )
         ratios.append(cocap / sequential)
     return [
-        _Figure("CoCap / sequential, bottleneck, median of 10 seeds", median(ratios), "x",
+        _Speed("CoCap / sequential, bottleneck, median of 10 seeds", median(ratios), "x",
                 "< 3 (paper: 8.3)"),
-        _Figure("... the slowest seed", max(ratios), "x"),
+        _Speed("... the slowest seed", max(ratios), "x"),
     ]  # fmt: skip
 
 
-def _command_line() -> list[_Figure]:
+def _command_line() -> list[_Speed]:
     """Measures importing the command line, and the corridor's gap table."""
     imports, bare, warm = (
         _seconds(partial(_run_python, program), repeats)
@@ -149,13 +161,13 @@ def _command_line() -> list[_Figure]:
         )
     )
     with tempfile.TemporaryDirectory() as empty:
-        before = _processor_seconds()
+        before = processor_seconds()
         _run_python(_GAP, COCAP_OPT_CACHE=empty)
-        cold = _processor_seconds() - before
+        cold = processor_seconds() - before
     return [
-        _Figure("importing the command line", imports - bare, "s", "< 2"),
-        _Figure("gap corridor --seeds 0", warm, "s", "< 10"),
-        _Figure("... with an empty coverage cache", cold, "s", "< 10"),
+        _Speed("importing the command line", imports - bare, "s", "< 2"),
+        _Speed("gap corridor --seeds 0", warm, "s", "< 10"),
+        _Speed("... with an empty coverage cache", cold, "s", "< 10"),
     ]
 
 
@@ -167,16 +179,10 @@ def _seconds(run: Callable[[], object], repeats: int) -> float:
     run()
     times = []
     for _ in range(repeats):
-        before = _processor_seconds()
+        before = processor_seconds()
         run()
-        times.append(_processor_seconds() - before)
+        times.append(processor_seconds() - before)
     return median(times)
-
-
-def _processor_seconds() -> float:
-    """Returns the processor time of this process, and of those that it has started and awaited."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return process_time() + children.ru_utime + children.ru_stime
 
 
 def _run_python(code: str, **environment: str) -> bytes:

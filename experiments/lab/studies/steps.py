@@ -1,4 +1,4 @@
-"""Measures exact methods on a scene that is cut off after more and more steps.
+"""Exact methods on a scene that is cut off after more and more steps.
 
 The generic solvers are given one integer program of the whole instance, alone: without the bound
 and the cuts of column generation, with which they begin elsewhere in this project.
@@ -9,21 +9,23 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from statistics import median
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from cocap_opt.console.streams import say
-from cocap_opt.experiments.lab.benchmark import Benchmark, MethodRun, Outcome
-from cocap_opt.experiments.lab.studies.runs import Run, scene
-from cocap_opt.experiments.lab.studies.solvers.contenders import ALONE
-from cocap_opt.formulations.brute_force import brute_force
-from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
+from cocap_opt.experiments.lab.benchmark import Benchmark, MethodRun, RunStatus
+from cocap_opt.experiments.lab.results import Results
+from cocap_opt.experiments.lab.studies.options import Seconds
+from cocap_opt.experiments.lab.studies.runs import Measurable, Run, scene
+from cocap_opt.experiments.lab.studies.solvers.comparisons import ALONE
 from cocap_opt.formulations.integer_programs.scip_nonlinear import scip_nonlinear
-from cocap_opt.formulations.result import BoundMethod, CertifiedResult, Report, silent
-from cocap_opt.output.files import make_folder, save_bytes, save_csv
+from cocap_opt.formulations.result import CertifiedResult, Report, silent
 from cocap_opt.output.printing import Listing, Record
-from cocap_opt.pictures.figures import picture
 from cocap_opt.planners.joint import joint
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Reason
+from cocap_opt.run.options import Option, UsageError
 from cocap_opt.stop import Limit, Stop, never
 
 _SCENE = "corridor"  # two drones: `joint` takes no more
@@ -41,39 +43,37 @@ def _joint(
     )
 
 
-METHODS: Mapping[str, BoundMethod] = {
-    "branch-and-price": branch_and_price,
+METHODS: Mapping[str, Measurable] = {
+    "branch-and-price": "branch-and-price",
     "joint": _joint,
-    "brute-force": brute_force,
+    "brute-force": "brute-force",
     **ALONE,
     "scip-nonlinear": partial(scip_nonlinear, root=None),
 }
 
 
-def steps(horizons: Sequence[int], seeds: Sequence[int], limit: float, out: Path) -> bool:
-    """Measures, prints, and writes the table (solvers.csv) and the figure (solvers.png).
-
-    Parameters
-    ----------
-    limit : s, of each run
-
-    Returns
-    -------
-    bool
-        True if no run failed.
-    """
-    make_folder(out)
-    runs: list[MethodRun] = []
+def steps(
+    *,
+    steps: Annotated[str, Parameter(help="after which the corridor is cut off")] = "1-8",
+    seeds: Annotated[str, Parameter(help="of the corridor")] = "0-4",
+    limit: Seconds = 5.0,
+    out: Annotated[Path, Parameter(help="folder for solvers.csv and solvers.png")],
+) -> int:
+    """Measures, prints, and writes the table (solvers.csv) and the figure (solvers.png)."""
+    horizons, numbers = sorted(Option("--steps").numbers(steps)), Option("--seeds").numbers(seeds)
+    if horizons[0] < 1:
+        raise UsageError(f"--steps: must be at least 1, not {horizons[0]}")
+    results, runs = Results.into(out), list[MethodRun]()
     try:
-        for seed in seeds:
+        for seed in numbers:
             for method in METHODS:
                 runs += _measured(method, horizons, seed, limit)
-                save_csv(out / "solvers.csv", [run._asdict() for run in runs])
+                results.save("solvers.csv", runs)
     finally:
         title = f"median seconds of processor until proved, by steps (limit {limit:g} s)"
         Listing(title, _listed(runs)).print()
-    save_bytes(out / "solvers.png", picture(Benchmark(runs).plot(), ".png"))
-    return all(run.outcome is not Outcome.FAILED for run in runs)
+    results.draw("solvers.png", Benchmark(runs).plot)
+    return int(any(run.outcome is RunStatus.FAILED for run in runs))
 
 
 def _measured(method: str, horizons: Sequence[int], seed: int, limit: float) -> list[MethodRun]:
@@ -86,7 +86,7 @@ def _measured(method: str, horizons: Sequence[int], seed: int, limit: float) -> 
         run = _told(method, horizon, seed, outcome)
         say(f"{method}, {horizon} steps, seed {seed}: {run.outcome}, {run.processor:.2f} s")
         runs.append(run)
-        if run.outcome is Outcome.REFUSED:
+        if run.outcome is RunStatus.REFUSED:
             break
     return runs
 
@@ -95,12 +95,12 @@ def _told(method: str, horizon: int, seed: int, found: Run | Run.Error) -> Metho
     """Returns a run as the table has it."""
     if isinstance(found, Run.Error):
         words = str(found)
-        outcome = Outcome.REFUSED if words.startswith("UnsupportedError") else Outcome.FAILED
+        outcome = RunStatus.REFUSED if words.startswith("UnsupportedError") else RunStatus.FAILED
         nothing = (math.nan, math.nan, -math.inf, math.inf)
         return MethodRun(method, horizon, seed, outcome, *nothing, words)
-    outcome = Outcome.PROVED if found.reason is Reason.OPTIMAL else Outcome.STOPPED
+    outcome = RunStatus.PROVED if found.reason is Reason.OPTIMAL else RunStatus.STOPPED
     if found.limit is Limit.MEMORY:
-        outcome = Outcome.REFUSED
+        outcome = RunStatus.REFUSED
     return MethodRun(
         method, horizon, seed, outcome, found.elapsed, found.seconds, found.value,
         min(found.bound, found.solver_bound), found.message,
@@ -120,7 +120,7 @@ def _listed(runs: Sequence[MethodRun]) -> list[Record]:
 
 def _words(runs: Sequence[MethodRun]) -> str:
     """Returns the median time of the runs that proved the optimum, and how many of all did."""
-    times = [run.processor for run in runs if run.outcome is Outcome.PROVED]
+    times = [run.processor for run in runs if run.outcome is RunStatus.PROVED]
     if not times:
         return "none" if runs else "-"
     share = "" if len(times) == len(runs) else f" ({len(times)}/{len(runs)})"

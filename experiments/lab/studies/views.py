@@ -1,13 +1,15 @@
 """Errors of planned coverage against rendered coverage."""
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable
+from typing import Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
 from cocap_opt.console.streams import say
+from cocap_opt.experiments.lab.results import Results, markdown, stored_rows
+from cocap_opt.experiments.lab.studies.options import Out, Scenes
 from cocap_opt.model import Model
-from cocap_opt.output.files import make_folder, save_csv
 from cocap_opt.output.printing import Listing, Record
 from cocap_opt.output.rendered import FaceView, Pose
 from cocap_opt.problem import Problem
@@ -15,6 +17,7 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Clock
 from cocap_opt.vision.render import Renderer
 
+_TABLE = "views.csv"
 _SEED = 0
 _SECONDS_BETWEEN_LINES = 10.0
 _CLEAR, _HIDDEN = "clear, 99 % error (%)", "hidden, median error (%)"
@@ -29,24 +32,40 @@ _SHOWN = {
 }
 
 
-def views(scenes: Sequence[str], poses: int, out: Path | None = None) -> None:
-    """Measures, prints, and writes the table (views.csv).
-
-    Parameters
-    ----------
-    poses : how many random ones of each scene
-    """
-    make_folder(out)
-    rows: list[Record] = []
-    for scene in scenes:
-        problem = load_scene(scene, _SEED)
-        some = _random_poses(problem, poses)
-        found = list(FaceView.all_from(Model(problem), Renderer(problem), some, _told(scene)))
+def views(
+    *,
+    scene: Scenes = None,
+    poses: Annotated[int, Parameter(help="random poses in each scene")] = 1000,
+    out: Out = None,
+) -> None:
+    """Measures, prints, and writes the table (views.csv)."""
+    results, rows = Results.into(out), list[Record]()
+    for name in scene or ["corridor", "bottleneck", "passage"]:
+        problem = load_scene(name, _SEED)
+        chosen = _random_poses(problem, poses)
+        found = list(FaceView.all_from(Model(problem), Renderer(problem), chosen, _told(name)))
         rows.append({"scene": problem.name} | FaceView.errors(found))
-        if out is not None:
-            save_csv(out / "views.csv", rows)
+        results.save(_TABLE, rows)
     shown = [{name: row[key] for name, key in _SHOWN.items()} for row in rows]
     Listing(f"errors (%) of planned pixels, {poses} random poses a scene", shown).print()
+
+
+def views_in_markdown() -> str:
+    """Returns how far stored planned pixels are from rendered ones, face by face."""
+    errors = {"median": "half", "90 %": "nine tenths", "99 %": "99 of 100", "largest": "all"}
+    return markdown([
+        {
+            "scene": row["scene"],
+            "faces": words,
+            "number": row[kind],
+            **{
+                f"{share} within": f"{float(row[f'{kind}, {error} error (%)']):.2g} %"
+                for error, share in errors.items()
+            },
+        }
+        for kind, words in (("clear", "in full view"), ("hidden", "partly hidden"))
+        for row in stored_rows(_TABLE)
+    ])  # fmt: skip
 
 
 def _random_poses(problem: Problem, count: int) -> list[Pose]:

@@ -8,25 +8,29 @@ alone, or with few others, as in a search.
 import multiprocessing
 import resource
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from pathlib import Path
 from statistics import median
+from typing import Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
 from cocap_opt.console.streams import say
 from cocap_opt.data import BoolArray
+from cocap_opt.experiments.lab.results import Results, in_unit, markdown, stored_rows
 from cocap_opt.experiments.lab.studies.coverage.town import town
+from cocap_opt.experiments.lab.studies.options import Out
 from cocap_opt.experiments.lab.studies.runs import BYTES, Build, Run
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.output.files import make_folder, save_csv
 from cocap_opt.output.printing import Listing, Record
 from cocap_opt.problem import Problem
+from cocap_opt.run.options import Option
 from cocap_opt.scenarios.built_in.field import field
 from cocap_opt.stop import Clock
 
+_TABLE = "coverage.csv"
 _CELLS, ACTORS, STEPS, _SEED = 120, 6, 60, 0
 _AT_ONCE = 1, 10, 100  # states of near places
 _REPEATS = 200
@@ -70,26 +74,40 @@ SCENES: dict[str, tuple[Callable[..., Problem], Callable[[Problem], Problem]]] =
 }
 
 
-def coverage(robots: Sequence[int], steps: int = STEPS, out: Path | None = None) -> None:
-    """Measures, prints, and writes the table (coverage.csv).
-
-    Parameters
-    ----------
-    robots : numbers of drones, spread over the map
-    """
-    make_folder(out)
-    rows: list[Record] = []
+def coverage(
+    *,
+    robots: Annotated[str, Parameter(help="how many, spread over the map")] = "2,6",
+    steps: Annotated[int, Parameter(help="horizon T")] = STEPS,
+    out: Out = None,
+) -> None:
+    """Measures, prints, and writes the table (coverage.csv)."""
+    teams = Option("--robots").numbers(robots)
+    results, rows = Results.into(out), list[Record]()
     for scene, (make, change) in SCENES.items():
-        for count in robots:
+        for count in teams:
             build = partial(make, seed=_SEED, robots=count, actors=ACTORS, steps=steps)
             context = multiprocessing.get_context("spawn")
             with Run.one_thread(), ProcessPoolExecutor(1, mp_context=context) as process:
                 measured = process.submit(_row, build, change).result()
             rows.append({"scene": scene, "robots": count} | measured)
             say(f"{scene}, {count} drones: {rows[-1]['seconds']:.1f} s")
-            if out is not None:
-                save_csv(out / "coverage.csv", rows)
+            results.save(_TABLE, rows)
     Listing(f"coverage, {ACTORS} people, {steps} steps (us: of one state)", rows).print()
+
+
+def coverage_in_markdown() -> str:
+    """Returns the stored cost of wide maps: processor time, memory, and number of states."""
+    return markdown([
+        {
+            "map": row["scene"],
+            "drones": row["robots"],
+            "states": f"{int(row['states']):,}",
+            "processor time": in_unit(row["processor (s)"], "s"),
+            "memory": f"{float(row['peak (GB)']):.2f} GB",
+            "us a state": f"{float(row['us']):.1f}",
+        }
+        for row in stored_rows(_TABLE)
+    ])  # fmt: skip
 
 
 def _row(build: Build, change: Callable[[Problem], Problem]) -> Record:

@@ -7,9 +7,10 @@ tilt of the first one.
 """
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from cyclopts import Parameter
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.experiments.lab.studies.others.stored_values import rendered_coverage
@@ -32,15 +33,14 @@ class _Difference(NamedTuple):
     hidden: bool  # true if something hides a part of the face
 
 
-def peers(scene: Path, coverage: Path, states: int) -> None:
-    """Prints how far planned and rendered coverage are from theirs.
-
-    Parameters
-    ----------
-    scene : seq.yaml of the scene
-    coverage : CSV file that their program wrote
-    states : at most so many random ones are compared
-    """
+def peers(
+    scene: Annotated[Path, Parameter(help="their seq.yaml")],
+    coverage: Annotated[Path, Parameter(help="their CSV of pixels")],
+    /,
+    *,
+    states: Annotated[int, Parameter(help="how many random ones are compared")] = 500,
+) -> None:
+    """Prints how far planned and rendered coverage are from theirs."""
     problem = greedy_perspectives.read(scene, options={"start-set": "yaml"})
     theirs = rendered_coverage(problem, coverage)
     found, totals = _differences(problem, theirs, states)

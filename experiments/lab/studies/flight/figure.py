@@ -7,7 +7,7 @@ from statistics import fmean
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cocap_opt.experiments.lab.studies.flight.runs import SMOOTH, STRAIGHT, Run
+from cocap_opt.experiments.lab.studies.flight.runs import SMOOTH, STRAIGHT, FlightRun
 from cocap_opt.pictures.style import (
     BLUE,
     RED,
@@ -24,7 +24,7 @@ _COLOURS = {SMOOTH: BLUE, STRAIGHT: RED}
 _ASIDE = {SMOOTH: -0.17, STRAIGHT: 0.17}
 
 
-def flight_figure(runs: Sequence[Run]) -> Figure:
+def flight_figure(runs: Sequence[FlightRun]) -> Figure:
     """Draws the mean and the largest error, the least distances, and the share of J filmed."""
     figure = new_figure(8, 9)
     error, apart, kept = figure.subplots(3, 1)
@@ -44,10 +44,10 @@ def flight_figure(runs: Sequence[Run]) -> Figure:
 
 def _draw(
     ax: Axes,
-    runs: Sequence[Run],
-    bar: Callable[[Run], float],
-    dot: Callable[[Run], float] | None = None,
-    line: Callable[[Run], float] | None = None,
+    runs: Sequence[FlightRun],
+    bar: Callable[[FlightRun], float],
+    dot: Callable[[FlightRun], float] | None = None,
+    line: Callable[[FlightRun], float] | None = None,
 ) -> Axes:
     """Draws a group of bars for each scene and wind.
 

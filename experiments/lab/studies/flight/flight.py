@@ -1,46 +1,75 @@
-"""Flies plans in a simulator by others, and tells what is left of distances and of J."""
+"""Plans flown in a simulator by others, and what is left of distances and of J."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from cocap_opt.console.streams import say
+from cocap_opt.experiments.lab.results import STORED, Results
 from cocap_opt.experiments.lab.studies.flight.figure import flight_figure
-from cocap_opt.experiments.lab.studies.flight.runs import Run, flown
+from cocap_opt.experiments.lab.studies.flight.runs import FlightRun, flown
 from cocap_opt.experiments.lab.studies.flight.simulation import span
 from cocap_opt.experiments.lab.studies.flight.tables import listings, sentences
-from cocap_opt.output.files import (
-    make_folder,
-    save_bytes,
-    save_csv,
-)
+from cocap_opt.experiments.lab.studies.options import Out, positive_seconds
 from cocap_opt.output.printing import print_texts
-from cocap_opt.pictures.figures import picture
+from cocap_opt.run.options import Option, UsageError
 
-SCENES = ("bridge", "passage")
-TABLE = "flight.csv"
+_SCENES = ("bridge", "passage")
+_TABLE = "flight.csv"
+_STORM = 30.0  # m/s, beyond which nobody flies
 
 
 def flight(
+    *scenes: Annotated[str, Parameter(help="scenes or recipes; bridge and passage if none")],
+    seeds: Annotated[str, Parameter(help="of each scene, of the wind's gusts, too")] = "0-2",
+    wind: Annotated[
+        list[float] | None,
+        Parameter(negative="", consume_multiple=True, help="m/s; 0, 5 and 10 if not given"),
+    ] = None,
+    step: Annotated[
+        float | None,
+        positive_seconds(
+            help="seconds of a step, of scenes that do not say it; else as PX4's limits ask"
+        ),
+    ] = None,
+    out: Out = None,
+    stored: Annotated[
+        bool, Parameter(negative="", help="simulate nothing: take the stored results")
+    ] = False,
+) -> None:
+    """Simulates, writes the rows (flight.csv) as they come, and tells what they are."""
+    winds = [0.0, 5.0, 10.0] if wind is None else wind
+    if not all(0 <= speed <= _STORM for speed in winds):
+        raise UsageError(f"--wind: must be 0..{_STORM:g} m/s")
+    numbers = Option("--seeds").numbers(seeds)
+    if stored and scenes:
+        raise UsageError(
+            "--stored: must be given without scenes, for it takes those that are stored"
+        )
+    if stored:
+        tell(stored_flights(), out)
+    else:
+        tell(_simulated(scenes or _SCENES, numbers, winds, step, out), out)
+
+
+def stored_flights() -> list[FlightRun]:
+    """Returns the stored runs."""
+    return FlightRun.read(STORED / _TABLE)
+
+
+def _simulated(
     scenes: Sequence[str],
     seeds: Sequence[int],
     winds: Sequence[float],
-    step: float | None = None,
-    out: Path | None = None,
-) -> list[Run]:
-    """Simulates, and writes the rows (flight.csv) as they come.
-
-    Parameters
-    ----------
-    winds : m/s
-    step : s, of scenes that say no duration; None: what the vehicle can fly
-
-    Raises
-    ------
-    FileError
-        If the simulator is not installed.
-    """
+    step: float | None,
+    out: Path | None,
+) -> list[FlightRun]:
+    """Simulates flights; raises FileError if the simulator is not installed."""
     span()  # which needs it
-    runs: list[Run] = []
+    runs: list[FlightRun] = []
     for scene in scenes:
         for seed in seeds:
             for run in flown(scene, seed, winds, step):
@@ -49,17 +78,13 @@ def flight(
                     f"{run.scene} seed {seed}, {run.flight}, {run.wind:g} m/s: off by "
                     f"{run.error_most:.2f} m at most"
                 )
-                if out is not None:
-                    make_folder(out)  # not before, for a scene may be refused
-                    save_csv(out / TABLE, [one._asdict() for one in runs])
+                Results.into(out).save(_TABLE, runs)  # not before, for a scene may be refused
     return runs
 
 
-def tell(runs: Sequence[Run], out: Path | None = None) -> None:
+def tell(runs: Sequence[FlightRun], out: Path | None = None) -> None:
     """Prints tables and sentences, and draws the figure (flight.png)."""
     for listing in listings(runs):
         listing.print()
     print_texts([], sentences(runs))
-    if out is not None:
-        make_folder(out)
-        save_bytes(out / "flight.png", picture(flight_figure(runs), ".png"))
+    Results.into(out).draw("flight.png", partial(flight_figure, runs))

@@ -34,7 +34,7 @@ _SECONDS = 60.0  # for each plan
 _FINE = 2  # durations of steps are multiples of a second divided by it
 
 
-class Run(NamedTuple):
+class FlightRun(NamedTuple):
     """The outcome of the flights of a plan in a simulator.
 
     Attributes
@@ -83,7 +83,7 @@ class Run(NamedTuple):
         return self.reward_between_flown / self.reward_between if self.reward_between > 0 else 1.0
 
     @classmethod
-    def of(cls, flight: Flight, seed: int, wind: Wind) -> "Run":
+    def of(cls, flight: Flight, seed: int, wind: Wind) -> "FlightRun":
         """Simulates a flight and measures it."""
         flown, problem = flight.flown, flight.flown.problem
         parts = parts_of(problem)
@@ -108,12 +108,12 @@ class Run(NamedTuple):
         )  # fmt: skip
 
     @classmethod
-    def read(cls, path: Path) -> "list[Run]":
+    def read(cls, path: Path) -> "list[FlightRun]":
         """Returns the rows of a file that `save_csv` has written."""
         return load_csv(path, cls, "cocap-opt study flight")
 
 
-def flown(scene: str, seed: int, winds: Sequence[float], step: float | None) -> Iterator[Run]:
+def flown(scene: str, seed: int, winds: Sequence[float], step: float | None) -> Iterator[FlightRun]:
     """Plans a scene and yields what becomes of its smooth and its straight flight in each wind.
 
     Scenes whose rules have no separation get that of recipes, and starts that allow it. Steps of
@@ -139,7 +139,7 @@ def flown(scene: str, seed: int, winds: Sequence[float], step: float | None) -> 
         for is_smooth in (True, False):
             flight = Flight.of(problem, plan, is_smooth)
             for speed in winds:
-                yield Run.of(flight, seed, Wind(speed, seed))
+                yield FlightRun.of(flight, seed, Wind(speed, seed))
     except ProblemError as error:
         raise ProblemError(f"{scene} seed {seed}: {error}") from error
 

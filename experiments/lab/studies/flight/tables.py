@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from statistics import fmean
 from typing import NamedTuple
 
-from cocap_opt.experiments.lab.studies.flight.runs import SMOOTH, STRAIGHT, Run
+from cocap_opt.experiments.lab.studies.flight.runs import SMOOTH, STRAIGHT, FlightRun
 from cocap_opt.output.printing import Listing, Record
 from cocap_opt.problem import SEPARATION
 
@@ -35,7 +35,7 @@ class _Summary(NamedTuple):
     kept_between: float
 
     @classmethod
-    def of(cls, runs: Sequence[Run]) -> "_Summary":
+    def of(cls, runs: Sequence[FlightRun]) -> "_Summary":
         """Returns means, and the worst of what must not be."""
         return cls(
             fmean(run.error_mean for run in runs),
@@ -64,7 +64,7 @@ class _Summary(NamedTuple):
         }
 
 
-def listings(runs: Sequence[Run]) -> list[Listing]:
+def listings(runs: Sequence[FlightRun]) -> list[Listing]:
     """Returns a table of smooth flights, and one of straight ones."""
     found = []
     for flight in (SMOOTH, STRAIGHT):
@@ -77,12 +77,12 @@ def listings(runs: Sequence[Run]) -> list[Listing]:
     return [found[0], found[1]._replace(notes=[_NOTE])]
 
 
-def sentences(runs: Sequence[Run]) -> list[str]:
+def sentences(runs: Sequence[FlightRun]) -> list[str]:
     """Returns a sentence on each scene, and some on the separation of recipes."""
     return [*_on_scenes(runs), *_on_separation(runs)]
 
 
-def flights_in_markdown(runs: Sequence[Run]) -> str:
+def flights_in_markdown(runs: Sequence[FlightRun]) -> str:
     """Returns the tables as one in Markdown, and a sentence on what its columns are."""
     rows = [
         {"scene": scene, "flight": flight, "wind (m/s)": f"{wind:g}", **summary.row()}
@@ -91,7 +91,7 @@ def flights_in_markdown(runs: Sequence[Run]) -> str:
     return f"{Listing('', rows).markdown}\n{_capital(_NOTE)}.\n"
 
 
-def _on_scenes(runs: Sequence[Run]) -> Iterator[str]:
+def _on_scenes(runs: Sequence[FlightRun]) -> Iterator[str]:
     for scene in dict.fromkeys(run.scene for run in runs):
         own = [run for run in runs if run.scene == scene]
         calm, stormy = min(run.wind for run in own), max(run.wind for run in own)
@@ -105,7 +105,7 @@ def _on_scenes(runs: Sequence[Run]) -> Iterator[str]:
         yield f"{scene} (steps of {steps} s): {'; '.join(words)}."
 
 
-def _on_wind(runs: Sequence[Run], wind: float) -> str:
+def _on_wind(runs: Sequence[FlightRun], wind: float) -> str:
     """Says in some words what becomes of a scene's flights in a wind."""
     found = {
         flight: _Summary.of([run for run in runs if run.flight == flight])
@@ -120,7 +120,7 @@ def _on_wind(runs: Sequence[Run], wind: float) -> str:
     )
 
 
-def _on_separation(runs: Sequence[Run]) -> Iterator[str]:
+def _on_separation(runs: Sequence[FlightRun]) -> Iterator[str]:
     """Says what is left of the separation of recipes, by the largest errors of smooth flights."""
     width = max(run.span for run in runs)
     enough = []
@@ -142,7 +142,7 @@ def _on_separation(runs: Sequence[Run]) -> Iterator[str]:
     yield f"So {SEPARATION:g} m are enough {winds}."
 
 
-def _summaries(runs: Sequence[Run]) -> Iterator[tuple[tuple[str, str, float], _Summary]]:
+def _summaries(runs: Sequence[FlightRun]) -> Iterator[tuple[tuple[str, str, float], _Summary]]:
     """Yields scene, kind of flight and wind, and what became of its seeds."""
     for key in dict.fromkeys((run.scene, run.flight, run.wind) for run in runs):
         yield key, _Summary.of([run for run in runs if (run.scene, run.flight, run.wind) == key])

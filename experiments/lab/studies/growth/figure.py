@@ -14,8 +14,8 @@ from cocap_opt.experiments.lab.studies.growth.points import (
     GAP,
     MEASURES,
     SIZES,
+    GrowthPoint,
     Measure,
-    Point,
 )
 from cocap_opt.pictures.style import (
     AMBER,
@@ -47,7 +47,7 @@ _SECONDS = ("seconds", "seconds_to_gap")
 _GAPS = ("gap_of_cuts_percent", "gap_percent")
 
 
-def growth_figure(points: Sequence[Point], limit: float) -> Figure:
+def growth_figure(points: Sequence[GrowthPoint], limit: float) -> Figure:
     """Draws seconds and gap against drones, steps and cells, on logarithmic axes.
 
     Parameters
@@ -82,7 +82,7 @@ def growth_figure(points: Sequence[Point], limit: float) -> Figure:
     return figure
 
 
-def _draw_measure(ax: Axes, points: Sequence[Point], name: str) -> None:
+def _draw_measure(ax: Axes, points: Sequence[GrowthPoint], name: str) -> None:
     """Draws medians against sizes, a dot per seed, and dashed the power law if there is one.
 
     A mark is hollow where the limit stopped a run.
@@ -99,7 +99,7 @@ def _draw_measure(ax: Axes, points: Sequence[Point], name: str) -> None:
     _draw_law(ax, measure, points, colour)
 
 
-def _draw_law(ax: Axes, measure: Measure, points: Sequence[Point], colour: str) -> None:
+def _draw_law(ax: Axes, measure: Measure, points: Sequence[GrowthPoint], colour: str) -> None:
     law = measure.fit(points)
     if law is None:
         return
@@ -111,7 +111,7 @@ def _draw_law(ax: Axes, measure: Measure, points: Sequence[Point], colour: str) 
                 textcoords="offset points", ha="right", fontsize=SMALL)  # fmt: skip
 
 
-def _set_sizes(ax: Axes, points: Sequence[Point]) -> None:
+def _set_sizes(ax: Axes, points: Sequence[GrowthPoint]) -> None:
     """Writes the sizes that were measured on the axis, and no others."""
     ticks = sorted({point.size for point in points})
     if ticks:

@@ -1,15 +1,18 @@
-"""Measures how column generation grows with drones, steps and cells.
+"""The growth of column generation with drones, steps and cells.
 
 One of the three changes at a time, around a base field.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 from statistics import median
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from cocap_opt.console.streams import say
+from cocap_opt.experiments.lab.results import STORED, Results, markdown
 from cocap_opt.experiments.lab.studies.growth.figure import growth_figure
 from cocap_opt.experiments.lab.studies.growth.points import (
     BASES,
@@ -17,43 +20,41 @@ from cocap_opt.experiments.lab.studies.growth.points import (
     MEASURES,
     SIZES,
     Field,
-    Point,
+    GrowthPoint,
     Runs,
     Sample,
 )
+from cocap_opt.experiments.lab.studies.options import Out, Seconds
 from cocap_opt.experiments.lab.studies.runs import Run
 from cocap_opt.formulations.column_generation.branch_and_price import column_generation
 from cocap_opt.formulations.column_generation.tree.root import Root
-from cocap_opt.output.files import make_folder, save_bytes, save_csv
-from cocap_opt.output.printing import Listing
-from cocap_opt.pictures.figures import picture
+from cocap_opt.output.printing import Listing, counted
+from cocap_opt.run.options import Option
 from cocap_opt.scenarios.built_in.field import field
 
-TABLE = "growth.csv"
+_TABLE = "growth.csv"
+_PROSE = {"robots": "drones"}
 _CUTS = partial(column_generation, solve_root=partial(Root.solve_aggregated, by_cuts_only=True))
 
 
 def growth(
-    sizes: Mapping[str, Sequence[int]], seeds: Sequence[int], limit: float, out: Path | None = None
-) -> bool:
-    """Measures, prints, and writes the samples (growth.csv) and the figure (growth.png).
-
-    Parameters
-    ----------
-    sizes : by axis, a key of SIZES
-    limit : s, of each run
-
-    Returns
-    -------
-    bool
-        True if no run failed.
-    """
-    make_folder(out)
+    *,
+    robots: Annotated[str, Parameter(help="numbers of drones")] = "2,4,8,16,32,64",
+    steps: Annotated[str, Parameter(help="numbers of steps")] = "8,16,32,64,80",
+    cells: Annotated[str, Parameter(help="along each edge")] = "15,30,48,64,96",
+    seeds: Annotated[str, Parameter(help="medians are taken over them")] = "0-4",
+    limit: Seconds = 60.0,
+    out: Out = None,
+) -> int:
+    """Measures, prints, and writes the samples (growth.csv) and the figure (growth.png)."""
+    sizes = {
+        axis: sorted(Option(f"--{axis}").numbers(text))
+        for axis, text in (("robots", robots), ("steps", steps), ("cells", cells))
+    }
+    numbers, results = Option("--seeds").numbers(seeds), Results.into(out)
     samples: list[Sample] = []
     known: dict[tuple[Field, int], Runs | None] = {}
-    wanted = [
-        (axis, size, seed) for axis in SIZES for size in sorted(sizes[axis]) for seed in seeds
-    ]
+    wanted = [(axis, size, seed) for axis in SIZES for size in sizes[axis] for seed in numbers]
     try:
         for axis, size, seed in wanted:
             key = BASES[axis]._replace(**{axis: size}), seed
@@ -61,26 +62,47 @@ def growth(
                 known[key] = _measured(*key, limit)
             if (runs := known[key]) is not None:
                 samples.append(Sample.of(axis, size, seed, limit, runs))
-                if out is not None:
-                    save_csv(out / TABLE, [sample._asdict() for sample in samples])
+                results.save(_TABLE, samples)
     finally:
         _print(samples)
-    if out is not None and samples:
-        draw(samples, out)
-    return all(runs is not None for runs in known.values())
+    if samples:
+        results.draw("growth.png", lambda: growth_figure(GrowthPoint.all_of(samples), limit))
+    return int(any(runs is None for runs in known.values()))
 
 
-def draw(samples: Sequence[Sample], out: Path) -> None:
-    """Writes the figure into a folder."""
-    figure = growth_figure(Point.all_of(samples), samples[0].limit)
-    save_bytes(out / "growth.png", picture(figure, ".png"))
+def growth_in_markdown() -> str:
+    """Returns the stored time and gap for each size of the scene `field`."""
+    samples = Sample.read(STORED / _TABLE)
+    points = GrowthPoint.all_of(samples)
+    middle = [
+        {name: median(measure.of(point)) for name, measure in MEASURES.items()} for point in points
+    ]
+    table = markdown([
+        {
+            "changes": _PROSE.get(point.axis, point.axis),
+            "to": f"{point.size}",
+            f"to a gap of {100 * GAP:g} %": _seconds(found["seconds_to_gap"]),
+            "gap at the end": f"{found['gap_percent']:.2f} %",
+            "without step envelopes": f"{found['gap_of_cuts_percent']:.2f} %",
+            "stopped": f"{sum(not s.finished for s in point.samples)} of {len(point.samples)}",
+            "memory": f"{max(sample.gigabytes for sample in point.samples):.2f} GB",
+        }
+        for point, found in zip(points, middle, strict=True)
+    ])  # fmt: skip
+    seeds = counted(len({sample.seed for sample in samples}), "seed")
+    of = f"Medians over {seeds}" if len(samples) > len(points) else "One seed of each size"
+    return f"{table}\n{of}; runs were stopped after {samples[0].limit:g} s.\n"
+
+
+def _seconds(seconds: float) -> str:
+    return f"{seconds:.3g} s" if math.isfinite(seconds) else "-"
 
 
 def _measured(wanted: Field, seed: int, limit: float) -> Runs | None:
     """Runs column generation on a field; returns None if it failed."""
     build = partial(field, seed, **wanted._asdict())
     try:
-        runs = Runs(*(Run.of(build, method, limit) for method in (column_generation, _CUTS)))
+        runs = Runs(*(Run.of(build, method, limit) for method in ("column-generation", _CUTS)))
     except Run.Error as error:
         say(f"{wanted.words}, seed {seed}: {error}")
         return None
@@ -90,7 +112,7 @@ def _measured(wanted: Field, seed: int, limit: float) -> Runs | None:
 
 
 def _print(samples: Sequence[Sample]) -> None:
-    points, to_gap = Point.all_of(samples), f"to a gap of {100 * GAP:g} %"
+    points, to_gap = GrowthPoint.all_of(samples), f"to a gap of {100 * GAP:g} %"
     middle = {name: [median(m.of(p)) for p in points] for name, m in MEASURES.items()}
     rows = [
         {

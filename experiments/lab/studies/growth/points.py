@@ -70,7 +70,7 @@ class Sample(NamedTuple):
 
     @classmethod
     def of(cls, axis: str, size: int, seed: int, limit: float, runs: "Runs") -> Self:
-        """Returns what is kept of the runs on one field."""
+        """Makes the row of the runs on one field."""
         run = runs.whole
         return cls(
             axis, size, seed, limit, run.finished, run.seconds, run.seconds_to_gap(GAP), run.gap,
@@ -84,7 +84,7 @@ class Sample(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Point:
+class GrowthPoint:
     """The samples of one size, one per seed."""
 
     axis: str
@@ -116,18 +116,18 @@ class Measure(NamedTuple):
     """
 
     one: Callable[[Sample], float]
-    whole: Callable[[Point], bool]
+    whole: Callable[[GrowthPoint], bool]
 
-    def of(self, point: Point) -> list[float]:
+    def of(self, point: GrowthPoint) -> list[float]:
         """Returns the numbers of a point's samples."""
         return [self.one(sample) for sample in point.samples]
 
-    def exponent(self, points: Sequence[Point]) -> float:
+    def exponent(self, points: Sequence[GrowthPoint]) -> float:
         """Returns the exponent of the power law through the medians; NaN if there is none."""
         line = self.fit(points)
         return math.nan if line is None else line[0]
 
-    def fit(self, points: Sequence[Point]) -> tuple[float, float] | None:
+    def fit(self, points: Sequence[GrowthPoint]) -> tuple[float, float] | None:
         """Returns slope and offset of log measure over log size, of sizes that no limit cut short.
 
         None if there are fewer than four such sizes, or if the medians are not near the line.

@@ -1,3 +1,3 @@
 """Plans of other projects and ours on their scenes, under one evaluator, with certified bounds."""
 
-__all__ = ["others", "stored_values", "tables"]
+__all__ = ["others", "stored_values"]

@@ -6,20 +6,35 @@ their start sets, and with tables of its own.
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from cocap_opt.console.streams import say
+from cocap_opt.experiments.lab.results import STORED, Results, in_percent, markdown, stored_rows
+from cocap_opt.experiments.lab.studies.options import Out, Workers, positive_seconds
 from cocap_opt.experiments.lab.studies.others.cases import Case
 from cocap_opt.experiments.lab.studies.others.findings import findings
 from cocap_opt.experiments.lab.studies.others.published import Scene, not_there
-from cocap_opt.experiments.lab.studies.others.tables import Compared, OverSets
+from cocap_opt.experiments.lab.studies.others.tables import (
+    BETWEEN,
+    PLAN,
+    WORD,
+    Compared,
+    OverSets,
+)
 from cocap_opt.experiments.sweeps.instances import Instance, Key, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.tables.rows import Row
-from cocap_opt.output.files import save_bytes, save_csv
+from cocap_opt.output.files import save_bytes
 from cocap_opt.output.printing import Listing, Record, print_texts
 from cocap_opt.problem import Plan
+from cocap_opt.run.engine import SOLVERS
+from cocap_opt.run.options import Option, UsageError
 
-PLANNERS = ("cocap-lns", "cocap")
+_PLANNERS = ("cocap-lns", "cocap")
+_INTERRUPTED = 130  # exit code after Ctrl-C
+_JUDGED = {PLAN: "the plan", BETWEEN: "between cells", WORD: "their word"}
 _NOTES = """\
 Every plan, theirs or ours, is evaluated by the same referee; bounds are certified. `gap` is to the
 bound under the scene's collision rules, of plans that obey them. `gap_free` is to the bound without
@@ -35,39 +50,35 @@ their programs are not known.
 
 
 def others(
-    folder: Path,
-    planners: Sequence[str],
-    sets: Sequence[int] | None,
-    limit: float,
-    workers: int | None = None,
-    out: Path | None = None,
-) -> bool:
-    """Measures what is not in `out` yet by a sweep, and prints and writes the tables.
-
-    Parameters
-    ----------
-    folder : that holds scenes as they are published, somewhere below it
-    planners : of ours; PLANNERS if there is none
-    sets : start sets; None for all
-    limit : s, of each plan and each bound
-    workers : processes; None for this one
-
-    Returns
-    -------
-    bool
-        True if all is measured, False after Ctrl-C.
-
-    Raises
-    ------
-    FileError
-        If no scene can be read.
-    """
+    folder: Annotated[
+        Path, Parameter(help="with scenes of Greedy Perspectives or of Hughes et al., however deep")
+    ],
+    /,
+    *,
+    planner: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="", consume_multiple=True, help=f"ours; {' and '.join(_PLANNERS)} if none"
+        ),
+    ] = None,
+    sets: Annotated[
+        str | None,
+        Parameter(help="start sets of Greedy Perspectives, such as 0-9; all if none"),
+    ] = None,
+    limit: Annotated[float, positive_seconds(help="seconds for each plan and each bound")] = 60.0,
+    workers: Workers = None,
+    out: Out = None,
+) -> int:
+    """Measures what is not in `out` yet by a sweep, and prints and writes the tables."""
+    if unknown := [name for name in planner or [] if name not in SOLVERS]:
+        raise UsageError(f"--planner: must be among {', '.join(SOLVERS)}, not {unknown[0]!r}")
+    numbers = None if sets is None else Option("--sets").numbers(sets)
     scenes = Scene.all_in(folder)
     for sentence in not_there(folder, scenes):
         say(sentence)
-    cases = Case.all_of(scenes, sets, say)
+    cases = Case.all_of(scenes, numbers, say)
     settings = Settings(time_limit=limit, bound_time_limit=limit)
-    instances = [case.instance(planners or PLANNERS, settings) for case in cases]
+    instances = [case.instance(planner or _PLANNERS, settings) for case in cases]
 
     def is_same(key: Key, digest: str) -> bool:
         return Case.is_same(cases, key, digest)
@@ -79,7 +90,58 @@ def others(
         if instance.is_whole and not instance.is_cut
     ]
     _publish(whole, rows, limit, out)
-    return len(whole) == len(instances)
+    return 0 if len(whole) == len(instances) else _INTERRUPTED
+
+
+def start_sets_in_markdown() -> str:
+    """Returns stored means over the start sets of Greedy Perspectives, as its paper has them."""
+    return markdown([
+        {
+            "scene": row["scene"],
+            "planner": row["planner"],
+            "reward": f"{float(row['reward']):,.0f} ± {float(row['sd']):,.0f}",
+            "drones that collide": f"{float(row['colliding']):.1f}",
+            "gap, mean": in_percent(row["gap"]),
+            "gap, largest": in_percent(row["largest gap"]),
+            "gap without rules": in_percent(row["gap_free"]),
+            "proved": f"{row['proved']} of {row['sets']}",
+        }
+        for row in stored_rows("greedy-perspectives.csv")
+    ])  # fmt: skip
+
+
+def published_in_markdown(name: str) -> str:
+    """Returns plans that others have published beside ours, and of what their J is.
+
+    Parameters
+    ----------
+    name : of the stored file
+    """
+    return markdown([
+        {
+            "scene": row["scene"],
+            "plan of": "them" if row["by"] == "them" else "us",
+            "planner": row["planner"],
+            "J": f"{float(row['reward']):,.1f}",
+            "J of": _JUDGED[row["of"]],
+            "below the bound": in_percent(row["gap"]),
+            "conflicts": row["conflicts"] or "-",
+            "above their best": f"{float(row['above theirs (%)']):+.2f} %",
+        }
+        for row in stored_rows(name)
+        if row["reward"] and row["above theirs (%)"]
+    ])  # fmt: skip
+
+
+def findings_in_markdown(name: str) -> str:
+    """Returns the stored findings on the evaluation of others, in sentences.
+
+    Parameters
+    ----------
+    name : of the stored file, others.md as the study writes it
+    """
+    text = (STORED / name).read_text(encoding="utf-8")
+    return text.partition("## Their evaluation\n\n")[2].partition("\n\n")[0]
 
 
 def _publish(
@@ -134,7 +196,7 @@ def _write(
     parts = []
     for name, listing in tables.items():
         if listing.rows:
-            save_csv(out / name, listing.rows)
+            Results(out).save(name, listing.rows)
             parts.append(f"## {listing.title} (limit {limit:g} s)\n\n{listing.markdown}")
     told = "".join(f"- {Listing.cell(sentence)}\n" for sentence in sentences)
     parts += [f"## Their evaluation\n\n{told}"] if told else []

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from statistics import geometric_mean
 from typing import NamedTuple, Self
 
-from cocap_opt.experiments.lab.studies.paper.answers import FAILS, HOLDS, OPEN, Answer
+from cocap_opt.experiments.lab.studies.paper.answers import FAILS, HOLDS, OPEN, ClaimAnswer
 from cocap_opt.experiments.lab.studies.paper.measured import POLISHED
 from cocap_opt.experiments.lab.studies.paper.stopped import StoppedRuns
 from cocap_opt.experiments.tables.rows import Row
@@ -123,13 +123,15 @@ class Effect(NamedTuple):
             "times as long": self.longer,
         }
 
-    def answer(self) -> Answer:
+    def answer(self) -> ClaimAnswer:
         """Answers if the part adds anything; if it takes away, or adds next to nothing, says so."""
         found, contrast = self.mean, self.contrast
         what = f"{contrast.part} {contrast.words}"
         if found is None:
-            return Answer(f"{_capital(what)}: there is no seed on which both have a plan.", OPEN)
-        verdict = Answer.above(found, 0.0)
+            return ClaimAnswer(
+                f"{_capital(what)}: there is no seed on which both have a plan.", OPEN
+            )
+        verdict = ClaimAnswer.above(found, 0.0)
         words = f"That it adds anything {verdict}"
         if verdict == OPEN and max(-found.low, found.high) < _ALIKE:
             words = f"That is less than {_ALIKE:g} % either way: without it planning is as good"
@@ -138,7 +140,7 @@ class Effect(NamedTuple):
             words += f", but on average it is less than {_ALIKE:g} %: planning without it is nearly"
             words += " as good"
         long = f" in {self.longer} times the time" if self.ratios else ""
-        return Answer(
+        return ClaimAnswer(
             f"{_capital(what)} adds {found.text(3, ' %')} of the bound{long} ({contrast.with_it} "
             f"against {contrast.without}, {self.scene}, {found.size} seeds{self._cut_short()}). "
             f"{words}.",

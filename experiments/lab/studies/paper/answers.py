@@ -34,7 +34,7 @@ def lines() -> str:
     )
 
 
-class Answer(NamedTuple):
+class ClaimAnswer(NamedTuple):
     """An answer in words, and what it says of the claim."""
 
     words: str
@@ -51,7 +51,7 @@ class Answer(NamedTuple):
     def above(found: Mean, line: float) -> str:
         """Returns HOLDS, FAILS or OPEN for the claim that a mean is above a line."""
         turned = Mean(-found.value, -found.high, -found.low, found.spread, found.size)
-        return Answer.below(turned, -line)
+        return ClaimAnswer.below(turned, -line)
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class SceneAnswers:
         """Makes the answers about each scene of some rows."""
         return [cls(scene, some) for (scene,), some in Row.grouped(rows, "scene").items()]
 
-    def closeness(self) -> Answer:
+    def closeness(self) -> ClaimAnswer:
         """Answers if CoCap comes close to unconstrained performance.
 
         CoCap loses at most its distance below the certified bound without collisions, and at
@@ -81,22 +81,22 @@ class SceneAnswers:
         planned = [row for row in own if row.valid and row.gap_free is not None]
         if not planned:
             words = "CoCap has no plan that obeys the rules; the claim cannot be tried."
-            return Answer(f"{self.scene}: {words}", OPEN)
+            return ClaimAnswer(f"{self.scene}: {words}", OPEN)
         found = Mean.of(Row.percent(planned, "gap_free"))
         least = Mean.of([
             100 * relative_gap(row.reward, row.optimum_free)
             for row in planned
             if row.reward is not None and row.optimum_free is not None
         ])  # fmt: skip
-        verdict = Answer.below(found, _CLOSE)
+        verdict = ClaimAnswer.below(found, _CLOSE)
         if verdict != HOLDS:
-            verdict = FAILS if Answer.below(least, _CLOSE) == FAILS else OPEN
+            verdict = FAILS if ClaimAnswer.below(least, _CLOSE) == FAILS else OPEN
         words = verdict
         if len(planned) < len(own):
             words = f"{OPEN}, as it has no plan on {len(own) - len(planned)} of {len(own)}"
             verdict = OPEN
         apart = self._stopped().apart({r.seed: 100 * r.gap_free for r in planned if r.gap_free})
-        return Answer(
+        return ClaimAnswer(
             f"{self.scene}: CoCap is {_text(found)} below the certified bound of planning without "
             f"collisions, at most {max(Row.percent(planned, 'gap_free')):.2f} %.{apart} That it "
             f"comes within {_CLOSE:g} % of unconstrained performance {words} (mean over "
@@ -133,17 +133,17 @@ class SceneAnswers:
         ends = [end for row in first if (end := row.price) is not None]
         return [100 * low for low, _ in ends], [100 * high for _, high in ends]
 
-    def against_sequential(self, planner: str = "cocap", name: str = "CoCap") -> Answer:
+    def against_sequential(self, planner: str = "cocap", name: str = "CoCap") -> ClaimAnswer:
         """Answers if CoCap, or another planner, is better than sequential planning."""
         pairs = self._pairs(planner, "sequential", lambda row: row.reward if row.valid else None)
         if not pairs:
             words = f"{self.scene}: there is no seed on which both planners have a plan."
-            return Answer(words, OPEN)
+            return ClaimAnswer(words, OPEN)
         gains = {seed: 100 * (a - b) / b for seed, (a, b) in pairs.items()}
         found = Mean.of(list(gains.values()))
         better, worse = (sum(sign * gain > 0 for gain in gains.values()) for sign in (1, -1))
-        verdict = Answer.above(found, 0.0)
-        return Answer(
+        verdict = ClaimAnswer.above(found, 0.0)
+        return ClaimAnswer(
             f"{self.scene}: {name}'s reward is {_text(found)} above that of sequential planning on "
             f"the same seeds, at most {max(gains.values()):.2f} % (better on {better}, worse on "
             f"{worse} of {len(pairs)}).{self._stopped(planner).apart(gains)} That it outperforms "
@@ -167,7 +167,7 @@ class SceneAnswers:
             f"{' and '.join(parts)}; it finds no plan on {without} of {len(own)} seeds."
         )
 
-    def times(self) -> Answer:
+    def times(self) -> ClaimAnswer:
         """Answers if view search is faster than value iteration.
 
         Value iteration needs the coverage of all states, which is computed before it; view
@@ -175,14 +175,14 @@ class SceneAnswers:
         """
         pairs = self._pairs("cocap", "cocap-vs", _whole_seconds)
         if not pairs:
-            return Answer(f"{self.scene}: not both low levels were timed.", OPEN)
+            return ClaimAnswer(f"{self.scene}: not both low levels were timed.", OPEN)
         ours = [median(times) for times in zip(*pairs.values(), strict=True)]
         log_ratio = Mean.of([math.log(a / b) for a, b in pairs.values() if b > 0])
         ratio, low, high = (math.exp(log_ratio[k]) for k in range(3))
         theirs = _PUBLISHED["cocap"] / _PUBLISHED["cocap-vs"]
         reach = "" if math.isnan(low) else f" ({low:.2g} to {high:.2g})"
-        verdict = Answer.above(log_ratio, 0.0)
-        return Answer(
+        verdict = ClaimAnswer.above(log_ratio, 0.0)
+        return ClaimAnswer(
             f"{self.scene}: CoCap takes {ours[0]:.3f} s with value iteration, the coverage of all "
             f"states included, and {ours[1]:.3f} s with view search (medians). The former takes "
             f"{ratio:.2g}{reach} times as long as the latter (geometric mean); published are "
@@ -227,15 +227,15 @@ class SceneAnswers:
             f"{explained} times as fast; published are {theirs:,.0f} times."
         )
 
-    def kept_by_view_search(self) -> Answer:
+    def kept_by_view_search(self) -> ClaimAnswer:
         """Answers if view search plans nearly as well as value iteration does."""
         pairs = self._pairs("cocap-vs", "cocap", lambda row: row.reward if row.valid else None)
         if not pairs:
-            return Answer(f"{self.scene}: not both low levels have a plan.", OPEN)
+            return ClaimAnswer(f"{self.scene}: not both low levels have a plan.", OPEN)
         costs = {seed: 100 * (b - a) / b for seed, (a, b) in pairs.items()}
         found = Mean.of(list(costs.values()))
-        verdict = Answer.below(found, _CLOSE)
-        return Answer(
+        verdict = ClaimAnswer.below(found, _CLOSE)
+        return ClaimAnswer(
             f"{self.scene}: with view search CoCap's reward is {_text(found)} below that with "
             f"value iteration.{self._where_both_end(costs)} That view search costs less than "
             f"{_CLOSE:g} % {verdict}.",
@@ -251,12 +251,12 @@ class SceneAnswers:
         known = f"that is {_text(Mean.of(ended))}" if ended else "nothing is known"
         return f" On the {len(ended)} seeds on which no limit stopped either of them, {known}."
 
-    def stopped(self) -> Answer:
+    def stopped(self) -> ClaimAnswer:
         """Answers if CoCap's tree ends in time."""
         own, stopped = self._of("cocap"), self._stopped()
         limit = max(Row.values(own, "time_limit"), default=0.0)
         verdict = FAILS if stopped.seeds else HOLDS
-        return Answer(
+        return ClaimAnswer(
             f"{self.scene}: the limit of {limit:g} s stops CoCap on {len(stopped.seeds) or 'none'} "
             f"of {len(own)} seeds{stopped.whose_plan}. That its tree ends in time {verdict}.",
             verdict,

@@ -8,26 +8,20 @@ seeds that took no part in the search.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from csv import DictReader
-from io import StringIO
 from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from cocap_opt.experiments.lab.studies.paper.answers import Answer
+from cocap_opt.experiments.lab.results import read_csv
+from cocap_opt.experiments.lab.studies.paper.answers import ClaimAnswer
 from cocap_opt.experiments.tables.statistics import Mean
-from cocap_opt.files.documents import FileError
-from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.model import compiled
-from cocap_opt.output.files import read_text
 from cocap_opt.output.printing import counted
 from cocap_opt.planners.constraint_tree import FELL_BACK
 from cocap_opt.problem import Motion, Problem
-from cocap_opt.referee import check
-from cocap_opt.result import Result
-from cocap_opt.run.engine import run
+from cocap_opt.run.engine import BOUND_METHOD, run
 from cocap_opt.scenarios.built_in import SIZE, Room, drones, walker
 from cocap_opt.stop import NO_LIMIT, Limit, TimeLimit, WorkLimit
 
@@ -181,7 +175,7 @@ def _value(text: str) -> float | None:
 DRAWN, AGAIN, CHANGED, FRESH = "drawn", "again", "changed", "fresh"
 
 
-class Search(NamedTuple):
+class CorridorSearch(NamedTuple):
     """The extent of a search."""
 
     drawn: int = 200
@@ -248,39 +242,28 @@ def _tried(stage: str, corridor: Corridor, seed: int) -> Trial:
     """Plans a corridor."""
     problem = corridor.built(seed)
     compiled(problem).prepare_all()
-    results = {
-        name: run(problem, planner, WorkLimit(_NODES)).result
+    found = {
+        name: run(problem, planner, WorkLimit(_NODES))
         for name, planner in _PLANNED.items()
         if stage == FRESH or name not in _AT_LAST
     }
-    values = {name: _judged(problem, result) for name, result in results.items()}
     bound = None
     if stage == FRESH:
-        start = results["lns"].plan
-        bound = branch_and_price(problem, TimeLimit(_BOUND_SECONDS), start).bound
+        start, stop = found["lns"].result.plan, TimeLimit(_BOUND_SECONDS)
+        bound = run(problem, BOUND_METHOD, stop, start=start).result.bound
+    values = {name: judged.reward if judged.valid else -math.inf for name, judged in found.items()}
     missing: dict[str, Any] = dict.fromkeys(_PLANNED.keys() - values.keys())
-    limit, fell_back = Limit.written(results["cocap"].limit), results["cocap"].message == FELL_BACK
+    cocap = found["cocap"].result
     return Trial(
-        stage, corridor, seed, limit=limit, bound=bound, fell_back=fell_back, **values, **missing
-    )
-
-
-def _judged(problem: Problem, result: Result) -> float:
-    """Returns J by the referee; -infinite without a plan that obeys the rules."""
-    if result.plan is None:
-        return -math.inf
-    verdict = check(problem, result.plan)
-    return verdict.reward if verdict.valid else -math.inf
+        stage, corridor, seed, limit=Limit.written(cocap.limit), bound=bound,
+        fell_back=cocap.message == FELL_BACK, **values, **missing,
+    )  # fmt: skip
 
 
 def read_trials(path: Path) -> list[Trial]:
     """Reads the trials of a file; raises FileError for what is no such table."""
-    table = DictReader(StringIO(read_text(path)))
-    try:
-        return [Trial.of(record) for record in table]
-    except (KeyError, TypeError, ValueError) as error:
-        words = "is no trial of the search; without the file it is searched again"
-        raise FileError(f"{path}: line {table.line_num}: {words}") from error
+    words = "is no trial of the search; without the file it is searched again"
+    return read_csv(path, Trial.of, words)
 
 
 # -- what is said of it ------------------------------------------------------------------------
@@ -340,7 +323,7 @@ def _of_the_best(fresh: Sequence[Trial]) -> list[str]:
     words = fresh[0].corridor.words
     if not own:
         return [f"CoCap gains most in a corridor {words}; with fresh seeds there are no plans."]
-    verdict = Answer.above(Mean.of([trial.gain() for trial in own]), PUBLISHED)
+    verdict = ClaimAnswer.above(Mean.of([trial.gain() for trial in own]), PUBLISHED)
     many = sum(trial.gain() >= PUBLISHED for trial in own)
     return [
         f"CoCap gains most in a corridor {words}: {_gain(own, 'cocap')} on average over "

@@ -1,4 +1,4 @@
-"""The rows of the paper's study: those of its sweep, and what no sweep measures.
+"""The rows of the paper's study: those of its sweep, and measurements that no sweep makes.
 
 Searches take milliseconds, and the first one on a scene also makes what all later ones use. So
 times are taken again, after that, as processor time, the least of three. Some compositions that
@@ -6,21 +6,23 @@ are no planners of their own are measured beside the planners: they leave a part
 """
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from csv import DictReader
-from dataclasses import replace
-from io import StringIO
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from statistics import median
-from time import process_time
+from typing import NamedTuple
 
+from cocap_opt.console.streams import say
+from cocap_opt.experiments.lab.results import Results, read_csv
+from cocap_opt.experiments.lab.studies.runs import TimedRun, processor_seconds
 from cocap_opt.experiments.sweeps.cells import Cell
 from cocap_opt.experiments.sweeps.instances import Instance
 from cocap_opt.experiments.tables.rows import COLUMNS, BoundColumns, PlannedRow, Row
 from cocap_opt.files.code import code_digest
+from cocap_opt.method import Method
 from cocap_opt.model import Model, compiled
-from cocap_opt.output.files import read_text, save_csv
-from cocap_opt.planners import PLANNERS
+from cocap_opt.planners import PLANNERS, RECOMMENDED
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.low_level import SingleRobotPath, value_iteration
 from cocap_opt.planners.responses import Responses, followed, in_rounds
@@ -34,7 +36,8 @@ from cocap_opt.stop import Stop, TimeLimit, never
 
 MEASURED = "measured.csv"  # in the folder of the results
 POLISHED, DIVE = "cocap-polished", "cocap-vs-dive"
-_SHORT, _LONG = 0.1, 10.0  # s: three runs below the first, none again from the second on
+_REPEATS = 3  # of what is quick
+_QUICK, _SLOW = 0.1, 10.0  # s: repeated below the first, not even timed again from the second on
 _KEPT = (
     "scene", "seed", "planner", "reward", "bound", "gap", "reason", "limit", "seconds",
     "coverage_seconds", "views", "conflicts", "robots", "actors", "steps", "time_limit",
@@ -46,8 +49,8 @@ _KEPT = (
 # -- compositions ------------------------------------------------------------------------------
 
 
-def polished(problem: Problem, plan: Plan, stop: Stop = never) -> Result:
-    """Returns a plan after rounds of best responses that obey the rules."""
+def polished(problem: Problem, stop: Stop = never, *, plan: Plan) -> Result:
+    """Improves a plan by rounds of best responses that obey the rules."""
     responses = Responses(value_iteration, stop)
     team = responses.nobody(problem)
     for robot, path in enumerate(team.model.paths(plan)):
@@ -57,17 +60,14 @@ def polished(problem: Problem, plan: Plan, stop: Stop = never) -> Result:
     return result_of(team, limit)
 
 
-def _dive(problem: Problem, stop: Stop) -> Result:
-    """Plans as `cocap-vs` does, with gamma 1: nothing is discounted."""
-    return cocap(problem, stop, low_level=ViewSearch(Compounded(1.0)))
+# `cocap-vs` with gamma 1, in which nothing is discounted.
+_DIVING = Method(partial(cocap, low_level=ViewSearch(Compounded(1.0))), lazy=True)
 
 
 # -- rows --------------------------------------------------------------------------------------
 
 
-def completed(
-    instances: Sequence[Instance], limit: float, path: Path, tell: Callable[[str], None]
-) -> list[Row]:
+def completed(instances: Sequence[Instance], limit: float, results: Results) -> list[Row]:
     """Returns the rows of instances with times taken again, and those of the compositions.
 
     Rows that the file has already, made by the same code with the same limit, are not made again.
@@ -75,110 +75,115 @@ def completed(
     Parameters
     ----------
     limit : s, of each planner
-    path : CSV file of the rows, which is written after each instance
-    tell : what is told how far it is
+    results : whose file of rows is read, and written after each instance
     """
     known: dict[str, list[Row]] = {}
-    for row in read_rows(path) if path.exists() else []:
-        known.setdefault(row.digest, []).append(row)
+    if results.folder is not None and (results.folder / MEASURED).exists():
+        for row in read_rows(results.folder / MEASURED):
+            known.setdefault(row.digest, []).append(row)
     rows: list[Row] = []
     for n, instance in enumerate(instances):
-        key = _key(instance, limit)
+        measurements = _Measurements(instance, limit)
+        key = measurements.key
         if key not in known:
-            tell(f"{instance.problem.name} seed {instance.seed}: times ({n}/{len(instances)})")
-            known[key] = [replace(row, digest=key) for row in _completed(instance, limit)]
+            say(f"{instance.problem.name} seed {instance.seed}: times ({n}/{len(instances)})")
+            known[key] = [replace(row, digest=key) for row in measurements.rows()]
         rows += known[key]
-        _write_rows(path, rows)
+        results.save(MEASURED, [_kept(row) for row in rows])
     return rows
 
 
-def _key(instance: Instance, limit: float) -> str:
-    bounds = (instance.rows()[0].bound, instance.rows()[0].bound_free)
-    code = f"{Cell.digest_of_code()} {code_digest(__name__)}"
-    words = f"{instance.digest} {code} {limit} {sorted(instance.cells)} {bounds}"
-    return hashlib.sha256(words.encode()).hexdigest()[:12]
+class _Measurements(NamedTuple):
+    """The measurements on an instance whose sweep has ended.
 
+    Attributes
+    ----------
+    limit : s, of each planner
+    """
 
-def _completed(instance: Instance, limit: float) -> list[Row]:
-    problem, rows = instance.problem, instance.rows()
-    coverage = median(_coverage_seconds(problem) for _ in range(3))
-    compiled(problem).prepare_all()
-    PLANNERS["cocap-lns"](problem, TimeLimit(limit))  # makes what is made once
-    rows = [_timed_again(row, problem, coverage, limit) for row in rows]
-    for name, (result, seconds) in _variants(instance, limit):
-        judged = Judged.of(name, problem, result)
-        rows.append(replace(_row_beside(rows[0], problem, name, judged, limit), seconds=seconds))
-    return rows
+    instance: Instance
+    limit: float
 
+    @property
+    def key(self) -> str:
+        """A digest of all that the rows depend on."""
+        swept = self.instance.rows()[0]
+        code = f"{Cell.digest_of_code()} {code_digest(__name__)}"
+        bounds, cells = (swept.bound, swept.bound_free), sorted(self.instance.cells)
+        words = f"{self.instance.digest} {code} {self.limit} {cells} {bounds}"
+        return hashlib.sha256(words.encode()).hexdigest()[:12]
 
-def _timed_again(row: Row, problem: Problem, coverage: float, limit: float) -> Row:
-    name, seconds = row.planner or "", row.seconds
-    if seconds is not None and seconds < _LONG and name in PLANNERS:
-        seconds = _timed(PLANNERS[name], problem, limit, seconds)[1]
-    return replace(row, seconds=seconds, coverage_seconds=0.0 if is_lazy(name) else coverage)
+    def rows(self) -> list[Row]:
+        """Returns the rows of the sweep with times taken again, and those of the compositions."""
+        problem, swept = self.instance.problem, self.instance.rows()
+        coverage = median(_coverage_seconds(problem) for _ in range(_REPEATS))
+        compiled(problem).prepare_all()
+        self._run(RECOMMENDED, RECOMMENDED)  # makes what is made once
+        rows = [self._timed_again(row) for row in swept] + list(self._compositions(swept[0]))
+        lazy = {DIVE, *filter(is_lazy, PLANNERS)}
+        return [
+            replace(row, coverage_seconds=0.0 if row.planner in lazy else coverage) for row in rows
+        ]
 
+    def _timed_again(self, row: Row) -> Row:
+        name, expected = row.planner, row.seconds
+        if name is None or name not in PLANNERS or expected is None or expected >= _SLOW:
+            return row
+        repeats = _REPEATS if expected < _QUICK else 1
+        return replace(row, seconds=min(self._run(name, name).seconds for _ in range(repeats)))
 
-def _timed(
-    planner: Callable[[Problem, Stop], Result], problem: Problem, limit: float, expected: float
-) -> tuple[Result, float]:
-    """Returns a planner's result, and the least processor time of its runs."""
-    runs = []
-    for _ in range(3 if expected < _SHORT else 1):
-        before = process_time()
-        result = planner(problem, TimeLimit(limit))
-        runs.append((process_time() - before, result))
-    seconds, result = min(runs, key=lambda run: run[0])
-    return result, seconds
+    def _compositions(self, swept: Row) -> Iterator[Row]:
+        """Yields the rows of the compositions; polishing alone is not timed.
 
+        Parameters
+        ----------
+        swept : a row of the same instance, for its bounds
+        """
+        plan = self.instance.plan("cocap")
+        if plan is not None:
+            polish = self._run(POLISHED, Method(partial(polished, plan=plan)))
+            yield self._row(swept, POLISHED, polish.judged._replace(views=None), None)
+        dive = self._run(DIVE, _DIVING)
+        yield self._row(swept, DIVE, dive.judged, dive.seconds)
 
-def _variants(
-    instance: Instance, limit: float
-) -> Iterator[tuple[str, tuple[Result, float | None]]]:
-    """Yields the compositions with their results and seconds; a polish alone is not timed."""
-    problem, plan = instance.problem, instance.plan("cocap")
-    if plan is not None:
-        yield POLISHED, (polished(problem, plan, TimeLimit(limit)), None)
-    yield DIVE, _timed(_dive, problem, limit, _LONG)
+    def _row(self, swept: Row, name: str, judged: Judged[Result], seconds: float | None) -> Row:
+        problem, seed = self.instance.problem, swept.seed or 0
+        judged.warn(problem, seed, name)
+        planned = PlannedRow.of_planner(problem, seed, name, judged, time_limit=self.limit)
+        bounds = BoundColumns(**{f.name: getattr(swept, f.name) for f in fields(BoundColumns)})
+        return replace(Row.joined(planned, bounds, swept.digest), seconds=seconds)
 
-
-def _row_beside(row: Row, problem: Problem, name: str, judged: Judged[Result], limit: float) -> Row:
-    """Returns the row of another plan of the same instance."""
-    judged.warn(problem, row.seed or 0, name)
-    planned = PlannedRow.of_planner(problem, row.seed or 0, name, judged, time_limit=limit)
-    if "evaluated" in judged.result.statistics and name == DIVE:
-        planned = replace(planned, views=int(judged.result.statistics["evaluated"]))
-    bound = BoundColumns(**{key: getattr(row, key) for key in BoundColumns.__dataclass_fields__})
-    return Row.joined(planned, bound, row.digest)
+    def _run(self, name: str, method: str | Method[Result]) -> TimedRun:
+        return TimedRun.of(self.instance.problem, method, TimeLimit(self.limit), name=name)
 
 
 def _coverage_seconds(problem: Problem) -> float:
     """Returns the processor time of the coverage of all states."""
-    model, before = Model(problem, use_cache=False), process_time()
-    model.prepare_all(never)
-    return process_time() - before
+    model, begin = Model(problem, use_cache=False), processor_seconds()
+    model.prepare_all()
+    return processor_seconds() - begin
 
 
 # -- files -------------------------------------------------------------------------------------
 
 
-def _write_rows(path: Path, rows: Sequence[Row]) -> None:
-    """Writes the columns of rows on which answers and tables depend."""
-    save_csv(path, [{key: _short(getattr(row, key)) for key in _KEPT} for row in rows])
+def _kept(row: Row) -> dict[str, object]:
+    """Returns the columns on which answers and tables depend, with nine digits."""
+    return {name: _rounded(getattr(row, name)) for name in _KEPT}
+
+
+def _rounded(value: object) -> object:
+    return float(f"{value:.9g}") if isinstance(value, float) else value
 
 
 def read_rows(path: Path) -> list[Row]:
-    """Reads rows that `_write_rows` has written; all other columns are empty."""
-    rows = DictReader(StringIO(read_text(path)))
-    return [_row(fields, f"{path}: line {rows.line_num}") for fields in rows]
+    """Reads the rows of a file; columns that it has not are empty."""
+    return read_csv(path, _row)
 
 
-def _row(fields: Mapping[str, str], where: str) -> Row:
+def _row(written: dict[str, str]) -> Row:
     return Row(**{
-        name: column.parse(fields.get(name, ""), f"{where}: {name}")
+        name: column.parse(written.get(name, ""), name)
         for name, column in COLUMNS.items()
         if not column.is_extra
     })  # fmt: skip
-
-
-def _short(value: object) -> object:
-    return float(f"{value:.9g}") if isinstance(value, float) else value

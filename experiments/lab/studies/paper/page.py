@@ -9,7 +9,7 @@ from cocap_opt.experiments.lab.studies.paper.answers import (
     HOLDS,
     OPEN,
     SOURCE,
-    Answer,
+    ClaimAnswer,
     SceneAnswers,
 )
 from cocap_opt.experiments.lab.studies.paper.conditions import Trial
@@ -95,7 +95,7 @@ class Page(NamedTuple):
             sides[_SIDES[answer.verdict]].append(answer.words)
         return sides
 
-    def _claims(self) -> list[Answer]:
+    def _claims(self) -> list[ClaimAnswer]:
         scenes = SceneAnswers.all_of(self.rows)
         return [
             *(scene.against_sequential() for scene in scenes),

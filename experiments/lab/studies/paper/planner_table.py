@@ -4,16 +4,19 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
+from typing import Annotated
 
-from cocap_opt.experiments.lab.stored_results import STORED
-from cocap_opt.experiments.lab.studies.paper.measured import read_rows
+from cyclopts import Parameter
+
+from cocap_opt.experiments.lab.results import STORED
+from cocap_opt.experiments.lab.studies.paper.measured import MEASURED, read_rows
 from cocap_opt.experiments.lab.studies.paper.stopped import StoppedRuns
 from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.experiments.tables.statistics import NONE
 from cocap_opt.experiments.tables.tables import Table
 from cocap_opt.files.documents import FileError
 from cocap_opt.method import Method
-from cocap_opt.output.printing import markdown_table
+from cocap_opt.output.printing import markdown_table, print_texts
 from cocap_opt.planners import PLANNERS, RECOMMENDED
 from cocap_opt.result import Result
 from cocap_opt.stop import NO_LIMIT
@@ -74,19 +77,19 @@ def _ratio(rows: Sequence[Row], base: dict[tuple[str, int | None], float | None]
     return f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:,.0f}"
 
 
-def planners_in_markdown(path: Path | None = None) -> str:
-    """Returns the table in Markdown, and a sentence on what its numbers are.
-
-    Parameters
-    ----------
-    path : rows of the paper's study; None for the stored ones
-    """
-    rows = _rows(path)
-    return _with_note(planner_table(rows), rows)
+def planners(
+    *,
+    paper: Annotated[
+        Path | None, Parameter(help="folder of `study paper`; the stored results if not given")
+    ] = None,
+) -> None:
+    """Prints the table in Markdown, and a sentence on what its numbers are."""
+    rows = _rows() if paper is None else _rows(paper / MEASURED)
+    print_texts([_with_note(planner_table(rows), rows)], [])
 
 
 def described_planners_in_markdown() -> str:
-    """Returns what each planner is made of, what it takes and what it promises."""
+    """Returns the parts of each planner, the problems that it takes and its promises."""
     return markdown_table(_without(planner_table(()), "time"))
 
 
@@ -107,8 +110,7 @@ def _without(table: Table, *columns: str) -> Table:
     return [{key: cell for key, cell in row.items() if key not in columns} for row in table]
 
 
-def _rows(path: Path | None = None) -> Sequence[Row]:
-    path = path or STORED / "paper.csv"
+def _rows(path: Path = STORED / "paper.csv") -> Sequence[Row]:
     rows = read_rows(path)
     if not rows:
         raise FileError(f"{path}: has no rows of the paper's study")

@@ -1,13 +1,19 @@
 """All of the paper's experiments, computed by sweeps and written as one page with its figures."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from statistics import median
+from typing import Annotated
+
+from cyclopts import Parameter
+from matplotlib.figure import Figure
 
 from cocap_opt.console.streams import say
-from cocap_opt.experiments.lab.stored_results import STORED
+from cocap_opt.experiments.lab.results import STORED, Results
+from cocap_opt.experiments.lab.studies.options import Workers, positive_seconds
 from cocap_opt.experiments.lab.studies.paper.ablation import CONTRASTS, Effect
-from cocap_opt.experiments.lab.studies.paper.conditions import Search, Trial, read_trials
+from cocap_opt.experiments.lab.studies.paper.conditions import CorridorSearch, Trial, read_trials
 from cocap_opt.experiments.lab.studies.paper.curves import CURVES, StepReward, curves_of
 from cocap_opt.experiments.lab.studies.paper.figures import (
     ablation_figure,
@@ -17,17 +23,17 @@ from cocap_opt.experiments.lab.studies.paper.figures import (
     scaling_figure,
 )
 from cocap_opt.experiments.lab.studies.paper.giving_way import Encounter
-from cocap_opt.experiments.lab.studies.paper.measured import MEASURED, completed, read_rows
+from cocap_opt.experiments.lab.studies.paper.measured import completed, read_rows
 from cocap_opt.experiments.lab.studies.paper.page import Page
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.experiments.tables.tables import Table
-from cocap_opt.output.files import make_folder, save_bytes, save_csv
-from cocap_opt.pictures.figures import picture
+from cocap_opt.output.files import save_bytes
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem
+from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.built_in.field import field
 
@@ -36,72 +42,76 @@ _ENCOUNTERS = ("corridor", "bottleneck")  # scenes in which it is asked who give
 DRAWN_AS_CURVES = ("greedy", "sequential", "cocap", "cocap-vs", "cocap-lns")
 _SCALING = ("greedy", "sequential", "cocap", "cocap-vs", "cocap-lns")
 CONDITIONS = "conditions.csv"
+_PAGE = "paper.md"
 _AT_A_TIME = 3600.0  # s, that a worker may take for a cell
 FIELD = {"actors": 6, "cells": 30, "steps": 8}  # of the scaling experiment
 
 
-def reproduce(
-    out: Path,
-    seeds: Sequence[int],
-    sizes: Sequence[int],
-    scaling_seeds: Sequence[int],
-    limit: float,
-    bound_limit: float,
-    search: Search,
-    workers: int | None,
-) -> bool:
-    """Computes what is missing, and writes paper.md and its figures.
+def paper(
+    *,
+    out: Annotated[Path, Parameter(help="folder for tables, figures, plans and certificates")],
+    seeds: Annotated[str, Parameter(help="of each scene")] = "0-29",
+    robots: Annotated[str, Parameter(help="team sizes of the scaling experiment")] = "2,4,6,8,12",
+    scaling_seeds: Annotated[str, Parameter(help="of each team size")] = "0-4",
+    time_limit: Annotated[float, positive_seconds(help="seconds for each plan")] = 60.0,
+    bound_limit: Annotated[float, positive_seconds(help="seconds for each bound")] = 60.0,
+    corridors: Annotated[
+        int, Parameter(help="drawn at random in the search for where CoCap gains most")
+    ] = 200,
+    workers: Workers = None,
+    stored: Annotated[
+        bool, Parameter(negative="", help="compute nothing: write the page of the stored results")
+    ] = False,
+) -> int:
+    """Computes what is missing, and writes paper.md and its figures."""
+    results = Results.into(out)
+    if stored:
+        page = Page(read_rows(STORED / "paper.csv"), read_trials(STORED / "paper-conditions.csv"))
+        save_bytes(out / _PAGE, page.text().encode())
+        return 0
+    sizes = Option("--robots").numbers(robots)
+    if min(sizes) < 1:
+        raise UsageError(f"--robots: must be at least 1, not {min(sizes)}")
+    search = CorridorSearch.of(Option("--corridors").require_whole(corridors))
+    settings = Settings(time_limit=time_limit, bound_time_limit=bound_limit)
+    main = _scenes(Option("--seeds").numbers(seeds), settings)
+    teams = _teams(sizes, Option("--scaling-seeds").numbers(scaling_seeds), settings)
+    rows = _swept(out / "scenes", main, workers)
+    whole = [instance for instance in main if instance.is_whole]
+    is_interrupted = len(whole) < len(main)
+    team_rows = [] if is_interrupted else _swept(out / "scaling", teams, workers)
+    if whole:
+        measured = completed(whole, time_limit, results)
+        trials = [] if is_interrupted else _searched(results, search)
+        missing = sum(not instance.is_whole for instance in (*main, *teams))
+        _write(out, whole, measured, team_rows, sizes, trials, missing)
+    return int(any(row.has_error for row in (*rows, *team_rows)))
 
-    Parameters
-    ----------
-    sizes : of the teams in the scaling experiment
-    limit, bound_limit : s, of each plan and of each bound
-    search : extent of the search for where CoCap gains most
-    workers : processes; None for this one
 
-    Returns
-    -------
-    bool
-        True if no cell ended by an error.
-    """
-    settings = Settings(time_limit=limit, bound_time_limit=bound_limit)
+def _scenes(seeds: Sequence[int], settings: Settings) -> list[Instance]:
     problems = [(load_scene(scene, seed), seed) for scene in SCENES for seed in seeds]
-    main = [Instance(problem, seed, _planners_of(problem), settings) for problem, seed in problems]
-    teams = [
+    return [Instance(problem, seed, _planners_of(problem), settings) for problem, seed in problems]
+
+
+def _teams(sizes: Sequence[int], seeds: Sequence[int], settings: Settings) -> list[Instance]:
+    """Returns the instances of the scaling experiment."""
+    return [
         Instance(
             field(seed, robots=n, **FIELD).replace(name=f"field, {n} drones"), seed,
             _SCALING, settings,
         )
         for n in sizes
-        for seed in scaling_seeds
+        for seed in seeds
     ]  # fmt: skip
-    rows = _swept(out / "scenes", main, workers)
-    whole = [one for one in main if one.is_whole]
-    interrupted = len(whole) < len(main)
-    team_rows = [] if interrupted else _swept(out / "scaling", teams, workers)
-    if whole:
-        measured = completed(whole, limit, out / MEASURED, say)
-        trials = [] if interrupted else _searched(out / CONDITIONS, search)
-        missing = sum(not one.is_whole for one in (*main, *teams))
-        _write(out, whole, measured, team_rows, sizes, trials, missing)
-    return not any(row.has_error for row in (*rows, *team_rows))
 
 
-def write_stored_page(out: Path) -> None:
-    """Writes paper.md from the results that are stored with the code."""
-    make_folder(out)
-    page = Page(read_rows(STORED / "paper.csv"), read_trials(STORED / "paper-conditions.csv"))
-    save_bytes(out / "paper.md", page.text().encode())
-
-
-def _searched(path: Path, search: Search) -> list[Trial]:
+def _searched(results: Results, search: CorridorSearch) -> list[Trial]:
     """Returns the trials of the file, or else searches for where CoCap gains most."""
-    if not (search.drawn or path.exists()):
-        return []
-    if not path.exists():
-        records = [trial.record for trial in search.trials(0, say)]
-        save_csv(path, records)
-    return read_trials(path)
+    assert results.folder is not None
+    path = results.folder / CONDITIONS
+    if search.drawn and not path.exists():
+        results.save(CONDITIONS, [trial.record for trial in search.trials(0, say)])
+    return read_trials(path) if path.exists() else []
 
 
 def _planners_of(problem: Problem) -> tuple[str, ...]:
@@ -119,34 +129,35 @@ def _write(
     missing: int,
 ) -> None:
     """Writes the page and its figures from the instances that are whole."""
-    some = [one for one in instances if one.problem.name in _ENCOUNTERS]
-    giving, found = _giving_way(some)
+    results = Results(out)
+    searched = [i for i in instances if i.problem.name in _ENCOUNTERS]
+    giving, found = _giving_way(searched)
     example = Encounter.most_generous(found["cocap"])
     rewards = _curves(instances)
-    save_csv(out / CURVES, [one._asdict() for one in rewards])
-    figures = {
-        "curves.png": picture(curves_figure(curves_of(rewards)), ".png"),
-        "ablation.png": picture(ablation_figure(effects_of(rows)), ".png"),
+    results.save(CURVES, rewards)
+    figures: dict[str, Callable[[], Figure]] = {
+        "curves.png": lambda: curves_figure(curves_of(rewards)),
+        "ablation.png": lambda: ablation_figure(effects_of(rows)),
     }
     if example is not None:
-        figures["giving-way.png"] = _example(some, example)
+        figures["giving-way.png"] = partial(_example, searched, example)
     if trials:
-        figures["conditions.png"] = picture(conditions_figure(trials), ".png")
+        figures["conditions.png"] = partial(conditions_figure, trials)
     if team_rows:
-        figures["scaling.png"] = picture(scaling_figure(_points(team_rows, sizes)), ".png")
-    for name, content in figures.items():
-        save_bytes(out / name, content)
+        figures["scaling.png"] = lambda: scaling_figure(_points(team_rows, sizes))
+    for name, figure in figures.items():
+        results.draw(name, figure)
     page = Page(rows, trials, team_rows, giving, example, missing, figures)
-    save_bytes(out / "paper.md", page.text().encode())
+    save_bytes(out / _PAGE, page.text().encode())
 
 
 def effects_of(rows: Sequence[Row]) -> dict[str, list[tuple[str, Mean]]]:
     """Returns by part what it adds on each scene, and on all."""
     return {
-        f"{one.part}\n{one.words}": [
-            (effect.scene, effect.mean) for effect in Effect.all_of(rows, one) if effect.mean
+        f"{contrast.part}\n{contrast.words}": [
+            (effect.scene, effect.mean) for effect in Effect.all_of(rows, contrast) if effect.mean
         ]
-        for one in CONTRASTS
+        for contrast in CONTRASTS
     }
 
 
@@ -170,20 +181,20 @@ def _giving_way(instances: Sequence[Instance]) -> tuple[Table, dict[str, list[En
     found: dict[str, list[Encounter]] = {"sequential": [], "cocap": []}
     for instance in instances:
         unconstrained = instance.plan("greedy")
-        for planner, some in found.items():
+        for planner, encounters in found.items():
             plan = instance.plan(planner)
             if unconstrained is not None and plan is not None:
-                some += Encounter.all_of(instance.problem, instance.seed, unconstrained, plan)
-    return [Encounter.counted(planner, some) for planner, some in found.items()], found
+                encounters += Encounter.all_of(instance.problem, instance.seed, unconstrained, plan)
+    return [Encounter.counted(*planned) for planned in found.items()], found
 
 
-def _example(instances: Sequence[Instance], example: Encounter) -> bytes:
-    """Returns the picture of an encounter in the plans of three planners."""
+def _example(instances: Sequence[Instance], example: Encounter) -> Figure:
+    """Draws an encounter in the plans of three planners."""
     where = (example.scene, example.seed)
-    instance = next(one for one in instances if one.key == where)
+    instance = next(instance for instance in instances if instance.key == where)
     plans = {name: instance.plan(name) for name in ("greedy", "sequential", "cocap")}
     shown = {name: plan for name, plan in plans.items() if plan is not None}
-    return picture(encounter_figure(instance.problem, example, shown), ".png")
+    return encounter_figure(instance.problem, example, shown)
 
 
 def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[int, float, float]]]:
@@ -195,13 +206,13 @@ def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[i
     points: dict[str, list[tuple[int, float, float]]] = {}
     for planner in _SCALING:
         for n in sizes:
-            own = [r for r in rows if (r.planner, r.robots) == (planner, n)]
+            of_size = [r for r in rows if (r.planner, r.robots) == (planner, n)]
             shares = [
                 100 * r.reward / r.bound_free
-                for r in own
+                for r in of_size
                 if r.reward is not None and r.bound_free is not None
             ]
-            if own and len(shares) == len(own):
-                seconds = median(Row.values(own, "seconds"))
+            if of_size and len(shares) == len(of_size):
+                seconds = median(Row.values(of_size, "seconds"))
                 points.setdefault(planner, []).append((n, seconds, Mean.of(shares).value))
     return points

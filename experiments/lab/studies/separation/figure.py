@@ -7,7 +7,7 @@ from statistics import median
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cocap_opt.experiments.lab.studies.separation.points import Point
+from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
 from cocap_opt.pictures.style import (
     SERIES,
     TITLE,
@@ -19,7 +19,7 @@ from cocap_opt.pictures.style import (
 )  # fmt: skip
 
 
-def separation_figure(points: Sequence[Point]) -> Figure:
+def separation_figure(points: Sequence[SeparationPoint]) -> Figure:
     """Draws the price of separation, and processor seconds relative to those without one."""
     figure = new_figure(9, 8)
     (price, plan), (lns, proof) = figure.subplots(2, 2)
@@ -52,7 +52,7 @@ def separation_figure(points: Sequence[Point]) -> Figure:
     return figure
 
 
-def _draw_price(ax: Axes, points: Sequence[Point], scene: str, colour: str) -> None:
+def _draw_price(ax: Axes, points: Sequence[SeparationPoint], scene: str, colour: str) -> None:
     """Draws the median of seeds; the band is what is certified: from the least to the most."""
     wide = sorted({point.separation for point in points if point.separation})
     ends = [[p.price(p.base(points)) for p in points if p.separation == apart] for apart in wide]
@@ -64,7 +64,10 @@ def _draw_price(ax: Axes, points: Sequence[Point], scene: str, colour: str) -> N
 
 
 def _draw_times(
-    ax: Axes, points: Sequence[Point], colour: str, seconds: Callable[[Point], float]
+    ax: Axes,
+    points: Sequence[SeparationPoint],
+    colour: str,
+    seconds: Callable[[SeparationPoint], float],
 ) -> None:
     """Draws the median over seeds of the time beside that without a separation."""
     wide = sorted({point.separation for point in points if point.separation})

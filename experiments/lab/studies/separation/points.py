@@ -11,7 +11,7 @@ from cocap_opt.result import relative_gap
 from cocap_opt.stop import NO_LIMIT
 
 
-class Point(NamedTuple):
+class SeparationPoint(NamedTuple):
     """The measurements at one separation of one instance."""
 
     scene: str
@@ -38,14 +38,14 @@ class Point(NamedTuple):
         """True if the best plan is proved optimal."""
         return self.proof_limit == NO_LIMIT
 
-    def base(self, points: "Sequence[Point]") -> "Point":
+    def base(self, points: "Sequence[SeparationPoint]") -> "SeparationPoint":
         """Returns the point without a separation of the same instance."""
         return next(
             one for one in points
             if (one.scene, one.seed, one.separation) == (self.scene, self.seed, 0)
         )  # fmt: skip
 
-    def price(self, base: "Point") -> tuple[float, float]:
+    def price(self, base: "SeparationPoint") -> tuple[float, float]:
         """Returns the certified least and greatest price, in % of the optimum of `base`.
 
         J of a plan and a bound enclose each optimum; where both are proved, so is the price.
@@ -55,7 +55,7 @@ class Point(NamedTuple):
         return 100 * max(least, 0.0), 100 * max(most, 0.0)
 
     @staticmethod
-    def listed(points: "Sequence[Point]") -> list[Record]:
+    def listed(points: "Sequence[SeparationPoint]") -> list[Record]:
         """Returns the rows of the table, one per point."""
         rows: list[Record] = []
         for one in points:

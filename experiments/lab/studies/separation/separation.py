@@ -1,104 +1,95 @@
-"""Measures what it costs that drones keep apart: J and time by their separation, certified."""
+"""The price that drones keep apart: J and time by their separation, certified."""
 
+import math
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
 from cocap_opt.console.streams import say
-from cocap_opt.experiments.lab.stored_results import STORED
+from cocap_opt.experiments.lab.results import STORED, Results
+from cocap_opt.experiments.lab.studies.options import Out, Scenes, Seeds, positive_seconds
 from cocap_opt.experiments.lab.studies.runs import Run
-from cocap_opt.experiments.lab.studies.separation.points import Point
+from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
 from cocap_opt.experiments.lab.studies.separation.tables import separation_in_markdown
 from cocap_opt.files.documents import FileError
-from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.result import CertifiedResult, Report, silent
-from cocap_opt.output.files import (
-    make_folder,
-    save_bytes,
-    save_csv,
-)
 from cocap_opt.output.printing import Listing, print_texts
-from cocap_opt.pictures.figures import picture
 from cocap_opt.planners import RECOMMENDED
-from cocap_opt.planners.cocap import cocap
-from cocap_opt.problem import CollisionRules, Plan, Problem, Robot
-from cocap_opt.result import Result
-from cocap_opt.run.engine import run
+from cocap_opt.problem import CollisionRules, Problem, Robot
+from cocap_opt.run.engine import BOUND_METHOD
+from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit, Stop, never
+from cocap_opt.stop import Limit
 
-TABLE = "separation.csv"
+_TABLE, _FIGURE = "separation.csv", "separation.png"
+_SCENES = ("corridor", "corridor-tight", "bottleneck", "bottleneck-tight", "passage", "field")
 
 
 def separation(
-    scenes: Sequence[str],
-    seeds: Sequence[int],
-    separations: Sequence[float],
-    limit: float,
-    out: Path | None = None,
-) -> bool:
+    *,
+    scene: Scenes = None,
+    seeds: Seeds = "0-2",
+    metres: Annotated[
+        list[float] | None,
+        Parameter(
+            negative="", consume_multiple=True, help="separations; 0.5, 1, 2, 3 if not given"
+        ),
+    ] = None,
+    limit: Annotated[float, positive_seconds(help="seconds for each plan and each proof")] = 60.0,
+    out: Out = None,
+    stored: Annotated[
+        bool, Parameter(negative="", help="compute nothing: tables and figure of the stored runs")
+    ] = False,
+) -> int:
     """Measures, prints, and writes the table (separation.csv) and the figure (separation.png).
 
-    Parameters
-    ----------
-    separations : m; 0 stands for the scene's own rules (`vertex+swap` of built-in scenes, `vertex`
-        of Greedy Perspectives'), with which the others are compared
-    limit : s, of each plan and of each proof
-
-    Returns
-    -------
-    bool
-        True if no run failed.
-
-    Raises
-    ------
-    FileError
-        If a scene has no room for the widest separation.
+    What is compared with has no separation but the scene's rules: `vertex+swap` of built-in scenes,
+    `vertex` of Greedy Perspectives'.
     """
-    metres = sorted({0.0, *separations})
-    for scene in scenes:
-        for seed in seeds:
-            built(scene, seed, 0.0, metres[-1])  # what has no room is told before hours of work
-    make_folder(out)
-    points: list[Point] = []
-    whole = True
+    if stored:
+        points = SeparationPoint.read(STORED / _TABLE)
+        print_texts([separation_in_markdown(points)], [])
+        _draw(points, Results.into(out))
+        return 0
+    wanted = metres or [0.5, 1.0, 2.0, 3.0]
+    if not all(apart > 0 and math.isfinite(apart) for apart in wanted):
+        raise UsageError("--metres: must be positive numbers")
+    instances = [
+        (name, seed) for name in scene or _SCENES for seed in Option("--seeds").numbers(seeds)
+    ]
+    separations = sorted({0.0, *wanted})
+    for instance in instances:
+        built(*instance, 0.0, separations[-1])  # what has no room is told before hours of work
+    results, points, is_whole = Results.into(out), list[SeparationPoint](), True
     try:
-        for scene in scenes:
-            for seed in seeds:
-                own = _measured(scene, seed, metres, limit)
-                points += own
-                whole = whole and len(own) == len(metres)
-                if out is not None and points:
-                    save_csv(out / TABLE, [one._asdict() for one in points])
+        for instance in instances:
+            measured = _measured(*instance, separations, limit)
+            points += measured
+            is_whole = is_whole and len(measured) == len(separations)
+            results.save(_TABLE, points)
     finally:
         Listing(
             f"price of a separation (* stopped at {limit:g} s; price in % of the J "
             "without one, certified)",
-            Point.listed(points),
+            SeparationPoint.listed(points),
         ).print()
-    if out is not None and points:
-        _draw(points, out)
-    return whole
+    if points:
+        _draw(points, results)
+    return 0 if is_whole else 1
 
 
-def tell_stored(out: Path | None = None) -> None:
-    """Prints the tables of the stored results, and draws the figure into a folder."""
-    points = Point.read(STORED / TABLE)
-    print_texts([separation_in_markdown(points)], [])
-    if out is not None:
-        make_folder(out)
-        _draw(points, out)
-
-
-def _draw(points: Sequence[Point], out: Path) -> None:
+def _draw(points: Sequence[SeparationPoint], results: Results) -> None:
+    # Here, for processes that measure load this module, and their memory is told.
     from cocap_opt.experiments.lab.studies.separation.figure import separation_figure
 
-    save_bytes(out / "separation.png", picture(separation_figure(points), ".png"))
+    results.draw(_FIGURE, partial(separation_figure, points))
 
 
-def _measured(scene: str, seed: int, separations: Sequence[float], limit: float) -> "list[Point]":
+def _measured(
+    scene: str, seed: int, separations: Sequence[float], limit: float
+) -> "list[SeparationPoint]":
     """Plans and proves at each separation; those that fail are told, and left out.
 
     Where it fails without a separation, there is nothing to compare with: all are left out.
@@ -107,9 +98,9 @@ def _measured(scene: str, seed: int, separations: Sequence[float], limit: float)
     runs = {
         name: list(Run.each(builds, method, limit))
         for name, method in (
-            ("cocap", _cocap),
-            (RECOMMENDED, _cocap_lns),
-            ("proof", branch_and_price),
+            ("cocap", "cocap"),
+            (RECOMMENDED, RECOMMENDED),
+            ("proof", BOUND_METHOD),
         )
     }
     points = []
@@ -126,36 +117,16 @@ def _measured(scene: str, seed: int, separations: Sequence[float], limit: float)
     return points if points and not points[0].separation else []
 
 
-def _point(scene: str, seed: int, apart: float, done: dict[str, Run]) -> Point:
+def _point(scene: str, seed: int, apart: float, done: dict[str, Run]) -> SeparationPoint:
     """Returns the measurements at one separation."""
     plan, lns, proof = done["cocap"], done[RECOMMENDED], done["proof"]
-    return Point(
+    return SeparationPoint(
         scene=scene, seed=seed, separation=apart,
         cocap=plan.value, cocap_seconds=plan.seconds, cocap_limit=Limit.written(plan.limit),
         lns=lns.value, lns_seconds=lns.seconds, lns_limit=Limit.written(lns.limit),
         best=max(plan.value, lns.value, proof.value), bound=proof.bound,
         proof_seconds=proof.seconds, proof_limit=Limit.written(proof.limit),
     )  # fmt: skip
-
-
-def _cocap(
-    problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
-) -> CertifiedResult:
-    """CoCap in the form of a method of bounds, of which it has none."""
-    return _without_bound(cocap(problem, stop))
-
-
-def _cocap_lns(
-    problem: Problem, stop: Stop = never, start: Plan | None = None, report: Report = silent
-) -> CertifiedResult:
-    """The recommended planner in the same form."""
-    return _without_bound(run(problem, RECOMMENDED, stop).result)
-
-
-def _without_bound(result: Result) -> CertifiedResult:
-    return CertifiedResult(
-        result.plan, result.value, result.reason, result.limit, seconds=result.seconds
-    )
 
 
 def built(scene: str, seed: int, apart: float, widest: float) -> Problem:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from statistics import fmean, median
 
-from cocap_opt.experiments.lab.studies.separation.points import Point, between
+from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint, between
 from cocap_opt.experiments.tables.statistics import NONE
 from cocap_opt.output.printing import counted
 from cocap_opt.result import relative_gap
@@ -14,7 +14,7 @@ _GOAL = 2  # times the time without a separation
 _PLANNERS = ("cocap", "cocap-lns")
 
 
-def separation_in_markdown(points: Sequence[Point]) -> str:
+def separation_in_markdown(points: Sequence[SeparationPoint]) -> str:
     """Returns the table of prices and the table of times, with a sentence below each."""
     wide = sorted({point.separation for point in points if point.separation})
     scenes = list(dict.fromkeys(point.scene for point in points))
@@ -50,13 +50,13 @@ def _table(lines: Sequence[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def _price(points: Sequence[Point], apart: float) -> str:
+def _price(points: Sequence[SeparationPoint], apart: float) -> str:
     """Returns the mean price of a separation in one scene."""
     ends = [point.price(point.base(points)) for point in points if point.separation == apart]
     return between(fmean(low for low, _ in ends), fmean(high for _, high in ends))
 
 
-def _times(points: Sequence[Point], planner: str, wide: Iterable[float]) -> list[str]:
+def _times(points: Sequence[SeparationPoint], planner: str, wide: Iterable[float]) -> list[str]:
     """Returns the cells of one planner in one scene: its time, the multiples, its mean gap."""
     base = [point for point in points if not point.separation]
     cells = [f"{median(_seconds(p, planner) for p in base):.2g} s{_star(base, planner)}"]
@@ -69,7 +69,9 @@ def _times(points: Sequence[Point], planner: str, wide: Iterable[float]) -> list
     return [*cells, f"{100 * gap:.2f} %" if math.isfinite(gap) else NONE]
 
 
-def _times_the_base(some: Sequence[Point], points: Sequence[Point], planner: str) -> float:
+def _times_the_base(
+    some: Sequence[SeparationPoint], points: Sequence[SeparationPoint], planner: str
+) -> float:
     """Returns a planner's time as a multiple of that without a separation, as geometric mean.
 
     Parameters
@@ -81,7 +83,7 @@ def _times_the_base(some: Sequence[Point], points: Sequence[Point], planner: str
     return math.exp(fmean(map(math.log, ratios)))
 
 
-def _verdict(points: Sequence[Point]) -> str:
+def _verdict(points: Sequence[SeparationPoint]) -> str:
     """Returns how often each planner keeps within the goal, in a sentence."""
     parts = []
     for planner in _PLANNERS:
@@ -98,18 +100,18 @@ def _verdict(points: Sequence[Point]) -> str:
     )
 
 
-def _star(points: Iterable[Point], planner: str) -> str:
+def _star(points: Iterable[SeparationPoint], planner: str) -> str:
     """Returns a mark where a limit stopped a planner."""
     return "\\*" if any(_limit(point, planner) != NO_LIMIT for point in points) else ""
 
 
-def _seconds(point: Point, planner: str) -> float:
+def _seconds(point: SeparationPoint, planner: str) -> float:
     return point.cocap_seconds if planner == "cocap" else point.lns_seconds
 
 
-def _limit(point: Point, planner: str) -> str:
+def _limit(point: SeparationPoint, planner: str) -> str:
     return point.cocap_limit if planner == "cocap" else point.lns_limit
 
 
-def _value(point: Point, planner: str) -> float:
+def _value(point: SeparationPoint, planner: str) -> float:
     return point.cocap if planner == "cocap" else point.lns

@@ -1,3 +1,3 @@
 """Bounds and exact methods held against their targets, and against generic solvers."""
 
-__all__ = ["contenders", "rows", "table"]
+__all__ = ["comparisons", "table"]

@@ -2,6 +2,11 @@
 
 The instance is a scene cut off after h steps. h is the most steps that the generic solver
 finishes within the limit on the first seed. The ratios are medians over all seeds.
+
+Generic solvers get one integer program of the whole instance, that of
+`integer_programs.outer_approximation`. Alone, a solver has only its own bound and cuts. With our
+root, it begins with the bound and the cuts of column generation, and stops once its plan meets that
+bound.
 """
 
 import math
@@ -11,17 +16,14 @@ from statistics import median
 from typing import NamedTuple
 
 from cocap_opt.console.streams import say
-from cocap_opt.experiments.lab.studies.runs import Build, Run, scene
-from cocap_opt.experiments.lab.studies.solvers.contenders import ALONE, WITH_OUR_ROOT
-from cocap_opt.experiments.lab.studies.solvers.figures import Figure, Target
-from cocap_opt.experiments.lab.studies.solvers.rows import SEEDS, Options
-from cocap_opt.formulations import BOUNDS
-from cocap_opt.formulations.column_generation.branch_and_price import (
-    branch_and_price,
-    column_generation,
-)
-from cocap_opt.formulations.relaxations.cone_program import single_view
+from cocap_opt.experiments.lab.studies.runs import Build, Measurable, Run, scene
+from cocap_opt.experiments.lab.studies.solvers.metrics import Metric, Target
+from cocap_opt.experiments.lab.studies.solvers.rows import SEEDS, RowOptions
+from cocap_opt.formulations.integer_programs.cp_sat import cp_sat
+from cocap_opt.formulations.integer_programs.mathopt import highs, scip
+from cocap_opt.formulations.integer_programs.outer_approximation import Root, certified_root
 from cocap_opt.formulations.result import OPTIMALITY, BoundMethod
+from cocap_opt.run.engine import BOUND_METHOD
 from cocap_opt.scenarios import load_scene
 
 _LIMIT = 300.0  # s
@@ -31,6 +33,18 @@ _RELAXED = {"corridor": 5, "field": 3}  # scenes and steps, small enough for one
 _RELAXATIONS = ("concave", "single-view", "envelope", "column-generation")
 _REPEATS = 3  # of ours, which takes a fraction of a second
 _SAME = 1e-7  # relative, by which bounds differ that are the same
+
+
+def _contenders(root: Root | None) -> dict[str, BoundMethod]:
+    return {
+        "highs": partial(highs, root=root),
+        "scip": partial(scip, root=root),
+        "cp-sat": partial(cp_sat, root=root),
+    }
+
+
+ALONE = _contenders(None)
+_WITH_OUR_ROOT = _contenders(certified_root)
 
 
 class _Duel(NamedTuple):
@@ -45,19 +59,19 @@ class _Duel(NamedTuple):
         return self.theirs / self.ours
 
 
-def _cone_program(options: Options) -> list[Figure]:
+def _cone_program(options: RowOptions) -> list[Metric]:
     """Compares column generation with its single-view relaxation as one cone program (Clarabel)."""
     seeds, limit = options.seeds_or(SEEDS), options.limit_or(_LIMIT)
     steps, first, why = _largest_cone_program(seeds[0], limit)
     duels, tighter = [], []
     for seed in seeds:
         build = partial(scene, "bottleneck", seed, steps)
-        theirs = first if seed == seeds[0] else _try(build, single_view, limit, "cone", seed)
+        theirs = first if seed == seeds[0] else _try(build, "single-view", limit, "cone", seed)
         if theirs is None:
             say(f"bottleneck seed {seed}, {steps} steps: not within {limit:g} s, left out")
             continue
         bound = theirs.bound * (1 + _SAME)
-        ours = [Run.of(build, column_generation, limit).told("bottleneck", seed)
+        ours = [Run.of(build, "column-generation", limit).told("bottleneck", seed)
                 for _ in range(_REPEATS)]  # fmt: skip
         reached = median(r.seconds_to_bound(bound) for r in ours)
         duels.append(_Duel(reached, theirs.seconds))
@@ -67,7 +81,7 @@ def _cone_program(options: Options) -> list[Figure]:
         note += f"; {len(seeds) - len(duels)} seeds left out, whose cone program took longer"
     return [
         *_ratios("cone program / column generation to the same bound", duels, 200, note),
-        Figure("column generation's end below that bound", median(tighter), "%", None, None,
+        Metric("column generation's end below that bound", median(tighter), "%", None, None,
                "its envelope cuts"),
     ]  # fmt: skip
 
@@ -77,7 +91,7 @@ def _largest_cone_program(seed: int, limit: float) -> tuple[int, Run, str]:
     best: tuple[int, Run] | None = None
     for steps in _BOTTLENECK_STEPS:
         build = partial(scene, "bottleneck", seed, steps)
-        theirs = _try(build, single_view, limit, f"cone program, {steps} steps", seed)
+        theirs = _try(build, "single-view", limit, f"cone program, {steps} steps", seed)
         if theirs is None:
             break
         best = steps, theirs
@@ -87,18 +101,16 @@ def _largest_cone_program(seed: int, limit: float) -> tuple[int, Run, str]:
     return *best, why
 
 
-def _relaxations(options: Options) -> list[Figure]:
+def _relaxations(options: RowOptions) -> list[Metric]:
     """Measures how far relaxations are above the optimum, and what they close of the weakest."""
     figures = []
     for name, steps in _RELAXED.items():
         above: dict[str, list[float]] = {}
         for seed in options.seeds_or(SEEDS):
             build = partial(scene, name, seed, steps)
-            best = Run.of(build, branch_and_price, options.limit_or(_LIMIT)).told(name, seed)
+            best = Run.of(build, BOUND_METHOD, options.limit_or(_LIMIT)).told(name, seed)
             for method in _RELAXATIONS:
-                result = _try(
-                    build, BOUNDS[method].function, options.limit_or(_LIMIT), method, seed
-                )
+                result = _try(build, method, options.limit_or(_LIMIT), method, seed)
                 bound = math.nan if result is None else result.bound
                 above.setdefault(method, []).append(100 * (bound - best.value) / bound)
         worst = median(above[_RELAXATIONS[0]])
@@ -106,25 +118,25 @@ def _relaxations(options: Options) -> list[Figure]:
             closed = 100 * (1 - median(shares) / worst) if worst > 0 else math.nan
             note = f"closes {closed:.1f} % of what {_RELAXATIONS[0]} leaves"
             figures.append(
-                Figure(f"{name}, {steps} steps: {method} above the optimum, median",
+                Metric(f"{name}, {steps} steps: {method} above the optimum, median",
                        median(shares), "%", None, None, note)
             )  # fmt: skip
     return figures
 
 
-def _milps(options: Options) -> list[Figure]:
+def _milps(options: RowOptions) -> list[Metric]:
     """Compares branch-and-price with HiGHS, SCIP and CP-SAT alone."""
     return _against(ALONE, options)
 
 
-def _rooted_milps(options: Options) -> list[Figure]:
+def _rooted_milps(options: RowOptions) -> list[Metric]:
     """Compares branch-and-price with the same solvers, given the bound and cuts of our root."""
-    return _against(WITH_OUR_ROOT, options, asked=False)
+    return _against(_WITH_OUR_ROOT, options, asked=False)
 
 
 def _against(
-    contenders: Mapping[str, BoundMethod], options: Options, asked: bool = True
-) -> list[Figure]:
+    contenders: Mapping[str, BoundMethod], options: RowOptions, asked: bool = True
+) -> list[Metric]:
     seeds, limit = options.seeds_or(SEEDS), options.limit_or(_LIMIT)
     steps, first, why = _largest_closed(contenders, seeds[0], limit)
     duels, best = [], []
@@ -136,7 +148,7 @@ def _against(
             if (found := _try(build, contenders[name], limit, f"{name}, {steps} steps", seed))
         }  # fmt: skip
         fastest = min(theirs, key=lambda name: theirs[name].seconds, default="none")
-        ours = [Run.of(build, branch_and_price, limit).told("corridor", seed)
+        ours = [Run.of(build, BOUND_METHOD, limit).told("corridor", seed)
                 for _ in range(_REPEATS)]  # fmt: skip
         for name, other in theirs.items():
             _require_same(name, other.value, ours[0].value)
@@ -174,7 +186,7 @@ def _largest_closed(
     return *best, why
 
 
-def _try(build: Build, method: BoundMethod, limit: float, name: str, seed: int) -> Run | None:
+def _try(build: Build, method: Measurable, limit: float, name: str, seed: int) -> Run | None:
     """Runs a method; returns None if it failed or did not come to its end within the limit."""
     try:
         result = Run.of(build, method, limit).told(name, seed)
@@ -192,21 +204,21 @@ def _require_same(name: str, theirs: float, ours: float) -> None:
 
 def _ratios(
     name: str, duels: Sequence[_Duel], moonshot: float, note: str, asked: bool = True
-) -> list[Figure]:
+) -> list[Metric]:
     if not duels:
         raise Run.Error("no seed could be compared")
     must, more = (Target.at_least(50), Target.at_least(moonshot)) if asked else (None, None)
     ratios = [duel.ratio for duel in duels if math.isfinite(duel.ours)]
     missed = [0.0] * (len(duels) - len(ratios))  # ours did not finish
     return [
-        Figure(name, median([*ratios, *missed]), "x", must, more, note),
-        Figure("smallest ratio", min([*ratios, *missed]), "x"),
-        Figure("theirs, median", median(duel.theirs for duel in duels), "s"),
-        Figure("ours, median", median(duel.ours for duel in duels), "s"),
+        Metric(name, median([*ratios, *missed]), "x", must, more, note),
+        Metric("smallest ratio", min([*ratios, *missed]), "x"),
+        Metric("theirs, median", median(duel.theirs for duel in duels), "s"),
+        Metric("ours, median", median(duel.ours for duel in duels), "s"),
     ]
 
 
-COMPARISONS: Mapping[str, Callable[[Options], list[Figure]]] = {
+COMPARISONS: Mapping[str, Callable[[RowOptions], list[Metric]]] = {
     "relaxations": _relaxations,
     "cone-program": _cone_program,
     "milp": _milps,

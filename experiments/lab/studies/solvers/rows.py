@@ -12,21 +12,17 @@ from pathlib import Path
 from statistics import median
 
 from cocap_opt.experiments.lab.studies.runs import Run, scene
-from cocap_opt.experiments.lab.studies.solvers.figures import Figure, Target
-from cocap_opt.formulations.column_generation.branch_and_price import (
-    branch_and_price,
-    column_generation,
-)
-from cocap_opt.formulations.result import BoundMethod
+from cocap_opt.experiments.lab.studies.solvers.metrics import Metric, Target
 from cocap_opt.result import UnsupportedError
+from cocap_opt.run.engine import BOUND_METHOD
 
 _MANY_SEEDS, SEEDS = tuple(range(10)), tuple(range(5))
 _ROOT_SECONDS = 2.0
 
 
 @dataclass(frozen=True)
-class Options:
-    """Options of the command; None where each row has a default of its own."""
+class RowOptions:
+    """RowOptions of the command; None where each row has a default of its own."""
 
     seeds: tuple[int, ...] | None = None
     limit: float | None = None
@@ -45,12 +41,12 @@ class Options:
         return seconds if self.limit is None else self.limit
 
 
-def _corridor(options: Options) -> list[Figure]:
+def _corridor(options: RowOptions) -> list[Metric]:
     """Measures the corridor: 2 drones, 8 steps."""
     runs = _runs("corridor", options.seeds_or(_MANY_SEEDS), options.at_most(60.0))
     return [
         _proved(runs, must=1.0),
-        Figure(
+        Metric(
             "median seconds to proof", median(r.seconds_to_proof for r in runs), "s",
             Target.below(2), Target.below(0.3),
         ),
@@ -58,11 +54,11 @@ def _corridor(options: Options) -> list[Figure]:
     ]  # fmt: skip
 
 
-def _bottleneck(options: Options) -> list[Figure]:
+def _bottleneck(options: RowOptions) -> list[Metric]:
     """Measures the bottleneck: 4 drones, 11 steps."""
     seeds, seconds = options.seeds_or(_MANY_SEEDS), options.at_most(300.0)
     runs = _runs("bottleneck", seeds, seconds)
-    roots = _runs("bottleneck", seeds, min(_ROOT_SECONDS, seconds), column_generation)
+    roots = _runs("bottleneck", seeds, min(_ROOT_SECONDS, seconds), "column-generation")
     near = [r.seconds_to_gap(0.0002) for r in runs]
     in_time = min(60.0, seconds)
     # The best known J stands for the optimum, so that the bound's distance is overestimated.
@@ -71,32 +67,32 @@ def _bottleneck(options: Options) -> list[Figure]:
         for root, r in zip(roots, runs, strict=True)
     ]
     return [
-        Figure(
+        Metric(
             f"gap < 0.02 % in {in_time:g} s", sum(s <= in_time for s in near), f"of {len(runs)}",
             Target.at_least(len(runs)),
         ),
-        Figure("median seconds to a gap of 0.02 %", median(near), "s"),
+        Metric("median seconds to a gap of 0.02 %", median(near), "s"),
         _proved(runs, must=0.7, moonshot=1.0),
-        Figure("median seconds to proof", median(r.seconds_to_proof for r in runs), "s",
+        Metric("median seconds to proof", median(r.seconds_to_proof for r in runs), "s",
                moonshot=Target.below(5)),
         _slowest(runs),
-        Figure(f"root bound above the best J after {min(_ROOT_SECONDS, seconds):g} s, worst seed",
+        Metric(f"root bound above the best J after {min(_ROOT_SECONDS, seconds):g} s, worst seed",
                max(off), "%", Target.below(0.5)),
     ]  # fmt: skip
 
 
-def _passage(options: Options) -> list[Figure]:
+def _passage(options: RowOptions) -> list[Metric]:
     """Measures the one-cell passage: 8 drones, 12 steps."""
     seconds = options.at_most(30.0)
     runs = _runs("passage", options.seeds_or(SEEDS), seconds)
     return [
         *_gaps(runs, seconds, Target.below(0.1)),
         _proved(runs, moonshot=1.0),
-        Figure("median seconds to proof", median(r.seconds_to_proof for r in runs), "s"),
+        Metric("median seconds to proof", median(r.seconds_to_proof for r in runs), "s"),
     ]
 
 
-def _large(options: Options) -> list[Figure]:
+def _large(options: RowOptions) -> list[Metric]:
     """Measures Greedy Perspectives' `large`: 18 drones, 10 steps; a seed is a start set."""
     if options.large is None:
         raise UnsupportedError("this row needs --large FILE, the path of the scene's seq.yaml")
@@ -108,7 +104,7 @@ def _large(options: Options) -> list[Figure]:
     ]
 
 
-def _field(options: Options) -> list[Figure]:
+def _field(options: RowOptions) -> list[Metric]:
     """Measures the field: 6 drones, 6 people, 20 steps."""
     seconds = options.at_most(120.0)
     runs = _runs("field", options.seeds_or(SEEDS), seconds)
@@ -118,19 +114,19 @@ def _field(options: Options) -> list[Figure]:
     ]
 
 
-def _field_long(options: Options) -> list[Figure]:
+def _field_long(options: RowOptions) -> list[Metric]:
     """Measures the long field: 6 drones, 6 people, 60 steps, 75 moves a step."""
     return _wide(options, "field-long", {15.0: 1.5, 300.0: 0.3}, gigabytes=6)
 
 
-def _field_large(options: Options) -> list[Figure]:
+def _field_large(options: RowOptions) -> list[Metric]:
     """Measures the large field: 64 drones, 32 people, 64 x 64 cells, 40 steps."""
     return _wide(options, "field-large", {60.0: 2.5, 120.0: 1.2, 600.0: 0.6}, gigabytes=12)
 
 
 def _wide(
-    options: Options, name: str, gaps: Mapping[float, float], gigabytes: float
-) -> list[Figure]:
+    options: RowOptions, name: str, gaps: Mapping[float, float], gigabytes: float
+) -> list[Metric]:
     """Measures a scene too large for proofs: gaps and memory.
 
     Parameters
@@ -139,7 +135,7 @@ def _wide(
     """
     longest = options.at_most(max(gaps))
     runs = _runs(name, options.seeds_or(SEEDS), longest)
-    figures: list[Figure] = []
+    figures: list[Metric] = []
     for seconds, gap in gaps.items():
         if seconds <= longest:
             figures += _gaps(runs, seconds, Target.below(gap))
@@ -152,7 +148,7 @@ def _runs(
     name: str,
     seeds: Sequence[int],
     seconds: float,
-    method: BoundMethod = branch_and_price,
+    method: str = BOUND_METHOD,
 ) -> list[Run]:
     """Runs a method on each seed of a scene."""
     return [Run.of(partial(scene, name, seed), method, seconds).told(name, seed) for seed in seeds]
@@ -160,37 +156,37 @@ def _runs(
 
 def _proved(
     runs: Sequence[Run], must: float | None = None, moonshot: float | None = None
-) -> Figure:
+) -> Metric:
     """Returns the number of optima that are proved; targets are shares of the runs."""
 
     def of_all(share: float | None) -> Target | None:
         return None if share is None else Target.at_least(math.ceil(share * len(runs)))
 
     count = sum(math.isfinite(r.seconds_to_proof) for r in runs)
-    return Figure("proved optima", count, f"of {len(runs)}", of_all(must), of_all(moonshot))
+    return Metric("proved optima", count, f"of {len(runs)}", of_all(must), of_all(moonshot))
 
 
-def _slowest(runs: Sequence[Run]) -> Figure:
-    return Figure("slowest seed's seconds to proof", max(r.seconds_to_proof for r in runs), "s")
+def _slowest(runs: Sequence[Run]) -> Metric:
+    return Metric("slowest seed's seconds to proof", max(r.seconds_to_proof for r in runs), "s")
 
 
 def _gaps(
     runs: Sequence[Run], seconds: float, must: Target | None, moonshot: Target | None = None
-) -> list[Figure]:
+) -> list[Metric]:
     gaps = [100 * r.gap_after(seconds) for r in runs]
     late = max(r.seconds for r in runs)
     note = f"the slowest run returned after {late:.1f} s"
     return [
-        Figure(f"median gap after {seconds:g} s", median(gaps), "%", must, moonshot, note),
-        Figure(f"largest gap after {seconds:g} s", max(gaps), "%"),
+        Metric(f"median gap after {seconds:g} s", median(gaps), "%", must, moonshot, note),
+        Metric(f"largest gap after {seconds:g} s", max(gaps), "%"),
     ]
 
 
-def _memory(runs: Sequence[Run], most: float) -> Figure:
-    return Figure("largest peak memory", max(r.gigabytes for r in runs), "GB", Target.below(most))
+def _memory(runs: Sequence[Run], most: float) -> Metric:
+    return Metric("largest peak memory", max(r.gigabytes for r in runs), "GB", Target.below(most))
 
 
-SCENE_ROWS: Mapping[str, Callable[[Options], list[Figure]]] = {
+SCENE_ROWS: Mapping[str, Callable[[RowOptions], list[Metric]]] = {
     "corridor": _corridor,
     "bottleneck": _bottleneck,
     "passage": _passage,

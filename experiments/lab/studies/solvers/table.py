@@ -1,88 +1,115 @@
 """The table of solvers: the time and the gap of our methods, beside their targets and others."""
 
-import csv
 import os
 import platform
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from cocap_opt.console.streams import say
+from cocap_opt.experiments.lab.results import Results, in_unit, markdown, read_csv, stored_rows
+from cocap_opt.experiments.lab.studies.options import Out, positive_seconds
 from cocap_opt.experiments.lab.studies.solvers.comparisons import COMPARISONS
-from cocap_opt.experiments.lab.studies.solvers.figures import Figure
-from cocap_opt.experiments.lab.studies.solvers.rows import SCENE_ROWS, Options
-from cocap_opt.files.documents import FileError
-from cocap_opt.output.files import make_folder, save_csv
+from cocap_opt.experiments.lab.studies.solvers.metrics import Metric
+from cocap_opt.experiments.lab.studies.solvers.rows import SCENE_ROWS, RowOptions
 from cocap_opt.output.printing import Listing, Record
 from cocap_opt.result import UnsupportedError
-from cocap_opt.text import unread
+from cocap_opt.run.options import Option, UsageError
 
-ROWS: Mapping[str, Callable[[Options], list[Figure]]] = {**SCENE_ROWS, **COMPARISONS}
+ROWS: Mapping[str, Callable[[RowOptions], list[Metric]]] = {**SCENE_ROWS, **COMPARISONS}
+_TABLE = "solvers.csv"
+_MET = {"must": "target", "moonshot": "ambitious", "missed": "missed", "open": "not yet"}
 
 
-def solvers(names: Sequence[str], options: Options, out: Path | None = None) -> bool:
-    """Measures rows and prints them; the file solvers.csv keeps its other rows.
-
-    Parameters
-    ----------
-    names : keys of ROWS; all if there is none
-
-    Returns
-    -------
-    bool
-        True if no row failed.
-
-    Raises
-    ------
-    FileError
-        If a row is unknown.
-    """
-    wanted = list(dict.fromkeys(names)) or list(ROWS)
+def solvers(
+    *,
+    rows: Annotated[
+        list[str] | None,
+        Parameter(
+            consume_multiple=True,
+            negative="",
+            help=f"which of {', '.join(ROWS)}; without it, all: hours",
+        ),
+    ] = None,
+    seeds: Annotated[
+        str | None, Parameter(help="such as 0-4; without it, each row has its own")
+    ] = None,
+    limit: Annotated[
+        float | None,
+        positive_seconds(
+            help="seconds: cuts the rows' limits short, and sets that of the comparisons"
+        ),
+    ] = None,
+    large: Annotated[
+        Path | None, Parameter(help="seq.yaml of Greedy Perspectives' scene `large`")
+    ] = None,
+    out: Out = None,
+) -> int:
+    """Measures rows and prints them; the file solvers.csv keeps its other rows."""
+    options = RowOptions(None if seeds is None else Option("--seeds").numbers(seeds), limit, large)
+    wanted = list(dict.fromkeys(rows or ROWS))
     if unknown := [name for name in wanted if name not in ROWS]:
-        raise FileError(f"--rows: must be among {', '.join(ROWS)}, not {unknown[0]!r}")
-    make_folder(out)
-    path = None if out is None else out / "solvers.csv"
-    kept = [] if path is None else _read(path)
+        raise UsageError(f"--rows: must be among {', '.join(ROWS)}, not {unknown[0]!r}")
+    results = Results.into(out)
+    kept = [] if out is None or not (out / _TABLE).exists() else read_csv(out / _TABLE, dict)
     records: list[Record] = []
     shown: list[Record] = []
     try:
         for name in wanted:
-            figures = _measure(name, options)
-            records += [_record(name, figure, options) for figure in figures]
-            shown += [_shown(name, figure) for figure in figures]
-            if figures[0].name != "skipped":
+            metrics = _measure(name, options)
+            records += [_record(name, metric, options) for metric in metrics]
+            shown += [_shown(name, metric) for metric in metrics]
+            if metrics[0].name != "skipped":
                 kept = [record for record in kept if record.get("row") != name]
-            if path is not None:
-                save_csv(path, _in_order([*kept, *records]))
+            results.save(_TABLE, _in_order([*kept, *records]))
     finally:
         title = f"solvers (one thread; load {_load()}, {os.cpu_count()} cores)"
         Listing(title, _names_once(shown)).print()
-    return not any(record["figure"] == "failed" for record in records)
+    return int(any(record["figure"] == "failed" for record in records))
 
 
-def _measure(name: str, options: Options) -> list[Figure]:
+def solvers_in_markdown() -> str:
+    """Returns the stored metrics of bounds and exact methods, beside the targets."""
+    return markdown([
+        {
+            "row": row["row"],
+            "figure": row["figure"],
+            "measured": in_unit(row["value"], row["unit"]),
+            "target": row["must"] or "-",
+            "ambitious": row["moonshot"] or "-",
+            "met": _MET.get(row["met"], "-"),
+            "note": row["note"],
+        }
+        for row in stored_rows("solver-figures.csv")
+    ])  # fmt: skip
+
+
+def _measure(name: str, options: RowOptions) -> list[Metric]:
     """Measures a row; a row that is skipped or fails has one figure without a number."""
     try:
         return ROWS[name](options)
     except UnsupportedError as error:
-        return [Figure("skipped", float("nan"), "", note=str(error))]
+        return [Metric("skipped", float("nan"), "", note=str(error))]
     except Exception as error:  # the other rows are still worth having
         say(f"{name}: failed: {error}")
-        return [Figure("failed", float("nan"), "", note=f"{type(error).__name__}: {error}")]
+        return [Metric("failed", float("nan"), "", note=f"{type(error).__name__}: {error}")]
 
 
-def _record(name: str, figure: Figure, options: Options) -> Record:
+def _record(name: str, metric: Metric, options: RowOptions) -> Record:
     """Returns the row of the CSV file."""
     seeds = "row's own" if options.seeds is None else " ".join(map(str, options.seeds))
     return {
         "row": name,
-        "figure": figure.name,
-        "value": figure.value,
-        "unit": figure.unit,
-        **figure.targets,
-        "met": figure.met,
-        "note": figure.note,
+        "figure": metric.name,
+        "value": metric.value,
+        "unit": metric.unit,
+        **metric.targets,
+        "met": metric.met,
+        "note": metric.note,
         "seeds": seeds,
         "limit": "row's own" if options.limit is None else options.limit,
         "load": _load(),
@@ -92,15 +119,15 @@ def _record(name: str, figure: Figure, options: Options) -> Record:
     }
 
 
-def _shown(name: str, figure: Figure) -> Record:
+def _shown(name: str, metric: Metric) -> Record:
     """Returns the row of the table that is printed."""
     return {
         "row": name,
-        "figure": figure.name,
-        "measured": figure.words,
-        **figure.targets,
-        "met": figure.met,
-        "message": figure.note,
+        "figure": metric.name,
+        "measured": metric.words,
+        **metric.targets,
+        "met": metric.met,
+        "message": metric.note,
     }
 
 
@@ -122,19 +149,6 @@ def _in_order(records: Sequence[Record]) -> list[Record]:
 def _load() -> str:
     """Returns the load average of the last minute."""
     return f"{os.getloadavg()[0]:.1f}"
-
-
-def _read(path: Path) -> list[Record]:
-    """Returns the rows of the file of earlier runs; none if there is no file."""
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            return [dict(row) for row in csv.DictReader(file)]
-    except FileNotFoundError:
-        return []
-    except OSError as error:
-        raise FileError(f"{path}: {unread(error)}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise FileError(f"{path}: must be a table that this study has written") from error
 
 
 def _commit() -> str:

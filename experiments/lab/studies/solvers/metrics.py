@@ -1,4 +1,4 @@
-"""Figures of the table of solvers: a number beside the number that it must reach."""
+"""Metrics of the table of solvers: a number beside the number that it must reach."""
 
 import math
 from typing import Literal, NamedTuple, Self
@@ -25,7 +25,7 @@ class Target(NamedTuple):
         return value < self.number if self.relation == "<" else value >= self.number
 
 
-class Figure(NamedTuple):
+class Metric(NamedTuple):
     """A measured number.
 
     Attributes

@@ -1,0 +1,91 @@
+"""Results of studies: the folder of those that come with this project, writing, and reading."""
+
+import csv
+import io
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
+
+from cocap_opt.files.documents import FileError
+from cocap_opt.output.files import make_folder, read_text, save_bytes, save_csv
+from cocap_opt.output.printing import Listing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+T = TypeVar("T")
+STORED = Path(__file__).parent / "stored"
+_LEAST_PERCENT = 0.0001  # which optimal means; less is rounding
+
+
+class Results(NamedTuple):
+    """The folder that a study writes its results into; without one it writes nothing."""
+
+    folder: Path | None
+
+    @classmethod
+    def into(cls, folder: Path | None) -> Self:
+        """Makes the folder, before the work for its results is done."""
+        make_folder(folder)
+        return cls(folder)
+
+    def save(self, name: str, rows: Sequence[Mapping[str, Any] | tuple[Any, ...]]) -> None:
+        """Writes rows, mappings or named tuples, as a CSV file; nothing if there is none."""
+        if self.folder is not None and rows:
+            save_csv(self.folder / name, [_mapping(row) for row in rows])
+
+    def draw(self, name: str, figure: "Callable[[], Figure]") -> None:
+        """Draws a figure and writes it as a PNG file."""
+        if self.folder is not None:
+            from cocap_opt.pictures.figures import picture  # memory of studies is measured
+
+            save_bytes(self.folder / name, picture(figure(), ".png"))
+
+
+def _mapping(row: Any) -> Mapping[str, Any]:
+    found: Mapping[str, Any] = row if isinstance(row, Mapping) else row._asdict()
+    return found
+
+
+def read_csv(path: Path, make: Callable[[dict[str, str]], T], words: str = "") -> list[T]:
+    """Reads a CSV file that a study has written.
+
+    Parameters
+    ----------
+    make : makes something of the fields of a row
+    words : for the message about a row of which it cannot; without any, the error's own
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, or nothing can be made of a row; the message names its line.
+    """
+    table = csv.DictReader(io.StringIO(read_text(path)))
+    try:
+        return [make(fields) for fields in table]
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
+        raise FileError(f"{path}: line {table.line_num}: {words or error}") from error
+
+
+def stored_rows(name: str) -> list[dict[str, str]]:
+    """Returns the fields of each row of a stored CSV file."""
+    return read_csv(STORED / name, dict)
+
+
+def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Returns rows as a table in Markdown, as pages show it."""
+    return Listing("", [dict(row) for row in rows]).markdown
+
+
+def in_unit(text: str, unit: str) -> str:
+    """Returns a number of a stored table with three digits and its unit, as pages show it."""
+    number = float(text)
+    if unit == "%" and 0 < number < _LEAST_PERCENT:
+        return f"< {_LEAST_PERCENT} %"
+    return f"{number:.3g} {unit}".strip() if math.isfinite(number) else "-"
+
+
+def in_percent(share: str) -> str:
+    """Returns a share of a stored table in %, "-" where there is none."""
+    return f"{100 * float(share):.2f} %" if share else "-"
