@@ -158,9 +158,9 @@ class _Series(NamedTuple):
         """Draws marks of all runs, and a line through medians over the seeds."""
         colour, mark = self.style
         for outcome, filling in ((RunStatus.PROVED, colour), (RunStatus.STOPPED, "none")):
-            some = [run for run in self.runs if run.outcome is outcome]
-            at = [run.steps + self.aside for run in some]
-            ax.scatter(at, [height(run) for run in some], s=18, lw=0.8, alpha=0.7, marker=mark,
+            runs = [run for run in self.runs if run.outcome is outcome]
+            at = [run.steps + self.aside for run in runs]
+            ax.scatter(at, [height(run) for run in runs], s=18, lw=0.8, alpha=0.7, marker=mark,
                        facecolors=filling, edgecolors=colour)  # fmt: skip
         lost = [run for run in self.runs if run.outcome in (RunStatus.REFUSED, RunStatus.FAILED)]
         ax.plot([run.steps + self.aside for run in lost], [0.98] * len(lost), "x", ms=5,
@@ -173,9 +173,9 @@ class _Series(NamedTuple):
     def _medians(self, height: Callable[[MethodRun], float]) -> Iterator[tuple[float, float]]:
         """Yields the medians of steps at which the method has an answer for each seed."""
         for steps in sorted({run.steps for run in self.runs}):
-            some = [run for run in self.runs if run.steps == steps]
-            if all(run.outcome in (RunStatus.PROVED, RunStatus.STOPPED) for run in some):
-                yield steps + self.aside, median(height(run) for run in some)
+            runs = [run for run in self.runs if run.steps == steps]
+            if all(run.outcome in (RunStatus.PROVED, RunStatus.STOPPED) for run in runs):
+                yield steps + self.aside, median(height(run) for run in runs)
 
 
 def _set_axes(ax: Axes) -> None:

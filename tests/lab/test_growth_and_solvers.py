@@ -14,8 +14,7 @@ from cocap_opt.experiments.lab.studies import steps as steps_module
 from cocap_opt.experiments.lab.studies.growth.points import MEASURES, GrowthPoint, Runs, Sample
 from cocap_opt.experiments.lab.studies.runs import Run, _measured, scene
 from cocap_opt.experiments.lab.studies.solvers import table as solvers_module
-from cocap_opt.experiments.lab.studies.solvers.metrics import Metric, Target
-from cocap_opt.experiments.lab.studies.solvers.rows import RowOptions
+from cocap_opt.experiments.lab.studies.solvers.rows import Metric, RowOptions, Target
 from cocap_opt.experiments.lab.studies.steps import METHODS
 from cocap_opt.formulations.column_generation.branch_and_price import (
     branch_and_price,

@@ -40,17 +40,17 @@ def draw_curves() -> Figure:
 
 def draw_rounds() -> Figure:
     """Draws how far bound and plan are from the optimum, pricing round by pricing round."""
-    own = worked.bottleneck()
-    best = own.staged.target
+    example = worked.bottleneck()
+    best = example.staged.target
     figure = new_figure(5.6, 3.3)
     ax = set_frame(figure.add_subplot())
-    above = [100 * (told.bound - best) / best for told in own.progress]
-    below = [100 * (best - told.value) / best for told in own.progress]
+    above = [100 * (told.bound - best) / best for told in example.progress]
+    below = [100 * (best - told.value) / best for told in example.progress]
     rounds = range(1, len(above) + 1)
     ax.plot(rounds, above, "-o", ms=4, color=BLUE, label="bound, above the optimum")
-    some = [(k, gap) for k, gap in zip(rounds, below, strict=True) if gap > 1e-9]
-    if some:
-        ax.plot(*zip(*some, strict=True), "-s", ms=4, color=AMBER, label="best plan, below it")
+    known = [(k, gap) for k, gap in zip(rounds, below, strict=True) if gap > 1e-9]
+    if known:
+        ax.plot(*zip(*known, strict=True), "-s", ms=4, color=AMBER, label="best plan, below it")
     ax.set(yscale="log", xlabel="report of the search", ylabel="% of the optimum",
            ylim=(0.01, 150))  # fmt: skip
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -75,8 +75,8 @@ def draw_states_left() -> Figure:
 
 def draw_tangent() -> Figure:
     """Draws the root of a face, and what the doorway's certificate allows for it."""
-    own, t = worked.doorway_multipliers(), worked.doorway().horizon
-    alpha, beta = own.alpha[t][0], own.beta[t][0]
+    multipliers, t = worked.doorway_multipliers(), worked.doorway().horizon
+    alpha, beta = multipliers.alpha[t][0], multipliers.beta[t][0]
     constant = worked.doorway_parts().faces.reshape(t + 1, -1)[t, 0]
     pixels = np.linspace(0, 620, 300)
     figure = new_figure(5.2, 3.4)
@@ -114,12 +114,12 @@ def draw_parts() -> Figure:
 
 def draw_losses() -> Figure:
     """Draws what drones lose by each move, and what is paid for people beyond what they give."""
-    own = worked.explained().explanation
+    explanation = worked.explained().explanation
     figure = new_figure(5.4, 3.8)
     top, bottom = figure.subplots(2, 1, sharex=True)
     people = worked.paid_for_people()
-    for ax, amounts, noun in ((top, own.losses(), "drone"), (bottom, people, "person")):
-        shares = 100 * amounts / own.bound
+    for ax, amounts, noun in ((top, explanation.losses(), "drone"), (bottom, people, "person")):
+        shares = 100 * amounts / explanation.bound
         ax.imshow(shares, cmap="OrRd", aspect="auto", vmin=0, vmax=max(shares.max(), 1e-9))
         for (row, step), share in np.ndenumerate(shares):
             if share >= 0.005:

@@ -22,7 +22,9 @@ def studies_in_markdown(app: App) -> str:
 
 def _family(app: App, name: str) -> str:
     inner = app[name]
-    return "\n\n".join(_command(f"cocap-opt {name} {one}", inner[one]) for one in _names(inner))
+    return "\n\n".join(
+        _command(f"cocap-opt {name} {command}", inner[command]) for command in _names(inner)
+    )
 
 
 def _names(family: App, but: Sequence[str] = ()) -> list[str]:
@@ -33,7 +35,7 @@ def _command(called: str, command: App) -> str:
     """Returns the part of one command, with its options as a table."""
     paragraphs = [" ".join(words.split()) for words in re.split(r"\n\s*\n", command.help or "")]
     told, _, example = "\n\n".join(paragraphs).partition("Example: ")
-    arguments = [one for one in command.assemble_argument_collection() if one.show]
+    arguments = [argument for argument in command.assemble_argument_collection() if argument.show]
     usage = " ".join([called, *(a.name for a in arguments if not a.name.startswith("-"))])
     parts = [
         f"## {called.removeprefix('cocap-opt ')}",
@@ -58,5 +60,5 @@ def _default(argument: Argument) -> str:
     if argument.required:
         return "required"
     default = argument.field_info.default
-    is_none = any(default is one for one in (None, False, argument.field_info.empty))
+    is_none = any(default is absent for absent in (None, False, argument.field_info.empty))
     return "" if is_none else f"`{default}`"

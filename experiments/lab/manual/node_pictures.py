@@ -100,20 +100,20 @@ def _draw_conflict(ax: Axes, conflict: Conflict) -> None:
 
 
 def _draw_closed(ax: Axes, closed: Iterable[Closed]) -> None:
-    for k, one in enumerate(closed):
-        if len(one.cells) == 1:
-            _draw_closed_cell(ax, one)
+    for k, ban in enumerate(closed):
+        if len(ban.cells) == 1:
+            _draw_closed_cell(ax, ban)
         else:
-            _draw_closed_move(ax, one.robot, one.t, *one.cells)
-        words = f"closed to drone {one.robot}"
+            _draw_closed_move(ax, ban.robot, ban.t, *ban.cells)
+        words = f"closed to drone {ban.robot}"
         ax.plot([], [], color=RED, lw=1.5, ls="--", label=words if k == 0 else None)
 
 
-def _draw_closed_cell(ax: Axes, one: Closed) -> None:
-    x, y = one.cells[0][:2]
+def _draw_closed_cell(ax: Axes, ban: Closed) -> None:
+    x, y = ban.cells[0][:2]
     ax.add_patch(Rectangle((x + 0.09, y + 0.09), 0.82, 0.82, fill=False, edgecolor=RED, lw=1.5,
                            ls="--", zorder=3))  # fmt: skip
-    ax.text(x + 1.06, y + 0.62, f"not drone {one.robot}\nat step {one.t}", color=RED,
+    ax.text(x + 1.06, y + 0.62, f"not drone {ban.robot}\nat step {ban.t}", color=RED,
             fontsize=SMALL, va="center")  # fmt: skip
 
 

@@ -34,8 +34,8 @@ def shadow() -> Shadow:
     face = np.array([[12, 0.25, 0], [12, -0.25, 0], [12, -0.25, 1.8], [12, 0.25, 1.8]]) - eye
     bodies = Bodies.of_columns(column, np.zeros(3))
     shadows = Shadows.of(bodies, np.zeros(1, dtype=np.int64), eye[None])
-    one = np.ones(1, dtype=np.int64)
-    pieces, _ = shadows.outside(face[None], 0 * one, one)
+    single = np.ones(1, dtype=np.int64)
+    pieces, _ = shadows.outside(face[None], 0 * single, single)
     (x, y, z), (u, v, w) = low, high
     sides = [
         np.array([[x, y, z], [x, v, z], [x, v, w], [x, y, w]]),

@@ -84,7 +84,7 @@ class _Recorder(OpenNodes):
         return node
 
     def _number(self, node: Node) -> int:
-        return next(k for k, one in enumerate(self.recorded) if one.node is node)
+        return next(k for k, recorded in enumerate(self.recorded) if recorded.node is node)
 
 
 def recorded_tree(problem: Problem) -> list[RecordedNode]:

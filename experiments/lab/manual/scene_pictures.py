@@ -76,16 +76,16 @@ def _draw_look(ax: Axes, state: State, robot: int) -> None:
 
 def draw_seen_from() -> Figure:
     """Draws how well the best heading of each cell sees one person of the bottleneck."""
-    own, t = worked.bottleneck(), worked.middle()
+    example, t = worked.bottleneck(), worked.middle()
     rewards = worked.seen_from(0)
     figure = new_figure(5, 4.6)
     ax = figure.add_subplot()
-    TopView.of(own.problem).draw_map(ax)
+    TopView.of(example.problem).draw_map(ax)
     image = ax.imshow(np.where(rewards > 0, rewards, np.nan).T, origin="lower", zorder=1,
                       extent=(*ax.get_xlim(), *ax.get_ylim()), cmap="YlGnBu",
                       vmin=0)  # fmt: skip
     ax.set_ylim(_NEAR)
-    for j, actor in enumerate(own.problem.actors):
+    for j, actor in enumerate(example.problem.actors):
         ax.plot(*actor.poses[t, :2], marker="o", ms=8, color=pictures.PERSON, mec="black", zorder=4)
         x, y = actor.poses[t, :2].tolist()
         ax.text(x, y, str(j), color="white", fontsize=SMALL - 2, ha="center",
@@ -155,19 +155,19 @@ def _draw_graph(ax: Axes, n: int) -> None:
 
 def draw_cells_left() -> Figure:
     """Draws the cells that drones can reach at a step, and those that a better plan may visit."""
-    own, t = worked.bottleneck(), worked.middle()
+    example, t = worked.bottleneck(), worked.middle()
     figure = new_figure(5.2, 4.8)
     ax = figure.add_subplot()
-    TopView.of(own.problem).draw_map(ax)
+    TopView.of(example.problem).draw_map(ax)
     first, *_, last = worked.stages()
     for cells, colour, words in (
         (first.cells, "#cfe0ec", f"in reach at step {t}"),
         (last.cells, TEAL, "left to better plans"),
     ):
-        spots = np.array([own.problem.height_map.centre(*cell) for cell in sorted(cells)])
+        spots = np.array([example.problem.height_map.centre(*cell) for cell in sorted(cells)])
         ax.set_ylim(_NEAR)
         ax.plot(*spots.T, "s", ms=5.5, color=colour, label=words, zorder=2)
-    for j, actor in enumerate(own.problem.actors):
+    for j, actor in enumerate(example.problem.actors):
         ax.plot(*actor.poses[t, :2], "o", ms=7, color=pictures.PERSON, mec="black", zorder=4,
                 label="people" if j == 0 else None)  # fmt: skip
     add_legend(figure, ax)

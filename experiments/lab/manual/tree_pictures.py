@@ -43,8 +43,8 @@ def draw_overview() -> Figure:
     ax = figure.add_subplot()
     for words, spot in _BOXES.values():
         _draw_box(ax, spot, words, BLUE)
-    for one, other in _ARROWS:
-        (x, y), (u, v) = _BOXES[one][1], _BOXES[other][1]
+    for tail, head in _ARROWS:
+        (x, y), (u, v) = _BOXES[tail][1], _BOXES[head][1]
         ax.annotate("", xy=(u + (x - u) / 4, v + 0.3), xytext=(x + (u - x) / 4, y - 0.3),
                     arrowprops=_WAY)  # fmt: skip
     ax.set(xlim=(-0.55, 1.55), ylim=(-0.4, 4.4))
@@ -72,8 +72,8 @@ def _told(n: int) -> str:
     """Says which robot a node makes give way, and how."""
     new = worked.doorway_tree()[n].closed
     before = worked.doorway_tree()[worked.doorway_tree()[n].parent or 0].closed
-    (one,) = [closed for closed in new if closed not in before]
-    return f"drone {one.robot}\ngives way"
+    (added,) = [closed for closed in new if closed not in before]
+    return f"drone {added.robot}\ngives way"
 
 
 def _spots(parents: list[int | None]) -> list[tuple[float, float]]:

@@ -1,4 +1,4 @@
-"""What must be trusted to believe a bound, counted: modules and lines of the checker's storeys."""
+"""The code that must be trusted to believe a bound: modules and lines of the checker's storeys."""
 
 import ast
 from collections.abc import Callable, Iterable
@@ -71,7 +71,7 @@ def code_lines(module: str) -> int:
 
 
 def _table() -> str:
-    """Returns what each kind of claim asks one to trust, line by line."""
+    """Returns a line for each kind of claim, with the code that it asks to be trusted."""
     told = {
         "core": ("any bound", "the core below: scene, graph, coverage"),
         "lower": ("any bound", "formulations/certificates: sums, no search"),

@@ -107,9 +107,11 @@ class _BoundParts(NamedTuple):
         model = compiled(problem)
         prices = CertificatePrices.of(model, multipliers)
         best = [0.0] * len(problem.robots)
-        for number, one in enumerate(model.classes):
-            values = plain_sweep(problem, one, prices.rewards(number), prices.charges(number))
-            for robot, start in zip(one.robots, one.starts, strict=True):
+        for number, robot_class in enumerate(model.classes):
+            values = plain_sweep(
+                problem, robot_class, prices.rewards(number), prices.charges(number)
+            )
+            for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
                 best[robot] = float(values[start])
         return cls(prices.pixels.constants, prices.row_constant, tuple(best))
 
@@ -128,7 +130,7 @@ def doorway_multipliers() -> Multipliers:
 
 @cache
 def doorway_parts() -> _BoundParts:
-    """Returns what the doorway's bound is the sum of."""
+    """Returns the terms of which the doorway's bound is the sum."""
     return _BoundParts.of(doorway(), doorway_multipliers())
 
 
@@ -168,7 +170,7 @@ def bottleneck() -> _Bottleneck:
 
 
 class Remaining(NamedTuple):
-    """What is left of the bottleneck after a stage of a certificate."""
+    """The states of the bottleneck that remain after a stage of a certificate."""
 
     words: str
     bound: float
@@ -193,13 +195,13 @@ def in_stages() -> Staged:
 
 @cache
 def stages() -> list[Remaining]:
-    """Returns what the stages of the bottleneck leave, one after the other."""
-    own = in_stages()
-    narrowing = Narrowing.of(bottleneck().model, own.multipliers, own.target)
+    """Returns the states that remain after each stage of the bottleneck's certificate."""
+    staged = in_stages()
+    narrowing = Narrowing.of(bottleneck().model, staged.multipliers, staged.target)
     found = [_stage("in reach", narrowing)]
     narrowing = narrowing.closed()
     found.append(_stage("after the multipliers", narrowing))
-    for n, stage in enumerate(own.stages, 1):
+    for n, stage in enumerate(staged.stages, 1):
         narrowing = narrowing.after(stage, partial(_most_profit, stage))
         found.append(_stage(f"after stage {n}", narrowing))
     return found
@@ -229,31 +231,31 @@ def _stage(words: str, narrowing: Narrowing) -> Remaining:
 @cache
 def explained() -> Explained:
     """Returns the gap of CoCap's plan of the bottleneck, explained."""
-    own = bottleneck()
-    assert own.plan.plan is not None
-    found = explain(own.model, own.plan.plan, own.plan.value, own.file)
-    return Explained(own.model, own.plan.plan, found)
+    example = bottleneck()
+    assert example.plan.plan is not None
+    found = explain(example.model, example.plan.plan, example.plan.value, example.file)
+    return Explained(example.model, example.plan.plan, found)
 
 
 @cache
 def seen_from(actor: int) -> FloatArray:
     """Returns the reward of one drone's best look at a person from each cell [X, Y], alone."""
-    own = bottleneck()
-    robot_class, faces = own.model.classes[0], own.problem.face_owner == actor
-    graph, weights = robot_class.graph, own.problem.face_weights
+    example = bottleneck()
+    robot_class, faces = example.model.classes[0], example.problem.face_owner == actor
+    graph, weights = robot_class.graph, example.problem.face_weights
     states = np.arange(graph.n_states)
-    pixels = own.model.views(robot_class).coverage(middle(), states)
+    pixels = example.model.views(robot_class).coverage(middle(), states)
     rewards = (np.sqrt(pixels[:, faces]) * weights[faces]).sum(axis=1)
     best = rewards.reshape(graph.n_orientations, graph.n_places).max(axis=0)
-    found = np.zeros(own.problem.height_map.shape)
-    for place, (x, y, _) in enumerate(own.model.places.cells[0]):
+    found = np.zeros(example.problem.height_map.shape)
+    for place, (x, y, _) in enumerate(example.model.places.cells[0]):
         if 0 <= x < found.shape[0] and 0 <= y < found.shape[1]:
             found[x, y] = max(found[x, y], best[place])
     return found
 
 
 def paid_for_people() -> FloatArray:
-    """Returns what the bottleneck's bound pays for each person beyond the reward [A, T+1]."""
+    """Returns the bottleneck's bound for each person beyond the reward [A, T+1]."""
     problem = bottleneck().problem
     paid = np.zeros((len(problem.actors), problem.horizon + 1))
     for term in explained().explanation.of_kind("face"):

@@ -23,15 +23,15 @@ def told_conflict(conflict: Conflict | None) -> str:
     if conflict is None:
         return "none"
     if isinstance(conflict, SwapConflict):
-        one, other = (f"({cell.x}, {cell.y})" for cell in conflict.cells)
-        return f"they swap {one} and {other} after step {conflict.t}"
+        first, second = (f"({cell.x}, {cell.y})" for cell in conflict.cells)
+        return f"they swap {first} and {second} after step {conflict.t}"
     assert isinstance(conflict, VertexConflict), "the doorway's rules know no other"
     cell = conflict.cells[0]
     return f"both in ({cell.x}, {cell.y}) at step {conflict.t}"
 
 
 def told_closed(closed: Sequence[Closed]) -> str:
-    """Says what constraints close to drones."""
+    """Names the cells and moves that constraints close to drones."""
     return "; ".join(map(_told_closed, closed)) or "none"
 
 
@@ -46,13 +46,13 @@ def _tree_table() -> str:
     return markdown_table([
         {
             "node": str(n),
-            "child of": "" if one.parent is None else str(one.parent),
-            "constraints": told_closed(one.closed),
-            "J": number(one.value),
-            "first conflict": told_conflict(one.conflict),
-            "taken from OPEN": "never" if one.turn is None else f"number {one.turn}",
+            "child of": "" if node.parent is None else str(node.parent),
+            "constraints": told_closed(node.closed),
+            "J": number(node.value),
+            "first conflict": told_conflict(node.conflict),
+            "taken from OPEN": "never" if node.turn is None else f"number {node.turn}",
         }
-        for n, one in enumerate(worked.doorway_tree())
+        for n, node in enumerate(worked.doorway_tree())
     ])  # fmt: skip
 
 
@@ -75,7 +75,7 @@ def _certificate_table() -> str:
 
 
 def told_resource(resource: Resource) -> str:
-    """Says what a row or a decision is about; cells only."""
+    """Names the cells that a row or a decision is about."""
     assert isinstance(resource, Cells)
     cells = ", ".join(f"({cell.x}, {cell.y})" for cell in resource.cells)
     return f"cell {cells} at step {resource.t}"
@@ -95,12 +95,12 @@ def _reached() -> str:
 
 
 def _parts_table() -> str:
-    own = worked.explained()
-    rows = list(own.parts().items())
-    rows.append(("**bound - J**", own.explanation.gap))
+    explained = worked.explained()
+    rows = list(explained.parts().items())
+    rows.append(("**bound - J**", explained.explanation.gap))
     return markdown_table([
         {"the bound is higher because": words, "amount": number(amount),
-         "% of the bound": f"{100 * own.explanation.share(amount):.3f}"}
+         "% of the bound": f"{100 * explained.explanation.share(amount):.3f}"}
         for words, amount in rows
     ])  # fmt: skip
 
@@ -118,7 +118,7 @@ def _second() -> str:
 
 
 def _replan() -> str:
-    best = max(worked.explained().replans, key=lambda one: one.gain)
+    best = max(worked.explained().replans, key=lambda replan: replan.gain)
     return (
         f"If drone {best.robot} alone is planned again, given all others, "
         f"J grows by {number(best.gain)}, which is "
@@ -147,7 +147,7 @@ WORKED: dict[str, Callable[[], str]] = {
     "doorway_plan": lambda: number(worked.planned(worked.doorway(), "cocap").value),
     "doorway_tree": _tree_table,
     "doorway_made": lambda: str(len(worked.doorway_tree())),
-    "doorway_taken": lambda: str(sum(one.turn is not None for one in worked.doorway_tree())),
+    "doorway_taken": lambda: str(sum(node.turn is not None for node in worked.doorway_tree())),
     "doorway_states": lambda: str(worked.doorway_graph().number_of_nodes()),
     "doorway_moves": lambda: str(worked.doorway_graph().number_of_edges()),
     "doorway_bound": lambda: f"{worked.doorway_bound().proved:.4f}",

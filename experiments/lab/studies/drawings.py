@@ -18,11 +18,12 @@ from cocap_opt.experiments.lab.studies.growth.figure import growth_figure
 from cocap_opt.experiments.lab.studies.growth.points import GrowthPoint, Sample
 from cocap_opt.experiments.lab.studies.options import chromium
 from cocap_opt.experiments.lab.studies.paper.conditions import read_trials
-from cocap_opt.experiments.lab.studies.paper.curves import StepReward, curves_of
 from cocap_opt.experiments.lab.studies.paper.figures import (
+    StepReward,
     ablation_figure,
     conditions_figure,
     curves_figure,
+    curves_of,
     encounter_figure,
 )
 from cocap_opt.experiments.lab.studies.paper.giving_way import Encounter

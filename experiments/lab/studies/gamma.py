@@ -41,7 +41,7 @@ class DiscountedRun(NamedTuple):
     reason: str
 
 
-class _Mean(NamedTuple):
+class _GammaMean(NamedTuple):
     """Means over scenes and seeds of one planner and gamma."""
 
     planner: str
@@ -53,7 +53,7 @@ class _Mean(NamedTuple):
     runs: int
 
     @classmethod
-    def all_of(cls, runs: Sequence[DiscountedRun]) -> "list[_Mean]":
+    def all_of(cls, runs: Sequence[DiscountedRun]) -> "list[_GammaMean]":
         """Returns the means, by planner and gamma."""
         groups: dict[tuple[str, float], list[DiscountedRun]] = {}
         for measured in runs:
@@ -61,7 +61,7 @@ class _Mean(NamedTuple):
         return [cls.of(*key, groups[key]) for key in sorted(groups)]
 
     @classmethod
-    def of(cls, planner: str, gamma: float, runs: Sequence[DiscountedRun]) -> "_Mean":
+    def of(cls, planner: str, gamma: float, runs: Sequence[DiscountedRun]) -> "_GammaMean":
         """Returns the means of some runs."""
         return cls(
             planner, gamma, fmean(r.reward for r in runs), fmean(r.views for r in runs),
@@ -83,7 +83,7 @@ def gamma(
     ]
     Listing(
         "view search by gamma: J and views, as shares of those of value iteration",
-        [mean._asdict() for mean in _Mean.all_of(runs)],
+        [mean._asdict() for mean in _GammaMean.all_of(runs)],
     ).print()
     results.save(_TABLE, runs)
 
@@ -111,8 +111,8 @@ def discounted_runs(
             )  # fmt: skip
 
 
-def _stored_means() -> list[_Mean]:
-    return _Mean.all_of(load_csv(STORED / _TABLE, DiscountedRun, "cocap-opt study gamma"))
+def _stored_means() -> list[_GammaMean]:
+    return _GammaMean.all_of(load_csv(STORED / _TABLE, DiscountedRun, "cocap-opt study gamma"))
 
 
 def gammas_in_markdown() -> str:
@@ -137,7 +137,7 @@ def chosen_in_words() -> str:
     return f"`cocap-vs` takes {GAMMA:g}. Of all rows that keep {most}; of those with {nearly_all}."
 
 
-def _fewest_views(means: Sequence[_Mean], kept: float) -> str:
+def _fewest_views(means: Sequence[_GammaMean], kept: float) -> str:
     best = min((mean for mean in means if mean.reward >= kept), key=lambda mean: mean.views)
     return (
         f"{100 * kept:g} % of J, that of `{best.planner}` with {best.gamma:g} looks at the fewest "

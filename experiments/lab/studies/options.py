@@ -49,7 +49,7 @@ Workers = Annotated[
 
 @contextmanager
 def of_extra(extra: str) -> Iterator[None]:
-    """Says which of the project's extras brings a package that is missing."""
+    """Turns a missing package into an error that names the extra which brings it."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -59,7 +59,7 @@ def of_extra(extra: str) -> Iterator[None]:
 
 @contextmanager
 def chromium(purpose: str) -> Iterator[None]:
-    """Says what a study misses that needs the browser.
+    """Turns a missing browser or its packages into an error in words.
 
     Parameters
     ----------

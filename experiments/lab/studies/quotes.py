@@ -60,7 +60,7 @@ def _listed(said: Iterable[str]) -> str:
 
 
 def _side(title: str) -> str:
-    """Returns what speaks for CoCap, what against it, or what is left open."""
+    """Returns the sentences for CoCap, those against it, or those left open."""
     return _listed(_paper().verdict()[title])
 
 
@@ -80,8 +80,8 @@ def _settings() -> str:
 
 def _gap(scene: str, planner: str) -> str:
     """Returns the mean gap of a planner in a scene, in %."""
-    own = [row for row in _paper().rows if (row.scene, row.planner) == (scene, planner)]
-    gaps = Row.percent([row for row in own if row.valid], "gap")
+    of_planner = [row for row in _paper().rows if (row.scene, row.planner) == (scene, planner)]
+    gaps = Row.percent([row for row in of_planner if row.valid], "gap")
     return f"{sum(gaps) / len(gaps):.2f} %"
 
 

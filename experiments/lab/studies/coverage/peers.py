@@ -73,10 +73,10 @@ def _differences(
     known = [key for key in near if reached[key[0], graph.index(key[1])]]
     if not known:
         raise ProblemError("drone 0 reaches none of the states in the coverage file")
-    some = np.random.default_rng(0).permutation(len(known))[:most].tolist()
+    chosen = np.random.default_rng(0).permutation(len(known))[:most].tolist()
     found: list[_Difference] = []
     totals = dict.fromkeys(("theirs", "planned", "rendered"), 0.0)
-    for t, state in (known[k] for k in some):
+    for t, state in (known[k] for k in chosen):
         areas = renderer.areas(t)
         planned = model.views(robot_class).coverage(t, np.array([graph.index(state)]))[0]
         pixels, unhidden = renderer.pixels(robot, t, state), renderer.unhidden(robot, t, state)

@@ -56,19 +56,19 @@ def _draw(
     """
     groups = list(dict.fromkeys((run.scene, run.wind) for run in runs))
     for flight, colour in _COLOURS.items():
-        some = [
+        grouped = [
             [run for run in runs if (run.scene, run.wind, run.flight) == (*group, flight)]
             for group in groups
         ]
         places = [k + _ASIDE[flight] for k in range(len(groups))]
         height = fmean if line is None else min
-        heights = [_finite(height([bar(run) for run in own])) for own in some]
+        heights = [_finite(height([bar(run) for run in group])) for group in grouped]
         ax.bar(places, heights, width=0.3, color=colour, label=f"{flight} flights")
         if dot is not None:
-            ax.plot(places, [max(dot(run) for run in own) for own in some], "o", ms=5,
+            ax.plot(places, [max(dot(run) for run in group) for group in grouped], "o", ms=5,
                     color=colour)  # fmt: skip
         if line is not None:
-            ends = [_finite(min(line(run) for run in own)) for own in some]
+            ends = [_finite(min(line(run) for run in group)) for group in grouped]
             ax.hlines(ends, [x - 0.15 for x in places], [x + 0.15 for x in places],
                       color="black", lw=1.5)  # fmt: skip
     ax.set_xticks(range(len(groups)), [f"{scene}\n{wind:g} m/s" for scene, wind in groups],

@@ -149,7 +149,7 @@ def fitting_step(problem: Problem, plan: Plan) -> float:
     made = Smooth.of(problem.replace(step=1.0), plan)
     limits = AIRFRAMES[AIRFRAME]
     slower = [
-        one._replace(limit=getattr(limits, one.kind)).slower
-        for one in Demand.all_of(made.trajectory, True)
+        demand._replace(limit=getattr(limits, demand.kind)).slower
+        for demand in Demand.all_of(made.trajectory, True)
     ]
     return max(1, math.ceil(_FINE * max(slower) - 1e-6)) / _FINE

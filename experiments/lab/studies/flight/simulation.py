@@ -78,7 +78,7 @@ class Simulated(NamedTuple):
 
 
 def simulate(flown: Trajectory, parts: int, wind: Wind) -> Simulated:
-    """Returns what RotorPy makes of flights; drones do not see each other.
+    """Flies flights in RotorPy; drones do not see each other.
 
     Parameters
     ----------
@@ -121,21 +121,21 @@ def _fly(
     vehicle, pilot = multirotor(parameters), controller(parameters)
     yaw, tick = states[0, YAW], times[1]
     hover = math.sqrt(vehicle.mass * vehicle.g / vehicle.num_rotors / vehicle.k_eta)
-    own: dict[str, Any] = {
+    state: dict[str, Any] = {
         "x": states[0, :3].copy(), "v": np.zeros(3), "w": np.zeros(3), "wind": air[0],
         "q": np.array([0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)]),
         "rotor_speeds": np.full(vehicle.num_rotors, hover),
     }  # fmt: skip
     track = np.empty((len(times), 4))
     for k, time in enumerate(times.tolist()):
-        x, y, z, w = own["q"]
-        track[k] = *own["x"], math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        x, y, z, w = state["q"]
+        track[k] = *state["x"], math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         wanted = {
             "x": states[k, :3], "x_dot": rates[k, :3], "x_ddot": bends[k, :3],
             "yaw": states[k, YAW], "yaw_dot": rates[k, YAW],
         }  # fmt: skip
-        own["wind"] = air[k]
-        own = vehicle.step(own, pilot.update(time, own, wanted), tick)
+        state["wind"] = air[k]
+        state = vehicle.step(state, pilot.update(time, state, wanted), tick)
     return track
 
 

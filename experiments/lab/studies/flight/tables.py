@@ -68,10 +68,10 @@ def listings(runs: Sequence[FlightRun]) -> list[Listing]:
     """Returns a table of smooth flights, and one of straight ones."""
     found = []
     for flight in (SMOOTH, STRAIGHT):
-        some = [run for run in runs if run.flight == flight]
+        of_kind = [run for run in runs if run.flight == flight]
         rows = [
             {"scene": scene, "wind": f"{wind:g}", **summary.row()}
-            for (scene, _, wind), summary in _summaries(some)
+            for (scene, _, wind), summary in _summaries(of_kind)
         ]
         found.append(Listing(f"{flight} flights in RotorPy, wind in m/s", rows))
     return [found[0], found[1]._replace(notes=[_NOTE])]
@@ -93,14 +93,14 @@ def flights_in_markdown(runs: Sequence[FlightRun]) -> str:
 
 def _on_scenes(runs: Sequence[FlightRun]) -> Iterator[str]:
     for scene in dict.fromkeys(run.scene for run in runs):
-        own = [run for run in runs if run.scene == scene]
-        calm, stormy = min(run.wind for run in own), max(run.wind for run in own)
+        of_scene = [run for run in runs if run.scene == scene]
+        calm, stormy = min(run.wind for run in of_scene), max(run.wind for run in of_scene)
         words = [
-            _on_wind([run for run in own if run.wind == wind], wind)
+            _on_wind([run for run in of_scene if run.wind == wind], wind)
             for wind in dict.fromkeys((calm, stormy))
         ]
         steps = " to ".join(
-            dict.fromkeys(f"{end(run.step for run in own):g}" for end in (min, max))
+            dict.fromkeys(f"{end(run.step for run in of_scene):g}" for end in (min, max))
         )
         yield f"{scene} (steps of {steps} s): {'; '.join(words)}."
 
@@ -121,13 +121,13 @@ def _on_wind(runs: Sequence[FlightRun], wind: float) -> str:
 
 
 def _on_separation(runs: Sequence[FlightRun]) -> Iterator[str]:
-    """Says what is left of the separation of recipes, by the largest errors of smooth flights."""
+    """Tells how much of the separation of recipes the largest errors of smooth flights leave."""
     width = max(run.span for run in runs)
     enough = []
     for wind in dict.fromkeys(run.wind for run in runs):
-        some = [run for run in runs if run.flight == SMOOTH and run.wind == wind]
-        most = max(run.error_most for run in some)
-        lost = [run.apart_planned - run.apart_flown for run in some if run.robots > 1]
+        smooth = [run for run in runs if run.flight == SMOOTH and run.wind == wind]
+        most = max(run.error_most for run in smooth)
+        lost = [run.apart_planned - run.apart_flown for run in smooth if run.robots > 1]
         left = SEPARATION - 2 * most
         fits = left >= width
         enough += [wind] if fits else []

@@ -57,11 +57,11 @@ def growth_figure(points: Sequence[GrowthPoint], limit: float) -> Figure:
     figure = new_figure(9.5, 6.8)
     panels = figure.subplots(2, 3, sharex="col", sharey="row", height_ratios=[1.25, 1])
     for (top, bottom), axis in zip(panels.T, SIZES, strict=True):
-        some = [point for point in points if point.axis == axis]
+        of_axis = [point for point in points if point.axis == axis]
         draw_level(top, limit, f"limit {limit:g} s")
         for ax, names in ((top, _SECONDS), (bottom, _GAPS)):
             for name in names:
-                _draw_measure(ax, some, name)
+                _draw_measure(ax, of_axis, name)
             set_plain_log(ax, "x")
             set_plain_log(ax, "y")
             set_frame(ax)
@@ -69,7 +69,7 @@ def growth_figure(points: Sequence[GrowthPoint], limit: float) -> Figure:
         others = [f"{n} {_NOUNS.get(what, what)}" for what, n in fixed if what != axis]
         top.set_title(", ".join(others), fontsize=TITLE)
         bottom.set_xlabel(_LABELS[axis])
-        _set_sizes(bottom, some)
+        _set_sizes(bottom, of_axis)
     panels[0, 0].set_ylabel("time (s)")
     panels[1, 0].set_ylabel("certified gap (%)")
     names = panels[0, 1]

@@ -111,16 +111,16 @@ class Measure(NamedTuple):
 
     Attributes
     ----------
-    one : the number of a sample
+    number : of a sample
     whole : true of a point if no limit has cut one of its numbers short
     """
 
-    one: Callable[[Sample], float]
+    number: Callable[[Sample], float]
     whole: Callable[[GrowthPoint], bool]
 
     def of(self, point: GrowthPoint) -> list[float]:
         """Returns the numbers of a point's samples."""
-        return [self.one(sample) for sample in point.samples]
+        return [self.number(sample) for sample in point.samples]
 
     def exponent(self, points: Sequence[GrowthPoint]) -> float:
         """Returns the exponent of the power law through the medians; NaN if there is none."""

@@ -65,8 +65,10 @@ class Case:
         wanted = range(count) if sets is None or not count else sets
         scenes = Scenes([str(scene.path)], wanted, tell=tell)
         cases = [cls(scene, problem, k, True, {}) for (_, k), problem in scenes.problems.items()]
-        own = cls._own_starts(scene, tell)
-        return cases if own is None or not (own.published or not cases) else [*cases, own]
+        own_starts = cls._own_starts(scene, tell)
+        if own_starts is not None and (own_starts.published or not cases):
+            cases.append(own_starts)
+        return cases
 
     @classmethod
     def _own_starts(cls, scene: Scene, tell: Tell) -> Self | None:
@@ -81,7 +83,7 @@ class Case:
 
     @classmethod
     def _with_published(cls, scene: Scene, problem: Problem, tell: Tell) -> Self:
-        published = {one.name: one for one in Published.beside(scene, problem, tell)}
+        published = {planner.name: planner for planner in Published.beside(scene, problem, tell)}
         return cls(scene, problem, 0, False, published)
 
     @classmethod
@@ -95,8 +97,8 @@ class Case:
 
     @property
     def _words(self) -> str:
-        own = "" if self.is_start_set or self.scene.is_hughes else ", own starts"
-        return f"{self.scene.word}{own}"
+        starts = "" if self.is_start_set or self.scene.is_hughes else ", own starts"
+        return f"{self.scene.word}{starts}"
 
     @property
     def counted_steps(self) -> int:
@@ -106,10 +108,12 @@ class Case:
     def instance(self, planners: Sequence[str], settings: Settings) -> Instance:
         """Returns its instance of a sweep, in which the plans of theirs have rows, too."""
         plans = {
-            name: one.plan for name, one in self.published.items() if one.plan is not None
+            name: planner.plan
+            for name, planner in self.published.items()
+            if planner.plan is not None
         }  # fmt: skip
-        own = not (self.is_start_set or self.scene.is_hughes)
-        return Instance(self.problem, self.seed, planners, settings, plans, own_starts=own)
+        own_starts = not (self.is_start_set or self.scene.is_hughes)
+        return Instance(self.problem, self.seed, planners, settings, plans, own_starts=own_starts)
 
     @classmethod
     def is_same(cls, cases: Sequence[Self], key: Key, digest: str) -> bool:

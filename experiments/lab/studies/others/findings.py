@@ -33,40 +33,41 @@ def findings(compared: Sequence[Compared], of_hughes: bool) -> list[str]:
     """Returns the findings on the scenes of one project."""
     general = ON_HUGHES if of_hughes else ON_GREEDY_PERSPECTIVES
     on_scene = _on_frames if of_hughes else _on_tilts
-    sentences = [sentence for one in compared for sentence in on_scene(one)]
+    sentences = [sentence for found in compared for sentence in on_scene(found)]
     return [*general, *sentences, *(_against_their_best(compared) if of_hughes else ())]
 
 
 def _on_tilts(compared: Compared) -> Iterator[str]:
-    """Says what the tilts of their cache change, and how far our evaluator is from theirs."""
-    for one in compared.case.published.values():
-        worth = compared.reward(one.name)
-        if worth is None or one.reported is None:
+    """Tells the effect of the tilts of their cache, and the distance of our evaluator."""
+    for planner in compared.case.published.values():
+        worth = compared.reward(planner.name)
+        if worth is None or planner.reported is None:
             continue
-        name, reported = compared.case.problem.name, math.fsum(one.reported)
-        if one.own_tilts is None:
+        name, reported = compared.case.problem.name, math.fsum(planner.reported)
+        if planner.own_tilts is None:
             yield f"{name}: their program reported {reported:,.1f}; J is {_than(worth, reported)}."
             continue
-        own = math.fsum(one.own_tilts)
+        by_own_tilts = math.fsum(planner.own_tilts)
         yield (
             f"{name}: their program reported {reported:,.1f}; by its own pixels with each drone's "
-            f"own tilt that is {_than(own, reported)}. Our J is {_than(worth, own)} than those."
+            f"own tilt that is {_than(by_own_tilts, reported)}. Our J is "
+            f"{_than(worth, by_own_tilts)} than those."
         )
 
 
 def _on_frames(compared: Compared) -> Iterator[str]:
     """Says at which frames the stored rewards are not those of the stored solutions."""
     name, agreeing, frames = compared.case.problem.name, [], compared.case.counted_steps
-    for one in compared.case.published.values():
-        rewards, planner = compared.by_us.get(one.name), one.name.removeprefix("their-")
-        if rewards is None or one.reported is None:
+    for source in compared.case.published.values():
+        rewards, planner = compared.by_us.get(source.name), source.name.removeprefix("their-")
+        if rewards is None or source.reported is None:
             continue
-        off = compared.off(one)
+        off = compared.off(source)
         if not off:
             agreeing.append(planner)
             continue
         worst = max(
-            (abs(one.reported[t - 1] / rewards[t - 1] - 1) for t in off if rewards[t - 1]),
+            (abs(source.reported[t - 1] / rewards[t - 1] - 1) for t in off if rewards[t - 1]),
             default=math.inf,
         )
         yield (
@@ -82,12 +83,15 @@ def _on_frames(compared: Compared) -> Iterator[str]:
 
 def _against_their_best(compared: Sequence[Compared]) -> Iterator[str]:
     """Says on how many scenes each planner of ours has the reward of their multi-round planner."""
-    scenes = [one for one in compared if one.reward(_THEIR_BEST) is not None]
+    scenes = [scene for scene in compared if scene.reward(_THEIR_BEST) is not None]
     ours = dict.fromkeys(
-        row.planner for one in scenes for row in one.rows if row.planner not in one.case.published
+        row.planner
+        for scene in scenes
+        for row in scene.rows
+        if row.planner not in scene.case.published
     )
     for planner in ours:
-        above = [_above_their_best(one, planner or "") for one in scenes]
+        above = [_above_their_best(scene, planner or "") for scene in scenes]
         least = min((share for share in above if share is not None), default=None)
         reached = sum(share is not None and share >= 0 for share in above)
         if least is not None:

@@ -157,15 +157,15 @@ def _publish(
         if not case.is_start_set
     ]
     sentences = list(_sentences(compared))
-    listings = [one.listing() for one in compared]
+    listings = [comparison.listing() for comparison in compared]
     listings += [means.listing()] if means.rows else []
     for listing in listings:
         listing.print()
     if sentences:
         print_texts((), sentences)
     if out is not None:
-        _write(out, [record for one in compared for record in one.records()], means.records(),
-               sentences, limit)  # fmt: skip
+        beside = [record for comparison in compared for record in comparison.records()]
+        _write(out, beside, means.records(), sentences, limit)
 
 
 def _plans(instance: Instance) -> dict[str, Plan]:
@@ -176,9 +176,11 @@ def _plans(instance: Instance) -> dict[str, Plan]:
 def _sentences(compared: Sequence[Compared]) -> Iterator[str]:
     """Yields the findings, project by project."""
     for of_hughes in (False, True):
-        some = [one for one in compared if one.case.scene.is_hughes == of_hughes]
-        if some:
-            yield from findings(some, of_hughes)
+        of_project = [
+            comparison for comparison in compared if comparison.case.scene.is_hughes == of_hughes
+        ]
+        if of_project:
+            yield from findings(of_project, of_hughes)
 
 
 def _write(

@@ -53,23 +53,23 @@ class Compared:
     def by_us(self) -> dict[str, Sequence[float]]:
         """Rewards step by step, by our evaluator, of the planners of theirs that can be judged."""
         found: dict[str, Sequence[float]] = {}
-        for one in self.case.published.values():
-            if one.plan is not None:
-                verdict = check(self.case.problem, one.plan)
+        for planner in self.case.published.values():
+            if planner.plan is not None:
+                verdict = check(self.case.problem, planner.plan)
                 start = [verdict.reward_at_start] * (self.case.problem.first_step == 0)
-                found[one.name] = [*start, *verdict.reward_per_step]
-            elif one.evaluated is not None:
-                found[one.name] = one.evaluated
+                found[planner.name] = [*start, *verdict.reward_per_step]
+            elif planner.evaluated is not None:
+                found[planner.name] = planner.evaluated
         return found
 
-    def off(self, one: Published) -> list[int]:
+    def off(self, planner: Published) -> list[int]:
         """Returns the steps, from 1, at which a reported reward is not that by our evaluator."""
-        pairs = zip(self.by_us.get(one.name, ()), one.reported or (), strict=False)
+        pairs = zip(self.by_us.get(planner.name, ()), planner.reported or (), strict=False)
         return [t for t, pair in enumerate(pairs, 1) if not math.isclose(*pair, rel_tol=_SAME)]
 
     def records(self) -> list[Record]:
         """Returns a record a planner, theirs first: rewards by one evaluator, gaps to one bound."""
-        theirs = [self._theirs(one) for one in self.case.published.values()]
+        theirs = [self._theirs(planner) for planner in self.case.published.values()]
         ours = [self._of_row(row) for row in self.rows if row.planner not in self.case.published]
         best = self.best_of_theirs()
         above = "above theirs (%)"
@@ -117,29 +117,35 @@ class Compared:
         known = "" if row.optimum is None else f", best known {row.optimum:,.2f}"
         return f"{problem.name}: {drones}, bound {row.bound:,.2f}{known}"
 
-    def _theirs(self, one: Published) -> Record | None:
+    def _theirs(self, planner: Published) -> Record | None:
         """Returns the record of a planner of theirs; None if there is nothing to be judged."""
-        told = {"by": "them", "reported": _sum(one.reported), "own tilts": _sum(one.own_tilts)}
-        row = next((row for row in self.rows if row.planner == one.name), None)
+        told = {
+            "by": "them",
+            "reported": _sum(planner.reported),
+            "own tilts": _sum(planner.own_tilts),
+        }
+        row = next((row for row in self.rows if row.planner == planner.name), None)
         if row is not None:
             return self._of_row(row) | told
-        if one.evaluated is not None:
-            return self._record(one.name, _sum(one.evaluated), BETWEEN) | told
-        if one.reported is None:
+        if planner.evaluated is not None:
+            return self._record(planner.name, _sum(planner.evaluated), BETWEEN) | told
+        if planner.reported is None:
             return None
-        kind = WORD if self._starts_here(one.reported) else BETWEEN
-        return self._record(one.name, _sum(one.reported), kind) | told
+        kind = WORD if self._starts_here(planner.reported) else BETWEEN
+        return self._record(planner.name, _sum(planner.reported), kind) | told
 
     def _starts_here(self, reported: Sequence[float]) -> bool:
         """Returns True if rewards begin like those of a plan of theirs that can be flown."""
-        known = [one.reported for one in self.case.published.values() if one.plan is not None]
+        known = [
+            planner.reported for planner in self.case.published.values() if planner.plan is not None
+        ]
         firsts = [rewards[0] for rewards in known if rewards is not None]
         return any(math.isclose(reported[0], first, rel_tol=_SAME) for first in firsts)
 
     @cached_property
     def _is_confirmed(self) -> bool:
         """True if their evaluator is ours: all that can be judged is what they reported."""
-        return not any(self.off(one) for one in self.case.published.values())
+        return not any(self.off(planner) for planner in self.case.published.values())
 
     def _of_row(self, row: Row) -> Record:
         planner = row.planner or ""
@@ -157,7 +163,7 @@ class Compared:
         problem, paths = self.case.problem, self.plans[planner].paths
         cells = [[problem.cell(i, state) for state in path] for i, path in enumerate(paths)]
         steps = zip(*cells, strict=True)
-        return sum(1 for step in steps for one, other in combinations(step, 2) if one == other)
+        return sum(1 for step in steps for cell, other in combinations(step, 2) if cell == other)
 
     def _record(self, planner: str, reward: float | None, kind: str) -> Record:
         bound, gap = self.rows[0].bound, None

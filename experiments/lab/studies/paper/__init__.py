@@ -3,7 +3,6 @@
 __all__ = [
     "answers",
     "conditions",
-    "curves",
     "figures",
     "giving_way",
     "measured",

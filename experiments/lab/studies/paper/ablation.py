@@ -64,28 +64,26 @@ class Effect(NamedTuple):
     def all_of(cls, rows: Sequence[Row], contrast: Contrast) -> list[Self]:
         """Returns the effect on each scene, and at the end that on all of them."""
         effects = []
-        for (scene,), some in Row.grouped(rows, "scene").items():
+        for (scene,), of_scene in Row.grouped(rows, "scene").items():
             with_it, without = (
-                {row.seed: row for row in some if row.planner == name and row.valid}
+                {row.seed: row for row in of_scene if row.planner == name and row.valid}
                 for name in (contrast.with_it, contrast.without)
             )
             seeds = {
-                row.seed for row in some if row.planner in (contrast.with_it, contrast.without)
+                row.seed for row in of_scene if row.planner in (contrast.with_it, contrast.without)
             }
             pairs = [
                 (with_it[s], without[s]) for s in sorted(with_it.keys() & without.keys(), key=str)
             ]
-            differences = tuple(_difference(one, other) for one, other in pairs)
-            ratios = tuple(
-                one.seconds / other.seconds for one, other in pairs if one.seconds and other.seconds
-            )
-            late = StoppedRuns.of(some, contrast.with_it).seeds
-            stopped = sum(one.seed in late for one, _ in pairs)
+            differences = tuple(_difference(*pair) for pair in pairs)
+            ratios = tuple(a.seconds / b.seconds for a, b in pairs if a.seconds and b.seconds)
+            late = StoppedRuns.of(of_scene, contrast.with_it).seeds
+            stopped = sum(row.seed in late for row, _ in pairs)
             lost = len(seeds) - len(pairs)
             effects.append(cls(scene, contrast, (differences,), lost, ratios, stopped))
-        lost, stopped = (sum(getattr(one, n) for one in effects) for n in ("lost", "stopped"))
-        ratios = sum((one.ratios for one in effects), ())
-        everything = tuple(one.differences[0] for one in effects if one.differences[0])
+        lost, stopped = (sum(getattr(e, name) for e in effects) for name in ("lost", "stopped"))
+        ratios = sum((effect.ratios for effect in effects), ())
+        everything = tuple(e.differences[0] for e in effects if e.differences[0])
         return [*effects, cls(ALL, contrast, everything, lost, ratios, stopped)]
 
     @classmethod
@@ -109,7 +107,7 @@ class Effect(NamedTuple):
     @property
     def record(self) -> dict[str, str]:
         """Its row of a table."""
-        values = [value for some in self.differences for value in some]
+        values = [value for of_scene in self.differences for value in of_scene]
         return {
             "what is added": self.contrast.part,
             "to, or beside": self.contrast.beside,
@@ -153,14 +151,14 @@ class Effect(NamedTuple):
 
 def table(rows: Sequence[Row]) -> Table:
     """Returns a row per contrast and scene."""
-    return [effect.record for one in CONTRASTS for effect in Effect.all_of(rows, one)]
+    return [effect.record for contrast in CONTRASTS for effect in Effect.all_of(rows, contrast)]
 
 
-def _difference(one: Row, other: Row) -> float:
+def _difference(with_it: Row, without: Row) -> float:
     """Returns how much more J a plan has than another, in % of the bound; rounding is none."""
-    if one.reward is None or other.reward is None or not one.bound:
+    if with_it.reward is None or without.reward is None or not with_it.bound:
         return 0.0
-    share = 100 * (one.reward - other.reward) / one.bound
+    share = 100 * (with_it.reward - without.reward) / with_it.bound
     return 0.0 if abs(share) < 1e-6 else share
 
 

@@ -69,7 +69,7 @@ class SceneAnswers:
     @classmethod
     def all_of(cls, rows: Sequence[Row]) -> list[Self]:
         """Makes the answers about each scene of some rows."""
-        return [cls(scene, some) for (scene,), some in Row.grouped(rows, "scene").items()]
+        return [cls(scene, of_scene) for (scene,), of_scene in Row.grouped(rows, "scene").items()]
 
     def closeness(self) -> ClaimAnswer:
         """Answers if CoCap comes close to unconstrained performance.
@@ -77,8 +77,8 @@ class SceneAnswers:
         CoCap loses at most its distance below the certified bound without collisions, and at
         least its distance below the best plan found without collisions.
         """
-        own = self._of("cocap")
-        planned = [row for row in own if row.valid and row.gap_free is not None]
+        of_cocap = self._of("cocap")
+        planned = [row for row in of_cocap if row.valid and row.gap_free is not None]
         if not planned:
             words = "CoCap has no plan that obeys the rules; the claim cannot be tried."
             return ClaimAnswer(f"{self.scene}: {words}", OPEN)
@@ -92,8 +92,10 @@ class SceneAnswers:
         if verdict != HOLDS:
             verdict = FAILS if ClaimAnswer.below(least, _CLOSE) == FAILS else OPEN
         words = verdict
-        if len(planned) < len(own):
-            words = f"{OPEN}, as it has no plan on {len(own) - len(planned)} of {len(own)}"
+        if len(planned) < len(of_cocap):
+            words = (
+                f"{OPEN}, as it has no plan on {len(of_cocap) - len(planned)} of {len(of_cocap)}"
+            )
             verdict = OPEN
         apart = self._stopped().apart({r.seed: 100 * r.gap_free for r in planned if r.gap_free})
         return ClaimAnswer(
@@ -154,17 +156,17 @@ class SceneAnswers:
     def sequential_failures(self) -> str:
         """Answers when sequential planning fails."""
         collides = {row.seed for row in self._of("greedy") if row.conflicts}
-        own = self._of("sequential")
-        without = sum(not row.valid for row in own)
+        sequential = self._of("sequential")
+        without = sum(not row.valid for row in sequential)
         parts = []
         for words, chosen in (("with", True), ("without", False)):
-            some = [row for row in own if row.valid and (row.seed in collides) == chosen]
-            gaps = Row.percent(some, "gap")
+            where = [row for row in sequential if row.valid and (row.seed in collides) == chosen]
+            gaps = Row.percent(where, "gap")
             said = _text(Mean.of(gaps)) if gaps else NONE
             parts.append(f"{said} on the {len(gaps)} seeds {words} collisions in the greedy plan")
         return (
             f"{self.scene}: below the best certified bound, sequential planning is "
-            f"{' and '.join(parts)}; it finds no plan on {without} of {len(own)} seeds."
+            f"{' and '.join(parts)}; it finds no plan on {without} of {len(sequential)} seeds."
         )
 
     def times(self) -> ClaimAnswer:
@@ -243,7 +245,7 @@ class SceneAnswers:
         )
 
     def _where_both_end(self, costs: Mapping[Seed, float]) -> str:
-        """Says what view search costs where no limit stopped it, nor value iteration."""
+        """Tells the price of view search where no limit stopped it, nor value iteration."""
         stopped = self._stopped("cocap").seeds | self._stopped("cocap-vs").seeds
         ended = [cost for seed, cost in costs.items() if seed not in stopped]
         if len(ended) == len(costs):
@@ -253,20 +255,20 @@ class SceneAnswers:
 
     def stopped(self) -> ClaimAnswer:
         """Answers if CoCap's tree ends in time."""
-        own, stopped = self._of("cocap"), self._stopped()
-        limit = max(Row.values(own, "time_limit"), default=0.0)
+        of_cocap, stopped = self._of("cocap"), self._stopped()
+        limit = max(Row.values(of_cocap, "time_limit"), default=0.0)
         verdict = FAILS if stopped.seeds else HOLDS
         return ClaimAnswer(
             f"{self.scene}: the limit of {limit:g} s stops CoCap on {len(stopped.seeds) or 'none'} "
-            f"of {len(own)} seeds{stopped.whose_plan}. That its tree ends in time {verdict}.",
+            f"of {len(of_cocap)} seeds{stopped.whose_plan}. That its tree ends in time {verdict}.",
             verdict,
         )
 
     def comparison(self) -> Table:
         """Returns published seconds beside ours, and what only bounds can tell."""
         table = []
-        for (planner,), own in Row.grouped(self.rows, "planner").items():
-            planned = [row for row in own if row.valid]
+        for (planner,), of_planner in Row.grouped(self.rows, "planner").items():
+            planned = [row for row in of_planner if row.valid]
             published = _PUBLISHED.get(planner) if self.scene == "corridor" else None
             stopped = self._stopped(planner).seeds
             ended = [row for row in planned if row.seed not in stopped]
@@ -274,17 +276,17 @@ class SceneAnswers:
                 {
                     "scene": self.scene,
                     "planner": planner,
-                    "plans": f"{len(planned)} of {len(own)}",
-                    "J": _mean(Row.values(own, "reward"), 0),
+                    "plans": f"{len(planned)} of {len(of_planner)}",
+                    "J": _mean(Row.values(of_planner, "reward"), 0),
                     "below the bound (%)": Mean.in_words(Row.percent(planned, "gap"), 3),
                     "at most (%)": Mean.rounded(max(Row.percent(planned, "gap"), default=None), 3),
                     "below the free bound (%)": Mean.in_words(Row.percent(planned, "gap_free"), 3),
-                    "seconds, median": _median(Row.values(own, "seconds"), 3),
+                    "seconds, median": _median(Row.values(of_planner, "seconds"), 3),
                     "stopped": str(len(stopped)),
                     "below the bound, if not stopped (%)": (
                         Mean.in_words(Row.percent(ended, "gap"), 3) if stopped else NONE
                     ),
-                    "views, median": _median(Row.values(own, "views"), 0),
+                    "views, median": _median(Row.values(of_planner, "views"), 0),
                     "published (s)": NONE if published is None else f"{published:g}",
                 }
             )
@@ -299,12 +301,12 @@ class SceneAnswers:
         """
         parts = []
         for planner in ("sequential", "cocap", "cocap-lns"):
-            own = self._of(planner)
-            gaps = Row.percent([row for row in own if row.valid], "gap")
-            stopped = sum(row.limit == Limit.TIME for row in own)
+            of_planner = self._of(planner)
+            gaps = Row.percent([row for row in of_planner if row.valid], "gap")
+            stopped = sum(row.limit == Limit.TIME for row in of_planner)
             words = f", stopped by the limit of {limit:g} s on {stopped}" if stopped else ""
             gap = f"{_text(Mean.of(gaps))} below the bound" if gaps else "without a plan"
-            parts.append(f"{planner} is {gap} on {len(gaps)} of {len(own)} seeds{words}")
+            parts.append(f"{planner} is {gap} on {len(gaps)} of {len(of_planner)} seeds{words}")
         return f"{self.scene}: {'; '.join(parts)}."
 
     def _of(self, planner: str) -> list[Row]:
@@ -317,11 +319,11 @@ class SceneAnswers:
         self, first: str, second: str, figure: Callable[[Row], float | None]
     ) -> dict[Seed, tuple[float, float]]:
         """Returns a figure of two planners, by the seeds on which both have it."""
-        one, other = (
+        figures, other = (
             {row.seed: number for row in self._of(name) if (number := figure(row)) is not None}
             for name in (first, second)
         )
-        return {seed: (number, other[seed]) for seed, number in one.items() if seed in other}
+        return {seed: (number, other[seed]) for seed, number in figures.items() if seed in other}
 
 
 def _whole_seconds(row: Row) -> float | None:

@@ -66,7 +66,7 @@ class Corridor(NamedTuple):
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> Self:
         """Returns a random one, each parameter at one of its levels."""
-        return cls(*(some[int(rng.integers(len(some)))] for some in _LEVELS.values()))
+        return cls(*(levels[int(rng.integers(len(levels)))] for levels in _LEVELS.values()))
 
     @property
     def changed(self) -> Iterator["Corridor"]:
@@ -202,21 +202,23 @@ class CorridorSearch(NamedTuple):
         rng, found = np.random.default_rng(seed), list[Trial]()
 
         def tried(stage: str, corridor: Corridor, seeds: Sequence[int]) -> float:
-            own = [one for one in found if one.corridor == corridor and one.seed in seeds]
-            if len(own) < len(seeds):
-                own = [_tried(stage, corridor, one) for one in seeds]
-                found.extend(own)
-            tell(f"{stage}: {corridor.words}: {_mean_gain(own):+.2f} %")
-            return _mean_gain(own)
+            trials = [t for t in found if t.corridor == corridor and t.seed in seeds]
+            if len(trials) < len(seeds):
+                trials = [_tried(stage, corridor, seed) for seed in seeds]
+                found.extend(trials)
+            tell(f"{stage}: {corridor.words}: {_mean_gain(trials):+.2f} %")
+            return _mean_gain(trials)
 
         for n in range(self.drawn):
             tried(DRAWN, Corridor.drawn(rng), [n])
         ranked = sorted(found, key=lambda trial: _mean_gain([trial]), reverse=True)
         chosen = list(dict.fromkeys(trial.corridor for trial in ranked))[: self.again]
         seeds = range(1000, 1000 + self.seeds)
-        best, gain = _largest({one: tried(AGAIN, one, seeds) for one in chosen})
+        best, gain = _largest({drawn: tried(AGAIN, drawn, seeds) for drawn in chosen})
         for left in reversed(range(self.rounds)):
-            other, larger = _largest({one: tried(CHANGED, one, seeds) for one in best.changed})
+            other, larger = _largest(
+                {changed: tried(CHANGED, changed, seeds) for changed in best.changed}
+            )
             if larger <= gain or not left:
                 break
             best, gain = other, larger
@@ -275,16 +277,16 @@ def by_level(trials: Sequence[Trial]) -> list[dict[str, str]]:
     table = []
     for name, levels in _LEVELS.items():
         for level in levels:
-            own = [t.gain() for t in drawn if getattr(t.corridor, name) == level]
-            if own:
+            gains = [t.gain() for t in drawn if getattr(t.corridor, name) == level]
+            if gains:
                 table.append(
                     {
                         "parameter": name,
                         "level": f"{level:g}" if not isinstance(level, str) else level,
-                        "corridors": str(len(own)),
-                        "CoCap above sequential planning (%)": Mean.of(own).text(2),
-                        "largest (%)": f"{max(own):.2f}",
-                        f"above {PUBLISHED:g} %": str(sum(gain >= PUBLISHED for gain in own)),
+                        "corridors": str(len(gains)),
+                        "CoCap above sequential planning (%)": Mean.of(gains).text(2),
+                        "largest (%)": f"{max(gains):.2f}",
+                        f"above {PUBLISHED:g} %": str(sum(gain >= PUBLISHED for gain in gains)),
                     }
                 )
     return table
@@ -319,27 +321,27 @@ def _fallen_back(trials: Sequence[Trial]) -> int:
 
 
 def _of_the_best(fresh: Sequence[Trial]) -> list[str]:
-    own = planned(fresh)
+    with_both = planned(fresh)
     words = fresh[0].corridor.words
-    if not own:
+    if not with_both:
         return [f"CoCap gains most in a corridor {words}; with fresh seeds there are no plans."]
-    verdict = ClaimAnswer.above(Mean.of([trial.gain() for trial in own]), PUBLISHED)
-    many = sum(trial.gain() >= PUBLISHED for trial in own)
+    verdict = ClaimAnswer.above(Mean.of([trial.gain() for trial in with_both]), PUBLISHED)
+    many = sum(trial.gain() >= PUBLISHED for trial in with_both)
     return [
-        f"CoCap gains most in a corridor {words}: {_gain(own, 'cocap')} on average over "
-        f"{len(own)} fresh seeds, {PUBLISHED:g} % or more on {many}. That the paper's figure can "
-        f"be had there on average {verdict}.",
-        f"There sequential planning gains {_gain(own, 'orders')} if it takes the best of ten "
-        f"orders and {_gain(own, 'rounds')} if rounds follow it; cocap-lns gains "
-        f"{_gain(own, 'lns')}, and no planner can gain more than {_gain(own, 'bound')}, "
-        "certified.",
+        f"CoCap gains most in a corridor {words}: {_gain(with_both, 'cocap')} on average over "
+        f"{len(with_both)} fresh seeds, {PUBLISHED:g} % or more on {many}. That the paper's "
+        f"figure can be had there on average {verdict}.",
+        f"There sequential planning gains {_gain(with_both, 'orders')} if it takes the best of ten "
+        f"orders and {_gain(with_both, 'rounds')} if rounds follow it; cocap-lns gains "
+        f"{_gain(with_both, 'lns')}, and no planner can gain more than "
+        f"{_gain(with_both, 'bound')}, certified.",
     ]
 
 
 def _gain(trials: Sequence[Trial], planner: str) -> str:
     """Returns the mean gain over the trials in which a planner has a plan, in words."""
-    own = [gain for trial in trials if math.isfinite(gain := trial.gain(planner))]
-    return Mean.of(own).text(1, " %") if own else "nothing"
+    gains = [gain for trial in trials if math.isfinite(gain := trial.gain(planner))]
+    return Mean.of(gains).text(1, " %") if gains else "nothing"
 
 
 def _of_its_neighbours(trials: Sequence[Trial], fresh: Sequence[Trial]) -> list[str]:
@@ -354,10 +356,10 @@ def _of_its_neighbours(trials: Sequence[Trial], fresh: Sequence[Trial]) -> list[
         parts = []
         for level in levels:
             corridor = best._replace(**{name: level})
-            own = [t for t in trials if t.corridor == corridor and t.stage in (AGAIN, CHANGED)]
-            if own:
-                late = f", stopped on {_stopped(own)} of {len(own)}" if _stopped(own) else ""
-                parts.append(f"{_mean_gain(own):.1f} % at {level}{late}")
+            tried = [t for t in trials if t.corridor == corridor and t.stage in (AGAIN, CHANGED)]
+            if tried:
+                late = f", stopped on {_stopped(tried)} of {len(tried)}" if _stopped(tried) else ""
+                parts.append(f"{_mean_gain(tried):.1f} % at {level}{late}")
         words = f"{name}: {'; '.join(parts)}."
         said.append(f"Its gain where one parameter alone is another, by {words}")
     return said

@@ -1,7 +1,9 @@
-"""Figures of the paper's experiments."""
+"""Figures of the paper's experiments, and the rewards per step that are stored for one of them."""
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple, Self
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,9 +17,9 @@ from cocap_opt.experiments.lab.studies.paper.conditions import (
     Trial,
     planned,
 )
-from cocap_opt.experiments.lab.studies.paper.curves import Curves
 from cocap_opt.experiments.lab.studies.paper.giving_way import Encounter
 from cocap_opt.experiments.tables.statistics import Mean
+from cocap_opt.output.files import load_csv
 from cocap_opt.pictures.figures import MapFrame, draw_plan
 from cocap_opt.pictures.style import (
     AMBER,
@@ -39,6 +41,7 @@ from cocap_opt.pictures.style import (
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 
+CURVES = "curves.csv"
 _COLOURS = {
     "greedy": FADED, "sequential": AMBER, "cocap": BLUE, "cocap-vs": GREEN,
     "sequential-rounds": RED, "cocap-lns": PURPLE,
@@ -48,6 +51,39 @@ _NAMES = {
     "cocap": "CoCap, value iteration", "cocap-vs": "CoCap, view search",
     "sequential-rounds": "sequential, then rounds", "cocap-lns": "cocap-lns",
 }  # fmt: skip
+
+
+class StepReward(NamedTuple):
+    """The view reward of a plan at one step."""
+
+    scene: str
+    seed: int
+    planner: str
+    step: int
+    reward: float  # sqrt(px/m2), or as the scene counts
+
+    @classmethod
+    def all_of(cls, problem: Problem, seed: int, planner: str, plan: Plan) -> list[Self]:
+        """Returns the rewards of a plan at the steps 1..T."""
+        rewards = check(problem, plan).reward_per_step
+        return [cls(problem.name, seed, planner, t, r) for t, r in enumerate(rewards, start=1)]
+
+    @classmethod
+    def read(cls, path: Path) -> list[Self]:
+        """Returns the rewards that are stored in a file."""
+        return load_csv(path, cls, "cocap-opt study paper")
+
+
+Curves = dict[str, dict[int, list[float]]]  # rewards at the steps 1..T by planner and seed
+
+
+def curves_of(rewards: Sequence[StepReward]) -> dict[str, Curves]:
+    """Returns the curves of each scene."""
+    found: dict[str, Curves] = {}
+    for reward in sorted(rewards, key=lambda reward: reward.step):
+        planners = found.setdefault(reward.scene, {})
+        planners.setdefault(reward.planner, {}).setdefault(reward.seed, []).append(reward.reward)
+    return found
 
 
 def curves_figure(curves: Mapping[str, Curves]) -> Figure:
@@ -98,10 +134,10 @@ def _draw_gains(ax: Axes, planners: Curves) -> Axes:
         seeds = sorted(rewards.keys() & base.keys())
         if not seeds:
             continue
-        own, other = (np.cumsum([some[s] for s in seeds], axis=1) for some in (rewards, base))
-        gains = 100 * (own / np.where(other > 0, other, np.nan) - 1)
+        total, of_base = (np.cumsum([r[s] for s in seeds], axis=1) for r in (rewards, base))
+        gains = 100 * (total / np.where(of_base > 0, of_base, np.nan) - 1)
         steps = np.arange(1, gains.shape[1] + 1)
-        means = [Mean.of(some[np.isfinite(some)].tolist() or [0.0]) for some in gains.T]
+        means = [Mean.of(at_step[np.isfinite(at_step)].tolist() or [0.0]) for at_step in gains.T]
         colour = _COLOURS.get(planner, "black")
         ax.fill_between(steps, [m.low for m in means], [m.high for m in means], color=colour,
                         alpha=0.12, lw=0)  # fmt: skip
@@ -118,12 +154,12 @@ def ablation_figure(effects: Mapping[str, Sequence[tuple[str, Mean]]]) -> Figure
     """
     figure = new_figure(9.6, 1.2 + 0.62 * len(effects))
     ax = figure.subplots()
-    scenes = list(dict.fromkeys(scene for some in effects.values() for scene, _ in some))
+    scenes = list(dict.fromkeys(scene for means in effects.values() for scene, _ in means))
     colours = dict(zip(scenes, [*SERIES, "black"] * len(scenes), strict=False))
-    for n, some in enumerate(effects.values()):
-        for k, (scene, mean) in enumerate(some):
+    for n, means in enumerate(effects.values()):
+        for k, (scene, mean) in enumerate(means):
             ends = [[mean.value - mean.low], [mean.high - mean.value]]
-            ax.errorbar([mean.value], [n + 0.12 * (k - len(some) / 2)], xerr=np.nan_to_num(ends),
+            ax.errorbar([mean.value], [n + 0.12 * (k - len(means) / 2)], xerr=np.nan_to_num(ends),
                         fmt="D" if scene == scenes[-1] else "o", color=colours[scene], ms=4,
                         lw=1.3, label=scene if n == 0 else None)  # fmt: skip
     ax.axvline(0, color=GREY, lw=0.8)
@@ -202,8 +238,8 @@ def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> 
     """
     figure = new_figure(9.6, 3.8)
     left, right = figure.subplots(1, 2)
-    for planner, some in points.items():
-        robots, seconds, shares = zip(*some, strict=True)
+    for planner, measured in points.items():
+        robots, seconds, shares = zip(*measured, strict=True)
         style = {"color": _COLOURS.get(planner, "black"), "marker": "o", "ms": 3.5, "lw": 1.5}
         left.plot(robots, seconds, label=_NAMES.get(planner, planner), **style)
         right.plot(robots, shares, label=_NAMES.get(planner, planner), **style)

@@ -59,21 +59,22 @@ class Encounter(NamedTuple):
         return found
 
     @staticmethod
-    def most_generous(some: Sequence["Encounter"]) -> "Encounter | None":
+    def most_generous(encounters: Sequence["Encounter"]) -> "Encounter | None":
         """Returns the encounter in which the earlier drone gives up most; None if none does."""
-        giving = [e for e in some if e.earlier_gives_way]
+        giving = [e for e in encounters if e.earlier_gives_way]
         return max(giving, key=lambda e: e.given_up[0], default=None)
 
     @staticmethod
-    def counted(planner: str, some: Sequence["Encounter"]) -> dict[str, str]:
+    def counted(planner: str, encounters: Sequence["Encounter"]) -> dict[str, str]:
         """Returns a planner's row: how many drones give way in encounters, and at what cost."""
-        earlier = [100 * e.given_up[0] for e in some if e.earlier_gives_way]
+        moved = [e.moved for e in encounters]
+        earlier = [100 * e.given_up[0] for e in encounters if e.earlier_gives_way]
         return {
             "planner": planner,
-            "encounters": str(len(some)),
-            "only the earlier flies elsewhere": str(sum(e.moved == (True, False) for e in some)),
-            "only the later": str(sum(e.moved == (False, True) for e in some)),
-            "both": str(sum(all(e.moved) for e in some)),
+            "encounters": str(len(encounters)),
+            "only the earlier flies elsewhere": str(moved.count((True, False))),
+            "only the later": str(moved.count((False, True))),
+            "both": str(moved.count((True, True))),
             "earlier gives up own reward": str(len(earlier)),
             "share given up (%)": Mean.in_words(earlier, 2),
             "most (%)": f"{max(earlier):.2f}" if earlier else NONE,

@@ -53,11 +53,11 @@ class Page(NamedTuple):
     def summary(self) -> list[str]:
         """Returns the answers in short."""
         scenes = SceneAnswers.all_of(self.rows)
-        better = [one.against_sequential().verdict for one in scenes].count(HOLDS)
-        near = [one.closeness().verdict for one in scenes].count(HOLDS)
+        better = [scene.against_sequential().verdict for scene in scenes].count(HOLDS)
+        near = [scene.closeness().verdict for scene in scenes].count(HOLDS)
         tree, rounds, orders, beside, search = (
-            self._added(one)
-            for one in (
+            self._added(contrast)
+            for contrast in (
                 ablation.TREE_ALONE, ablation.ROUNDS, ablation.ORDERS, ablation.TREE,
                 ablation.SEARCH,
             )
@@ -74,8 +74,11 @@ class Page(NamedTuple):
     def _stopped_runs(self) -> list[str]:
         """Says how many of CoCap's runs a limit stopped, if it stopped some."""
         runs = sum(row.planner == "cocap" for row in self.rows)
-        found = [StoppedRuns.of(some, "cocap") for some in Row.grouped(self.rows, "scene").values()]
-        late, fallen = (sum(len(one[k]) for one in found) for k in (0, 1))
+        found = [
+            StoppedRuns.of(of_scene, "cocap")
+            for of_scene in Row.grouped(self.rows, "scene").values()
+        ]
+        late, fallen = (sum(len(stopped[k]) for stopped in found) for k in (0, 1))
         if not late:
             return []
         return [
@@ -89,7 +92,7 @@ class Page(NamedTuple):
         return found.text(2, " %") if found else NONE
 
     def verdict(self) -> dict[str, list[str]]:
-        """Returns what speaks for CoCap, what against it and what is left open, in sentences."""
+        """Returns the sentences for CoCap, against it, and on claims that are left open."""
         sides: dict[str, list[str]] = {title: [] for title in _SIDES.values()}
         for answer in self._claims():
             sides[_SIDES[answer.verdict]].append(answer.words)
@@ -101,7 +104,7 @@ class Page(NamedTuple):
             *(scene.against_sequential() for scene in scenes),
             *(scene.closeness() for scene in scenes),
             *(scene.stopped() for scene in scenes),
-            *(ablation.Effect.over_all(self.rows, one).answer() for one in _OF_THE_TREE),
+            *(ablation.Effect.over_all(self.rows, contrast).answer() for contrast in _OF_THE_TREE),
             *(scene.kept_by_view_search() for scene in scenes),
             *(scene.times() for scene in scenes),
         ]
@@ -109,7 +112,7 @@ class Page(NamedTuple):
     def questions(self) -> dict[str, list[str]]:
         """Returns the answers to further questions, in sentences."""
         scenes = SceneAnswers.all_of(self.rows)
-        effects = [ablation.Effect.over_all(self.rows, one) for one in ablation.CONTRASTS]
+        effects = [ablation.Effect.over_all(self.rows, contrast) for contrast in ablation.CONTRASTS]
         return {
             "What do collisions cost at all?": [scene.price() for scene in scenes],
             "When does sequential planning fail?": [s.sequential_failures() for s in scenes],

@@ -32,15 +32,18 @@ def planner_table(rows: Sequence[Row]) -> Table:
     scenes = list(dict.fromkeys(row.scene for row in rows))
     table = []
     for name, planner in PLANNERS.items():
-        own = [row for row in rows if row.planner == name]
+        of_planner = [row for row in rows if row.planner == name]
         table.append(
             {
                 "planner": f"`{name}`" + (" (recommended)" if name == RECOMMENDED else ""),
                 "made of": planner.made_of,
                 "takes": _needs(planner),
                 "promises": planner.promises,
-                **{scene: _gap([row for row in own if row.scene == scene]) for scene in scenes},
-                "time": _ratio(own, base),
+                **{
+                    scene: _gap([row for row in of_planner if row.scene == scene])
+                    for scene in scenes
+                },
+                "time": _ratio(of_planner, base),
             }
         )
     return table
@@ -60,8 +63,8 @@ def _gap(rows: Sequence[Row]) -> str:
     if not gaps:
         return NONE
     late = "\\*" if any(row.limit != NO_LIMIT for row in rows) else ""
-    some = "" if len(gaps) == len(rows) else f" ({len(gaps)} of {len(rows)})"
-    return f"{fmean(gaps):.2f}{late}{some}"
+    number = "" if len(gaps) == len(rows) else f" ({len(gaps)} of {len(rows)})"
+    return f"{fmean(gaps):.2f}{late}{number}"
 
 
 def _ratio(rows: Sequence[Row], base: dict[tuple[str, int | None], float | None]) -> str:
@@ -136,17 +139,17 @@ def _with_note(table: Table, rows: Sequence[Row]) -> str:
 def _fallen_back(rows: Sequence[Row]) -> str:
     """Says where stopped runs of `cocap` have the plans of `sequential`, if some have."""
     said = ""
-    for (scene,), some in Row.grouped(rows, "scene").items():
-        fallen = StoppedRuns.of(some, "cocap").fallen_back
-        own = [row for row in some if row.planner == "cocap" and row.valid]
+    for (scene,), of_scene in Row.grouped(rows, "scene").items():
+        fallen = StoppedRuns.of(of_scene, "cocap").fallen_back
+        of_cocap = [row for row in of_scene if row.planner == "cocap" and row.valid]
         ended, stopped = (
-            Row.percent([row for row in own if (row.seed in fallen) == late], "gap")
+            Row.percent([row for row in of_cocap if (row.seed in fallen) == late], "gap")
             for late in (False, True)
         )
         if stopped:
             others = f"; the others are {fmean(ended):.2f} % below" if ended else ""
             said += (
-                f" On the {scene} {len(stopped)} of {len(own)} plans of `cocap`, which was "
+                f" On the {scene} {len(stopped)} of {len(of_cocap)} plans of `cocap`, which was "
                 f"stopped, are those of `sequential`, {fmean(stopped):.2f} % below{others}."
             )
     return said

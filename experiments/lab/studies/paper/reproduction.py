@@ -14,11 +14,13 @@ from cocap_opt.experiments.lab.results import STORED, Results
 from cocap_opt.experiments.lab.studies.options import Workers, positive_seconds
 from cocap_opt.experiments.lab.studies.paper.ablation import CONTRASTS, Effect
 from cocap_opt.experiments.lab.studies.paper.conditions import CorridorSearch, Trial, read_trials
-from cocap_opt.experiments.lab.studies.paper.curves import CURVES, StepReward, curves_of
 from cocap_opt.experiments.lab.studies.paper.figures import (
+    CURVES,
+    StepReward,
     ablation_figure,
     conditions_figure,
     curves_figure,
+    curves_of,
     encounter_figure,
     scaling_figure,
 )

@@ -38,11 +38,11 @@ class StoppedRuns(NamedTuple):
         """
         asked = {planner, _BEGINS_FROM.get(planner, planner)}
         seeds = frozenset(r.seed for r in rows if r.planner in asked and r.limit != NO_LIMIT)
-        own, other = (
+        rewards, sequential = (
             {row.seed: row.reward for row in rows if row.planner == name and row.valid}
             for name in (planner, "sequential")
         )
-        fallen_back = frozenset(s for s in seeds if _is_same(own.get(s), other.get(s)))
+        fallen_back = frozenset(s for s in seeds if _is_same(rewards.get(s), sequential.get(s)))
         return cls(seeds, fallen_back)
 
     @property
@@ -77,5 +77,5 @@ class StoppedRuns(NamedTuple):
         )
 
 
-def _is_same(one: float | None, other: float | None) -> bool:
-    return one is not None and other is not None and abs(one - other) <= _SAME * abs(other)
+def _is_same(reward: float | None, other: float | None) -> bool:
+    return reward is not None and other is not None and abs(reward - other) <= _SAME * abs(other)

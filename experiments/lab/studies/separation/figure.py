@@ -25,11 +25,11 @@ def separation_figure(points: Sequence[SeparationPoint]) -> Figure:
     (price, plan), (lns, proof) = figure.subplots(2, 2)
     scenes = list(dict.fromkeys(point.scene for point in points))
     for scene, colour in zip(scenes, cycle(SERIES), strict=False):
-        some = [point for point in points if point.scene == scene]
-        _draw_price(price, some, scene, colour)
-        _draw_times(plan, some, colour, lambda point: point.cocap_seconds)
-        _draw_times(lns, some, colour, lambda point: point.lns_seconds)
-        _draw_times(proof, some, colour, lambda point: point.proof_seconds)
+        of_scene = [point for point in points if point.scene == scene]
+        _draw_price(price, of_scene, scene, colour)
+        _draw_times(plan, of_scene, colour, lambda point: point.cocap_seconds)
+        _draw_times(lns, of_scene, colour, lambda point: point.lns_seconds)
+        _draw_times(proof, of_scene, colour, lambda point: point.proof_seconds)
     price.set_title("price of separation, certified", fontsize=TITLE)
     price.set_ylabel("% of the optimal J without a separation")
     titles = {
@@ -56,8 +56,8 @@ def _draw_price(ax: Axes, points: Sequence[SeparationPoint], scene: str, colour:
     """Draws the median of seeds; the band is what is certified: from the least to the most."""
     wide = sorted({point.separation for point in points if point.separation})
     ends = [[p.price(p.base(points)) for p in points if p.separation == apart] for apart in wide]
-    least = [median(low for low, _ in own) for own in ends]
-    most = [median(high for _, high in own) for own in ends]
+    least = [median(low for low, _ in prices) for prices in ends]
+    most = [median(high for _, high in prices) for prices in ends]
     ax.fill_between(wide, least, most, color=colour, alpha=0.2, lw=0)
     ax.plot(wide, [(a + b) / 2 for a, b in zip(least, most, strict=True)], color=colour,
             marker="o", ms=5, lw=1.2, label=scene)  # fmt: skip

@@ -41,8 +41,8 @@ class SeparationPoint(NamedTuple):
     def base(self, points: "Sequence[SeparationPoint]") -> "SeparationPoint":
         """Returns the point without a separation of the same instance."""
         return next(
-            one for one in points
-            if (one.scene, one.seed, one.separation) == (self.scene, self.seed, 0)
+            point for point in points
+            if (point.scene, point.seed, point.separation) == (self.scene, self.seed, 0)
         )  # fmt: skip
 
     def price(self, base: "SeparationPoint") -> tuple[float, float]:
@@ -58,20 +58,20 @@ class SeparationPoint(NamedTuple):
     def listed(points: "Sequence[SeparationPoint]") -> list[Record]:
         """Returns the rows of the table, one per point."""
         rows: list[Record] = []
-        for one in points:
-            base = one.base(points)
+        for point in points:
+            base = point.base(points)
             rows.append(
                 {
-                    "scene": one.scene, "seed": one.seed,
-                    "separation": f"{one.separation:g} m" if one.separation else "none",
-                    "best J": f"{one.best:,.2f}",
-                    "gap %": f"{100 * relative_gap(one.best, one.bound):.3f}",
-                    "price %": between(*one.price(base)) if one.separation else "",
-                    "CoCap's gap %": f"{100 * relative_gap(one.cocap, one.bound):.3f}",
-                    "CoCap s": _seconds(one.cocap_seconds, one.cocap_limit),
-                    "cocap-lns' gap %": f"{100 * relative_gap(one.lns, one.bound):.3f}",
-                    "cocap-lns s": _seconds(one.lns_seconds, one.lns_limit),
-                    "proof s": _seconds(one.proof_seconds, one.proof_limit),
+                    "scene": point.scene, "seed": point.seed,
+                    "separation": f"{point.separation:g} m" if point.separation else "none",
+                    "best J": f"{point.best:,.2f}",
+                    "gap %": f"{100 * relative_gap(point.best, point.bound):.3f}",
+                    "price %": between(*point.price(base)) if point.separation else "",
+                    "CoCap's gap %": f"{100 * relative_gap(point.cocap, point.bound):.3f}",
+                    "CoCap s": _seconds(point.cocap_seconds, point.cocap_limit),
+                    "cocap-lns' gap %": f"{100 * relative_gap(point.lns, point.bound):.3f}",
+                    "cocap-lns s": _seconds(point.lns_seconds, point.lns_limit),
+                    "proof s": _seconds(point.proof_seconds, point.proof_limit),
                 }
             )  # fmt: skip
         return rows

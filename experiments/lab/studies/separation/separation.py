@@ -105,13 +105,13 @@ def _measured(
     }
     points = []
     for k, apart in enumerate(separations):
-        outcomes = {name: own[k] for name, own in runs.items()}
+        outcomes = {name: of_method[k] for name, of_method in runs.items()}
         for name, outcome in outcomes.items():
             if isinstance(outcome, Run.Error):
                 say(f"{scene} seed {seed}, {apart:g} m, {name}: {outcome}")
             else:
                 outcome.told(f"{scene}, {apart:g} m, {name}", seed)
-        done = {name: one for name, one in outcomes.items() if isinstance(one, Run)}
+        done = {name: outcome for name, outcome in outcomes.items() if isinstance(outcome, Run)}
         if len(done) == len(outcomes):
             points.append(_point(builds[0]().name, seed, apart, done))
     return points if points and not points[0].separation else []
@@ -141,10 +141,10 @@ def built(scene: str, seed: int, apart: float, widest: float) -> Problem:
         If no cell does.
     """
     problem = load_scene(scene, seed)
-    own = problem.rules if problem.rules.vertex else CollisionRules()
+    rules = problem.rules if problem.rules.vertex else CollisionRules()
     return problem.replace(
         robots=_spread(problem, widest),
-        rules=own if not apart else own.replace(separation=apart),
+        rules=rules if not apart else rules.replace(separation=apart),
     )
 
 
@@ -156,16 +156,17 @@ def _spread(problem: Problem, apart: float) -> tuple[Robot, ...]:
         cells = np.argwhere(free)
         far = np.hypot(*(cells - [start.x, start.y]).T)
         for x, y in cells[np.argsort(far, kind="stable")].tolist():
-            own = start._replace(x=x, y=y)
-            taken = ((one, one.motion.layers[one.start.layer]) for one in placed)
+            moved = start._replace(x=x, y=y)
+            taken = ((earlier, earlier.motion.layers[earlier.start.layer]) for earlier in placed)
             ways = [
                 problem.height_map.way(
-                    (x, y, robot.motion.layers[start.layer]), (one.start.x, one.start.y, height)
+                    (x, y, robot.motion.layers[start.layer]),
+                    (earlier.start.x, earlier.start.y, height),
                 )
-                for one, height in taken
+                for earlier, height in taken
             ]
             if not any(bool(rules.too_near(np.array(way))) for way in ways):
-                placed.append(robot.replace(start=own))
+                placed.append(robot.replace(start=moved))
                 break
         else:
             raise FileError(

@@ -18,16 +18,16 @@ def separation_in_markdown(points: Sequence[SeparationPoint]) -> str:
     """Returns the table of prices and the table of times, with a sentence below each."""
     wide = sorted({point.separation for point in points if point.separation})
     scenes = list(dict.fromkeys(point.scene for point in points))
-    own = {scene: [point for point in points if point.scene == scene] for scene in scenes}
+    of_scene = {scene: [point for point in points if point.scene == scene] for scene in scenes}
     metres = [f"{apart:g} m" for apart in wide]
     prices = [
         ["price of", *metres],
-        *([scene, *(f"{_price(own[scene], apart)} %" for apart in wide)] for scene in scenes),
+        *([scene, *(f"{_price(of_scene[scene], apart)} %" for apart in wide)] for scene in scenes),
     ]
     times = [
         ["time of", "scene", "no separation", *metres, "gap"],
         *(
-            [f"`{planner}`", scene, *_times(own[scene], planner, wide)]
+            [f"`{planner}`", scene, *_times(of_scene[scene], planner, wide)]
             for planner in _PLANNERS
             for scene in scenes
         ),
@@ -61,25 +61,25 @@ def _times(points: Sequence[SeparationPoint], planner: str, wide: Iterable[float
     base = [point for point in points if not point.separation]
     cells = [f"{median(_seconds(p, planner) for p in base):.2g} s{_star(base, planner)}"]
     for apart in wide:
-        some = [point for point in points if point.separation == apart]
-        ratio = _times_the_base(some, points, planner)
+        at = [point for point in points if point.separation == apart]
+        ratio = _times_the_base(at, points, planner)
         words = f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:,.0f}"
-        cells.append((f"**{words}**" if round(ratio, 1) > _GOAL else words) + _star(some, planner))
+        cells.append((f"**{words}**" if round(ratio, 1) > _GOAL else words) + _star(at, planner))
     gap = fmean(relative_gap(_value(point, planner), point.bound) for point in points)
     return [*cells, f"{100 * gap:.2f} %" if math.isfinite(gap) else NONE]
 
 
 def _times_the_base(
-    some: Sequence[SeparationPoint], points: Sequence[SeparationPoint], planner: str
+    apart: Sequence[SeparationPoint], points: Sequence[SeparationPoint], planner: str
 ) -> float:
     """Returns a planner's time as a multiple of that without a separation, as geometric mean.
 
     Parameters
     ----------
-    some : points at one separation
+    apart : points at one separation
     points : all of them, those without a separation among them
     """
-    ratios = [_seconds(p, planner) / _seconds(p.base(points), planner) for p in some]
+    ratios = [_seconds(p, planner) / _seconds(p.base(points), planner) for p in apart]
     return math.exp(fmean(map(math.log, ratios)))
 
 

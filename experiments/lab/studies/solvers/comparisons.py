@@ -17,8 +17,7 @@ from typing import NamedTuple
 
 from cocap_opt.console.streams import say
 from cocap_opt.experiments.lab.studies.runs import Build, Measurable, Run, scene
-from cocap_opt.experiments.lab.studies.solvers.metrics import Metric, Target
-from cocap_opt.experiments.lab.studies.solvers.rows import SEEDS, RowOptions
+from cocap_opt.experiments.lab.studies.solvers.rows import SEEDS, Metric, RowOptions, Target
 from cocap_opt.formulations.integer_programs.cp_sat import cp_sat
 from cocap_opt.formulations.integer_programs.mathopt import highs, scip
 from cocap_opt.formulations.integer_programs.outer_approximation import Root, certified_root

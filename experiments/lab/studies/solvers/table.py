@@ -14,8 +14,7 @@ from cocap_opt.console.streams import say
 from cocap_opt.experiments.lab.results import Results, in_unit, markdown, read_csv, stored_rows
 from cocap_opt.experiments.lab.studies.options import Out, positive_seconds
 from cocap_opt.experiments.lab.studies.solvers.comparisons import COMPARISONS
-from cocap_opt.experiments.lab.studies.solvers.metrics import Metric
-from cocap_opt.experiments.lab.studies.solvers.rows import SCENE_ROWS, RowOptions
+from cocap_opt.experiments.lab.studies.solvers.rows import SCENE_ROWS, Metric, RowOptions
 from cocap_opt.output.printing import Listing, Record
 from cocap_opt.result import UnsupportedError
 from cocap_opt.run.options import Option, UsageError
