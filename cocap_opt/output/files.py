@@ -6,9 +6,7 @@ import logging
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar, get_type_hints
-
-import msgspec
+from typing import Any, NamedTuple
 
 from cocap_opt.files.atomic_write import file_to_write, write_atomically
 from cocap_opt.files.documents import (
@@ -25,7 +23,6 @@ from cocap_opt.scenarios import read_foreign_plan, scene_of_plan
 from cocap_opt.text import other_scene, printable, shortened
 
 log = logging.getLogger(__name__)
-RowT = TypeVar("RowT", bound=tuple[Any, ...])
 
 # -- writing ------------------------------------------------------------------------------
 
@@ -51,23 +48,6 @@ def save_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     writer.writeheader()
     writer.writerows(rows)
     save_bytes(path, text.getvalue().encode())
-
-
-def load_csv(path: Path, kind: type[RowT], maker: str) -> list[RowT]:
-    """Returns the rows of a file that `save_csv` has written, as named tuples of one kind.
-
-    Parameters
-    ----------
-    maker : the command that writes such files, for the message of a FileError
-    """
-    table = csv.reader(io.StringIO(read_text(path)))
-    fields = list(get_type_hints(kind))
-    try:
-        if next(table, []) != fields:
-            raise ValueError(f"the columns must be {','.join(fields)}")
-        return [msgspec.convert(row, kind, strict=False) for row in table]
-    except (ValueError, csv.Error) as error:
-        raise FileError(f"{path}: must be what `{maker}` has written: {error}") from error
 
 
 def check_output(path: Path | None, *inputs: str | Path | None) -> None:

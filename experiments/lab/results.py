@@ -5,7 +5,9 @@ import io
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar, get_type_hints
+
+import msgspec
 
 from cocap_opt.files.documents import FileError
 from cocap_opt.output.files import make_folder, read_text, save_bytes, save_csv
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 T = TypeVar("T")
+RowT = TypeVar("RowT", bound=tuple[Any, ...])
 STORED = Path(__file__).parent / "stored"
 _LEAST_PERCENT = 0.0001  # which optimal means; less is rounding
 
@@ -66,6 +69,24 @@ def read_csv(path: Path, make: Callable[[dict[str, str]], T], words: str = "") -
         return [make(fields) for fields in table]
     except (KeyError, TypeError, ValueError, csv.Error) as error:
         raise FileError(f"{path}: line {table.line_num}: {words or error}") from error
+
+
+def load_csv(path: Path, kind: type[RowT], study: str) -> list[RowT]:
+    """Reads a CSV file whose columns are the fields of a named tuple.
+
+    Parameters
+    ----------
+    study : whose command writes such files, for the message of a FileError
+    """
+    table = csv.reader(io.StringIO(read_text(path)))
+    fields = list(get_type_hints(kind))
+    try:
+        if next(table, []) != fields:
+            raise ValueError(f"the columns must be {','.join(fields)}")
+        return [msgspec.convert(row, kind, strict=False) for row in table]
+    except (ValueError, csv.Error) as error:
+        words = f"must be what `cocap-opt study {study}` has written"
+        raise FileError(f"{path}: {words}: {error}") from error
 
 
 def stored_rows(name: str) -> list[dict[str, str]]:

@@ -3,13 +3,14 @@
 from collections.abc import Callable, Mapping
 from functools import cache, partial
 
+from cocap_opt.experiments.lab.results import markdown
 from cocap_opt.experiments.tables.rows import COLUMNS
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.method import Method
 from cocap_opt.output.known_scenes import known_scenes
-from cocap_opt.output.printing import Listing, Record
+from cocap_opt.output.printing import Record
 from cocap_opt.scenarios.recipe import EXAMPLE
 
 _WIDEST = 78  # characters of a line of code that a page shows without scrolling
@@ -21,7 +22,7 @@ def _columns() -> str:
          "meaning": column.meaning}
         for name, column in COLUMNS.items()
     ]  # fmt: skip
-    return Listing("", rows).markdown
+    return markdown(rows)
 
 
 def _methods(registry: Mapping[str, Method[CertifiedResult]]) -> str:
@@ -30,7 +31,7 @@ def _methods(registry: Mapping[str, Method[CertifiedResult]]) -> str:
          "promises": method.promises}
         for name, method in registry.items()
     ]  # fmt: skip
-    return Listing("", rows).markdown
+    return markdown(rows)
 
 
 def _search_parameters() -> str:
@@ -38,7 +39,7 @@ def _search_parameters() -> str:
         {"parameter": name, "default": value, "unit": unit, "meaning": meaning}
         for name, value, unit, meaning in DEFAULTS.rows()
     ]
-    return Listing("", rows).markdown
+    return markdown(rows)
 
 
 def _recipe() -> str:
@@ -55,7 +56,7 @@ def _without_end(line: str) -> str:
 
 
 def _known(kind: str) -> str:
-    return Listing("", _all_known()[kind]).markdown
+    return markdown(_all_known()[kind])
 
 
 @cache

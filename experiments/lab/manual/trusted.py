@@ -7,8 +7,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
+from cocap_opt.experiments.lab.results import markdown
 from cocap_opt.files.code import with_imports
-from cocap_opt.output.printing import Listing
 
 CHECKER = "cocap_opt.formulations.certificates"
 UPPER = f"{CHECKER}.staged"
@@ -82,7 +82,7 @@ def _table() -> str:
         {"to believe": what, "trust": room, "modules": len(part.modules), "lines": part.lines}
         for (what, room), part in ((told[name], part) for name, part in storeys().items())
     ]
-    return Listing("", rows).markdown
+    return markdown(rows)
 
 
 def _lines(name: str) -> str:

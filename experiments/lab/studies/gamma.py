@@ -5,11 +5,10 @@ from functools import partial
 from statistics import fmean
 from typing import NamedTuple
 
-from cocap_opt.experiments.lab.results import STORED, Results, markdown
+from cocap_opt.experiments.lab.results import STORED, Results, load_csv, markdown
 from cocap_opt.experiments.lab.studies.options import Out, Scenes, Seconds, Seeds
 from cocap_opt.method import Method
 from cocap_opt.model import compiled
-from cocap_opt.output.files import load_csv
 from cocap_opt.output.printing import Listing
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.view_search import GAMMA, Compounded, Undiscounted, ViewSearch
@@ -112,7 +111,7 @@ def discounted_runs(
 
 
 def _stored_means() -> list[_GammaMean]:
-    return _GammaMean.all_of(load_csv(STORED / _TABLE, DiscountedRun, "cocap-opt study gamma"))
+    return _GammaMean.all_of(load_csv(STORED / _TABLE, DiscountedRun, "gamma"))
 
 
 def gammas_in_markdown() -> str:

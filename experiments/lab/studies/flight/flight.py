@@ -49,10 +49,8 @@ def flight(
         raise UsageError(
             "--stored: must be given without scenes, for it takes those that are stored"
         )
-    if stored:
-        tell(stored_flights(), out)
-    else:
-        tell(_simulated(scenes or _SCENES, numbers, winds, step, out), out)
+    chosen = scenes or _SCENES
+    tell(stored_flights() if stored else _simulated(chosen, numbers, winds, step, out), out)
 
 
 def stored_flights() -> list[FlightRun]:

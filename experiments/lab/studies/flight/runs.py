@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cocap_opt.data import ProblemError
+from cocap_opt.experiments.lab.results import load_csv
 from cocap_opt.experiments.lab.studies.flight.measures import (
     delays,
     errors,
@@ -19,7 +20,6 @@ from cocap_opt.flight.filming import Film, parts_of
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.pace import Demand
 from cocap_opt.flight.smooth import Smooth
-from cocap_opt.output.files import load_csv
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import SEPARATION, Plan, Problem
 from cocap_opt.referee import check
@@ -109,8 +109,8 @@ class FlightRun(NamedTuple):
 
     @classmethod
     def read(cls, path: Path) -> "list[FlightRun]":
-        """Returns the rows of a file that `save_csv` has written."""
-        return load_csv(path, cls, "cocap-opt study flight")
+        """Returns the rows of a file that the study has written."""
+        return load_csv(path, cls, "flight")
 
 
 def flown(scene: str, seed: int, winds: Sequence[float], step: float | None) -> Iterator[FlightRun]:

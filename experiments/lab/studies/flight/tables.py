@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from statistics import fmean
 from typing import NamedTuple
 
+from cocap_opt.experiments.lab.results import markdown
 from cocap_opt.experiments.lab.studies.flight.runs import SMOOTH, STRAIGHT, FlightRun
 from cocap_opt.output.printing import Listing, Record
 from cocap_opt.problem import SEPARATION
@@ -88,7 +89,7 @@ def flights_in_markdown(runs: Sequence[FlightRun]) -> str:
         {"scene": scene, "flight": flight, "wind (m/s)": f"{wind:g}", **summary.row()}
         for (scene, flight, wind), summary in _summaries(runs)
     ]
-    return f"{Listing('', rows).markdown}\n{_capital(_NOTE)}.\n"
+    return f"{markdown(rows)}\n{_capital(_NOTE)}.\n"
 
 
 def _on_scenes(runs: Sequence[FlightRun]) -> Iterator[str]:

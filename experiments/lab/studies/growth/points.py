@@ -14,9 +14,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from cocap_opt.experiments.lab.results import load_csv
 from cocap_opt.experiments.lab.studies.runs import Run
 from cocap_opt.formulations.result import OPTIMALITY
-from cocap_opt.output.files import load_csv
 
 GAP = 0.03  # certified gap whose time is taken: one that most sizes reach
 _LEAST_SIZES = 4  # of a fit: any two points are on a line, and three are often near one
@@ -80,7 +80,7 @@ class Sample(NamedTuple):
     @classmethod
     def read(cls, path: Path) -> list[Self]:
         """Returns the samples that are stored in a file."""
-        return load_csv(path, cls, "cocap-opt study growth")
+        return load_csv(path, cls, "growth")
 
 
 @dataclass(frozen=True)

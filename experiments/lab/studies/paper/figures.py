@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from cocap_opt.experiments.lab.results import load_csv
 from cocap_opt.experiments.lab.studies.paper.conditions import (
     DRAWN,
     PUBLISHED,
@@ -19,7 +20,6 @@ from cocap_opt.experiments.lab.studies.paper.conditions import (
 )
 from cocap_opt.experiments.lab.studies.paper.giving_way import Encounter
 from cocap_opt.experiments.tables.statistics import Mean
-from cocap_opt.output.files import load_csv
 from cocap_opt.pictures.figures import MapFrame, draw_plan
 from cocap_opt.pictures.style import (
     AMBER,
@@ -71,7 +71,7 @@ class StepReward(NamedTuple):
     @classmethod
     def read(cls, path: Path) -> list[Self]:
         """Returns the rewards that are stored in a file."""
-        return load_csv(path, cls, "cocap-opt study paper")
+        return load_csv(path, cls, "paper")
 
 
 Curves = dict[str, dict[int, list[float]]]  # rewards at the steps 1..T by planner and seed

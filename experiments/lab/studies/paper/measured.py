@@ -14,7 +14,7 @@ from statistics import median
 from typing import NamedTuple
 
 from cocap_opt.console.streams import say
-from cocap_opt.experiments.lab.results import Results, read_csv
+from cocap_opt.experiments.lab.results import read_csv
 from cocap_opt.experiments.lab.studies.runs import TimedRun, processor_seconds
 from cocap_opt.experiments.sweeps.cells import Cell
 from cocap_opt.experiments.sweeps.instances import Instance
@@ -22,6 +22,7 @@ from cocap_opt.experiments.tables.rows import COLUMNS, BoundColumns, PlannedRow,
 from cocap_opt.files.code import code_digest
 from cocap_opt.method import Method
 from cocap_opt.model import Model, compiled
+from cocap_opt.output.files import save_csv
 from cocap_opt.planners import PLANNERS, RECOMMENDED
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.low_level import SingleRobotPath, value_iteration
@@ -67,20 +68,19 @@ _DIVING = Method(partial(cocap, low_level=ViewSearch(Compounded(1.0))), lazy=Tru
 # -- rows --------------------------------------------------------------------------------------
 
 
-def completed(instances: Sequence[Instance], limit: float, results: Results) -> list[Row]:
+def completed(instances: Sequence[Instance], limit: float, folder: Path) -> list[Row]:
     """Returns the rows of instances with times taken again, and those of the compositions.
 
-    Rows that the file has already, made by the same code with the same limit, are not made again.
+    The file in the folder is written after each instance. Rows that it has already, made by the
+    same code with the same limit, are not made again.
 
     Parameters
     ----------
     limit : s, of each planner
-    results : whose file of rows is read, and written after each instance
     """
-    known: dict[str, list[Row]] = {}
-    if results.folder is not None and (results.folder / MEASURED).exists():
-        for row in read_rows(results.folder / MEASURED):
-            known.setdefault(row.digest, []).append(row)
+    path, known = folder / MEASURED, dict[str, list[Row]]()
+    for row in read_rows(path) if path.exists() else []:
+        known.setdefault(row.digest, []).append(row)
     rows: list[Row] = []
     for n, instance in enumerate(instances):
         measurements = _Measurements(instance, limit)
@@ -89,7 +89,7 @@ def completed(instances: Sequence[Instance], limit: float, results: Results) -> 
             say(f"{instance.problem.name} seed {instance.seed}: times ({n}/{len(instances)})")
             known[key] = [replace(row, digest=key) for row in measurements.rows()]
         rows += known[key]
-        results.save(MEASURED, [_kept(row) for row in rows])
+        save_csv(path, [_kept(row) for row in rows])
     return rows
 
 
@@ -142,7 +142,8 @@ class _Measurements(NamedTuple):
         plan = self.instance.plan("cocap")
         if plan is not None:
             polish = self._run(POLISHED, Method(partial(polished, plan=plan)))
-            yield self._row(swept, POLISHED, polish.judged._replace(views=None), None)
+            of_both = polish.judged._replace(views=None)  # CoCap's are not known
+            yield self._row(swept, POLISHED, of_both, None)
         dive = self._run(DIVE, _DIVING)
         yield self._row(swept, DIVE, dive.judged, dive.seconds)
 

@@ -32,7 +32,7 @@ from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.tables.rows import Row
 from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.experiments.tables.tables import Table
-from cocap_opt.output.files import save_bytes
+from cocap_opt.output.files import make_folder, save_bytes, save_csv
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem
 from cocap_opt.run.options import Option, UsageError
@@ -66,8 +66,8 @@ def paper(
     ] = False,
 ) -> int:
     """Computes what is missing, and writes paper.md and its figures."""
-    results = Results.into(out)
     if stored:
+        make_folder(out)
         page = Page(read_rows(STORED / "paper.csv"), read_trials(STORED / "paper-conditions.csv"))
         save_bytes(out / _PAGE, page.text().encode())
         return 0
@@ -83,8 +83,8 @@ def paper(
     is_interrupted = len(whole) < len(main)
     team_rows = [] if is_interrupted else _swept(out / "scaling", teams, workers)
     if whole:
-        measured = completed(whole, time_limit, results)
-        trials = [] if is_interrupted else _searched(results, search)
+        measured = completed(whole, time_limit, out)
+        trials = [] if is_interrupted else _searched(out / CONDITIONS, search)
         missing = sum(not instance.is_whole for instance in (*main, *teams))
         _write(out, whole, measured, team_rows, sizes, trials, missing)
     return int(any(row.has_error for row in (*rows, *team_rows)))
@@ -107,12 +107,10 @@ def _teams(sizes: Sequence[int], seeds: Sequence[int], settings: Settings) -> li
     ]  # fmt: skip
 
 
-def _searched(results: Results, search: CorridorSearch) -> list[Trial]:
+def _searched(path: Path, search: CorridorSearch) -> list[Trial]:
     """Returns the trials of the file, or else searches for where CoCap gains most."""
-    assert results.folder is not None
-    path = results.folder / CONDITIONS
     if search.drawn and not path.exists():
-        results.save(CONDITIONS, [trial.record for trial in search.trials(0, say)])
+        save_csv(path, [trial.record for trial in search.trials(0, say)])
     return read_trials(path) if path.exists() else []
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple, Self
 
-from cocap_opt.output.files import load_csv
+from cocap_opt.experiments.lab.results import load_csv
 from cocap_opt.output.printing import Record
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import NO_LIMIT
@@ -31,12 +31,7 @@ class SeparationPoint(NamedTuple):
     @classmethod
     def read(cls, path: Path) -> list[Self]:
         """Returns the measurements that are stored in a file."""
-        return load_csv(path, cls, "cocap-opt study separation")
-
-    @property
-    def proved(self) -> bool:
-        """True if the best plan is proved optimal."""
-        return self.proof_limit == NO_LIMIT
+        return load_csv(path, cls, "separation")
 
     def base(self, points: "Sequence[SeparationPoint]") -> "SeparationPoint":
         """Returns the point without a separation of the same instance."""

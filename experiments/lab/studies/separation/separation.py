@@ -95,14 +95,8 @@ def _measured(
     Where it fails without a separation, there is nothing to compare with: all are left out.
     """
     builds = [partial(built, scene, seed, apart, max(separations)) for apart in separations]
-    runs = {
-        name: list(Run.each(builds, method, limit))
-        for name, method in (
-            ("cocap", "cocap"),
-            (RECOMMENDED, RECOMMENDED),
-            ("proof", BOUND_METHOD),
-        )
-    }
+    methods = ("cocap", RECOMMENDED, BOUND_METHOD)
+    runs = {method: list(Run.each(builds, method, limit)) for method in methods}
     points = []
     for k, apart in enumerate(separations):
         outcomes = {name: of_method[k] for name, of_method in runs.items()}
@@ -119,7 +113,7 @@ def _measured(
 
 def _point(scene: str, seed: int, apart: float, done: dict[str, Run]) -> SeparationPoint:
     """Returns the measurements at one separation."""
-    plan, lns, proof = done["cocap"], done[RECOMMENDED], done["proof"]
+    plan, lns, proof = done["cocap"], done[RECOMMENDED], done[BOUND_METHOD]
     return SeparationPoint(
         scene=scene, seed=seed, separation=apart,
         cocap=plan.value, cocap_seconds=plan.seconds, cocap_limit=Limit.written(plan.limit),
