@@ -15,8 +15,7 @@ from cocap_opt.experiments.lab.manual.diagrams import write_diagrams
 from cocap_opt.experiments.lab.manual.docstrings import with_meanings
 from cocap_opt.experiments.lab.manual.entries import all_entries
 from cocap_opt.experiments.lab.manual.formats import write_schemas
-from cocap_opt.experiments.lab.manual.gallery import write_players
-from cocap_opt.experiments.lab.studies.drawings import write_drawings
+from cocap_opt.experiments.lab.studies.drawings import write_drawings, write_players
 
 project = "cocap-opt"
 author = "the authors of cocap-opt"

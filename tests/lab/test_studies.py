@@ -36,9 +36,11 @@ SLOW = {
 
 
 def test_commands_load_their_work_late() -> None:
-    """No command waits for a solver, plotting or networks before its time limit counts."""
-    code = "import sys, cocap_opt.experiments.lab.studies.app, cocap_opt.cli.commands; "
-    code += f"print(*({SLOW!r} & sys.modules.keys()))"
+    """No command waits for a solver, plotting or networks, and the list of studies for no study."""
+    studies = "cocap_opt.experiments.lab.studies"
+    code = f"import sys, {studies}.app, cocap_opt.cli.commands; "
+    code += f"print(*({SLOW!r} & sys.modules.keys()), "
+    code += f"*(n for n in sys.modules if n.startswith('{studies}.') and n != '{studies}.app'))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
 

@@ -7,10 +7,10 @@ from cyclopts import App
 
 from cocap_opt.experiments.lab.manual.commands import commands_in_markdown, studies_in_markdown
 from cocap_opt.experiments.lab.manual.formats import DOCUMENTS, example, fields_in_markdown
-from cocap_opt.experiments.lab.manual.gallery import gallery_in_markdown
 from cocap_opt.experiments.lab.manual.lists import LISTS
 from cocap_opt.experiments.lab.manual.trusted import TRUSTED
 from cocap_opt.experiments.lab.manual.worked_words import WORKED
+from cocap_opt.experiments.lab.studies.drawings import gallery_in_markdown
 from cocap_opt.experiments.lab.studies.quotes import QUOTES
 
 

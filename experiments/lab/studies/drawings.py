@@ -1,7 +1,7 @@
 """The drawings of the pages, each made anew from stored results or from plans made on the spot.
 
 `cocap-opt study pictures` writes them, and so does Sphinx before it builds the pages: no drawing
-can be older than its numbers.
+can be older than its numbers. The gallery of players shows plans that are drawn, too.
 """
 
 from collections.abc import Callable
@@ -37,13 +37,15 @@ from cocap_opt.output.files import make_folder, save_files
 from cocap_opt.pictures.figures import picture, plan_picture
 from cocap_opt.pictures.rendering import drone_view
 from cocap_opt.planners import RECOMMENDED
+from cocap_opt.player.player import Player
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.run.engine import run
-from cocap_opt.scenarios import load_scene
+from cocap_opt.scenarios import SCENES, load_scene
 
 _SUFFIX = ".png"
 _GAPS_OF = ("greedy", "sequential", "sequential-rounds", "cocap", "cocap-vs", RECOMMENDED)
 _GAPS_IN = ("bottleneck", "passage")
+GALLERY = ("corridor", "bottleneck", "passage", "bridge", "field")
 _GIVING_WAY = ("greedy", "sequential", "cocap")
 
 
@@ -92,15 +94,15 @@ def _giving_way() -> bytes:
 
 
 def _top_view(scene: str, *steps: int) -> bytes:
-    return plan_picture(*recommended(scene), _SUFFIX, steps)
+    return plan_picture(*_recommended(scene), _SUFFIX, steps)
 
 
 def _view() -> bytes:
-    return drone_view(*recommended("bottleneck"), robot=0, t=5, width=500)
+    return drone_view(*_recommended("bottleneck"), robot=0, t=5, width=500)
 
 
-@cache  # the gallery shows the plans of pictures, too
-def recommended(scene: str) -> tuple[Problem, Plan]:
+@cache
+def _recommended(scene: str) -> tuple[Problem, Plan]:
     """Returns a scene, with seed 0, and its plan by the recommended planner."""
     problem = load_scene(scene, 0)
     return problem, _plan(problem, RECOMMENDED)
@@ -145,3 +147,25 @@ def write_drawings(folder: Path) -> None:
     """Writes all drawings into a folder, which is made."""
     make_folder(folder)
     save_files({folder / f"{name}{_SUFFIX}": draw() for name, draw in DRAWINGS.items()})
+
+
+def gallery_in_markdown() -> str:
+    """Returns a part for each scene, with its player in a frame."""
+    return "\n\n".join(map(_scene_part, GALLERY))
+
+
+def _scene_part(name: str) -> str:
+    about = " ".join((SCENES[name].__doc__ or "").split())
+    return (
+        f"## {name}\n\n{about}\n\n"
+        f'<iframe class="player" src="players/{name}.html" title="{name}" loading="lazy"></iframe>'
+        f'\n\n<a href="players/{name}.html">The player of {name} on a page of its own</a>'
+    )
+
+
+def write_players(folder: Path) -> None:
+    """Plans each scene of the gallery, and writes its player into a folder."""
+    make_folder(folder)
+    for name in GALLERY:
+        problem, plan = _recommended(name)
+        Player(problem, [(RECOMMENDED, plan)]).save(folder / f"{name}.html")
