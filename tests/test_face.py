@@ -100,6 +100,7 @@ def test_methods_are_described(registry: str) -> None:
         assert len(words) > 30 and "partial(" not in words, name
 
 
+@pytest.mark.slow
 def test_importing_loads_no_solver() -> None:
     """`import cocap_opt` loads neither NumPy nor a solver; the first use of a name does."""
     code = (
@@ -111,6 +112,7 @@ def test_importing_loads_no_solver() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 
+@pytest.mark.slow
 def test_a_scene_of_ones_own_in_fifteen_lines(tmp_path: Path) -> None:
     """A scene, a plan, its gap and a picture, by the face alone."""
     heights = np.zeros((12, 12))
@@ -266,6 +268,7 @@ def _boasting(problem: co.Problem, stop: co.Stop) -> co.Result:
     return co.Result(waiting.plan, waiting.value + 1, co.Reason.FINISHED)
 
 
+@pytest.mark.slow
 def test_the_gap_table_measures_functions() -> None:
     """A planner of one's own has rows like others, judged by the referee; a false claim is said."""
     table = co.gap("tiny-queue", [_waiting, "greedy", _boasting]).set_index("planner")

@@ -9,6 +9,7 @@ from strategies import number_of_plans
 EVERY = 16  # of these problems one is tried without slow tests
 
 
+@pytest.mark.slow
 def test_the_pool_is_of_these_strategies() -> None:
     """Stored problems are those that the strategies and brute force of today would store."""
     assert head().digest == digest(), f"draw the pool of random problems anew: `{COMMAND}`"

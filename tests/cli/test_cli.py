@@ -89,6 +89,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return plan, certificate
 
 
+@pytest.mark.slow
 def test_a_path_that_is_no_text_is_shown_escaped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -241,6 +242,7 @@ def mine(tmp_path: Path) -> list[Path]:
     return paths
 
 
+@pytest.mark.slow
 def test_plans_for_several_seeds_are_rows_of_one_planner(
     mine: list[Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -256,6 +258,7 @@ def test_plans_for_several_seeds_are_rows_of_one_planner(
     assert [row["planner"] for row in rows] == ["greedy", "greedy", "mine"]
 
 
+@pytest.mark.slow
 def test_plans_for_none_of_the_seeds_are_refused(
     mine: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -288,6 +291,7 @@ def test_a_file_of_one_scene_has_no_seed(
     assert Run(capsys, "verify", "tiny-share", plan, "--seed", 2, "--json").json["seed"] == 2
 
 
+@pytest.mark.slow
 def test_rows_of_an_explanation_name_their_drones(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -462,6 +466,7 @@ def test_a_marked_bound_stays_in_narrow_terminals(
         assert ("bound" in head, "seed" in head) == (kept, False)
 
 
+@pytest.mark.slow
 def test_a_certificate_can_be_verified_alone(
     files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -506,6 +511,7 @@ def test_every_altered_number_of_a_plan_is_noticed(
             assert run.json["reward"] == pytest.approx(honest, rel=1e-9), path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["show"], ["gap", "--plan"], ["render"]])
 def test_plans_of_other_scenes_are_not_shown_or_compared(
     words: list[str],
@@ -563,6 +569,7 @@ def test_files_of_another_seed_are_refused(
     assert "made for corridor-tight of another seed" in Run(capsys, *start).err
 
 
+@pytest.mark.slow
 def test_a_plan_without_a_way_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
     """Infeasible is an answer in words with exit code 0, not an error."""
     run = Run(capsys, "plan", "tiny-head-on", "--json")
@@ -593,6 +600,7 @@ def test_a_proof_that_there_is_no_plan_is_verified(
 OPTIMA = {"tiny-approach": 37.0, "tiny-hover": 27.5, "tiny-share": 27 * 2**0.5}  # by hand
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", OPTIMA)
 @pytest.mark.parametrize("method", EXACT)
 def test_solve_gives_the_optimum_and_a_proof(
@@ -711,6 +719,7 @@ def test_verify_says_what_the_numbers_of_a_cautious_claim_prove(
     assert found["explanation"]["difference"] == pytest.approx(found["bound"] - reward)
 
 
+@pytest.mark.slow
 def test_a_foreign_start_brings_its_own_scene(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -739,6 +748,7 @@ def test_a_foreign_start_brings_its_own_scene(
     assert any(str(other) in violation for violation in runs[0].json["violations"])
 
 
+@pytest.mark.slow
 def test_solve_says_that_there_is_no_plan(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -768,6 +778,7 @@ def split_leaf(proof: dict) -> None:
     proof["bound"] *= 1 + 1e-12  # one more number in the sums: a little more rounding
 
 
+@pytest.mark.slow
 def test_altered_proofs_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -863,6 +874,7 @@ def test_verify_keeps_the_lower_of_two_bounds(
         assert (answer["bound"], answer["method"]) == (alone["bound"], "branch-and-price")
 
 
+@pytest.mark.slow
 def test_a_gap_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`verify --explain` prints terms that add up and says what they mean; --json has them all."""
     plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"
@@ -891,6 +903,7 @@ def test_a_gap_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert (alone.code, "certificate or a proof" in alone.err) == (2, True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completion_knows_the_allowed_values(
     shell: str, capsys: pytest.CaptureFixture[str]
@@ -902,6 +915,7 @@ def test_completion_knows_the_allowed_values(
         assert word in run.out
 
 
+@pytest.mark.slow
 def test_progress_is_a_plain_line_now_and_then(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -1061,6 +1075,7 @@ def test_show_draws_any_step(
         assert run.code == 2 and words in run.err
 
 
+@pytest.mark.slow
 def test_scenes_lists_all_scenes_and_formats(capsys: pytest.CaptureFixture[str]) -> None:
     """Everything that can stand for SCENE is listed."""
     from cocap_opt.scenarios import FORMATS, SCENES
@@ -1081,6 +1096,7 @@ def test_a_time_limit_of_zero_still_answers(capsys: pytest.CaptureFixture[str]) 
         assert row["bound"] is None or row["bound"] >= row["reward"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "limited"),
     [
@@ -1288,6 +1304,7 @@ def hostile_files(tmp_path: Path) -> list[Path]:
     return [scene, plan, bound]
 
 
+@pytest.mark.slow
 def test_text_of_files_steers_no_terminal(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -88,6 +88,7 @@ def aloft(problem: Problem, x: float, y: float, height: float) -> tuple[float, f
 # -- both ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", BOTH)
 @examples(12)
 @given(problem=st.one_of(problems(over_time=True), meetings(), meetings(team=3)))

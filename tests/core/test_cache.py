@@ -171,6 +171,7 @@ def test_key_depends_on_every_part() -> None:
         TableCache.key(CODE, object())
 
 
+@pytest.mark.slow
 def test_key_depends_on_all_code_that_makes_a_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

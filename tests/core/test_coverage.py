@@ -737,6 +737,7 @@ def test_limits_are_asked_for_often(actors: int, most: int) -> None:
     assert stop.asked >= states / most_at_once
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rays", [1, 7, 100])
 def test_values_do_not_depend_on_the_rays_cast_at_once(
     rays: int, monkeypatch: pytest.MonkeyPatch

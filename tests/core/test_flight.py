@@ -153,6 +153,7 @@ def too_near_others(problem: Problem, places: FloatArray) -> BoolArray:
     return found
 
 
+@pytest.mark.slow
 def test_smooth_flights_are_safe_wherever_they_are_sampled() -> None:
     """What is proved on polynomials holds on samples: distances, obstacles, zones, people."""
     kept = 0
@@ -445,6 +446,7 @@ def test_a_turn_beside_somebody_is_made_where_nobody_is_near() -> None:
     assert free.shortened == 0
 
 
+@pytest.mark.slow
 def test_flights_in_more_pieces_are_the_same() -> None:
     """Nothing that is told of a flight depends on the number of pieces that its steps have."""
 

@@ -249,6 +249,7 @@ class Near(Stop):
         return 100.0 if self.looks < 3 else 1e-9
 
 
+@pytest.mark.slow
 def test_near_a_limit_the_best_path_that_is_known_is_returned() -> None:
     """Every robot has a path whose views are evaluated, and the result says that time was short."""
     problem = load_scene("bottleneck", 0)

@@ -393,6 +393,7 @@ def test_view_search_is_its_algorithm(gamma: float, problem: Problem, seed: int)
         assert ViewSearch(Compounded(gamma))(task).path == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gamma", [0.9, 0.95, 0.99])
 def test_view_search_is_its_algorithm_in_the_open(gamma: float) -> None:
     """The same on a meadow, where no ties decide, and gamma makes a difference."""
@@ -798,6 +799,7 @@ def test_plans_do_not_depend_on_the_process() -> None:
     assert json.loads(here.splitlines()[0].split(" ", 1)[1])["paths"]
 
 
+@pytest.mark.slow
 @examples(6)
 @given(problems())
 def test_plans_do_not_depend_on_what_ran_before(problem: Problem) -> None:

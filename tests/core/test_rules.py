@@ -60,6 +60,7 @@ def test_robots_exactly_so_far_apart_keep_the_separation(separation: float, size
         assert nearer.moves_conflict((places[0], places[1]), (places[2], places[3]))
 
 
+@pytest.mark.slow
 def test_a_separation_contains_the_other_rules() -> None:
     """Whatever breaks the vertex or the swap rule breaks any separation; crossing does, too."""
     papers, apart = CollisionRules(), CollisionRules(vertex=True, swap=False, separation=0.01)

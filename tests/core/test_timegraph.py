@@ -428,6 +428,7 @@ def test_graphs_are_made_once() -> None:
     assert TimeGraph.of(workspace, motion, 2) is not TimeGraph.of(workspace, motion, 1)
 
 
+@pytest.mark.slow
 def test_graphs_that_nobody_uses_are_forgotten() -> None:
     """All but the last two, for a graph may be as large as the memory; what is in use stays."""
     workspace = Workspace(HeightMap(heights=np.zeros((3, 3))))
@@ -438,6 +439,7 @@ def test_graphs_that_nobody_uses_are_forgotten() -> None:
     assert TimeGraph.of(workspace, Motion(headings=4), 1) is used
 
 
+@pytest.mark.slow
 def test_states_that_lead_to_a_goal_are_kept_with_their_graph() -> None:
     """They are computed once for each goal and horizon, and go when nobody uses the graph."""
     graph = TimeGraph(Workspace(HeightMap(heights=np.zeros((3, 3)))), Motion(headings=1), 1)

@@ -72,6 +72,7 @@ def altitudes_in_cell(vertices: FloatArray, x: int, y: int) -> tuple[float, floa
 coordinates = st.floats(-1.5, 6.5, allow_nan=False, width=32)
 
 
+@pytest.mark.slow
 @examples(12)
 @given(st.lists(st.tuples(coordinates, coordinates, coordinates), min_size=4, max_size=4))
 def test_a_tetrahedron_is_solid_where_linear_programs_find_it(

@@ -81,6 +81,7 @@ def test_what_is_no_trace_is_said(
     assert not chart.exists()
 
 
+@pytest.mark.slow
 def test_solve_writes_the_trace_that_figure_draws(tmp_path: Path) -> None:
     """A trace ends at the proved gap; it may not be the file of the plan."""
     trace, chart = tmp_path / "trace.csv", tmp_path / "x.svg"
@@ -141,6 +142,7 @@ def test_runs_without_a_gap_are_not_drawn() -> None:
     assert len(ax.lines) == 1  # where optima lie
 
 
+@pytest.mark.slow
 def test_names_are_no_mathematics(tmp_path: Path) -> None:
     """A scene or a file may have dollar signs in its name."""
     rows = [row("$x^{_$", 0, 99.0, scene="$a^{_$"), row("cocap", 0, 98.0, scene="$a^{_$")]
@@ -149,6 +151,7 @@ def test_names_are_no_mathematics(tmp_path: Path) -> None:
     assert b"<svg" in picture(progress_figure({"$x^{_$": trace, "b": trace}), ".svg")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_names_break_no_picture() -> None:
     """Control characters would make an SVG that nothing opens; letters of any font are let be."""
@@ -157,6 +160,7 @@ def test_names_break_no_picture() -> None:
     assert ElementTree.fromstring(text).tag.endswith("svg")
 
 
+@pytest.mark.slow
 def test_the_traces_of_a_sweep_are_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -291,6 +291,7 @@ def test_a_cell_depends_on_the_code_of_its_planner(mine: Path, tmp_path: Path) -
     assert again() and not again()
 
 
+@pytest.mark.slow
 def test_a_package_counts_as_a_whole(mine: Path) -> None:
     """All of its files, and the versions of what it imports; relative imports are its own."""
     package = mine / "mypackage"
@@ -365,6 +366,7 @@ def staying(problem: Problem, stop: Stop) -> Result:
     return PLANNERS["greedy"](problem, stop)
 
 
+@pytest.mark.slow
 def test_functions_are_kept_where_they_are_known_again(mine: Path, tmp_path: Path) -> None:
     """At the top level of a file; all others are refused in words, and measured without `out`."""
 

@@ -112,6 +112,7 @@ def staying(problem: Problem, stop: Stop) -> Result:
     return Result(plan, check(problem, plan).reward, Reason.FINISHED)
 
 
+@pytest.mark.slow
 def test_what_is_known_is_not_computed_again(tmp_path: Path) -> None:
     """A second run computes nothing and makes the same rows, whatever the order of planners."""
     folder = folder_for_a_sweep(tmp_path / "run")
@@ -290,6 +291,7 @@ def test_rows_that_do_not_fit_leave(
     assert "no longer in results.csv" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_rows_of_other_limits_stay_and_the_newest_of_a_planner_wins(tmp_path: Path) -> None:
     """Limits are columns: of a scene, seed and planner there is one row, with its own limits."""
     other = Settings(time_limit=30.0, bound_time_limit=20.0, work_limit=1000)
@@ -332,6 +334,7 @@ def test_a_work_limit_makes_the_same_rows_again(tmp_path: Path) -> None:
     assert all(row.bound is not None for row in runs[0])
 
 
+@pytest.mark.slow
 def test_the_gap_table_is_a_function(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Scenes are names, files or problems; it prints nothing, and says in words what is wrong."""
     frame = gap_frame(["tiny-queue", small_field(0)], ["greedy", "cocap"], out=tmp_path)
@@ -349,6 +352,7 @@ def test_the_gap_table_is_a_function(capsys: pytest.CaptureFixture[str], tmp_pat
         gap_frame([small_field(0), small_field(1)])
 
 
+@pytest.mark.slow
 def test_a_row_stays_until_it_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A command that is killed loses no row, and the next takes all planners along."""
     first = swept(instances(range(1), ("greedy",)), tmp_path)
@@ -428,6 +432,7 @@ def test_a_cell_of_other_settings_is_another_cell(
     assert other.key != one.key
 
 
+@pytest.mark.slow
 def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """Other code beside the planners, and other versions of libraries, make other cells."""
     digested = set(cells_module.digested_modules())
@@ -753,6 +758,7 @@ def test_the_gap_table_is_made_in_any_thread() -> None:
     assert list(frame["planner"]) == ["greedy"]
 
 
+@pytest.mark.slow
 def test_leftovers_of_killed_processes_are_cleared(tmp_path: Path) -> None:
     """Old temporary files go, those that somebody may be writing stay."""
     (tmp_path / "cells").mkdir()
@@ -813,6 +819,7 @@ def test_an_exported_scene_takes_no_seed_of_another(
         assert check(problem, PlanFile.read(folder / Paths(row).plan).plan).reward == row.reward
 
 
+@pytest.mark.slow
 def test_an_edited_scene_leaves_its_old_rows(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

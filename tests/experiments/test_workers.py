@@ -43,6 +43,7 @@ def test_workers_that_are_there_make_the_same_table(
     assert csv_rows(folder) == csv_rows(undisturbed)
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """Is named."""
     monkeypatch.setattr(cluster_module, "ANSWER", 0.5)

@@ -468,6 +468,7 @@ def test_rounding_is_bounded_against_exact_arithmetic(problem: Problem, seed: in
     assert Fraction(rounded.bound) - exact <= 3 * Fraction(rounded.rounding) + slack
 
 
+@pytest.mark.slow
 @examples(12)
 @given(problem=problems(most_plans=300))
 def test_proved_optima_hold_in_exact_arithmetic(problem: Problem) -> None:
@@ -785,6 +786,7 @@ def test_cuts_that_are_none_are_refused(cut: EnvelopeCut, words: str) -> None:
         Pricing.of(compiled(problem), certificate)
 
 
+@pytest.mark.slow
 def test_many_tiny_shares_do_not_get_lost_in_rounding() -> None:
     """The same cut 20 000 times with a share that vanishes beside 1: the bound still holds."""
     problem = tiny().replace(horizon=1)

@@ -239,6 +239,7 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
         assert [len(row) for row in rows] == [r.used_by(model, path) for r in resources]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "horizon", "is_disaggregated"), [
     pytest.param("bottleneck-tight", 4, True, marks=pytest.mark.long), ("corridor", 6, True),
 ])  # fmt: skip
@@ -257,6 +258,7 @@ def test_robots_are_disaggregated_where_that_pays(
     assert root.search.value >= aggregated.search.value
 
 
+@pytest.mark.slow
 def test_fractions_are_found_kind_by_kind() -> None:
     """Cells of all robots come first, states where all cells are used integrally."""
     problem = load_scene("bottleneck", 0)
@@ -337,6 +339,7 @@ def test_a_work_limit_makes_the_same_search_every_time(units: int) -> None:
     assert (composed.plan, composed.bound) == (one.plan, one.bound)
 
 
+@pytest.mark.slow
 def test_few_joint_states_are_tried_before_any_cuts() -> None:
     """The bottleneck is proved by step envelopes, so that its relaxation needs no cuts."""
     problem = load_scene("bottleneck", 1)

@@ -115,6 +115,7 @@ def test_every_method_has_a_bound_after_no_time(method: str) -> None:
     assert verify(problem, result.certificate).bound <= result.bound
 
 
+@pytest.mark.slow
 def test_a_certificate_says_which_coverage_it_was_made_with() -> None:
     """Steps that are known leave less open; once all are, the coverage is the true one."""
     problem, bounds = load_scene("passage", 0), []
@@ -128,6 +129,7 @@ def test_a_certificate_says_which_coverage_it_was_made_with() -> None:
     assert bounds == sorted(bounds, reverse=True) and len(set(bounds)) == 3
 
 
+@pytest.mark.slow
 def test_coverage_is_computed_once_with_rules_and_without() -> None:
     """Rules change nothing of what is seen: one search goes on where the other had to end."""
     problem = load_scene("passage", 0)

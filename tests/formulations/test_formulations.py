@@ -110,6 +110,7 @@ def test_tiny_scenes_are_solved_by_branch_and_price(name: str) -> None:
     assert result.reason in (Reason.OPTIMAL, Reason.INFEASIBLE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *map(slow, range(1, 4))])
 def test_branch_and_price_equals_joint_value_iteration(seed: int) -> None:
     """At the paper's size, two robots: two methods that share no search find the same optimum."""
@@ -160,6 +161,7 @@ def test_a_time_limit_still_gives_a_valid_bound(method: str) -> None:
         assert (result.reason, result.limit) == (Reason.STOPPED, Limit.TIME)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [slow("tiny-give-way"), "tiny-head-on"])
 def test_a_search_stopped_anywhere_has_a_valid_proof(name: str) -> None:
     """Wherever in its tree a limit falls, plan and proof so far are returned and hold."""
@@ -208,6 +210,7 @@ def test_summaries_need_no_solver() -> None:
     assert "column generation" in said[0]
 
 
+@pytest.mark.slow
 def test_no_actors_means_a_bound_of_zero() -> None:
     """Where there is nothing to see, every bound is 0."""
     problem = tiny().replace(actors=())
@@ -251,6 +254,7 @@ def test_a_start_that_breaks_a_rule_is_rejected_in_words() -> None:
     assert result.reason is Reason.OPTIMAL
 
 
+@pytest.mark.slow
 def test_a_good_start_is_kept() -> None:
     """With no time, the plan that was given is what is returned."""
     problem = load_scene("corridor", 0)

@@ -201,6 +201,7 @@ def bound_of(priced: Priced) -> float:
     return priced.bound
 
 
+@pytest.mark.slow
 def test_without_masters_plan_and_bound_come_near() -> None:
     """The ascent lowers the bound before there are cuts, and cuts do after; the plan is optimal."""
     root = large_root("corridor")
@@ -214,6 +215,7 @@ def test_without_masters_plan_and_bound_come_near() -> None:
     assert root.ascent.best.bound < begun and root.ascent.cuts and root.found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("owner", "name", "calls"),
     [
@@ -271,6 +273,7 @@ def test_moves_before_a_limit_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     assert {column.key for column in root.search.incumbent.columns} <= root.found.keys()
 
 
+@pytest.mark.slow
 @examples(8)
 @given(some_problems)
 def test_optima_are_the_same_without_masters_at_first(problem: Problem) -> None:

@@ -60,6 +60,7 @@ ALL = [*MILPS, pytest.param("scip-nonlinear", marks=needs_pyscipopt)]
 METHODS = MILPS | {"scip-nonlinear": scip_nonlinear}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method",
     [pytest.param(m, marks=pytest.mark.slow) if m in ("highs", "scip") else m for m in ALL],
@@ -84,6 +85,7 @@ def test_milps_equal_brute_force(method: str, problem: Problem) -> None:
         assert verify(problem, result.certificate).bound == result.bound
 
 
+@pytest.mark.slow
 @examples(10)
 @given(problem=st.one_of(problems(), meetings(3)))
 def test_one_flow_per_class_has_the_optimum_of_one_per_robot(problem: Problem) -> None:
@@ -392,6 +394,7 @@ def test_a_robot_without_a_path_is_a_proof(method: str) -> None:
     assert alone.reason is Reason.INFEASIBLE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ALL)
 def test_several_robots_in_one_state(method: str) -> None:
     """Without rules any number of robots may share a state, from the start on."""

@@ -135,6 +135,7 @@ def test_a_limit_ends_trials_and_keeps_what_they_proved(
     assert trials.above == ending.targets[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.75, 0.25])
 def test_what_trials_for_higher_targets_prove_is_verified(
     share: float, monkeypatch: pytest.MonkeyPatch

@@ -80,6 +80,7 @@ def assert_ordered(problem: Problem) -> None:
             assert weaker >= stronger * (1 - ACCURACY["rel"]) - ACCURACY["abs"]
 
 
+@pytest.mark.slow
 @examples(10)
 @given(problem=any_problem())
 def test_one_flow_per_class_is_as_tight_as_one_per_robot(problem: Problem) -> None:

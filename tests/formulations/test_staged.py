@@ -117,6 +117,7 @@ def random_staged(model: Model, target: float, rng: np.random.Generator) -> Stag
     return Staged(random_multipliers(model, rng), target, tuple(stages), above)
 
 
+@pytest.mark.slow
 @examples(20)
 @given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
 def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
@@ -512,6 +513,7 @@ def test_a_search_that_is_too_long_says_so() -> None:
         most_profitable(joint, -np.inf, 1)
 
 
+@pytest.mark.slow
 @examples(30)
 @given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
 def test_joint_value_iteration_finds_the_best_plan(problem: Problem, seed: int) -> None:
@@ -719,6 +721,7 @@ def optimum_of_tiny() -> float:
     return optimum(tiny()).value
 
 
+@pytest.mark.slow
 def test_step_envelopes_can_be_asked_for_few_joint_states_only() -> None:
     """As many as multisets of the states that are left; where there are more, paths are tried."""
     problem = load_scene("bottleneck", 0).replace(horizon=5)
@@ -868,6 +871,7 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
         assert optimum(problem).value <= pricing.bound == search.spare.proved
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
 def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
     monkeypatch: pytest.MonkeyPatch,

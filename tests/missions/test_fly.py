@@ -101,6 +101,7 @@ def test_flights_that_cannot_be_made_are_refused(
         assert not flight.exists()
 
 
+@pytest.mark.slow
 def test_lines_between_rows_are_told(
     files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -131,6 +132,7 @@ def beside_somebody() -> tuple[co.Problem, co.Plan]:
     return problem, co.Plan(paths=(path,))
 
 
+@pytest.mark.slow
 def test_a_smooth_flight_beside_people_may_be_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A drone that starts is overtaken; what is said to be enough, and of the straight one, is."""
     problem, plan = beside_somebody()
@@ -155,6 +157,7 @@ def saved(folder: Path, problem: co.Problem, plan: co.Plan) -> tuple[Path, Path,
     return scene, file, out
 
 
+@pytest.mark.slow
 def test_a_margin_makes_room_for_a_smooth_flight(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -279,6 +282,7 @@ def test_a_step_that_is_too_short_for_a_show_is_named_by_its_option(
     assert re.search("--step: must be at least .* s for a show of this flight", run.err)
 
 
+@pytest.mark.slow
 def test_limits_hold_for_scenes_and_for_flights(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -50,6 +50,7 @@ def require_boxes(polygons: list[Any], crs: str) -> None:
         assert found.exterior.is_ccw
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crs", ["EPSG:25830", "EPSG:3034"])
 @pytest.mark.parametrize("name", ["px4", "ardupilot"])
 def test_zones_are_the_geofence_of_plans(name: str, crs: str) -> None:

@@ -38,6 +38,7 @@ SCENES = ["bottleneck", "bridge", "tiny-give-way", "tiny-hover"]
 # -- data ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES)
 def test_rewards_are_the_referees(scene: str) -> None:
     """J, the reward of each step and the number of conflicts are those of `check`."""

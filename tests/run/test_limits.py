@@ -156,6 +156,7 @@ def test_changes_of_a_recipe_are_read_as_they_are_written(town: Path) -> None:
         assert Model(tried).reachable_views < views
 
 
+@pytest.mark.slow
 def test_a_resolution_at_which_drones_fly_farther_says_so(town: Path) -> None:
     """A step of three cells is one of two that are 1.5 times as large; one of one cell is not."""
     for radius, first in ((3, "radius = 2 in [drones.motion]"), (1, "1.5 times as far in a step)")):

@@ -468,6 +468,7 @@ longitude = 13.0590
 """
 
 
+@pytest.mark.slow
 def test_drones_pass_below_a_block_in_the_air_and_people_are_hidden_by_it(tmp_path: Path) -> None:
     """It is no block from the ground upwards, for neither of them."""
 

@@ -45,6 +45,7 @@ def test_a_gimbal_sees_no_less() -> None:
     assert EXACT["branch-and-price"](gimbal).value >= fixed * (1 - 1e-6)
 
 
+@pytest.mark.slow
 def test_all_planners_take_teams_of_different_cameras() -> None:
     """A gimbal beside a fixed camera beside a cone, at other heights and speeds."""
     problem = tiny()
@@ -78,6 +79,7 @@ def test_what_cannot_be_exchanged_is_said() -> None:
         with_cameras(problem, tilts=(91.0,))
 
 
+@pytest.mark.slow
 def test_export_exchanges_cameras(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The scene file has the camera and the pitches that were asked for."""
     path = tmp_path / "scene.json"

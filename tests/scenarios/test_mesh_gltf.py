@@ -174,6 +174,7 @@ def test_instances_are_read(tmp_path: Path, required: bool) -> None:
     assert bounds(mesh) == ([5, 5, 0], [30, 40, 16])
 
 
+@pytest.mark.slow
 def test_instances_without_end_are_refused(tmp_path: Path) -> None:
     """A file of a kilobyte may declare millions, of which none is made."""
     made = model(BOX, TRIANGLES)

@@ -192,6 +192,7 @@ def test_chunks_do_not_show(
     refused(grid(HEADER + NUMBERS[:-2] + "six"), "row 2, column 3 .* not 'six'")
 
 
+@pytest.mark.slow
 @examples(40)
 @given(
     shape=st.tuples(st.integers(1, 5), st.integers(1, 5)),

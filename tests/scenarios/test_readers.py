@@ -473,6 +473,7 @@ def test_wrong_scenario_is_one_line(
     _one_line(lambda: movingai.read(scenario, near=None), "tiny.scen: ", *words)
 
 
+@pytest.mark.slow
 def test_near_is_named_where_it_leaves_no_starts(tmp_path: Path) -> None:
     """Others walk where nobody starts near the first; who lacks drones still learns it, once."""
     wall = "." * 30 + "@" + "." * 9
@@ -569,6 +570,7 @@ def test_wrong_argument_is_one_line(scenario: Path, argument: str, value: Any) -
     _one_line(lambda: movingai.read(scenario, **{argument: value}), f"tiny.scen: {argument}: ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
@@ -661,6 +663,7 @@ def test_wrong_movingai_options_are_one_line(scenario: Path, option: tuple[str, 
     _one_line(lambda: movingai.read(scenario, 0, dict([option])), words)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["maze-32-32-2-random-1", "room-32-32-4-random-1"])
 def test_somebody_is_seen_on_benchmark_maps(name: str) -> None:
     """By default drones start where somebody is near in sight; J was 0 on half of the seeds."""

@@ -97,6 +97,7 @@ def parts(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_example_in_the_manual_is_read(parts: Path) -> None:
     """The example has every table, and all of them arrive in the problem."""
     text = EXAMPLE.replace("[10, 10, 70, 50]", str([EAST + 10, NORTH + 10, EAST + 70, NORTH + 50]))
@@ -491,7 +492,7 @@ def test_a_person_looks_where_a_walk_says(tmp_path: Path, caplog: pytest.LogCapt
         caplog.clear()
         (actor,) = read(write(tmp_path, text + DRONE)).actors
         assert actor.poses[:, 3] == pytest.approx([yaw] * 5)
-        assert ("from (5, 6) m ends after 0.667 of 4 s" in caplog.text) == doubted
+        assert ("from (5, 6) m ends after 0.6667 of 4 s" in caplog.text) == doubted
 
 
 # -- meshes -------------------------------------------------------------------------------
@@ -1086,6 +1087,7 @@ def test_drones_near_people_may_start_where_all_others_may(
     assert starts[0] == {cell for cell, far in middles.items() if far <= near}
 
 
+@pytest.mark.slow
 def test_random_drones_start_where_they_can_meet_somebody(tmp_path: Path) -> None:
     """None starts in a courtyard that walls shut in, whatever the seed."""
     rows = [["0"] * 20 for _ in range(20)]

@@ -231,6 +231,7 @@ def test_collision_rules_cost_the_optimum_of_four_robots() -> None:
     assert bound < 0.998 * value("greedy-rounds", problem.replace(rules=NO_RULES))
 
 
+@pytest.mark.slow
 def test_sequential_planning_loses_to_cocap_and_cocap_to_the_optimum() -> None:
     """Neither planner is always as good as the next better one."""
     problem = scene("corridor", 9)
@@ -251,6 +252,7 @@ def test_cocap_needs_few_nodes_in_the_bottleneck() -> None:
     assert max(generated) > 1
 
 
+@pytest.mark.slow
 def test_planning_one_by_one_loses_in_the_passage() -> None:
     """Greedy collides more than once per robot, and sequential is a tenth below CoCap.
 
@@ -349,6 +351,7 @@ def test_field_actors_walk_on_free_ground_and_stay_apart(seed: int, sizes: Sizes
         assert apart.min() > math.sqrt(2)  # half the diagonals of two boxes
 
 
+@pytest.mark.slow
 def test_field_seeds_make_different_fields_always_the_same() -> None:
     """Each seed gives blocks, ways and starts of its own."""
     sizes = SMALLEST_FIELD
