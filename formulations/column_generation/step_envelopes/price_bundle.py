@@ -15,7 +15,7 @@ it too low, so that they are found by and by; the last term keeps prices near th
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ import numpy as np
 from scipy import sparse
 
 from cocap_opt.arithmetic import exact_sum
-from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.format import StepPrices
 from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
 from cocap_opt.formulations.column_generation.master.columns import Arc
@@ -42,6 +42,27 @@ _ACCURACY = 1e-9  # relative, of the solver
 _Place = tuple[int, int, int]  # class number, step, state number
 _Gains = Mapping[tuple[_Place, _Place], float]  # of known moves: rewards less charges, no prices
 _Height = tuple[int, tuple[int, ...], float]  # step, positions among all prices, and worth
+_Entry = tuple[int, float]  # column and coefficient; those of one column add up
+_MasterRow = tuple[Sequence[_Entry], float]  # entries, and the most that they may come to
+
+
+class _Columns(NamedTuple):
+    """The columns of a master problem: constants first, then the prices in use, then potentials."""
+
+    constant_of: Mapping[int, int]  # by step
+    price_of: Mapping[int, int]  # by position among all prices, increasing
+    node_of: Mapping[_Place, int]  # potential by place
+
+    @property
+    def prices(self) -> slice:
+        """The columns of prices."""
+        first = len(self.constant_of)
+        return slice(first, first + len(self.price_of))
+
+    @property
+    def size(self) -> int:
+        """The number of columns."""
+        return len(self.constant_of) + len(self.price_of) + len(self.node_of)
 
 
 class _StepSolution(NamedTuple):
@@ -91,6 +112,9 @@ class PriceBundle:
             for t, joint in joints.items()
             for k, (c, s) in enumerate(zip(joint.class_of, joint.states, strict=True))
         }
+        self._has_ceiling: BoolArray = np.zeros(len(self.centre), dtype=np.bool_)  # [n]
+        for t in ceilings:
+            self._has_ceiling[self._spans[t]] = True
         self._worths: dict[int, dict[tuple[int, ...], float]] = {t: {} for t in joints}
         self._bonuses = Bonuses.of(self._model.problem.objective)
         self._unpriced = [
@@ -183,87 +207,93 @@ class PriceBundle:
         ----------
         heights : of known joint states, in the order of their steps
         """
-        least = {
-            k: float(self.centre[k])
-            for t in self._ceilings
-            for k in range(self._spans[t].start, self._spans[t].stop)
-        }
-        # Columns: the constants by step, the prices in use by position, the potentials by place.
-        places = dict.fromkeys(place for ends in arcs for place in ends)
-        used = sorted(
-            {self._priced[place] for place in places if place in self._priced}
-            | {position for _, positions, _ in heights for position in positions}
-        )
-        constant_of = {t: k for k, t in enumerate(sorted({t for t, _, _ in heights}))}
-        first = len(constant_of)
-        price_of = {position: first + k for k, position in enumerate(used)}
-        node_of = {place: first + len(used) + k for k, place in enumerate(places)}
-        size = first + len(used) + len(places)
-        # Rows `matrix x <= rhs`, as the entries of a sparse matrix; those of one place add up.
-        entries: list[tuple[int, int, float]] = []
-        rhs: list[float] = []
-
-        def price_at(place: _Place) -> float:
-            """Adds a place's price to the row that is being made; returns its constant part."""
-            if place in self._priced:
-                entries.append((len(rhs), price_of[self._priced[place]], 1.0))
-                return 0.0
-            number, t, state = place
-            unpriced = float(self._unpriced[number][t, state])
-            if t in self._ceilings:
-                entries.append((len(rhs), constant_of[t], -1.0))
-                return unpriced + self._ceilings[t]
-            return unpriced
-
-        # The tail's potential is at least its price, the gain, and the head's potential.
-        for (tail, head), gain in arcs.items():
-            entries += [(len(rhs), node_of[tail], -1.0), (len(rhs), node_of[head], 1.0)]
-            constant = price_at(tail)
-            rhs.append(-gain - constant)
-        last = max(place[1] for place in places)
-        for place, node in node_of.items():
-            if place[1] == last:
-                entries.append((len(rhs), node, -1.0))
-                constant = price_at(place)
-                rhs.append(-0.0 - constant)
-        # The step's constant is at least the worth less the prices.
-        for t, positions, worth in heights:
-            entries.append((len(rhs), constant_of[t], -1.0))
-            entries += [(len(rhs), price_of[position], -1.0) for position in positions]
-            rhs.append(-worth)
-        for position, column in price_of.items():
-            if position in least:
-                entries.append((len(rhs), column, -1.0))
-                rhs.append(-least[position])
-        for t, ceiling in self._ceilings.items():
-            entries.append((len(rhs), constant_of[t], 1.0))
-            rhs.append(ceiling)
-        rows, columns, values = np.array(entries).T
-        index: tuple[IntArray, IntArray] = (rows.astype(np.int64), columns.astype(np.int64))
-        matrix = sparse.csc_matrix((values, index), shape=(len(rhs), size))
-
-        cost = np.zeros(size)
-        cost[:first] = 1.0
-        for place, robots in self._starts.items():
-            cost[node_of[place]] += robots
-        value_of = cost.copy()
-        near = slice(first, first + len(used))
-        cost[near] = -self._weight * self._prices[used]
-        weights = np.zeros(size)
-        weights[near] = self._weight
+        columns = self._columns(arcs, heights)
+        matrix, rhs = _assembled([
+            *self._arc_rows(arcs, columns),  # first, so that their multipliers are the flow
+            *self._end_rows(columns),
+            *self._height_rows(heights, columns),
+            *self._ceiling_rows(columns),
+        ], columns.size)  # fmt: skip
+        bound = self._bound_of(columns)
+        used, near = list(columns.price_of), columns.prices
+        cost, weights = bound.copy(), np.zeros(columns.size)
+        cost[near], weights[near] = -self._weight * self._prices[used], self._weight
         solution = solve_cones(
-            cost, matrix, np.array(rhs), [clarabel.NonnegativeConeT(len(rhs))], self._stop,
+            cost, matrix, rhs, [clarabel.NonnegativeConeT(len(rhs))], self._stop,
             quadratic=sparse.diags(weights).tocsc(), direct_solve_method="faer",
             tol_gap_rel=_ACCURACY, tol_feas=_ACCURACY,
         )  # fmt: skip
         found = np.nan_to_num(np.array(solution.x))
         prices = self._prices.copy()
         prices[used] = found[near]
-        for k, price in least.items():
-            prices[k] = max(prices[k], price)  # a solver is not accurate
-        constants = {t: float(found[k]) for t, k in constant_of.items()}
+        floored = self._has_ceiling  # a solver is not accurate
+        prices[floored] = np.maximum(prices[floored], self.centre[floored])
+        constants = {t: float(found[k]) for t, k in columns.constant_of.items()}
         flow = np.nan_to_num(np.array(solution.z))[: len(arcs)]
-        return _StepSolution(prices, constants, float(value_of @ found), flow)
+        return _StepSolution(prices, constants, float(bound @ found), flow)
+
+    def _columns(self, arcs: _Gains, heights: Sequence[_Height]) -> _Columns:
+        """Returns the columns that known arcs and joint states need."""
+        places = dict.fromkeys(place for ends in arcs for place in ends)
+        used = {self._priced[place] for place in places if place in self._priced}
+        used |= {position for _, positions, _ in heights for position in positions}
+        steps = sorted({t for t, _, _ in heights})
+        first, end = len(steps), len(steps) + len(used)
+        return _Columns(
+            {t: k for k, t in enumerate(steps)},
+            {position: first + k for k, position in enumerate(sorted(used))},
+            {place: end + k for k, place in enumerate(places)},
+        )
+
+    def _bound_of(self, columns: _Columns) -> FloatArray:
+        """Returns the coefficients of the bound: constants, and potentials at the starts."""
+        bound = np.zeros(columns.size)
+        bound[: len(columns.constant_of)] = 1.0
+        for place, robots in self._starts.items():
+            bound[columns.node_of[place]] += robots
+        return bound
+
+    def _price_at(self, place: _Place, columns: _Columns) -> tuple[list[_Entry], float]:
+        """Returns the price of a place: its entry, if it has a column, and the constant part."""
+        if place in self._priced:
+            return [(columns.price_of[self._priced[place]], 1.0)], 0.0
+        number, t, state = place
+        unpriced = float(self._unpriced[number][t, state])
+        if t in self._ceilings:
+            return [(columns.constant_of[t], -1.0)], unpriced + self._ceilings[t]
+        return [], unpriced
+
+    def _arc_rows(self, arcs: _Gains, columns: _Columns) -> Iterator[_MasterRow]:
+        """Yields a row for each arc: the tail's potential is at least price, gain and head's."""
+        for (tail, head), gain in arcs.items():
+            price, constant = self._price_at(tail, columns)
+            ends = [(columns.node_of[tail], -1.0), (columns.node_of[head], 1.0)]
+            yield [*ends, *price], -gain - constant
+
+    def _end_rows(self, columns: _Columns) -> Iterator[_MasterRow]:
+        """Yields a row for each place of the last step: its potential is at least its price."""
+        last = max(t for _, t, _ in columns.node_of)
+        for place, node in columns.node_of.items():
+            if place[1] == last:
+                price, constant = self._price_at(place, columns)
+                yield [(node, -1.0), *price], -constant
+
+    def _height_rows(self, heights: Sequence[_Height], columns: _Columns) -> Iterator[_MasterRow]:
+        """Yields a row for each joint state: its step's constant is at least worth less prices."""
+        for t, positions, worth in heights:
+            prices = [(columns.price_of[position], -1.0) for position in positions]
+            yield [(columns.constant_of[t], -1.0), *prices], -worth
+
+    def _ceiling_rows(self, columns: _Columns) -> Iterator[_MasterRow]:
+        """Yields the rows of steps with a ceiling, which bounds the constant.
+
+        Prices there are at least those of the centre.
+        """
+        for position, column in columns.price_of.items():
+            if self._has_ceiling[position]:
+                yield [(column, -1.0)], -float(self.centre[position])
+        for t, ceiling in self._ceilings.items():
+            yield [(columns.constant_of[t], 1.0)], ceiling
 
     def correct(self, value: float) -> None:
         """Takes down the bound that the latest prices prove, if local search told a lower one."""
@@ -387,3 +417,12 @@ class PriceBundle:
             states = tuple(graph.state(int(state)) for state in joint.states[of_class])
             parts.append(StepPrices(t, number, states, tuple(prices[of_class].tolist()), others))
         return parts
+
+
+def _assembled(rows: Sequence[_MasterRow], n_columns: int) -> tuple[sparse.csc_matrix, FloatArray]:
+    """Returns rows `matrix x <= rhs` as a matrix and right-hand sides."""
+    entries = [(number, *entry) for number, (row, _) in enumerate(rows) for entry in row]
+    numbers, columns, values = np.array(entries).T
+    index: tuple[IntArray, IntArray] = (numbers.astype(np.int64), columns.astype(np.int64))
+    matrix = sparse.csc_matrix((values, index), shape=(len(rows), n_columns))
+    return matrix, np.array([most for _, most in rows])
