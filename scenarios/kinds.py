@@ -290,7 +290,7 @@ def _by_bytes(begin: bytes) -> Kind | None:
 
 
 def _closer(kind: Kind, begin: bytes) -> Kind:
-    """Returns what a database or an archive is, by what stands first in it."""
+    """Returns the kind of file that a database or an archive is, by its first bytes."""
     if kind is SQLITE:
         if begin[68:70] == b"GP":  # its application's number: GPKG, GP10
             return _GEOPACKAGE

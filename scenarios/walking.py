@@ -1,4 +1,4 @@
-"""Where people can walk on a grid of free and blocked cells."""
+"""Walks of people on a grid of free and blocked cells."""
 
 from __future__ import annotations  # networkx graphs take type arguments in stubs only
 

@@ -97,7 +97,7 @@ def _web_mercator() -> NotTrueError:
 
 
 def _by_pyproj(text: str) -> Units | None:
-    """Returns what pyproj says, or None if it is not installed or takes the WKT for no sound one.
+    """Returns the units that pyproj reads; None if it is not installed or finds the WKT unsound.
 
     WKT without a datum or the like, as small programs write it, states its units all the same.
     """

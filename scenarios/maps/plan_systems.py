@@ -42,7 +42,7 @@ class StatedSystem(NamedTuple):
 
     @classmethod
     def by_srid(cls, text: str) -> tuple["StatedSystem", str]:
-        """Returns what WKT says, and the rest of it."""
+        """Returns the system that WKT begins with, and the rest of the text."""
         found = _SYSTEM.match(text)
         if found is None:
             return cls("SRID"), text
@@ -50,7 +50,7 @@ class StatedSystem(NamedTuple):
 
     @classmethod
     def by_crs(cls, crs: Any) -> "StatedSystem":
-        """Returns what the member `crs` of GeoJSON says."""
+        """Returns the system that the member `crs` of GeoJSON names."""
         name = "" if crs is msgspec.UNSET or crs is None else str(crs)
         found = _NAMED_SYSTEM.search(name)
         return cls("crs", name, int(found[1][:_DIGITS]) if found else None, crs is None)

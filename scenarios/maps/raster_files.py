@@ -230,7 +230,7 @@ def _require_rows(file: BinaryIO, layout: Layout) -> None:
 
 
 def _values_per_line(file: BinaryIO) -> IntArray:
-    """Returns how many values the lines of the rest of a file have, those without any left out.
+    """Counts the values on each line of the rest of a file; lines without any are left out.
 
     The file then stands where it stood.
     """
@@ -297,7 +297,7 @@ def _numbers(words: list[bytes], done: int, width: int) -> FloatArray:
 
 
 def _beside(path: Path) -> _Said | None:
-    """Returns what `.prj`, `.qpj` and `.aux.xml` beside a grid say of its units; None without any.
+    """Reads the system and units of a grid from `.prj`, `.qpj` and `.aux.xml` beside it, if any.
 
     They are named as the grid, with the ending in its place or after it, in large or small letters.
 

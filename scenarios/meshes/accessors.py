@@ -48,7 +48,7 @@ class BufferView(msgspec.Struct, rename="camel"):
 
 
 class _SparseIndices(msgspec.Struct, rename="camel"):
-    """Where the numbers are that sparse values replace."""
+    """The place in the file of the indices at which sparse values stand."""
 
     buffer_view: Index
     component_type: int
@@ -241,7 +241,7 @@ class Accessors:
 
 
 def needs(extension: str) -> str:
-    """Returns what a file is told whose geometry is in an extension that is not read."""
+    """Returns the message for a file whose geometry needs an extension that is not read."""
     return (
         f"needs {extension}, which is not read; `gltf-transform cp OLD.glb NEW.glb`, or Blender's "
         "export without compression, writes a file that does not"

@@ -1,4 +1,4 @@
-"""What readers of mesh files share: lines and numbers of text, faces, and their triangles.
+"""Shared parts of readers of mesh files: lines and numbers of text, faces, their triangles.
 
 Faces have any number of corners. Text may be of any encoding.
 """

@@ -307,7 +307,7 @@ def _meshes(
 
 
 def _ways_to_walls(recipe: Recipe, walls: list[Mesh]) -> str:
-    """Returns how a map and walls that do not lie on it can come together."""
+    """Suggests ways to bring a map and the walls that do not lie on it together."""
     if recipe.map.file is not None:
         return "`at` moves them, `unit` scales them"
     low = np.concatenate([wall.vertices for wall in walls]).min(axis=0)

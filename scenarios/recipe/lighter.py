@@ -187,7 +187,7 @@ def _listed(numbers: Sequence[float]) -> str:
 
 
 def _name(recipe: Recipe, k: int, table: str = "") -> str:
-    """Returns what a table of drones is called in the file."""
+    """Returns the name that a table of drones has in the file."""
     name = f"drones{table}"
     which = "" if len(recipe.drones) == 1 else f" number {k + 1}"
     return f"[{name}]{which}" if table else f"[[{name}]]{which}"

@@ -205,7 +205,7 @@ class TracksTable(Table):
         )
 
     def _way_out(self, apart: float) -> str:
-        """Returns what may help where rows of a person are so many seconds apart."""
+        """Suggests options of the recipe where rows of a person are so many seconds apart."""
         unit = likely_unit(apart) if self.time_unit is None and self.fps is None else None
         ways = []
         if unit not in (None, "s"):

@@ -252,7 +252,7 @@ class Name(NamedTuple):
 
     @classmethod
     def of(cls, name: str) -> "Name":
-        """Returns what a name such as "pos_x [cm]" or "timestampUs" says."""
+        """Parses the name of a column, such as "pos_x [cm]" or "timestampUs"."""
         word, unit = _parts(name)
         plain = _spelt(word)
         if role := _ROLES.get(plain):
@@ -380,7 +380,7 @@ def _refuse_boxes(names: Sequence[str], field: str) -> None:
 
 
 def _about_corners(names: Sequence[str]) -> str:
-    """Returns what to do with boxes that are told by their corners."""
+    """Returns advice on boxes that are given by their edges; empty if there are none."""
     edges = [name for name in names if _spelt(_bare(name)) in _CORNERS]
     if len(edges) < _EDGES:
         return ""
