@@ -123,7 +123,7 @@ class Explanation:
         return amount / self.bound if self.bound > _NOTHING else 0.0
 
     def losses(self) -> FloatArray:
-        """Returns what each robot loses by leaving each step, in units of J [R, T]."""
+        """Returns each robot's loss by the move of its path at each step [R, T], in units of J."""
         paths = self.of_kind("path")
         size = 1 + max(term.robot or 0 for term in paths)
         return np.array([term.amount for term in paths]).reshape(size, -1)

@@ -249,7 +249,7 @@ class _Prices:
                 yield self._weights[row][face] * (rest - alpha) ** 2 / (4 * beta)
 
     def _payment(self, certificate: Certificate, number: int) -> Callable[[int, int, float], float]:
-        """Returns what a class is paid for pixels of a face in a row, before weights."""
+        """Returns the function that pays a class for pixels of a face in a row, before weights."""
         if isinstance(certificate, ReferencePixels):
             reference = certificate.pixels
             return lambda row, face, pixels: (
@@ -365,7 +365,7 @@ class _Sight:
 
 
 def _uses_of(certificate: Certificate, decisions: Sequence[Decision], number: int) -> _Uses:
-    """Returns what robots of a class pay for each use of a resource; infinity closes it."""
+    """Returns the price of each use of a resource for robots of a class; infinity closes it."""
     if isinstance(certificate, ReferencePixels):
         return {}
     priced = [(row.resource, row.multiplier) for row in certificate.rows]

@@ -19,7 +19,7 @@ THREADS, SEED = 1, 0
 
 
 class _Solver(NamedTuple):
-    """What a solver is told, and what it says, in the words of its library."""
+    """The options and the statuses of a solver, in the words of its library."""
 
     options: Mapping[str, Any]  # whatever is solved
     statuses: Mapping[str, Reason | Limit]  # all others are `Limit.NUMERICS`

@@ -53,7 +53,7 @@ def _is_allowed(number: object, whole: bool, largest: float) -> bool:
 
 @dataclass(frozen=True)
 class SearchParameters(_Section):
-    """What all nodes share: accuracy, and how often local search responds.
+    """The parameters that all nodes share: accuracy, and the responses of local search.
 
     Attributes
     ----------

@@ -256,7 +256,7 @@ class Search:
 
 
 def _staged_statistics(file: CertificateFile) -> dict[str, float]:
-    """Returns how many stages a certificate has, and the J above which all plans were tried."""
+    """Returns the number of stages of a certificate, and the J above which all plans were tried."""
     staged = file.certificate
     if not isinstance(staged, Staged):
         return {}

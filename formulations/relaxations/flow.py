@@ -181,7 +181,7 @@ class Flow:
     # -- back and forth between flows and paths --------------------------------------------
 
     def amounts(self, paths: Sequence[Path]) -> Amounts:
-        """Returns how many robots are in each node and along each edge, for one path per robot."""
+        """Counts the robots in each node and along each edge, for one path per robot."""
         x, y = np.zeros(self.n_nodes), np.zeros(self.n_edges)
         for k, robot_class in enumerate(self.model.classes):
             for robot in robot_class.robots:
@@ -272,7 +272,7 @@ class Flow:
 def _class_part(
     k: int, robot_class: RobotClass, useful: BoolArray, first: int, most_edges: int, stop: Stop
 ) -> _ClassPart:
-    """Returns what class k adds to a flow, whose nodes have numbers from `first` on.
+    """Returns the part of class k in a flow, whose nodes have numbers from `first` on.
 
     Parameters
     ----------

@@ -144,7 +144,7 @@ class ArcSearch:
         )
 
     def _overlaps(self, robot: int) -> FloatArray:
-        """Returns how much each robot's roots share with those of one robot [R]; 0 for itself."""
+        """Returns the overlap [R] of each robot's roots with those of one robot; 0 for itself."""
         roots = self._model.problem.no_pixels()
         column = self.columns[robot]
         roots[column.view_sums] = np.sqrt(column.pixels)

@@ -99,7 +99,7 @@ class Recombination:
             most *= self.parameters.more_plans
 
     def _most_nodes(self, stop: Stop) -> int:
-        """Returns how many nodes the searches may take."""
+        """Returns the most nodes that the searches may take."""
         most, plain = self.parameters.most_nodes, self.parameters.most_plain_nodes
         return most if searches_are_fast(stop) else plain
 

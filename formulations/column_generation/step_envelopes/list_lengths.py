@@ -46,7 +46,7 @@ class ListLengths:
         return self.long_search <= self.parameters.longest_search
 
     def most(self, t: int) -> int:
-        """Returns how many states the next list of step t has at most."""
+        """Returns the most states that the next list of step t may have."""
         return min(self._bearable.get(t, self.first), self.parameters.most)
 
     def slack(self, open_: float, count: Callable[[float], int]) -> float:

@@ -114,6 +114,6 @@ class PathTrials:
         return self.search.parameters.trials
 
     def _fewest_nodes(self) -> int:
-        """Returns how many nodes any trial may take."""
+        """Returns the number of nodes that every trial may take, whatever is left."""
         few, plain = self._parameters.fewest_nodes, self._parameters.fewest_plain_nodes
         return few if searches_are_fast(self.search.stop) else plain

@@ -176,7 +176,7 @@ class Tree:
         self.search.report(self.search.snapshot(bound, self._solved))
 
     def statistics(self, proof: ProofFile) -> Mapping[str, float]:
-        """Returns how many nodes were solved, and how much work that was."""
+        """Returns the numbers of nodes solved and of leaves, and the work that they took."""
         return {
             "nodes": self._solved,
             "leaves": sum(isinstance(node, Leaf) for node in proof.nodes),
