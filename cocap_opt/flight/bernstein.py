@@ -18,7 +18,7 @@ _FINE = 1e-9  # share of a largest value to which it is found
 
 
 class Peak(NamedTuple):
-    """Where the largest of some polynomials is largest."""
+    """The largest value that any of several polynomials takes, and its place."""
 
     value: float  # at most so much, at every moment
     which: int  # number of the polynomial
@@ -26,7 +26,7 @@ class Peak(NamedTuple):
 
     @classmethod
     def of(cls, coefficients: FloatArray) -> Self:
-        """Returns where the largest of polynomials [N, n+1], N > 0, is largest, to a billionth.
+        """Returns the peak of polynomials [N, n+1], N > 0, to a billionth.
 
         The value is a bound that none of them exceeds.
         """

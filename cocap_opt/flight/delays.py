@@ -120,9 +120,9 @@ def _ways(first: FloatArray, second: FloatArray, ahead: FloatArray) -> FloatArra
 
 
 def _bound(first: FloatArray, second: FloatArray, rules: CollisionRules) -> FloatArray:
-    """Returns how far ahead [n] of other pieces some [n, 3, 6] are at least where they break rules.
+    """Returns the least lead [n] of pieces [n, 3, 6] over others at which they may break rules.
 
-    It is a difference of shares, -1..1; inf: they surely break none.
+    The lead is a difference of shares, -1..1; inf: they surely break none.
     """
     aside = slice(None, 2 if rules.vertical else None)
     a, b = first[:, aside], second[:, aside]
@@ -142,7 +142,7 @@ def _bound(first: FloatArray, second: FloatArray, rules: CollisionRules) -> Floa
 def _bound_along(
     first: FloatArray, second: FloatArray, normal: FloatArray, separation: float
 ) -> FloatArray:
-    """Returns what `_bound` does, for pieces that must be so far apart along normals [n, d]."""
+    """Returns the same least lead as `_bound`, for a separation (m) along normals [n, d] alone."""
     p, q = (np.einsum("nd,ndk->nk", normal, piece) for piece in (first, second))
     far = separation - TOLERANCE + _ROUNDING
     shares = np.linspace(0.0, 1.0, p.shape[-1])

@@ -129,7 +129,7 @@ class Flight(NamedTuple):
         return columns
 
     def off_between_rows(self, every: float | None) -> float:
-        """Returns how far (m) straight lines between rows are at most from what was checked."""
+        """Returns the largest distance (m) of the flight from straight lines between rows."""
         return self.flown.distance_from_chords(self._moments(every))
 
     def between_rows(self, every: float | None) -> Iterator[str]:
@@ -142,7 +142,7 @@ class Flight(NamedTuple):
             )
 
     def record(self) -> dict[str, Any]:
-        """Returns what there is to say of the flights as a whole."""
+        """Returns the kind, duration, distances and rewards of the flights as a whole."""
         problem, least = self.flown.problem, self.flown.least_distance()
         parts, close = parts_of(problem), Nearest.of_people(self.flown)
         found: dict[str, Any] = {

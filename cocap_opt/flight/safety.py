@@ -184,8 +184,8 @@ class Nearest(NamedTuple):
 
     distance: float  # m
     t: float  # s since step 0
-    one: int
-    other: int
+    first: int  # number of a drone
+    second: int  # number of another drone, or of a person
     place: FloatArray  # [3] m, of the first
 
     @classmethod

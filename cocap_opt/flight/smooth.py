@@ -86,7 +86,7 @@ class Smooth(NamedTuple):
 
 
 def spare(problem: Problem, robot: Robot) -> float:
-    """Returns how far (m) a drone that stops at each step strays from its even pace at most.
+    """Returns the largest distance (m) from its even pace of a drone that stops at each step.
 
     It takes the shortest blends. With so much to spare to people, each plan has a smooth flight.
     """

@@ -169,7 +169,7 @@ def steep_ground(problem: SceneData, robot: Robot, kind: str, is_smooth: bool) -
 
 
 def _nearer_layers(beyond: list[_Strain], step: float, motion: Motion) -> str:
-    """Returns how near layers must be, where only climbs and descents are too fast."""
+    """Returns advice on nearer layers, where only climbs and descents are too fast; else empty."""
     if any(strain.kind not in _UPRIGHT for strain in beyond):
         return ""
     ground = max(strain.reach for strain in beyond) - motion.largest_climb

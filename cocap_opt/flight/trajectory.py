@@ -28,7 +28,7 @@ _SLACK = 1e-9  # of a piece, by which a moment may be rounded beyond the last
 
 
 class Samples(NamedTuple):
-    """Where drones are at some moments [n], drone by drone."""
+    """The positions and angles of drones at moments [n], drone by drone."""
 
     drone: IntArray  # [n]
     t: FloatArray  # [n] s since step 0

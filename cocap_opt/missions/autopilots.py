@@ -129,11 +129,11 @@ class Autopilot(NamedTuple):
         return _Mission(self, route).items
 
     def late_by(self, route: Route) -> float:
-        """Returns how late (s) a drone is at its end."""
+        """Returns the delay (s) of a drone at its end."""
         return math.fsum(leg.seconds for leg in self.late(route))
 
     def behind(self, route: Route) -> float:
-        """Returns how far (s) a drone is behind its plan at most, on legs for which it waits."""
+        """Returns the largest lag (s) of a drone behind its plan, on legs for which it waits."""
         waits = (self.pace(leg).wait for leg in route.legs() if leg.is_way)
         return max(waits, default=0.0)
 

@@ -182,15 +182,15 @@ def _distances(flight: Flight) -> Iterator[str]:
     else:
         x, y, z = near.place.tolist()
         yield (
-            f"Between drones: {near.distance:.2f} m at least, of {near.one} and {near.other} at "
-            f"{near.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f} (rules: {rules})."
+            f"Between drones: {near.distance:.2f} m at least, of {near.first} and {near.second} "
+            f"at {near.t:.2f} s near x {x:.1f}, y {y:.1f}, z {z:.1f} (rules: {rules})."
         )
     close = Nearest.of_people(flight.flown)
     if close is not None:
         x, y, z = close.place.tolist()
         yield (
-            f"To people, seen from above: {close.distance:.2f} m at least, of drone {close.one} "
-            f"and {problem.person(close.other)} at {close.t:.2f} s "
+            f"To people, seen from above: {close.distance:.2f} m at least, of drone {close.first} "
+            f"and {problem.person(close.second)} at {close.t:.2f} s "
             f"near x {x:.1f}, y {y:.1f}, z {z:.1f}."
         )
     yield f"Airspace: {str(problem.airspace) or 'no zones, no ceiling, no distance to people'}."

@@ -22,7 +22,7 @@ EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class EarthTrack(NamedTuple):
-    """Where a drone or a person is at some moments [n].
+    """The positions of a drone or a person on the Earth at moments [n].
 
     Attributes
     ----------
@@ -128,11 +128,11 @@ def drone_tracks(flight: Flight, every: float | None = None) -> list[EarthTrack]
     columns |= _over(flight.flown.problem.height_map, points)
     tracks = []
     for i in range(len(flight.flown.pieces)):
-        own = columns["drone"] == i
+        rows = columns["drone"] == i
         tracks.append(EarthTrack(
-            columns["t"][own], columns["longitude"][own], columns["latitude"][own],
-            {name: values[own] for name, values in columns.items() if name.startswith("above_")},
-            {"yaw": yaw[own], "pitch": columns["pitch"][own]},
+            columns["t"][rows], columns["longitude"][rows], columns["latitude"][rows],
+            {name: values[rows] for name, values in columns.items() if name.startswith("above_")},
+            {"yaw": yaw[rows], "pitch": columns["pitch"][rows]},
         ))  # fmt: skip
     return tracks
 
@@ -177,8 +177,8 @@ def footprints_on_earth(flight: Flight) -> Iterator[Footprint]:
     for i, robot in enumerate(problem.robots):
         if not isinstance(robot.camera, Camera):
             continue
-        own = found.drone == i
-        pose = found.place[own], found.yaw[own], found.pitch[own]
+        rows = found.drone == i
+        pose = found.place[rows], found.yaw[rows], found.pitch[rows]
         prints = Footprints.of(problem.height_map, robot.camera, *pose)
         for t in np.flatnonzero(~np.isnan(prints.corners).any(axis=(1, 2))).tolist():
             latitude, longitude = geodesy.degrees(*prints.corners[t, :, :2].T)

@@ -100,7 +100,7 @@ class _Features:
         lines = [self._positions(part) for part in parts]
         if len(parts) == 1:
             return _feature("LineString", lines[0], {**properties, **values[0]})
-        nested = {name: [one[name] for one in values] for name in values[0]}
+        nested = {name: [by_name[name] for by_name in values] for name in values[0]}
         return _feature("MultiLineString", lines, {**properties, **nested})
 
     def _points(self, track: EarthTrack, drone: int) -> Iterator[_Feature]:

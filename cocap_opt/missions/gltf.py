@@ -155,17 +155,17 @@ class _Animation:
         """Adds drones with their cameras, and the lines that they fly."""
         dark = self._glb.material("camera", _DARK)
         for i, robot in enumerate(self._problem.robots):
-            name, own = f"drone {i}", self._samples.drone == i
+            name, rows = f"drone {i}", self._samples.drone == i
             colour = pictures.DRONE_COLOURS[i % len(pictures.DRONE_COLOURS)]
             paint = self._glb.material(name, colour)
-            track = self._local(self._samples.place[own])
+            track = self._local(self._samples.place[rows])
             line = self._glb.primitive(track, paint, mode=LINE_STRIP)
             self._glb.node(f"track {i}", mesh=self._glb.mesh(f"track {i}", line))
             body = self._glb.mesh(name, self._solid(_BODY, paint), self._solid(_NOSE, dark))
             node = self._glb.node(name, mesh=body)
-            self._move(node, self._times, track, _about_up(self._samples.yaw[own]))
+            self._move(node, self._times, track, _about_up(self._samples.yaw[rows]))
             if isinstance(robot.camera, Camera):
-                self._add_camera(i, node, robot.camera, self._samples.pitch[own], paint)
+                self._add_camera(i, node, robot.camera, self._samples.pitch[rows], paint)
 
     def _solid(self, boxes: Mesh, material: int) -> dict[str, object]:
         points = boxes.vertices[boxes.triangles].reshape(-1, 3)  # each face has its own corners
@@ -194,18 +194,18 @@ class _Animation:
         if not self._problem.actors:
             return
         material = self._glb.material("person", pictures.PERSON)
-        poses = [actor.poses[:steps].copy() for actor in self._problem.actors]
-        for own in poses:
-            own[:, 3] = np.unwrap(own[:, 3])  # the short way round
-        turns = np.abs([np.diff(own[:, 3]) for own in poses])
+        walks = [actor.poses[:steps].copy() for actor in self._problem.actors]
+        for walk in walks:
+            walk[:, 3] = np.unwrap(walk[:, 3])  # the short way round
+        turns = np.abs([np.diff(walk[:, 3]) for walk in walks])
         parts = np.maximum(np.ceil(turns.max(axis=0) / _MOST_TURN), 1).astype(np.int64)
         numbers = _subdivided(parts)
         clock = self._clock(numbers * self._flown.step)
-        for j, (actor, own) in enumerate(zip(self._problem.actors, poses, strict=True)):
+        for j, (actor, walk) in enumerate(zip(self._problem.actors, walks, strict=True)):
             name = self._problem.person(j)
             body = self._glb.primitive(_upright(_triangles(actor)), material)
             node = self._glb.node(name, mesh=self._glb.mesh(name, body))
-            at = [np.interp(numbers, np.arange(steps), column) for column in own.T]
+            at = [np.interp(numbers, np.arange(steps), column) for column in walk.T]
             self._move(node, clock, self._local(np.column_stack(at[:3])), _about_up(at[3]))
 
     def _move(self, node: int, clock: int, places: FloatArray | None, turns: FloatArray) -> None:

@@ -74,11 +74,12 @@ class _Grid(NamedTuple):
         cls, heights: FloatArray, stands: BoolArray, size: float, starts: list[IntArray]
     ) -> "_Grid":
         x, y = (
-            np.append(own, count) * size for own, count in zip(starts, heights.shape, strict=True)
+            np.append(cells, count) * size
+            for cells, count in zip(starts, heights.shape, strict=True)
         )
-        for axis, own in enumerate(starts):
-            heights = np.maximum.reduceat(heights, own, axis=axis)
-            stands = np.logical_or.reduceat(stands, own, axis=axis)
+        for axis, cells in enumerate(starts):
+            heights = np.maximum.reduceat(heights, cells, axis=axis)
+            stands = np.logical_or.reduceat(stands, cells, axis=axis)
         return cls(heights, stands, x, y)
 
     def rectangles(self) -> tuple[FloatArray, FloatArray]:

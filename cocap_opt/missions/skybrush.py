@@ -43,8 +43,8 @@ def write(flight: Flight, every: float | None) -> Export:
     problem = flight.flown.problem
     grounds = [problem.height_map.heights[r.start.x, r.start.y] for r in problem.robots]
     local = flight.flown.pieces - np.array([0, 0, min(grounds), 0, 0])[:, None]
-    curves = [_split(own[:, :3], _cubic, _OFF) for own in local]
-    turns = [_split(own[:, YAW : YAW + 1], _line, _TURNED_OFF) for own in local]
+    curves = [_split(pieces[:, :3], _cubic, _OFF) for pieces in local]
+    turns = [_split(pieces[:, YAW : YAW + 1], _line, _TURNED_OFF) for pieces in local]
     _require_seconds(max(map(len, [*curves, *turns])), flight.flown)
     drones = [
         _drone(f"drone{i}", way, yaw, float(ground) - min(grounds), flight.flown)
