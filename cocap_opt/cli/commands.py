@@ -33,7 +33,7 @@ def _help(command: Callable[..., int]) -> str:
 
 
 def _usage(name: str, command: Callable[..., int]) -> str:
-    """Returns how a command is called."""
+    """Returns the usage line of a command."""
     words = []
     for parameter in inspect.signature(command).parameters.values():
         if parameter.kind is parameter.VAR_POSITIONAL:

@@ -93,7 +93,7 @@ def _conflicts(
     if not plan:
         raise UsageError("PLAN: name a plan, such as plan.json")
     given = PlanReader(scene, load_planned(scene, seed)).plans(plan)
-    plans = [one.plan for one in given]
+    plans = [given_plan.plan for given_plan in given]
     return _save(
         output,
         conflicts_figure(given[0].problem, dict(zip(PlanReader.titles(plan), plans, strict=True))),

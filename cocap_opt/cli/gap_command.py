@@ -79,8 +79,8 @@ class GivenPlans(NamedTuple):
                 raise UsageError(f"--plan: {title} is what a planner is called; rename the file")
         given, fitting = (_of_one if len(problems) == 1 else _of_several)(paths, problems)
         plans: dict[str, dict[str, Plan | PlanFile]] = {}
-        for name, one in zip(_names(titles, given), given, strict=True):
-            plans.setdefault(one.digest, {})[name] = one.plan
+        for name, given_plan in zip(_names(titles, given), given, strict=True):
+            plans.setdefault(given_plan.digest, {})[name] = given_plan.plan
         is_variant = any(fitting[key] is not problem for key, problem in problems.items())
         return cls(plans, fitting, is_variant)
 
@@ -91,11 +91,11 @@ class GivenPlans(NamedTuple):
 
 def _of_one(paths: Sequence[Path], problems: Problems) -> tuple[list[_GivenPlan], Problems]:
     """Reads plans for one problem, which may be foreign ones for a variant of it."""
-    ((key, own),) = problems.items()
-    plans = PlanReader(key[0], own).plans(paths)
-    problem = plans[0].problem if plans else own
-    digest = problem_digest(problem)
-    return [_GivenPlan(one.file or one.plan, digest) for one in plans], {key: problem}
+    ((key, problem),) = problems.items()
+    plans = PlanReader(key[0], problem).plans(paths)
+    variant = plans[0].problem if plans else problem
+    digest = problem_digest(variant)
+    return [_GivenPlan(plan.file or plan.plan, digest) for plan in plans], {key: variant}
 
 
 def _of_several(paths: Sequence[Path], problems: Problems) -> tuple[list[_GivenPlan], Problems]:
@@ -124,21 +124,24 @@ def _matched(path: Path, readers: Mapping[str, PlanReader]) -> _GivenPlan:
 
 def _names(titles: Sequence[str], given: Sequence[_GivenPlan]) -> list[str]:
     """Returns the names of plans: their planners' where these are free, with or without files'."""
-    digests: dict[str, list[str]] = {}
-    for one in given:
-        digests.setdefault(one.planner, []).append(one.digest)
+    digests_of: dict[str, list[str]] = {}
+    for given_plan in given:
+        digests_of.setdefault(given_plan.planner, []).append(given_plan.digest)
     free = {
         planner
-        for planner, own in digests.items()
-        if planner not in (*_TAKEN, *titles) and ":" not in planner and len(own) == len(set(own))
+        for planner, digests in digests_of.items()
+        if planner not in (*_TAKEN, *titles)
+        and ":" not in planner
+        and len(digests) == len(set(digests))
     }
+    planners = [given_plan.planner for given_plan in given]
     return [
         title
-        if not one.planner or one.planner == title
-        else one.planner
-        if one.planner in free
-        else f"{one.planner} ({title})"
-        for one, title in zip(given, titles, strict=True)
+        if not planner or planner == title
+        else planner
+        if planner in free
+        else f"{planner} ({title})"
+        for planner, title in zip(planners, titles, strict=True)
     ]
 
 
@@ -232,7 +235,7 @@ def _gap(
 
     Example: cocap-opt gap corridor bottleneck --seeds 0-99 --workers 2 --out DIR
     """
-    own = own_planners(Option("--planner"), planner or [])
+    foreign = own_planners(Option("--planner"), planner or [])
     kept = out is not None or workforce.is_elsewhere
     settings = _settings(budget, bound_limit, rendered, kept)
     if retry and out is None:
@@ -243,7 +246,7 @@ def _gap(
     instances = [
         Instance(
             problem, 0 if others.own_starts else seed, planner,
-            settings, others.of(problem), others.own_starts, own,
+            settings, others.of(problem), others.own_starts, foreign,
         )
         for (_, seed), problem in others.problems.items()
     ]  # fmt: skip

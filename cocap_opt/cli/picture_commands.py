@@ -82,7 +82,7 @@ def _show(
     problem = read(scene, seed)
     given = PlanReader(scene, problem).plans(plan)
     problem = given[0].problem if given else problem
-    plans = [one.plan for one in given]
+    plans = [given_plan.plan for given_plan in given]
     if not plan:
         say_strains(scene, seed, problem)
     say_narrow_way(scene, seed, problem)
@@ -138,7 +138,7 @@ def _render(
 
 
 def _gaps(problem: Problem, plans: Sequence[Plan], path: Path) -> list[Explanation]:
-    """Returns what the gaps of plans are made of, by a certificate or a proof in a file."""
+    """Returns the terms of each plan's gap, by a certificate or a proof in a file."""
     from cocap_opt.run.explained import gaps_of
 
     file = PlanReader(problem.name, problem).claim(path)
@@ -170,8 +170,9 @@ def _player(
     from cocap_opt.player.player import Player
 
     titles = PlanReader.titles(paths)
-    titled = [(title, one.plan) for title, one in zip(titles, given, strict=True)]
-    planners, cut_short = [one.planner for one in given], [one.cut_short for one in given]
+    titled = [(title, given_plan.plan) for title, given_plan in zip(titles, given, strict=True)]
+    planners = [given_plan.planner for given_plan in given]
+    cut_short = [given_plan.cut_short for given_plan in given]
     return Player(problem, titled, gaps, planners, cut_short).page().encode()
 
 

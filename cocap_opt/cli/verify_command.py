@@ -266,7 +266,7 @@ class _Claims(NamedTuple):
             yield f"the bound: {words}"
 
     def answer(self, verified: Verified) -> Record:
-        """Returns what `verify` prints of what it found."""
+        """Returns the record of its findings that `verify` prints."""
         found: Record = {
             "valid": not verified.violations, "violations": [*verified.violations], **self.about
         }  # fmt: skip

@@ -22,10 +22,12 @@ def _deed(problem: Problem, conflict: Conflict) -> str:
         return "swap cells"
     if isinstance(conflict, PassConflict):
         tails, heads = map(problem.positions, zip(*conflict.moves, strict=True))
-        one, other = rules.meeting(tails, heads).ways(tails, heads)
-        return f"pass {_apart(rules, other - one)}"
-    one, other = problem.positions(conflict.cells)
-    return f"are {_apart(rules, other - one)}" if (one != other).any() else "are in one cell"
+        first, second = rules.meeting(tails, heads).ways(tails, heads)
+        return f"pass {_apart(rules, second - first)}"
+    first, second = problem.positions(conflict.cells)
+    if (first == second).all():
+        return "are in one cell"
+    return f"are {_apart(rules, second - first)}"
 
 
 def _apart(rules: CollisionRules, way: FloatArray) -> str:

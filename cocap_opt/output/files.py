@@ -167,7 +167,7 @@ class PlanReader(NamedTuple):
         content: PlanFile | CertificateFile | ProofFile | Plan,
         any_scene: bool = False,
     ) -> GivenPlan:
-        """Returns what was read from a file as a plan that can be flown; as `plan` does."""
+        """Returns the content of a file as a plan that can be flown, checked as by `plan`."""
         if isinstance(content, CertificateFile | ProofFile):
             raise FileError(f"{path}: must be a plan, not a certificate")
         file = content if isinstance(content, PlanFile) else None
@@ -197,7 +197,7 @@ class PlanReader(NamedTuple):
 
 def _require_made_for(problem: Problem, file: PlanFile, path: Path) -> None:
     """Raises a FileError if a plan was made for another scene; another name alone is logged."""
-    own, other = shortened(printable(problem.name)), shortened(printable(file.scene))
+    name, other = shortened(printable(problem.name)), shortened(printable(file.scene))
     if file.digest != problem_digest(problem):
         alike = file.scene == problem.name
         field, since = ("digest", ", or its file has changed since") if alike else ("scene", "")
@@ -206,4 +206,4 @@ def _require_made_for(problem: Problem, file: PlanFile, path: Path) -> None:
             "; name the scene and seed that it is for"
         )
     if file.scene != problem.name:
-        log.warning("%s: was made for %s, which is the same scene as %s", path, other, own)
+        log.warning("%s: was made for %s, which is the same scene as %s", path, other, name)

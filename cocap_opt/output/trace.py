@@ -76,7 +76,7 @@ class Trace:
         self._snapshots.append(snapshot)
 
     def beside(self, other: Report) -> Report:
-        """Returns what reports to another, and to this trace."""
+        """Returns a report that passes snapshots on to another, and to this trace."""
 
         def report(snapshot: Snapshot) -> None:
             other(snapshot)
