@@ -69,9 +69,9 @@ def drone_view(problem: Problem, plan: Plan, robot: int, t: int, width: int) -> 
     ----------
     width : px, about
     """
-    own = problem.robots[robot]
-    painter = Renderer(problem, max(round(Renderer.camera_of(own).width / width), 1))
-    return _png(problem, *painter.picture(own, t, plan.paths[robot][t]))
+    spec = problem.robots[robot]
+    painter = Renderer(problem, max(round(Renderer.camera_of(spec).width / width), 1))
+    return _png(problem, *painter.picture(spec, t, plan.paths[robot][t]))
 
 
 def _csv_row(problem: Problem, view: FaceView) -> Record:

@@ -48,9 +48,9 @@ def add_legend(figure: Figure, ax: Axes, columns: int | None = None) -> None:
 def set_plain_log(ax: Axes, axis: Literal["x", "y"]) -> None:
     """Makes an axis logarithmic, with numbers as people write them."""
     ax.set(**{f"{axis}scale": "log"})
-    own = ax.xaxis if axis == "x" else ax.yaxis
-    own.set_major_formatter("{x:g}")
-    own.set_minor_formatter(NullFormatter())
+    drawn_axis = ax.xaxis if axis == "x" else ax.yaxis
+    drawn_axis.set_major_formatter("{x:g}")
+    drawn_axis.set_minor_formatter(NullFormatter())
 
 
 def draw_level(ax: Axes, height: float, words: str, align: str = "left") -> None:
@@ -82,7 +82,7 @@ def families_for(text: str) -> tuple[str, ...]:
 
 
 def _oddness(font: font_manager.FontEntry) -> tuple[bool, str]:
-    """Returns what puts upright fonts of common weight first."""
+    """Returns a sorting key that puts upright fonts of common weight first."""
     return font.style != "normal" or font.weight not in (400, "normal", "regular"), font.name
 
 

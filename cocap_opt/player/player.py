@@ -171,4 +171,6 @@ def _about(problem: Problem) -> str:
     """Returns the numbers of drones, people and steps in words."""
     counts = ((len(problem.robots), "drone", "drones"), (len(problem.actors), "person", "people"),
               (problem.horizon, "step", "steps"))  # fmt: skip
-    return ", ".join(f"{count} {one if count == 1 else many}" for count, one, many in counts)
+    return ", ".join(
+        f"{count} {singular if count == 1 else plural}" for count, singular, plural in counts
+    )

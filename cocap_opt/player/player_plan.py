@@ -45,7 +45,7 @@ class PlayerPlan:
         self._plan, self._gap = plan, gap
 
     @cached_property
-    def own(self) -> FloatArray:
+    def own_pixels(self) -> FloatArray:
         """The coverage [R, T+1, F] (px/m2; 1/m2 for cones) that each drone has."""
         model = compiled(self._problem)
         return np.array([
@@ -56,7 +56,7 @@ class PlayerPlan:
     @cached_property
     def seen(self) -> FloatArray:
         """The coverage [T+1, F] (px/m2) that all drones together have."""
-        total: FloatArray = self.own.sum(axis=0)
+        total: FloatArray = self.own_pixels.sum(axis=0)
         return total
 
     def data(self) -> Data:
@@ -77,9 +77,13 @@ class PlayerPlan:
             "rewards": [verdict.reward_at_start, *verdict.reward_per_step],
             "meanPixels": digits(float(_means(counted).mean())),
             "seen": [[digits(value) for value in row] for row in self.seen.tolist()],
-            "ownPixels": [[digits(value) for value in _means(one).tolist()] for one in self.own],
+            "ownPixels": [
+                [digits(value) for value in _means(pixels).tolist()] for pixels in self.own_pixels
+            ],
             "adds": [[digits(value) for value in row] for row in self._adds().tolist()],
-            "conflicts": [self._conflict(one) for one in self._plan.conflicts(self._problem)],
+            "conflicts": [
+                self._conflict(conflict) for conflict in self._plan.conflicts(self._problem)
+            ],
             "near": self._near(),
             "besidePeople": [*self._beside_people()],
             "gap": None if self._gap is None else _gap(self._problem, self._gap, verdict.valid),
@@ -121,11 +125,11 @@ class PlayerPlan:
         }
 
     def _adds(self) -> FloatArray:
-        """Returns what each step's reward [R, T+1] would be less without each drone."""
+        """Returns the part of each step's reward [R, T+1] that would be lost without each drone."""
         problem = self._problem
         if problem.objective.over_time:
             return np.empty((0, 0))
-        others = np.maximum(self.seen - self.own, 0.0)
+        others = np.maximum(self.seen - self.own_pixels, 0.0)
         roots = np.sqrt(self.seen) - np.sqrt(others)
         adds: FloatArray = (problem.step_weights * roots).sum(axis=2)
         adds[:, : problem.first_step] = 0.0
@@ -171,8 +175,8 @@ class PlayerPlan:
         """The ways [P, T+1, 3] (m) from one drone of each pair to the other."""
         flights = zip(self._problem.robots, self._plan.paths, strict=True)
         at = np.array([self._scene.path(robot, path)[:, :3] for robot, path in flights])
-        one, other = np.array(self._pairs).T
-        ways: FloatArray = at[other] - at[one]
+        first, second = np.array(self._pairs).T
+        ways: FloatArray = at[second] - at[first]
         return ways
 
     def _in_conflict(self) -> BoolArray:

@@ -111,7 +111,7 @@ class PlayerScene:
         return self._solids(self.problem.meshes)
 
     def airspace(self) -> Data | None:
-        """Returns what is closed to drones, as far up as the picture shows it; None: nothing.
+        """Returns the closed airspace, as far up as the picture shows it; None if all is open.
 
         `zones` are like meshes; `lid` has the ceiling's height in each cell as it is drawn, and is
         empty where the ceiling is higher than that; `aside` and `above` are the distances (m) to
