@@ -81,7 +81,7 @@ class Method(Generic[R_co]):
         return self.function(problem, *arguments, **options)
 
     def __getattr__(self, name: str) -> Any:
-        """Returns what `inspect` asks a function for: its names, and what has its signature."""
+        """Gives `inspect` the names of the method, and the function that has its signature."""
         if name in ("__name__", "__qualname__"):
             if isinstance(self.call, str):
                 return self.call.partition(":")[2]

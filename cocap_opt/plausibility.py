@@ -230,7 +230,7 @@ def _on_map(height_map: HeightMap, x: float, y: float) -> bool:
 
 
 def _sunk(workspace: Workspace, actor: Actor, pose: _Pose) -> float:
-    """Returns how far (m) an actor's feet are below the top of an obstacle; 0 outside of any."""
+    """Returns the depth (m) of an actor's feet below the top of an obstacle; 0 outside of any."""
     x, y, z, _ = pose
     if not _on_map(workspace.height_map, x, y):
         return 0.0
@@ -258,7 +258,7 @@ def _mesh_spans(meshes: tuple[Mesh, ...], x: float, y: float) -> list[tuple[floa
 
 
 def _floats(problem: SceneData, actor: Actor, pose: _Pose) -> float:
-    """Returns how far (m) an actor's feet are above all matter below; 0 if it stands on some."""
+    """Returns the height (m) of an actor's feet above all matter below; 0 if it stands on it."""
     x, y, z, _ = pose
     if not _on_map(problem.height_map, x, y):
         return 0.0

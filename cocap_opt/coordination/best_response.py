@@ -98,9 +98,9 @@ def _passing_middle(
 _NOTHING = np.zeros((0, 3), dtype=np.int64)
 
 
-def _at(t: int, what: IntArray) -> IntArray:
-    """Returns what [n, k] is closed at a step as keys of charges [n, k + 1]."""
-    return np.column_stack([np.full(len(what), t), what])
+def _at(t: int, closed: IntArray) -> IntArray:
+    """Returns the places or moves [n, k] closed at a step as keys of charges [n, k + 1]."""
+    return np.column_stack([np.full(len(closed), t), closed])
 
 
 def best_response(
@@ -144,10 +144,11 @@ class Replan(NamedTuple):
 
 
 def replans(model: Model, plan: Plan, stop: Stop = never) -> list[Replan]:
-    """Returns what each robot alone could gain by a path that obeys the rules, robot by robot.
+    """Returns for each robot the best change of its path alone that obeys the rules, and its gain.
 
-    A robot that no path leads past the others is left out. The gain is below 0 where the robot
-    gives up a conflict for it. Where pixels add up over time, the path is not always the best.
+    A robot that no path leads past the others is left out. The gain, in units of J, is below 0
+    where the robot gives up a conflict for it. Where pixels add up over time, the path is not
+    always the best.
 
     Parameters
     ----------

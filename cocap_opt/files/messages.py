@@ -24,7 +24,7 @@ _TYPES = {
 
 
 def in_words(error: Exception, content: bytes | str, kind: object) -> str:
-    """Returns what an error says that decoding a file has raised, on one line.
+    """Rewords an error that decoding a file has raised, on one line.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def no_text(error: UnicodeDecodeError) -> str:
 
 
 def _no_toml(said: str, line: str | None, column: str | None) -> str:
-    """Returns what is wrong in TOML, of which the decoder of Python says where."""
+    """Returns the message on malformed TOML, with the place that Python's decoder names."""
     place = f"line {line}, column {column}" if line else "at the end"
     if said.startswith(_TWICE):
         return f"{place}: each key and each table must be given once"
@@ -78,7 +78,7 @@ def _no_toml(said: str, line: str | None, column: str | None) -> str:
 
 
 def _allowed_words(said: str, kind: object, path: str) -> str:
-    """Returns what msgspec says of the value at a path as what is allowed there."""
+    """Rewords msgspec's message on the value at a path, to name the values allowed there."""
     if unknown := _UNKNOWN_WORD.fullmatch(said):
         words = _allowed(inspect.type_info(kind), path)
         question = meant(unknown[1].strip("'"), words)

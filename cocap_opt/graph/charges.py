@@ -30,7 +30,7 @@ class _Costs(NamedTuple):
         return cls.of(keys, np.array(list(costs.values()), dtype=np.float64))
 
     def at(self, t: int) -> "_Costs":
-        """Returns what is charged at step t."""
+        """Returns the charges of step t."""
         if not len(self.costs):
             return self
         first, end = np.searchsorted(self.keys[:, 0], [t, t + 1])

@@ -50,7 +50,7 @@ class Encounters:
         self._near = near
 
     def outing(self, start: State) -> tuple[int, bool, bool]:
-        """Returns what a robot that starts in a state can reach by the last step.
+        """Explores the places that a robot can reach from a state by the last step.
 
         Returns
         -------

@@ -60,7 +60,7 @@ class CoverageTables:
         self._ended: tuple[Stop, Limit] | None = None
 
     def views(self, spec: Robot) -> Views:
-        """Returns what evaluates the views of this robot's motion and camera."""
+        """Returns the views of a robot's motion and camera, which are evaluated on demand."""
         graph = graph_of(self.problem, spec)
         return Views.of(self._geometry, self.problem, graph, spec.camera)
 

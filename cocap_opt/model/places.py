@@ -62,7 +62,7 @@ class RobotClass:
 
 
 class Places:
-    """Where the robots of each class can be, and what conflicts under the rules of a problem.
+    """The places of each class of robots, and the conflicts among them under the problem's rules.
 
     Tables are made when they are first asked for, and then kept.
     """
@@ -100,7 +100,7 @@ class Places:
     def path_too_close(
         self, robot_class: RobotClass, cells: tuple[Cell, ...]
     ) -> tuple[IntArray, IntArray]:
-        """Returns what conflicts with a robot that is in these cells at the steps 0..T.
+        """Returns the places and moves that conflict with a robot in these cells at steps 0..T.
 
         Returns
         -------
@@ -135,7 +135,7 @@ class Places:
 
     @cached_property
     def positions(self) -> tuple[FloatArray, ...]:
-        """Where robots are in every place [P, 3] of every class, in m from the map's corner.
+        """The positions [P, 3] of every class's places, in m from the map's corner.
 
         The border's places are nan.
         """

@@ -263,7 +263,7 @@ def formation(
 
 
 def _starts(problem: Problem, robot: int) -> FloatArray:
-    """Where a robot is that stays at its start [T+1, 3]: x, y and altitude in m."""
+    """Returns the positions [T+1, 3] (m) of a robot that stays at its start: x, y and altitude."""
     spec = problem.robots[robot]
     return np.repeat(problem.where(spec, [spec.start]), problem.horizon + 1, axis=0)
 

@@ -420,7 +420,7 @@ def bytes_needed(pair: Pair) -> float:
 
 
 def _numbers_of_step_back(pair: Pair, t: int) -> float:
-    """Returns how many numbers a step back from t+1 to t holds at most."""
+    """Returns the most numbers that a step back from t+1 to t holds in memory."""
     (o_a, n_a), (o_b, n_b) = pair.a.sizes(t), pair.b.sizes(t)
     ahead_a, ahead_b = len(pair.a.places[t + 1]), len(pair.b.places[t + 1])
     whole = float(o_a * (ahead_a + 1)) * float(o_b * (ahead_b + 1))

@@ -149,7 +149,7 @@ class _Search:
         return int(unknown.max(initial=0)) // self._graph.n_states
 
     def _worth(self, path: Path) -> float:
-        """Returns what a path is worth, after its views are evaluated."""
+        """Evaluates the views of a path, and returns its worth."""
         nodes = self._nodes(path)
         self._evaluate(nodes)
         views = float(self._coverage.rewards.reshape(-1)[nodes].sum())

@@ -199,7 +199,7 @@ class _Evaluated(NamedTuple):
 
     @classmethod
     def nothing(cls) -> Self:
-        """Returns what no nodes see."""
+        """Returns the pixels of no nodes."""
         none = np.zeros(0, dtype=np.int64)
         return cls(none, none, none, np.zeros(0))
 

@@ -43,7 +43,7 @@ _Worth = tuple[FloatArray, FloatArray]  # [T+1, S] each: rewards of states, and 
 
 
 def _worth(model: Model, robot_class: RobotClass, pixels: FloatArray, stop: Stop) -> _Worth:
-    """Returns what the states of a class are worth, with nobody in the way; LimitReached.
+    """Returns the worth of a class's states with nobody in the way; raises LimitReached.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where drones may not fly though nothing is there: no-fly zones, a ceiling, near people."""
+"""Airspace closed though nothing is there: no-fly zones, above a ceiling, and near people."""
 
 from collections.abc import Iterable
 

@@ -85,7 +85,7 @@ class Ending(NamedTuple):
     told: str = ""
 
     def left_of(self, plan: "Plan") -> str:
-        """Returns what the limit has left of the plan, in words; empty without a limit.
+        """Says in words how much of the plan the limit has left; empty without a limit.
 
         A plan in which all drones stay at their starts, for want of time, is none.
         """

@@ -94,7 +94,7 @@ class Shadows(NamedTuple):
         return Shadows(self.normals[which], self.offsets[which], self.depths[which])
 
     def excess(self, points: FloatArray) -> FloatArray:
-        """Returns how far points [n, V, 3], relative to the eye, are outside [n, K, V]."""
+        """Returns the excess [n, K, V] over each plane of points [n, V, 3] relative to the eye."""
         return dot(self.normals[:, :, None], points[:, None]) - self.offsets[:, :, None]
 
     def sides(self, excess: FloatArray) -> tuple[BoolArray, BoolArray]:

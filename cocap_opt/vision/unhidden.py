@@ -230,7 +230,7 @@ class _FacesFrom:
         corners = [[_dots(way, vertex).ravel() for vertex in vertices] for way in ways]
 
         def off(k: int, states: IntArray, turned: IntArray) -> list[FloatArray]:
-            """Returns how far each corner [n] of faces is to the right, up or ahead (0, 1, 2)."""
+            """Returns each corner's offset [n] to the right, up or ahead (0, 1, 2)."""
             here = eyes[k].take(states)
             return [corner.take(turned) - here for corner in corners[k]]
 

@@ -61,7 +61,7 @@ class PinholeSight:
         orientation: IntArray,
         steps: tuple[int, int] | None = None,
     ) -> SeenFaces:
-        """Returns what some views see.
+        """Returns the faces that views [n] see, with their pixels.
 
         Parameters
         ----------
@@ -238,7 +238,7 @@ class Views(ABC):
 
     @abstractmethod
     def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
-        """Returns what nodes [n] see, increasing; node t S + s is state s at step t.
+        """Returns the faces that nodes [n], increasing, see; node t S + s is state s at step t.
 
         Parameters
         ----------
@@ -290,7 +290,7 @@ class PinholeViews(Views):
         return max(most, 1)
 
     def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
-        """Returns what nodes [n] see; node t S + s is state s at step t."""
+        """Returns the faces that nodes [n] see; node t S + s is state s at step t."""
         if not self.n_faces or not len(nodes):
             return NOTHING
         n_places = self.graph.n_places
@@ -322,7 +322,7 @@ class ConeViews(Views):
         return max(_BATCH_ACTORS // max(self.n_faces, 1), 1)
 
     def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
-        """Returns what nodes [n] see, increasing; node t S + s is state s at step t."""
+        """Returns the faces that nodes [n], increasing, see; node t S + s is state s at step t."""
         t, states = np.divmod(nodes, self.n_states)
         parts = [self.coverage(int(step), states[t == step]) for step in np.unique(t)]
         coverage = np.concatenate([np.zeros((0, self.n_faces)), *parts])

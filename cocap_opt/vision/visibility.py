@@ -95,7 +95,7 @@ class Visibility:
         self._samples = problem.face_samples
 
     def of(self, faces: Faces, steps: IntArray, eyes: FloatArray, wanted: BoolArray) -> Sightings:
-        """Returns what is seen from eyes [E, 3], each at a step [E].
+        """Returns the faces and parts of faces seen from eyes [E, 3], each at a step [E].
 
         Parameters
         ----------
