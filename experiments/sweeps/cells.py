@@ -66,7 +66,8 @@ class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     work_limit: int | None = None  # units of work, for each computation
     rendered: bool = False  # J of the rendered pixels is wanted, too
     start: str = ""  # of BOUND: digest of the start
-    own: str = ""  # digest of the code of a planner that is none of ours
+    # Digest of the code of a planner that is none of ours.
+    planner_digest: str = msgspec.field(default="", name="own")
     code: str  # digest of the code; empty where the cell is not kept
 
     @staticmethod

@@ -50,13 +50,13 @@ class Cluster(Crew):
     ----------
     stop : asked several times a second; ends the waiting
     cell_limit : s, after which a cell's worker is restarted
-    own : the cluster, if it is this process's own, to which nobody else can bring workers
+    local : the cluster, if this process has started it; nobody else can bring it workers
     """
 
     def __init__(
-        self, client: Client, stop: Stop, cell_limit: float, own: LocalCluster | None = None
+        self, client: Client, stop: Stop, cell_limit: float, local: LocalCluster | None = None
     ) -> None:
-        self.client, self._stop, self._limit, self._own = client, stop, cell_limit, own
+        self.client, self._stop, self._limit, self._local = client, stop, cell_limit, local
         self._running: dict[Future, tuple[Task, float]] = {}
 
     @classmethod
@@ -73,7 +73,7 @@ class Cluster(Crew):
                 )  # fmt: skip
                 client = stack.enter_context(Client(stack.enter_context(cluster)))
                 client.register_plugin(_Quiet(cores))
-            yield cls(client, stop, cell_limit, own=cluster)
+            yield cls(client, stop, cell_limit, local=cluster)
 
     @classmethod
     @contextmanager
@@ -128,9 +128,9 @@ class Cluster(Crew):
             else:
                 time.sleep(POLL)
                 looks += 1
-                if looks == round(ANSWER / POLL) and self._own is None:
+                if looks == round(ANSWER / POLL) and self._local is None:
                     say("there are no workers any more; waiting for others")
-                if looks == round(_RESTART / POLL) and self._own is not None:
+                if looks == round(_RESTART / POLL) and self._local is not None:
                     raise ClusterError(_GONE)
         return None
 
@@ -138,18 +138,18 @@ class Cluster(Crew):
         """Restarts the worker of a cell that has taken too long: nothing else stops it."""
         busy = [w for w, keys in self.client.processing().items() if future.key in keys]
         future.cancel()
-        if self._own is not None:
-            self._kill(self._own, busy)
+        if self._local is not None:
+            self._kill(self._local, busy)
             return
         with suppress(ValueError, TimeoutError):  # not all workers have somebody to restart them
             self.client.restart_workers(busy, timeout=_RESTART, raise_for_error=False)
 
-    def _kill(self, own: LocalCluster, busy: list[str]) -> None:
+    def _kill(self, local: LocalCluster, busy: list[str]) -> None:
         """Kills workers, and waits until the scheduler knows; their nannies start others.
 
         A nanny that is asked to restart its worker on a busy machine may close instead.
         """
-        for nanny in own.workers.values():
+        for nanny in local.workers.values():
             if nanny.worker_address in busy:
                 os.kill(nanny.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
         end = time.monotonic() + _RESTART

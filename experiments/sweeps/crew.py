@@ -24,7 +24,7 @@ class Crew(ABC):
 
     @abstractmethod
     def room(self) -> int:
-        """Returns how many more cells may begin now."""
+        """Returns the number of cells that may begin now."""
 
     @abstractmethod
     def begin(self, task: Task) -> None:

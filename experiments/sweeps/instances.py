@@ -118,7 +118,7 @@ class Instance:
         settings, foreign = self._settings, self._own.get(planner)
         return self._cell(
             planner, settings.time_limit, settings.work_limit, rendered=settings.rendered,
-            own="" if foreign is None else foreign.digest,
+            planner_digest="" if foreign is None else foreign.digest,
         )  # fmt: skip
 
     def earlier_cells(self, row: Row) -> list[Cell]:
@@ -127,7 +127,7 @@ class Instance:
             return []
         limits, digest = (row.time_limit, row.work_limit), row.planner_digest or ""
         return [
-            self._cell(row.planner, *limits, rendered=rendered, own=digest)
+            self._cell(row.planner, *limits, rendered=rendered, planner_digest=digest)
             for rendered in (True, False)
         ]
 
@@ -153,7 +153,7 @@ class Instance:
         return None if content is None or content.plan is None else content.plan.plan
 
     def missing(self) -> list[Task]:
-        """Returns what can begin: the planners' cells, or the bound once all of them are there."""
+        """Returns the tasks that can begin: planners' cells, or the bound once all have ended."""
         cells = [cell for cell in self.cells.values() if cell not in self.found]
         if not cells and self.bound is None:
             return [self._bound_task()]
@@ -235,7 +235,7 @@ class Instance:
 
     def _planned_row(self, content: CellFile) -> PlannedRow:
         cell = content.cell
-        digest = cell.own or UNSET
+        digest = cell.planner_digest or UNSET
         if content.row is not None:
             return replace(content.row, planner_digest=digest)
         result = Result(None, -math.inf, Reason.FAILED, seconds=math.nan, message=content.message)

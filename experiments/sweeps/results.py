@@ -1,4 +1,4 @@
-"""What a sweep's folder says of its runs: run.json, and the table results.csv as it is read.
+"""The records in a sweep's folder: run.json, and the table results.csv as it is read.
 
 `COLUMNS` of `cocap_opt.experiments.tables.rows` says what the columns mean. A value that does not
 exist (no plan, no bound, no gap) is an empty field.
@@ -127,7 +127,7 @@ class RunFile(Document, frozen=True, kw_only=True):
 
 
 def _program() -> list[str]:
-    """Returns how this process was called: as a module, or by the command's name."""
+    """Returns the words that started this process: those of a module, or the command's name."""
     spec = sys.modules["__main__"].__spec__
     if spec is None:
         return ["cocap-opt"]

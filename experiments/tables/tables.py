@@ -184,7 +184,7 @@ def _difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
 
 
 def _price_table(rows: Sequence[Row]) -> Table:
-    """Returns what collision avoidance costs at least and at most, by scene; both are certified.
+    """Returns the least and the largest cost of collision avoidance by scene, both certified.
 
     At least it costs what the best free plan has more than the bound under the rules, at most
     what the free bound has more than the best plan that obeys them, in % of the free optimum.

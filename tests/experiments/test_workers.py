@@ -149,7 +149,7 @@ def test_a_worker_that_dies_or_hangs_costs_its_own_cell(local: Cluster, tmp_path
         "dies": sent("dies", lambda problem, stop: os._exit(1)),
     }
     hangs = Instance(small_field(0), 0, ("sleeps",), SETTINGS, own=own)
-    impatient = Cluster(local.client, never, cell_limit=0.5, own=local.client.cluster)
+    impatient = Cluster(local.client, never, cell_limit=0.5, local=local.client.cluster)
     impatient.begin(hangs.missing()[0])
     assert (found := impatient.next()) is not None and found.status == "exceeded"
     some = [Instance(small_field(0), 0, ("greedy", "dies", "cocap"), SETTINGS, own=own)]
