@@ -195,11 +195,11 @@ def digested_modules() -> list[str]:
 def _code_of_rows() -> str:
     """Returns the code that makes rows, without docstrings and without what columns mean.
 
-    A `Column` explains a field, with its unit and its range, and computes nothing.
+    A `TableColumn` explains a field, with its unit and its range, and computes nothing.
     """
     tree = ast.parse(Path(rows.__file__).read_text(encoding="utf-8"))
     for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and ast.unparse(node.func) == "Column":
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "TableColumn":
             node.args, node.keywords = [], []
         if isinstance(node, _EXPLAINED) and ast.get_docstring(node) is not None:
             node.body = node.body[1:] or [ast.Pass()]

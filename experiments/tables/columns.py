@@ -10,7 +10,7 @@ from cocap_opt.files.documents import FileError
 _LARGEST = 2**63 - 1
 
 
-class Column(NamedTuple):
+class TableColumn(NamedTuple):
     """A column of a table; `all_of` takes its name and kind from the field that it annotates.
 
     Attributes
@@ -34,7 +34,7 @@ class Column(NamedTuple):
     is_extra: bool = False
 
     @classmethod
-    def all_of(cls, row: type) -> "dict[str, Column]":
+    def all_of(cls, row: type) -> "dict[str, TableColumn]":
         """Returns the columns of a data class, whose fields are annotated with them, by name."""
         return {
             name: _completed(name, hint)
@@ -62,12 +62,12 @@ class Column(NamedTuple):
         return number
 
 
-def _completed(name: str, hint: Any) -> Column:
+def _completed(name: str, hint: Any) -> TableColumn:
     assert get_origin(hint) is Annotated, f"{name}: says nothing about itself"
     inner, column = get_args(hint)
     kinds = set(get_args(inner)) or {inner}
     (kind,) = kinds - {NoneType, UnsetType}
-    completed: Column = column._replace(
+    completed: TableColumn = column._replace(
         name=name, kind=kind, is_optional=NoneType in kinds, is_extra=UnsetType in kinds
     )
     return completed

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 from msgspec import UNSET, UnsetType
 
-from cocap_opt.experiments.tables.columns import Column
+from cocap_opt.experiments.tables.columns import TableColumn
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, relative_gap
@@ -34,7 +34,7 @@ _SHARE = {"unit": "1", "least": -ROUNDING, "most": 1 + ROUNDING}
 
 _Bound = Annotated[
     float | None,
-    Column("A certified number that no plan's J exceeds under the scene's rules.", **_ANY),
+    TableColumn("A certified number that no plan's J exceeds under the scene's rules.", **_ANY),
 ]
 _Number = float | None
 _Count = int | None
@@ -44,33 +44,33 @@ _Count = int | None
 class PlanRow:
     """The row of a plan; with a bound if one comes with it."""
 
-    scene: Annotated[str, Column("The scene's name.")]
+    scene: Annotated[str, TableColumn("The scene's name.")]
     seed: Annotated[
-        _Count, Column("The seed; empty where the drones start as the scene's own file says.")
+        _Count, TableColumn("The seed; empty where the drones start as the scene's own file says.")
     ]
-    planner: Annotated[str | None, Column("The planner, or the file of a plan of others.")]
+    planner: Annotated[str | None, TableColumn("The planner, or the file of a plan of others.")]
     method: Annotated[
-        str | None, Column("The method of bound: in the gap table the same as bound_method.")
+        str | None, TableColumn("The method of bound: in the gap table the same as bound_method.")
     ] = None
     reward: Annotated[
-        _Number, Column("J of the plan by the referee; empty without a plan.", **_ANY)
+        _Number, TableColumn("J of the plan by the referee; empty without a plan.", **_ANY)
     ]
     bound: _Bound = None
     gap: Annotated[
         _Number,
-        Column("(bound - reward) / bound, of a plan that obeys the rules.", **_SHARE),
+        TableColumn("(bound - reward) / bound, of a plan that obeys the rules.", **_SHARE),
     ] = None
     reason: Annotated[
         str,
-        Column(
+        TableColumn(
             "Why the planner stopped: finished, optimal, infeasible, failed, unsupported or "
             "stopped; or why its cell has no result: error, exceeded or died."
         ),
     ]
-    limit: Annotated[str, Column("The limit that stopped the planner, or none.")]
+    limit: Annotated[str, TableColumn("The limit that stopped the planner, or none.")]
     seconds: Annotated[
         _Number,
-        Column(
+        TableColumn(
             "Wall-clock time of the search; coverage and checking are apart, but for planners that "
             "evaluate single views, whose search that is.",
             unit="s",
@@ -78,7 +78,7 @@ class PlanRow:
     ]
     coverage_seconds: Annotated[
         _Number,
-        Column(
+        TableColumn(
             "Wall-clock time of the coverage of all states. In the gap table it is the scene's: "
             "computed once, before the time of any planner or bound begins, charged to nobody, and "
             "the same in all rows; from the disk cache it comes with what it took when it was "
@@ -88,24 +88,26 @@ class PlanRow:
         ),
     ] = None
     checking_seconds: Annotated[
-        _Number, Column("Wall-clock time in which the referee checked the plan.", unit="s")
+        _Number, TableColumn("Wall-clock time in which the referee checked the plan.", unit="s")
     ] = None
     views: Annotated[
         _Count,
-        Column(
+        TableColumn(
             "Views, each of a state at a step, that the planner needs: those that it evaluates, or "
             "all that drones can have where coverage is computed before."
         ),
     ] = None
-    conflicts: Annotated[_Count, Column("Collision rules that the plan breaks.")]
+    conflicts: Annotated[_Count, TableColumn("Collision rules that the plan breaks.")]
     cut_short: Annotated[
         str,
-        Column(
+        TableColumn(
             "What a limit has left of the plan, in words, among them how many drones stay at their "
             "starts; empty where no limit stopped the planner."
         ),
     ] = ""
-    message: Annotated[str, Column("Further remarks of the planner and on its plan, in words.")]
+    message: Annotated[
+        str, TableColumn("Further remarks of the planner and on its plan, in words.")
+    ]
 
     @classmethod
     def of(
@@ -160,38 +162,42 @@ class PlanRow:
 class PlannedRow(PlanRow):
     """The columns of the gap table that depend on the plan alone."""
 
-    colliding: Annotated[_Count, Column("Drones that take part in a conflict.")]
-    robots: Annotated[int, Column("Drones of the scene.")]
-    actors: Annotated[int, Column("People of the scene.")]
-    steps: Annotated[int, Column("Steps after the start.")]
+    colliding: Annotated[_Count, TableColumn("Drones that take part in a conflict.")]
+    robots: Annotated[int, TableColumn("Drones of the scene.")]
+    actors: Annotated[int, TableColumn("People of the scene.")]
+    steps: Annotated[int, TableColumn("Steps after the start.")]
     coverage: Annotated[
-        str, Column("exact, or sampled: past meshes that are not convex, rays sample what is seen.")
+        str,
+        TableColumn(
+            "exact, or sampled: past meshes that are not convex, rays sample what is seen."
+        ),
     ] = _EXACT_COVERAGE
     time_limit: Annotated[
         _Number,
-        Column("Time that the planner was allowed, from when coverage was there.", unit="s"),
+        TableColumn("Time that the planner was allowed, from when coverage was there.", unit="s"),
     ] = None
     overrun: Annotated[
         _Number,
-        Column(
+        TableColumn(
             "Time that the planner took beyond its limit, where that is more than a quarter of the "
             "limit and a second; empty where it kept to it.",
             unit="s",
         ),
     ] = None
     work_limit: Annotated[
-        _Count, Column("Units of work that the planner was allowed; empty without such a limit.")
+        _Count,
+        TableColumn("Units of work that the planner was allowed; empty without such a limit."),
     ] = None
     planner_digest: Annotated[
         str | UnsetType,
-        Column(
+        TableColumn(
             "Digest of the code of a planner that is none of this project's; only in tables that "
             "have such planners."
         ),
     ] = UNSET
     reward_rendered: Annotated[
         _Number | UnsetType,
-        Column("J of the rendered pixels; only with --rendered.", **_ANY),
+        TableColumn("J of the rendered pixels; only with --rendered.", **_ANY),
     ] = UNSET
 
     @classmethod
@@ -217,43 +223,50 @@ class BoundColumns:
     """The columns that all rows of one scene and seed share: bounds, and the best known plans."""
 
     bound: _Bound = None
-    bound_method: Annotated[str, Column("The method whose certificate proves bound.")] = (
+    bound_method: Annotated[str, TableColumn("The method whose certificate proves bound.")] = (
         BOUND_METHOD
     )
     bound_reason: Annotated[
         str,
-        Column("Why the search for the bound stopped: optimal means that J of a plan meets it."),
+        TableColumn(
+            "Why the search for the bound stopped: optimal means that J of a plan meets it."
+        ),
     ]
-    bound_limit: Annotated[str, Column("The limit that stopped this search, or none.")] = NO_LIMIT
-    bound_seconds: Annotated[_Number, Column("Wall-clock time of this search.", unit="s")] = None
+    bound_limit: Annotated[str, TableColumn("The limit that stopped this search, or none.")] = (
+        NO_LIMIT
+    )
+    bound_seconds: Annotated[_Number, TableColumn("Wall-clock time of this search.", unit="s")] = (
+        None
+    )
     bound_time_limit: Annotated[
         _Number,
-        Column(
+        TableColumn(
             "Time that each of the two searches for bounds was allowed, from when coverage was "
             "there.",
             unit="s",
         ),
     ] = None
     bound_work_limit: Annotated[
-        _Count, Column("Units of work that each of them was allowed; empty without such a limit.")
+        _Count,
+        TableColumn("Units of work that each of them was allowed; empty without such a limit."),
     ] = None
-    certificate: Annotated[str, Column("The file that proves the bound.")] = ""
+    certificate: Annotated[str, TableColumn("The file that proves the bound.")] = ""
     optimum: Annotated[
-        _Number, Column("The largest known J of a plan that obeys the rules.", **_ANY)
+        _Number, TableColumn("The largest known J of a plan that obeys the rules.", **_ANY)
     ] = None
-    optimum_free: Annotated[_Number, Column("The largest known J of any plan.", **_ANY)] = None
+    optimum_free: Annotated[_Number, TableColumn("The largest known J of any plan.", **_ANY)] = None
     bound_free: Annotated[
         _Number,
-        Column("A certified number that no plan's J exceeds without collision rules.", **_ANY),
+        TableColumn("A certified number that no plan's J exceeds without collision rules.", **_ANY),
     ] = None
-    bound_free_reason: Annotated[str, Column("Why the search for bound_free stopped.")]
-    bound_free_limit: Annotated[str, Column("The limit that stopped that search, or none.")] = (
-        NO_LIMIT
-    )
-    bound_free_seconds: Annotated[_Number, Column("Wall-clock time of that search.", unit="s")] = (
-        None
-    )
-    certificate_free: Annotated[str, Column("The file that proves bound_free.")] = ""
+    bound_free_reason: Annotated[str, TableColumn("Why the search for bound_free stopped.")]
+    bound_free_limit: Annotated[
+        str, TableColumn("The limit that stopped that search, or none.")
+    ] = NO_LIMIT
+    bound_free_seconds: Annotated[
+        _Number, TableColumn("Wall-clock time of that search.", unit="s")
+    ] = None
+    certificate_free: Annotated[str, TableColumn("The file that proves bound_free.")] = ""
 
     @classmethod
     def of_bounds(
@@ -288,15 +301,15 @@ class Row(BoundColumns, PlannedRow):
 
     gap_free: Annotated[
         _Number,
-        Column(
+        TableColumn(
             "(bound_free - reward) / bound_free, of a plan that obeys the rules.",
             **_SHARE,
         ),
     ]
-    digest: Annotated[str, Column("Digest of the scene.")]
+    digest: Annotated[str, TableColumn("Digest of the scene.")]
     starts: Annotated[
         str | UnsetType,
-        Column(
+        TableColumn(
             "The starts of the drones, where they are not those of the seed; only in such tables."
         ),
     ] = UNSET
@@ -384,7 +397,7 @@ class Row(BoundColumns, PlannedRow):
         return max(optimum_free - bound, 0.0) / bound_free, (bound_free - optimum) / bound_free
 
 
-COLUMNS = Column.all_of(Row)
+COLUMNS = TableColumn.all_of(Row)
 
 
 def _fields(row: PlanRow | BoundColumns) -> dict[str, Any]:

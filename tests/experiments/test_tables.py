@@ -19,7 +19,7 @@ from strategies import examples
 
 from cocap_opt.cli import commands
 from cocap_opt.experiments.sweeps.results import load_results
-from cocap_opt.experiments.tables.columns import Column
+from cocap_opt.experiments.tables.columns import TableColumn
 from cocap_opt.experiments.tables.rows import COLUMNS, PlanRow, Row
 from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.experiments.tables.tables import DOCUMENTS, Tables
@@ -254,7 +254,7 @@ def test_the_command_makes_tables(results: Path, capsys: pytest.CaptureFixture[s
 
 def test_every_column_says_what_it_means() -> None:
     """One statement has type, unit, range and meaning; the header of results.csv follows it."""
-    assert Column.all_of(Row) == COLUMNS
+    assert TableColumn.all_of(Row) == COLUMNS
     for name, column in COLUMNS.items():
         assert column.name == name and column.kind in (int, float, str)
         assert column.meaning.endswith(".") and column.least <= column.most
