@@ -271,7 +271,7 @@ class _Task(NamedTuple):
         )
 
     def answer(self, method: str, judged: Judged[CertifiedResult]) -> Record:
-        """Returns what the command prints."""
+        """Returns the record that the command prints."""
         judged.warn(self.problem, self.seed, method)
         row = PlanRow.certified(self.problem, self.seed, method, judged)
         record: Record = asdict(row) | self.about

@@ -42,7 +42,7 @@ UNUSED = 1e-6  # amounts below are rounding errors
 
 
 class _ClassPart(NamedTuple):
-    """What one class adds to a flow, in the order of its fields."""
+    """The part of one class in a flow, in the order of its fields."""
 
     owner: IntArray
     steps: IntArray

@@ -1,4 +1,4 @@
-"""How much a narrowing leaves: states and joint states, by which stages are chosen."""
+"""Counts of the states and joint states that a narrowing leaves, by which stages are chosen."""
 
 import math
 

@@ -183,7 +183,7 @@ class _Envelopes:
 
     @property
     def narrowing(self) -> Narrowing:
-        """Where better plans can be, after the stages so far."""
+        """The narrowing to better plans, after the stages so far."""
         return self.proved.narrowing
 
     @property
