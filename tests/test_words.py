@@ -12,9 +12,9 @@ RIDDLE = re.compile(r"(Returns? (what|whether|how)|What|Whether|How|Where|Those)
 SUSPECT = re.compile(rf'"""{RIDDLE.pattern}')
 NAMED = re.compile(rf"\b({'|'.join(SAYS_NOTHING)})(:| [:=]?=| in |, \w+ (=|in) |[,)])")
 # Files and folders with sentences that are yet to be written, and with names yet to be given.
-RIDDLES_LEFT = ("cocap_opt/api", "cocap_opt/run", "experiments/lab", "formulations/certificates")
+RIDDLES_LEFT = ("cocap_opt/api", "cocap_opt/run", "experiments/lab")
 NAMES_LEFT = (
-    "cocap_opt/api", "cocap_opt/run", "experiments/lab", "experiments/sweeps/instances.py",
+    "cocap_opt/api", "cocap_opt/run", "experiments/sweeps/instances.py",
     "experiments/sweeps/work.py",
 )  # fmt: skip
 

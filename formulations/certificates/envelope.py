@@ -201,7 +201,7 @@ class Corners:
         return np.sqrt(kept.pixels) + kept.values, steps
 
     def counts(self, steps: _Steps, which: IntArray) -> IntArray:
-        """Returns how many robots are at each breakpoint in some of the corners [n, sum of K].
+        """Returns the number of robots at each breakpoint, in some of the corners [n, sum of K].
 
         Parameters
         ----------

@@ -176,11 +176,11 @@ class CertificatePrices(NamedTuple):
         return cls(model, _prices_by_reference(model, certificate), 0.0, 0.0, [])
 
     def rewards(self, number: int) -> FloatArray:
-        """Returns what a robot of class `number` gets for being in a state [T+1, S]."""
+        """Returns the rewards [T+1, S] of a robot of class `number` for being in a state."""
         return _node_rewards(self.model, number, self.pixels)
 
     def charges(self, number: int) -> Charges:
-        """Returns what the robots of class `number` are charged."""
+        """Returns the charges for robots of class `number`."""
         return charges_of(self.model, number, self.costs)
 
     @property
@@ -290,7 +290,7 @@ def _prices_by_reference(model: Model, certificate: ReferencePixels) -> _PixelPr
 
 
 def _node_rewards(model: Model, number: int, prices: _PixelPrices) -> FloatArray:
-    """Returns what a robot of class `number` gets for being in a state [T+1, S]."""
+    """Returns the rewards [T+1, S] of a robot of class `number` for being in a state."""
     robot_class = model.classes[number]
     table = model.coverage(robot_class)
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused below

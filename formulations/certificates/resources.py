@@ -259,7 +259,7 @@ Resource = Cells | Swap | Moves | Visit | Move
 
 
 def charges_of(model: Model, number: int, costs: Iterable[tuple[Resource, float]]) -> Charges:
-    """Returns what resources with these costs charge the robots of class `number`."""
+    """Returns the charges of resources with these costs for robots of class `number`."""
     places: defaultdict[tuple[int, int], float] = defaultdict(float)
     moves: defaultdict[tuple[int, int, int], float] = defaultdict(float)
     states: defaultdict[tuple[int, int], float] = defaultdict(float)

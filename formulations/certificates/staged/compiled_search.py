@@ -1,4 +1,4 @@
-"""What compiles searches, and whether it may: numba, where that is installed (extra `fast`).
+"""Compilation of searches by numba, where it is installed (extra `fast`) and time is left.
 
 The compiled searches of joint states (`search_kernel`) do what the plain one does (`search`), about
 twenty times as fast, and can be interrupted; the tests hold them to it. Without numba the plain one

@@ -162,7 +162,7 @@ class _Following:
             yield from self._compiled(joint, choices, floors, tail, stop)
 
     def _plain(self, joint: JointStates, stop: Stop) -> list[tuple[int, ...]] | None:
-        """Returns what a plain search collects; None if it is to be compiled."""
+        """Returns the joint states of a plain search; None if it is to be compiled."""
         stop.check()
         may_compile = not self.plain and compiled_search.may_take_over(stop)
         most = max(PLAIN_NODES - self._plain_nodes, 0) if may_compile else self.nodes_left
@@ -305,7 +305,7 @@ class _Team:
         return every if is_open else every.nothing
 
     def after(self, t: int, before: _Reached, following: _Following, stop: Stop) -> _Reached:
-        """Returns what is reached at a step from the one before, the best first.
+        """Returns the joint states reached at a step from the one before, the best first.
 
         Raises
         ------
@@ -334,7 +334,7 @@ class _Team:
         return self._best([reached, *waiting])
 
     def _rest(self, t: int) -> float:
-        """Returns what later constants and rows add to the worth so far and `_future`, in J.
+        """Returns the J that later constants and rows add to the worth so far and `_future`.
 
         A plan above the target whose steps up to t are worth F is worth at most F, this, and the
         sum of what all robots can get from their states at t on.
@@ -345,7 +345,7 @@ class _Team:
         return later + exact_sum(multiplier for step, multiplier in rows if step >= t)
 
     def _future(self, number: int, t: int, states: IntArray) -> FloatArray:
-        """Returns what robots of a class can get for later steps [n], in units of J.
+        """Returns the most [n] that robots of a class can get for later steps, in units of J.
 
         Parameters
         ----------

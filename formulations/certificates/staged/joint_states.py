@@ -122,7 +122,7 @@ class JointStates:
 
     @property
     def conflict(self) -> BoolArray:
-        """Returns whether two robots may not be in these states at once [n, n]."""
+        """Returns an array [n, n], true for states in which two robots may not be at once."""
         return self.conflict_of()
 
     @cached_property
@@ -188,7 +188,7 @@ class JointStates:
         return exact_sum([*self._worths(chosen), *(-self.price[list(chosen)]).tolist()])
 
     def _worths(self, chosen: Sequence[int]) -> list[float]:
-        """Returns what each face [F] is worth in a joint state."""
+        """Returns the worth of each face [F] in a joint state."""
         pixels = [math.fsum(seen) for seen in self.pixels[list(chosen)].T.tolist()]
         worths: list[float] = (self.weights * np.sqrt(pixels)).tolist()
         return worths

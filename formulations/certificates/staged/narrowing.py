@@ -74,7 +74,7 @@ Search = Callable[[int, JointStates], float]
 
 
 class _Closing(NamedTuple):
-    """What decides which joint states count: all as it was when states were closed last."""
+    """The values that decide which joint states count, as of when states were closed last."""
 
     constants: FloatArray  # [T+1]
     floors: FloatArray  # [T+1] least worth less charges of a joint state that counts
@@ -190,7 +190,7 @@ class Narrowing:
 
     @property
     def slack(self) -> list[FloatArray]:
-        """What the best path through each state [T+1, S] of a class lacks to the best path."""
+        """The loss of the best path through each state [T+1, S] of a class to the best of all."""
         return self._sweeps.slack
 
     @property
@@ -366,7 +366,7 @@ class Narrowing:
         return replace(self, constants=constants)
 
     def _closed_now(self, floors: FloatArray) -> _Closing:
-        """Returns what decides from now on which joint states count."""
+        """Returns the values that decide from now on which joint states count."""
         charges = [
             reward + np.where(is_left, slack, 0.0)
             for reward, slack, is_left in zip(self.rewards, self.slack, self.left, strict=True)

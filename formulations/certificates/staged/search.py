@@ -257,7 +257,7 @@ class _PlainSearch:
 def _most(
     so_far: float, gains: FloatArray, classes: IntArray, counts: tuple[int, ...]
 ) -> FloatArray:
-    """Returns what completions that take each of the states can reach at most [n]."""
+    """Returns the most [n] that completions can reach that take each of the states."""
     best = np.full(len(counts), -np.inf)
     np.maximum.at(best, classes, gains)
     total = so_far + sum(n * best[c] for c, n in enumerate(counts) if n)

@@ -87,7 +87,7 @@ def _end(memory: _Memory, depth: int, best: float) -> float:
 
 @_compiled
 def _at_most(so_far: float, data: _Inputs, depth: int, largest: FloatArray, row: int) -> float:
-    """Returns what is reached at most if each robot that is left adds its class's largest."""
+    """Returns an upper bound, by which each robot that is left adds its class's largest gain."""
     for c in range(data.counts.shape[1]):
         if data.counts[depth, c]:
             so_far += data.counts[depth, c] * largest[row, c]
