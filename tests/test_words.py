@@ -11,20 +11,12 @@ SAYS_NOTHING = ("own", "one", "some")
 RIDDLE = re.compile(r"(Returns? (what|whether|how)|What|Whether|How|Where|Those)\b")
 SUSPECT = re.compile(rf'"""{RIDDLE.pattern}')
 NAMED = re.compile(rf"\b({'|'.join(SAYS_NOTHING)})(:| [:=]?=| in |, \w+ (=|in) |[,)])")
-# Files and folders with sentences that are yet to be written, and with names yet to be given.
-RIDDLES_LEFT = ("cocap_opt/api", "cocap_opt/run", "experiments/lab")
-NAMES_LEFT = (
-    "cocap_opt/api", "cocap_opt/run", "experiments/sweeps/instances.py",
-    "experiments/sweeps/work.py",
-)  # fmt: skip
 
 
-def suspects(words: re.Pattern[str], but: tuple[str, ...]) -> Iterator[tuple[Path, ast.Module]]:
-    """Syntax trees of modules that hold such words, but for those of some files and folders."""
+def suspects(words: re.Pattern[str]) -> Iterator[tuple[Path, ast.Module]]:
+    """Syntax trees of modules that hold such words."""
     for folder in FOLDERS:
         for path in (ROOT / folder).rglob("*.py"):  # does not follow links
-            if any(path.is_relative_to(ROOT / left) for left in but):
-                continue
             text = path.read_text(encoding="utf-8")
             if words.search(text):
                 yield path, ast.parse(text)
@@ -50,7 +42,7 @@ def test_docstrings_are_sentences() -> None:
     """They say who does it, or begin with a verb: "Returns what .." leaves the reader guessing."""
     riddles = [
         f"{path.relative_to(ROOT)}: {text.splitlines()[0]}"
-        for path, tree in suspects(SUSPECT, RIDDLES_LEFT)
+        for path, tree in suspects(SUSPECT)
         for text in docstrings(tree)
         if RIDDLE.match(text)
     ]
@@ -61,7 +53,7 @@ def test_variables_are_named_after_the_thing() -> None:
     """No variable is called `own`, `one` or `some`, of which nobody knows what it holds."""
     found = {
         f"{path.relative_to(ROOT)}: {name}"
-        for path, tree in suspects(NAMED, NAMES_LEFT)
+        for path, tree in suspects(NAMED)
         for name in variables(tree)
         if name in SAYS_NOTHING
     }

@@ -89,7 +89,7 @@ def coverage_digest(problem: Problem) -> str:
     """
     require_problem(problem)
     model, digest = compiled(problem), hashlib.sha256()
-    kinds = {one.sight: one for one in model.classes}  # classes that see alike share a table
+    kinds = {c.sight: c for c in model.classes}  # classes that see alike share a table
     for robot_class in kinds.values():
         nodes = model.coverage(robot_class).nodes
         for part in np.array_split(nodes, len(nodes) // _PART + 1):

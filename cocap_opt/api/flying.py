@@ -68,11 +68,11 @@ def trajectory(
     """
     from pandas import DataFrame
 
-    own = plan_for(problem, plan, "flown")
-    if own.stays and not hovering:
+    flown = plan_for(problem, plan, "flown")
+    if flown.stays and not hovering:
         why = ("" if plan is None else plan.cut_short) or "all drones stay at their starts"
         raise ValueError(f"plan: no drone moves ({why}); hovering=True flies it so")
-    flight = _flight_scene(problem, step, margin).flight(own, smooth)
+    flight = _flight_scene(problem, step, margin).flight(flown, smooth)
     table = DataFrame(flight.columns(every))
     table.attrs = {**flight.record(), "off_between_rows": flight.off_between_rows(every)}
     return table
@@ -136,8 +136,8 @@ def robustness(
         tolerated_delay_of_people,
     )
 
-    own = plan_for(problem, plan, "flown")
-    flight = _flight_scene(problem, step, margin).without_earth.flight(own, smooth)
+    flown = plan_for(problem, plan, "flown")
+    flight = _flight_scene(problem, step, margin).without_earth.flight(flown, smooth)
     table = DataFrame(Changes(late, aside, lag).rows(flight))
     table.attrs = {
         "delay_tolerance": tolerated_delay(flight),

@@ -82,7 +82,7 @@ def gap(
     from cocap_opt.experiments.sweeps.instances import Instance, Settings
     from cocap_opt.experiments.sweeps.scenes import Scenes
     from cocap_opt.experiments.sweeps.sweep import Hired, sweep
-    from cocap_opt.experiments.tables.rows import Row
+    from cocap_opt.experiments.tables.rows import GapRow
     from cocap_opt.run.options import Option
 
     # Before anything is computed; numbers of NumPy become plain ones.
@@ -90,7 +90,7 @@ def gap(
     settings = Settings(
         time_limit=time_limit, bound_time_limit=time_limit, work_limit=work_limit, kept=kept
     )
-    foreign = _own(planners or (), out is not None, workers is not None)
+    foreign = _foreign(planners or (), out is not None, workers is not None)
     names = None if planners is None else [name_of(planner) for planner in planners]
     hired = Hired(Option("workers").require_cores(workers), None, settings.cell_limit)
     if hired.workers is not None:
@@ -102,17 +102,17 @@ def gap(
     problems += [(scene, 0) for scene in given if isinstance(scene, Problem)]
     _require_told_apart([(problem.name, seed) for problem, seed in problems])
     instances = [
-        Instance(problem, seed, names, settings, own=foreign) for problem, seed in problems
+        Instance(problem, seed, names, settings, foreign=foreign) for problem, seed in problems
     ]
     folder = None if out is None else Path(out)
     rows = sweep(instances, folder, hired, is_same=named.is_same, quiet=True)
     for row in rows:
         if row.has_error:
             _log.warning("%s, seed %s, %s: %s", row.scene, row.seed, row.planner, row.message)
-    return DataFrame(Row.records(rows))
+    return DataFrame(GapRow.records(rows))
 
 
-def _own(planners: Sequence[str | Planner], kept: bool, sent: bool) -> "dict[str, OwnPlanner]":
+def _foreign(planners: Sequence[str | Planner], kept: bool, sent: bool) -> "dict[str, OwnPlanner]":
     """Returns the planners that are none of this project's, by their names.
 
     Parameters
@@ -173,7 +173,7 @@ def _several_scenes(scenes: _Scene | Sequence[_Scene]) -> list[_Scene]:
 
 
 def _words_of_scenes(scenes: Sequence[_Scene]) -> tuple[list[str], Callable[[str, int], Problem]]:
-    """Returns what scenes are called that have seeds, and what makes a problem of word and seed."""
+    """Returns the names of scenes that have seeds, and a function from name and seed to problem."""
     functions = {name_of(scene): scene for scene in scenes if callable(scene)}
     seeded = [scene for scene in scenes if not isinstance(scene, Problem)]
     words = [name_of(scene) if callable(scene) else str(scene) for scene in seeded]

@@ -57,13 +57,13 @@ def show(
     require_problem(problem)
     for n, given in enumerate(plans, 1):
         require_made_for(f"plan {n}", given, problem)
-    known = [(given, own) for given in plans if given and (own := plan_of(given)) is not None]
-    for n, (_, own) in enumerate(known, 1):
-        require_flown(f"plan {n}", judge_plan(problem, own))
+    known = [(given, p) for given in plans if given and (p := plan_of(given)) is not None]
+    for n, (_, found) in enumerate(known, 1):
+        require_flown(f"plan {n}", judge_plan(problem, found))
     gaps = []
     if certificate is not None and known:
-        gaps = gaps_of(problem, [own for _, own in known], required_bound(certificate))
-    titled = [(_title(n, given), own) for n, (given, own) in enumerate(known, 1)]
+        gaps = gaps_of(problem, [p for _, p in known], required_bound(certificate))
+    titled = [(_title(n, given), found) for n, (given, found) in enumerate(known, 1)]
     cut_short = ["" if given is None else given.cut_short for given, _ in known]
     return Player(problem, titled, gaps, cut_short=cut_short)
 

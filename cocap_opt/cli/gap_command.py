@@ -22,7 +22,7 @@ from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.tables.gap_table import print_gap_table
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.files.documents import FileError, PlanFile, problem_digest
 from cocap_opt.output.files import PlanReader
 from cocap_opt.output.printing import print_result
@@ -259,7 +259,7 @@ def _gap(
     return 1 if any(row.has_error for row in rows) else 0
 
 
-def _say_why_without_plan(rows: Sequence[Row], problems: Problems) -> None:
+def _say_why_without_plan(rows: Sequence[GapRow], problems: Problems) -> None:
     """Names the narrow ways of scenes in which a planner has found no plan."""
     failed = {
         (row.scene, row.seed) for row in rows if row.reason in (Reason.FAILED, Reason.INFEASIBLE)

@@ -10,7 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter, Token
 
 from cocap_opt.console.streams import without_warnings
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.flight.strain import strains
 from cocap_opt.plausibility import narrow_way, warnings
 from cocap_opt.problem import Problem
@@ -125,8 +125,8 @@ USUAL = Budget()
 
 
 def chosen(
-    rows: Sequence[Row], scenes: Sequence[str] | None, planners: Sequence[str] | None
-) -> list[Row]:
+    rows: Sequence[GapRow], scenes: Sequence[str] | None, planners: Sequence[str] | None
+) -> list[GapRow]:
     """Returns results of some scenes and planners, of all if none is named; at least one."""
     for name in scenes or []:
         Option("--scene").require_one_of(name, dict.fromkeys(row.scene for row in rows))

@@ -17,7 +17,7 @@ from cocap_opt.cli.options import (
     chosen,
 )
 from cocap_opt.experiments.sweeps.results import RunFile, load_results
-from cocap_opt.experiments.tables.rows import COLUMNS, Row
+from cocap_opt.experiments.tables.rows import COLUMNS, GapRow
 from cocap_opt.experiments.tables.tables import AGAINST, DOCUMENTS, Tables
 from cocap_opt.output.files import check_output, save_bytes
 from cocap_opt.output.printing import Listing, print_result
@@ -115,7 +115,7 @@ def _report(
     return 0
 
 
-def _against(planner: str | None, rows: Sequence[Row]) -> str:
+def _against(planner: str | None, rows: Sequence[GapRow]) -> str:
     """Returns the planner that others are compared with, which must be in the results."""
     if planner is None:
         return AGAINST

@@ -154,13 +154,13 @@ class Explained:
 def is_too_large(problem: Problem) -> bool:
     """Returns True where an explanation would need the coverage of very many states."""
     model = compiled(problem)
-    return sum(int(model.reachable(one).sum()) for one in model.classes) > _MOST_STATES
+    return sum(int(model.reachable(c).sum()) for c in model.classes) > _MOST_STATES
 
 
 def gaps_of(
     problem: Problem, plans: Sequence[Plan], file: CertificateFile | ProofFile
 ) -> list[Explanation]:
-    """Returns what the gaps of plans that can be flown are made of, the file being verified.
+    """Explains the gaps of plans that can be flown, the file being verified.
 
     Raises
     ------

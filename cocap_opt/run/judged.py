@@ -133,7 +133,7 @@ class Judged(NamedTuple, Generic[_R_co]):
         return Reason.FINISHED if reason is Reason.OPTIMAL and is_open else reason
 
     def remarks(self, problem: Problem) -> list[str]:
-        """Returns what is to be said of the result and its plan, each in a few words."""
+        """Returns remarks on the result and its plan, each in a few words."""
         result = self.result
         found = [words for words in (result.message, self.blind(problem)) if words]
         if self.reason is not result.reason and not found and math.isfinite(result.bound):

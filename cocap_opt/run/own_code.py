@@ -82,7 +82,7 @@ class OwnCode(NamedTuple):
 
 
 def _depth(module: ModuleType) -> int:
-    """Returns how many folders above a module's file its package is imported from."""
+    """Returns the number of folders between a module's file and where it is imported from."""
     is_package = hasattr(module, "__path__")
     return module.__name__.count(".") + is_package
 
@@ -163,7 +163,7 @@ def _parsed(content: bytes) -> ast.Module:
 
 
 def counted(path: str, content: bytes) -> bytes:
-    """Returns what counts of a file of code."""
+    """Returns the part of a file of code that its digest depends on."""
     if not path.endswith(".py"):
         return content
     try:

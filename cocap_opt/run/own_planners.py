@@ -193,7 +193,7 @@ def _told(error: Exception) -> str:
 
 
 def usable_result(name: str, result: object) -> Result:
-    """Returns what a planner has returned, if it is a result, with a plan of plain states.
+    """Returns a planner's result with a plan of plain states.
 
     Raises
     ------

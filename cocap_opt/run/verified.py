@@ -150,7 +150,7 @@ class Verified:
 
     @property
     def proved_bound(self) -> float:
-        """What the numbers of the lowest bound's file prove, which may be less than it claims."""
+        """The bound that the numbers of the lowest file prove; its claim may be lower."""
         return math.inf if self.proved is None else self.proved.pricing.bound
 
     @property

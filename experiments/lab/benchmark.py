@@ -132,7 +132,7 @@ class Benchmark:
         return figure
 
     def _above(self, run: MethodRun) -> float:
-        """Returns how far a run's bound is above the optimum, in %; inf where one is not known."""
+        """Returns the gap of a run's bound to the optimum, in %; inf where one is not known."""
         optima = [
             other.value
             for other in self.runs

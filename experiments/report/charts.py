@@ -13,7 +13,7 @@ from matplotlib.image import AxesImage
 from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter
 
 from cocap_opt.data import FloatArray
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.formulations.result import OPTIMALITY, Snapshot
 from cocap_opt.output.printing import counted
@@ -45,15 +45,15 @@ _LEAST_GAP = 100 * OPTIMALITY  # %, of a plan that is proved optimal
 # -- gaps ---------------------------------------------------------------------------------
 
 
-def gaps_figure(rows: Sequence[Row]) -> Figure:
+def gaps_figure(rows: Sequence[GapRow]) -> Figure:
     """Draws the gap of each planner, a panel per scene.
 
     Parameters
     ----------
     rows : of the gap table
     """
-    scenes = Row.grouped(rows, "scene")
-    heights = [1.1 + 0.42 * len(Row.grouped(runs, "planner")) for runs in scenes.values()]
+    scenes = GapRow.grouped(rows, "scene")
+    heights = [1.1 + 0.42 * len(GapRow.grouped(runs, "planner")) for runs in scenes.values()]
     figure = new_figure(7.2, sum(heights))
     panels = figure.subplots(len(scenes), 1, height_ratios=heights, squeeze=False)[:, 0]
     for ax, ((scene,), runs) in zip(panels, scenes.items(), strict=True):
@@ -62,7 +62,7 @@ def gaps_figure(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def _draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
+def _draw_gaps(ax: Axes, rows: Sequence[GapRow]) -> Axes:
     """Draws each planner's gap to the best certified bound: a stroke per seed, mean, 95 % interval.
 
     The bound of a faint stroke is not proved to be the optimum, so that the gap may be smaller
@@ -72,7 +72,7 @@ def _draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
     ----------
     rows : of the gap table, of one scene
     """
-    planners = Row.grouped(rows, "planner")
+    planners = GapRow.grouped(rows, "planner")
     for y, runs in enumerate(planners.values()):
         _draw_planner(ax, y, runs)
     if not all(row.bound_is_proved for row in rows):
@@ -81,15 +81,15 @@ def _draw_gaps(ax: Axes, rows: Sequence[Row]) -> Axes:
     labels = [_label(planner, runs) for (planner,), runs in planners.items()]
     ax.set_yticks(range(len(planners)), labels)
     ax.set_ylim(len(planners) - 0.5, -0.5)
-    _gap_axis(ax, max(Row.percent(rows, "gap"), default=0.0))
+    _gap_axis(ax, max(GapRow.percent(rows, "gap"), default=0.0))
     return set_frame(ax, "x")
 
 
-def _draw_planner(ax: Axes, y: float, rows: Sequence[Row]) -> None:
+def _draw_planner(ax: Axes, y: float, rows: Sequence[GapRow]) -> None:
     bounded = [row for row in rows if row.gap is not None]
     if not bounded:
         return
-    gaps = np.array(Row.percent(bounded, "gap"))
+    gaps = np.array(GapRow.percent(bounded, "gap"))
     proved = np.array([row.bound_is_proved for row in bounded])
     for chosen, alpha in ((proved, 0.75), (~proved, 0.3)):
         ax.plot(
@@ -104,7 +104,7 @@ def _draw_planner(ax: Axes, y: float, rows: Sequence[Row]) -> None:
                     va="center", ha="left", annotation_clip=False)  # fmt: skip
 
 
-def _label(planner: str, rows: Sequence[Row]) -> str:
+def _label(planner: str, rows: Sequence[GapRow]) -> str:
     breaking = sum(not row.valid for row in rows)
     verb = "breaks" if breaking == 1 else "break"
     words = f"\n({breaking} of {len(rows)} {verb} rules)" if breaking else ""

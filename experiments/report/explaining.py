@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.tables import Table
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
@@ -24,7 +24,7 @@ _PARTS: dict[str, tuple[Kind, ...]] = {
 
 
 def explained_plans(
-    folder: Path, rows: Sequence[Row], problem: Problem, plans: Mapping[str, Plan]
+    folder: Path, rows: Sequence[GapRow], problem: Problem, plans: Mapping[str, Plan]
 ) -> dict[str, Explained]:
     """Returns the gaps of plans by their planners, told apart with the folder's certificate.
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.experiments.sweeps.results import RunFile
-from cocap_opt.experiments.tables.rows import SAMPLED_COVERAGE, Row
+from cocap_opt.experiments.tables.rows import SAMPLED_COVERAGE, GapRow
 from cocap_opt.experiments.tables.statistics import ENOUGH
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import CollisionRules
@@ -20,7 +20,7 @@ _ALWAYS = (
 
 
 def limitations(
-    rows: Sequence[Row], run: RunFile, rules: Mapping[str, CollisionRules]
+    rows: Sequence[GapRow], run: RunFile, rules: Mapping[str, CollisionRules]
 ) -> list[str]:
     """Returns sentences, first those that hold for these results only.
 
@@ -39,7 +39,7 @@ def limitations(
     ]
 
 
-def _of_coverage(rows: Sequence[Row]) -> Iterator[str]:
+def _of_coverage(rows: Sequence[GapRow]) -> Iterator[str]:
     scenes = dict.fromkeys(row.scene for row in rows if row.coverage == SAMPLED_COVERAGE)
     if scenes:
         yield (
@@ -48,10 +48,10 @@ def _of_coverage(rows: Sequence[Row]) -> Iterator[str]:
         )
 
 
-def _of_seeds(rows: Sequence[Row]) -> Iterator[str]:
+def _of_seeds(rows: Sequence[GapRow]) -> Iterator[str]:
     seeds = {
         scene: len({row.seed for row in rows_of_scene})
-        for (scene,), rows_of_scene in Row.grouped(rows, "scene").items()
+        for (scene,), rows_of_scene in GapRow.grouped(rows, "scene").items()
     }
     single = [scene for scene, count in seeds.items() if count == 1]
     few = [scene for scene, count in seeds.items() if 1 < count < ENOUGH]
@@ -66,7 +66,7 @@ def _of_seeds(rows: Sequence[Row]) -> Iterator[str]:
         )
 
 
-def _of_bounds(rows: Sequence[Row]) -> Iterator[str]:
+def _of_bounds(rows: Sequence[GapRow]) -> Iterator[str]:
     first = {row.key: row for row in rows}.values()
     open_ = [row for row in first if row.bound is not None and not row.bound_is_proved]
     none = sum(row.bound is None for row in first)
@@ -79,8 +79,8 @@ def _of_bounds(rows: Sequence[Row]) -> Iterator[str]:
         yield f"{none} of {len(first)} scenes and seeds have no bound, and so no gaps."
 
 
-def _of_plans(rows: Sequence[Row]) -> Iterator[str]:
-    for (planner,), runs in Row.grouped(rows, "planner").items():
+def _of_plans(rows: Sequence[GapRow]) -> Iterator[str]:
+    for (planner,), runs in GapRow.grouped(rows, "planner").items():
         lost = sum(not row.valid for row in runs)
         if lost == len(runs):
             yield f"No plan of {planner} obeys the rules; it has no gaps."

@@ -23,7 +23,7 @@ from cocap_opt.experiments.report.limitations import limitations
 from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.experiments.sweeps.results import RunFile
 from cocap_opt.experiments.tables.layout import Paths
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.tables import Tables
 from cocap_opt.files.documents import FileError
 from cocap_opt.output.files import PlanReader
@@ -45,7 +45,9 @@ _TOO_LARGE = (
 )
 
 
-def report_page(folder: Path, rows: Sequence[Row], run: RunFile, against: str, players: int) -> str:
+def report_page(
+    folder: Path, rows: Sequence[GapRow], run: RunFile, against: str, players: int
+) -> str:
     """Returns the text of the HTML file.
 
     Parameters
@@ -89,12 +91,12 @@ def _anchor(title: str) -> str:
     return title.lower().replace(" ", "-")
 
 
-def _about(rows: Sequence[Row]) -> str:
+def _about(rows: Sequence[GapRow]) -> str:
     """Returns scenes, numbers of seeds and planners in a line."""
     planners = dict.fromkeys(row.planner or "" for row in rows)
     scenes = ", ".join(
         f"{scene} ({counted(len({row.seed for row in group}), 'seed')})"
-        for (scene,), group in Row.grouped(rows, "scene").items()
+        for (scene,), group in GapRow.grouped(rows, "scene").items()
     )
     return f"{scenes}; {', '.join(planners)}"
 
@@ -102,7 +104,7 @@ def _about(rows: Sequence[Row]) -> str:
 # -- results ------------------------------------------------------------------------------
 
 
-def _results(rows: Sequence[Row], against: str) -> str:
+def _results(rows: Sequence[GapRow], against: str) -> str:
     gaps = _image(
         gaps_figure(rows),
         "Gap of each plan to the best certified bound of its scene and seed: a stroke per seed, "
@@ -111,10 +113,10 @@ def _results(rows: Sequence[Row], against: str) -> str:
     return gaps + Tables.of(rows, against).html(level=3)
 
 
-def _searches(folder: Path, rows: Sequence[Row]) -> str:
+def _searches(folder: Path, rows: Sequence[GapRow]) -> str:
     """Returns figures of the bounds over time, one per scene."""
     parts = []
-    for (scene,), group in Row.grouped(rows, "scene").items():
+    for (scene,), group in GapRow.grouped(rows, "scene").items():
         traces = {}
         for row in {row.seed: row for row in group}.values():
             if (trace := _trace(folder, row)) is not None:
@@ -128,7 +130,7 @@ def _searches(folder: Path, rows: Sequence[Row]) -> str:
     return "".join(parts)
 
 
-def _trace(folder: Path, row: Row) -> Trace | None:
+def _trace(folder: Path, row: GapRow) -> Trace | None:
     """Returns the trace of the bound under the rules; if it was not searched for, the other one."""
     paths = (folder / Paths(row).trace(free) for free in (False, True))
     traces = [Trace.load(path) for path in paths if path.is_file()]
@@ -139,17 +141,17 @@ def _trace(folder: Path, row: Row) -> Trace | None:
 # -- plans --------------------------------------------------------------------------------
 
 
-def _plans(folder: Path, rows: Sequence[Row], most: int) -> str:
+def _plans(folder: Path, rows: Sequence[GapRow], most: int) -> str:
     """Returns players of the first scenes, each with the seed that shows most."""
     scenes = [
         group
-        for (_,), group in Row.grouped(rows, "scene").items()
+        for (_,), group in GapRow.grouped(rows, "scene").items()
         if (folder / Paths(group[0]).scene).is_file()
     ]
     return "\n".join(_scene_plans(folder, group) for group in scenes[:most])
 
 
-def _scene_plans(folder: Path, rows: Sequence[Row]) -> str:
+def _scene_plans(folder: Path, rows: Sequence[GapRow]) -> str:
     seed, group = _telling_seed(rows)
     problem = load_scene(str(folder / Paths(group[0]).scene), 0)
     shown = _telling_pair(group)
@@ -197,24 +199,24 @@ def _gaps_explained(title: str, explained: Mapping[str, Explained]) -> str:
     return drawn + Tables(table).html(level=4) + listed
 
 
-def _telling_seed(rows: Sequence[Row]) -> tuple[int | None, list[Row]]:
+def _telling_seed(rows: Sequence[GapRow]) -> tuple[int | None, list[GapRow]]:
     """Returns the seed of a scene that shows most, with its rows.
 
     It has two plans if any seed has, then the most conflicts to avoid, then the plans whose
     rewards differ most.
     """
 
-    def told(group: Sequence[Row]) -> tuple[bool, int, float]:
+    def told(group: Sequence[GapRow]) -> tuple[bool, int, float]:
         rewards = [row.reward for row in group if row.valid and row.reward is not None]
         apart = max(rewards) - min(rewards) if rewards else -1.0
         plans = sum(row.reward is not None for row in group)
         return plans > 1, max((row.conflicts or 0) for row in group), apart
 
-    seeds = {seed: group for (seed,), group in Row.grouped(rows, "seed").items()}
+    seeds = {seed: group for (seed,), group in GapRow.grouped(rows, "seed").items()}
     return max(seeds.items(), key=lambda item: told(item[1]))
 
 
-def _telling_pair(rows: Sequence[Row]) -> list[Row]:
+def _telling_pair(rows: Sequence[GapRow]) -> list[GapRow]:
     """Returns up to two plans of a seed: the best, after one with most conflicts or the worst."""
     good = sorted((row for row in rows if row.valid), key=lambda row: row.reward or 0.0)
     colliding = [row for row in rows if row.conflicts]
@@ -223,7 +225,7 @@ def _telling_pair(rows: Sequence[Row]) -> list[Row]:
     return [good[0], good[-1]] if len(good) > 1 else good
 
 
-def _plan(folder: Path, row: Row, problem: Problem) -> Plan:
+def _plan(folder: Path, row: GapRow, problem: Problem) -> Plan:
     """Returns the plan of a row; its reward must be the row's."""
     path = folder / Paths(row).plan
     plan = PlanReader(str(folder / Paths(row).scene), problem).plan(path).plan
@@ -235,7 +237,7 @@ def _plan(folder: Path, row: Row, problem: Problem) -> Plan:
     return plan
 
 
-def _story(rows: Sequence[Row]) -> str:
+def _story(rows: Sequence[GapRow]) -> str:
     """Returns a sentence about the plans that are shown."""
     parts = []
     for row in rows:
@@ -253,7 +255,7 @@ def _story(rows: Sequence[Row]) -> str:
 # -- the rest -----------------------------------------------------------------------------
 
 
-def _failures(rows: Sequence[Row]) -> str:
+def _failures(rows: Sequence[GapRow]) -> str:
     """Returns a table of the plans and bounds that could not be computed."""
     failed = [
         {"scene": row.scene, "seed": str(row.seed), "cell": cell, "reason": reason,
@@ -269,7 +271,7 @@ def _failures(rows: Sequence[Row]) -> str:
     return Tables({"Cells": once}).html(level=3) if once else ""
 
 
-def _absent(folder: Path, rows: Sequence[Row]) -> list[str]:
+def _absent(folder: Path, rows: Sequence[GapRow]) -> list[str]:
     """Returns sentences about files that are missing in the folder."""
     first = {row.key: row for row in rows}.values()
     named = {name for row in first for name in (row.certificate, row.certificate_free) if name}
@@ -283,7 +285,7 @@ def _absent(folder: Path, rows: Sequence[Row]) -> list[str]:
     return sentences
 
 
-def _rules(folder: Path, rows: Sequence[Row]) -> dict[str, CollisionRules]:
+def _rules(folder: Path, rows: Sequence[GapRow]) -> dict[str, CollisionRules]:
     """Returns the collision rules of each scene whose file is in the folder."""
     files = {row.scene: folder / Paths(row).scene for row in rows}
     return {
@@ -291,7 +293,7 @@ def _rules(folder: Path, rows: Sequence[Row]) -> dict[str, CollisionRules]:
     }
 
 
-def _settings(rows: Sequence[Row], run: RunFile) -> str:
+def _settings(rows: Sequence[GapRow], run: RunFile) -> str:
     facts = [
         ("limit of each plan", _limits((row.time_limit, row.work_limit) for row in rows)),
         (

@@ -55,7 +55,7 @@ class Status(StrEnum):
 FAILED = (Status.ERROR, Status.EXCEEDED, Status.DIED)
 
 
-class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class SweepCell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """One computation, and all that its result depends on."""
 
     scene: str
@@ -78,7 +78,7 @@ class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         See `cocap_opt.files.code`: comments, layout and docstrings do not count, and neither do
         meanings of columns.
         """
-        versions = [f"{name} {number}" for name, number in Cell.versions().items()]
+        versions = [f"{name} {number}" for name, number in SweepCell.versions().items()]
         parts = [*versions, code_digest(*digested_modules()), _code_of_rows()]
         return hashlib.sha256(" ".join(parts).encode()).hexdigest()
 
@@ -115,7 +115,7 @@ class CellFile(Document, frozen=True, kw_only=True):
 
     format: Literal["cocap-opt cell"] = "cocap-opt cell"
     version: Literal[3, 4] = 4
-    cell: Cell
+    cell: SweepCell
     status: Status
     message: str = ""  # why it has no result, in words
     traceback: str = ""  # of an error
@@ -131,7 +131,12 @@ class CellFile(Document, frozen=True, kw_only=True):
 
     @classmethod
     def failed(
-        cls, cell: Cell, status: Status, message: str, seconds: float = 0.0, traceback: str = ""
+        cls,
+        cell: SweepCell,
+        status: Status,
+        message: str,
+        seconds: float = 0.0,
+        traceback: str = "",
     ) -> "CellFile":
         """Returns the file of a cell without a result."""
         return cls(cell=cell, status=status, message=message, seconds=seconds, traceback=traceback)
@@ -159,7 +164,7 @@ class Store:
         self._folder = None if folder is None else folder / CELLS
         self._retry, self._cell_limit = retry, cell_limit
 
-    def find(self, cell: Cell) -> CellFile | None:
+    def find(self, cell: SweepCell) -> CellFile | None:
         """Returns the file of a cell; None if there is none, or it must be computed again."""
         path = self.path(cell)
         if path is None:
@@ -181,7 +186,7 @@ class Store:
         if (path := self.path(content.cell)) is not None:
             save_bytes(path, encode(content))
 
-    def path(self, cell: Cell) -> Path | None:
+    def path(self, cell: SweepCell) -> Path | None:
         """Returns where a cell's file is, or would be; None where nothing is kept."""
         return None if self._folder is None else self._folder / f"{cell.key}.json"
 

@@ -22,7 +22,7 @@ from distributed.client import ClosedClientError
 
 from cocap_opt.console.streams import say
 from cocap_opt.console.threads import ONE_THREAD
-from cocap_opt.experiments.sweeps.cells import Cell, CellFile, Status
+from cocap_opt.experiments.sweeps.cells import CellFile, Status, SweepCell
 from cocap_opt.experiments.sweeps.crew import ClusterError, Crew
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.model import compiled
@@ -200,11 +200,11 @@ def _started() -> Iterator[None]:
 
 def _run_task(task: Task) -> CellFile:
     """Computes a cell on a worker, and lets go of models, which the next cell cannot use."""
-    if task.cell.code != Cell.digest_of_code():  # it may have joined late
+    if task.cell.code != SweepCell.digest_of_code():  # it may have joined late
         raise ClusterError(f"the worker on {platform.node()} {_OTHER_CODE}")
     try:
-        if task.own is not None:
-            task = task._replace(own=task.own.ready())
+        if task.foreign is not None:
+            task = task._replace(foreign=task.foreign.ready())
     except OwnPlannerError as error:
         raise ClusterError(f"the worker on {platform.node()}: {error}") from error
     try:
@@ -265,9 +265,9 @@ def _require_usable(client: Client) -> None:
 
 def _require_same_code(client: Client) -> None:
     try:
-        found = client.run(Cell.digest_of_code)
+        found = client.run(SweepCell.digest_of_code)
     except Exception as error:  # whatever the worker raised
         raise ClusterError(f"--scheduler: a worker cannot run this: {error}") from error
     for worker, digest in found.items():
-        if digest != Cell.digest_of_code():
+        if digest != SweepCell.digest_of_code():
             raise ClusterError(f"--scheduler: the worker {worker} {_OTHER_CODE}")

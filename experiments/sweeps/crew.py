@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from cocap_opt.console.progress import Watch
-from cocap_opt.experiments.sweeps.cells import BOUND, Cell, CellFile, Store
+from cocap_opt.experiments.sweeps.cells import BOUND, CellFile, Store, SweepCell
 from cocap_opt.experiments.sweeps.instances import Instance
 from cocap_opt.experiments.sweeps.work import Task
 from cocap_opt.stop import Stop
@@ -50,7 +50,7 @@ class Crew(ABC):
         ----------
         told : of each cell that has ended, or has been recalled since
         """
-        owner: dict[Cell, Instance] = {}
+        owner: dict[SweepCell, Instance] = {}
         queue: deque[Task] = deque()
         running = 0
         for instance in instances:

@@ -33,7 +33,7 @@ from cocap_opt.experiments.sweeps.cells import BOUND, FREE, RULES, CellFile, Sta
 from cocap_opt.experiments.sweeps.instances import Instance, Key
 from cocap_opt.experiments.sweeps.results import RESULTS, RUN, CommandRun, RunFile, load_results
 from cocap_opt.experiments.tables.layout import FOLDERS, Paths
-from cocap_opt.experiments.tables.rows import COLUMNS, BoundColumns, Row
+from cocap_opt.experiments.tables.rows import COLUMNS, BoundColumns, GapRow
 from cocap_opt.files.atomic_write import UNFINISHED
 from cocap_opt.files.documents import (
     FileError,
@@ -106,7 +106,7 @@ def _clear_leftovers(folders: Sequence[Path]) -> None:
 class Earlier(NamedTuple):
     """The rows by instance that earlier commands left and that can stay, and these commands."""
 
-    rows: dict[Key, list[Row]]
+    rows: dict[Key, list[GapRow]]
     runs: Sequence[CommandRun]
 
     @classmethod
@@ -167,11 +167,11 @@ def _of_same_code(folder: Path) -> Earlier:
         _tell_leaving(folder, rows, "another version of the code")
         return nothing
     return Earlier(
-        {group[0].key: group for group in Row.grouped(rows, "scene", "seed").values()}, file.runs
+        {group[0].key: group for group in GapRow.grouped(rows, "scene", "seed").values()}, file.runs
     )
 
 
-def _rejoin(instance: Instance, rows: Sequence[Row], folder: Path) -> None:
+def _rejoin(instance: Instance, rows: Sequence[GapRow], folder: Path) -> None:
     """Adds the planners of earlier rows, with their results, to an instance that runs again."""
     store = Store(folder)
     lost = [row for row in rows if not _is_rejoined(instance, row, folder, store)]
@@ -180,7 +180,7 @@ def _rejoin(instance: Instance, rows: Sequence[Row], folder: Path) -> None:
         _tell_leaving(where, lost, "cells or plans that are gone or damaged")
 
 
-def _is_rejoined(instance: Instance, row: Row, folder: Path, store: Store) -> bool:
+def _is_rejoined(instance: Instance, row: GapRow, folder: Path, store: Store) -> bool:
     name = row.planner or ""
     if name not in SOLVERS and not row.planner_digest:
         return _is_given(instance, name, folder / Paths(row).plan)
@@ -209,7 +209,7 @@ def _is_given(instance: Instance, name: str, path: Path) -> bool:
     return True
 
 
-def _earlier_bound(instance: Instance, row: Row, folder: Path) -> CellFile | None:
+def _earlier_bound(instance: Instance, row: GapRow, folder: Path) -> CellFile | None:
     """Returns the bound of an earlier row with its certificates; None if they do not prove it."""
     problem, paths = instance.problem, Paths(row)
     bounds = {RULES: (problem, row.bound), FREE: (problem.without_rules(), row.bound_free)}
@@ -248,7 +248,7 @@ def _words(key: Key) -> str:
     return key[0] if key[1] is None else f"{key[0]} seed {key[1]}"
 
 
-def _tell_leaving(where: object, rows: Sequence[Row], why: str) -> None:
+def _tell_leaving(where: object, rows: Sequence[GapRow], why: str) -> None:
     names = ", ".join(dict.fromkeys(row.planner or "" for row in rows))
     count = counted(len(rows), "row")
     say(f"{where}: {count} ({names}) of {why}: no longer in {RESULTS}; finished cells stay")
@@ -272,7 +272,7 @@ class Output:
     ) -> None:
         self._folder, self._instances = folder, instances
         self._before, self._about_run = before, about_run
-        self._kept: dict[Instance, list[Row]] = {}
+        self._kept: dict[Instance, list[GapRow]] = {}
 
     def update(self) -> None:
         """Writes what has become whole since; what Ctrl-C has cut short is not written."""
@@ -295,7 +295,7 @@ class Output:
     def _save_run(self, folder: Path) -> None:
         RunFile.add_run(folder, self._before.runs, self._about_run())
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[GapRow]:
         """Returns all rows that this run was asked for and has, in that order."""
         return [
             row
@@ -305,7 +305,7 @@ class Output:
             if row.planner in instance.asked
         ]
 
-    def _all(self) -> list[Row]:
+    def _all(self) -> list[GapRow]:
         """Returns rows of all that the folder has, scene by scene, those of this run last."""
         rest = dict(self._before.rows)
         asked = []
@@ -317,7 +317,7 @@ class Output:
         return sorted(rows, key=lambda row: scenes.index(row.scene))
 
 
-def _published(folder: Path, instance: Instance) -> list[Row]:
+def _published(folder: Path, instance: Instance) -> list[GapRow]:
     """Writes the files of an instance that is whole; returns its rows, which name them."""
     rows, bound = instance.rows(), instance.proved()
     files: _Files = {Paths(rows[0]).scene: encode(SceneFile.of(instance.problem))}
@@ -366,9 +366,9 @@ def _remove(path: Path) -> None:
         raise FileError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _save_results(folder: Path, rows: Sequence[Row], whole: bool) -> None:
+def _save_results(folder: Path, rows: Sequence[GapRow], whole: bool) -> None:
     """Writes what there is of a table; as Parquet only once it is whole."""
-    table = Row.records(rows)
+    table = GapRow.records(rows)
     if not whole:
         _remove(folder / _PARQUET)
     save_csv(folder / RESULTS, table)

@@ -9,9 +9,17 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import UNSET
 
-from cocap_opt.experiments.sweeps.cells import BOUND, FREE, RULES, Cell, CellFile, Status, Store
+from cocap_opt.experiments.sweeps.cells import (
+    BOUND,
+    FREE,
+    RULES,
+    CellFile,
+    Status,
+    Store,
+    SweepCell,
+)
 from cocap_opt.experiments.sweeps.work import BoundStart, Task
-from cocap_opt.experiments.tables.rows import OWN_STARTS, BoundColumns, PlannedRow, Row
+from cocap_opt.experiments.tables.rows import OWN_STARTS, BoundColumns, GapRow, PlannedRow
 from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations.result import proved_by
 from cocap_opt.planners import RECOMMENDED
@@ -68,7 +76,7 @@ class Instance:
         robots
     given : plans of others by name, which get rows of their own, below those of planners
     own_starts : the drones start where the scene's own file says, not where the seed has them
-    own : planners among them that are none of ours, by name
+    foreign : planners among them that are none of ours, by name
 
     Attributes
     ----------
@@ -89,14 +97,14 @@ class Instance:
         settings: Settings,
         given: Mapping[str, Plan | PlanFile] | None = None,
         own_starts: bool = False,
-        own: Mapping[str, OwnPlanner] = MappingProxyType({}),
+        foreign: Mapping[str, OwnPlanner] = MappingProxyType({}),
     ) -> None:
-        self._own = own
+        self._foreign = foreign
         self.problem, self.seed, self._settings = problem, seed, settings
-        self._own_starts = own_starts
+        self._foreign_starts = own_starts
         self.digest = problem_digest(problem)
-        self.cells: dict[str, Cell] = {}
-        self.found: dict[Cell, CellFile] = {}
+        self.cells: dict[str, SweepCell] = {}
+        self.found: dict[SweepCell, CellFile] = {}
         self.bound: CellFile | None = None
         self.earlier_bound: CellFile | None = None
         self.is_cut = False
@@ -109,19 +117,19 @@ class Instance:
     @property
     def key(self) -> Key:
         """Scene and seed, as its rows have them."""
-        return self.problem.name, None if self._own_starts else self.seed
+        return self.problem.name, None if self._foreign_starts else self.seed
 
     # -- cells --------------------------------------------------------------------------------
 
-    def cell(self, planner: str) -> Cell:
+    def cell(self, planner: str) -> SweepCell:
         """Returns the cell that a planner has, or would have, with the settings of the command."""
-        settings, foreign = self._settings, self._own.get(planner)
+        settings, foreign = self._settings, self._foreign.get(planner)
         return self._cell(
             planner, settings.time_limit, settings.work_limit, rendered=settings.rendered,
             planner_digest="" if foreign is None else foreign.digest,
         )  # fmt: skip
 
-    def earlier_cells(self, row: Row) -> list[Cell]:
+    def earlier_cells(self, row: GapRow) -> list[SweepCell]:
         """Returns the cells that an earlier row may be made of, with the limits of that row."""
         if row.planner is None or row.time_limit is None:
             return []
@@ -131,9 +139,9 @@ class Instance:
             for rendered in (True, False)
         ]
 
-    def _cell(self, planner: str, seconds: float, work: int | None, **more: Any) -> Cell:
-        code = Cell.digest_of_code() if self._settings.kept else ""  # it takes half a second
-        return Cell(
+    def _cell(self, planner: str, seconds: float, work: int | None, **more: Any) -> SweepCell:
+        code = SweepCell.digest_of_code() if self._settings.kept else ""  # it takes half a second
+        return SweepCell(
             scene=self.problem.name, seed=self.seed, planner=planner, digest=self.digest,
             time_limit=seconds, work_limit=work, code=code, **more,
         )  # fmt: skip
@@ -157,7 +165,7 @@ class Instance:
         cells = [cell for cell in self.cells.values() if cell not in self.found]
         if not cells and self.bound is None:
             return [self._bound_task()]
-        return [Task(cell, self.problem, own=self._own.get(cell.planner)) for cell in cells]
+        return [Task(cell, self.problem, foreign=self._foreign.get(cell.planner)) for cell in cells]
 
     def _bound_task(self) -> Task:
         start = BoundStart.of([self.found[cell] for cell in self.cells.values()])
@@ -201,12 +209,12 @@ class Instance:
 
     # -- rows ---------------------------------------------------------------------------------
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[GapRow]:
         """Returns a row per plan; a cell that failed has one, too."""
         bound = _bound_columns(self.proved())
-        rows = [Row.joined(planned, bound, self.digest) for planned in self._planned_rows()]
+        rows = [GapRow.joined(planned, bound, self.digest) for planned in self._planned_rows()]
         rows = [replace(row, coverage_seconds=self.coverage_seconds) for row in rows]
-        if self._own_starts:
+        if self._foreign_starts:
             rows = [replace(row, seed=None, starts=OWN_STARTS) for row in rows]
         return rows
 

@@ -18,8 +18,8 @@ from typing import Literal
 
 import msgspec
 
-from cocap_opt.experiments.sweeps.cells import Cell
-from cocap_opt.experiments.tables.rows import COLUMNS, Row
+from cocap_opt.experiments.sweeps.cells import SweepCell
+from cocap_opt.experiments.tables.rows import COLUMNS, GapRow
 from cocap_opt.files.code import code_digest
 from cocap_opt.files.documents import (
     SAMPLED,
@@ -38,7 +38,7 @@ RUN = "run.json"
 @cache
 def _rows_digest() -> str:
     """Returns the digest of the code that rows depend on: that of cells, and of built-in scenes."""
-    parts = Cell.digest_of_code() + code_digest("cocap_opt.scenarios")
+    parts = SweepCell.digest_of_code() + code_digest("cocap_opt.scenarios")
     return hashlib.sha256(parts.encode()).hexdigest()
 
 
@@ -80,7 +80,7 @@ class CommandRun(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
                 "memory": _memory(),
                 "python": platform.python_version(),
             },
-            packages=Cell.versions("cocap-opt", "distributed"),
+            packages=SweepCell.versions("cocap-opt", "distributed"),
         )
 
 
@@ -155,7 +155,7 @@ RESULTS = "results.csv"
 _NEWER = ("cut_short", "overrun")
 
 
-def load_results(folder: Path) -> list[Row]:
+def load_results(folder: Path) -> list[GapRow]:
     """Reads results.csv.
 
     Raises
@@ -182,7 +182,7 @@ def load_results(folder: Path) -> list[Row]:
     return rows
 
 
-def _row(fields: dict[str, str], where: str) -> Row:
+def _row(fields: dict[str, str], where: str) -> GapRow:
     if None in fields.values() or None in fields:
         raise FileError(f"{where}: must have as many fields as there are columns")
     values = {
@@ -190,4 +190,4 @@ def _row(fields: dict[str, str], where: str) -> Row:
         for name, column in COLUMNS.items()
         if name in fields
     }
-    return Row(**values)
+    return GapRow(**values)

@@ -13,7 +13,7 @@ from cocap_opt.experiments.sweeps.crew import Alone, Crew
 from cocap_opt.experiments.sweeps.folder import Earlier, IsSame, Output, only_writer
 from cocap_opt.experiments.sweeps.instances import Instance, Key
 from cocap_opt.experiments.sweeps.results import CommandRun
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.run.forecast import warn_before_limits
 from cocap_opt.stop import Interrupt, Stop
 from cocap_opt.vision.coverage import usable_cores
@@ -54,7 +54,7 @@ def sweep(
     retry: bool = False,
     is_same: IsSame = _still_the_same,
     quiet: bool = False,
-) -> list[Row]:
+) -> list[GapRow]:
     """Computes what is missing; writes run.json, results.csv, results.parquet, and what they name.
 
     Earlier rows stay in them, as `cocap_opt.experiments.sweeps.folder` says.
@@ -91,7 +91,7 @@ def _sweep(
     store: Store,
     before: Earlier,
     tell: Callable[[str], None],
-) -> list[Row]:
+) -> list[GapRow]:
     scenes = list(dict.fromkeys(instance.problem.name for instance in instances))
     seeds = sorted({instance.seed for instance in instances})
     output = Output(folder, instances, before, partial(CommandRun.now, scenes, seeds, hired.words))

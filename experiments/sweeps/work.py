@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from cocap_opt.console.progress import Watch
-from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, Cell, CellFile, Status
+from cocap_opt.experiments.sweeps.cells import BOUND, FREE, OWN, RULES, CellFile, Status, SweepCell
 from cocap_opt.experiments.tables.rows import BoundColumns, PlannedRow
 from cocap_opt.files.documents import PlanFile, decode_document, encode, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
@@ -91,10 +91,10 @@ _WITHOUT_RULES, _WITH_RULES = "without rules", "with rules"  # names of the two 
 class Task(NamedTuple):
     """A cell, and what is needed to compute it."""
 
-    cell: Cell
+    cell: SweepCell
     problem: Problem
     start: BoundStart = _NO_START  # of BOUND
-    own: OwnPlanner | None = None  # a planner that is none of ours; the cell has its name
+    foreign: OwnPlanner | None = None  # a planner that is none of ours; the cell has its name
 
     def run(self, stop: Stop = never, watch: Watch | None = None) -> CellFile:
         """Computes the cell. An error is a result, too: it costs this cell only.
@@ -106,7 +106,7 @@ class Task(NamedTuple):
         clock = Clock()
         compute = _bound if self.cell.planner == BOUND else _plan
         try:
-            if self.own is None:
+            if self.foreign is None:
                 warm_up(BOUND_METHOD if self.cell.planner == BOUND else self.cell.planner)
             compiled_anew(self.problem)
             found = compute(self, stop, watch or Watch())
@@ -119,7 +119,7 @@ class Task(NamedTuple):
         except Exception as error:  # whatever it is, the other cells go on
             where = extract_tb(error.__traceback__)[-1]
             words = f"{type(error).__name__}: {error} (in {where.name}, line {where.lineno})"
-            if self.own is not None and isinstance(error, RefereeError):  # no bug of ours
+            if self.foreign is not None and isinstance(error, RefereeError):  # no bug of ours
                 words = str(error)
             trace = "".join(format_exception(error))
             found = CellFile.failed(self.cell, Status.ERROR, words, traceback=trace)
@@ -145,7 +145,7 @@ class Task(NamedTuple):
 def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
     """Runs a planner."""
     cell, problem = task.cell, task.problem
-    method = cell.planner if task.own is None else task.own.method
+    method = cell.planner if task.foreign is None else task.foreign.method
     columns = {"time_limit": cell.time_limit, "work_limit": cell.work_limit}
     try:
         judged = run(
@@ -159,7 +159,7 @@ def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
 
 
 def _planned(
-    cell: Cell,
+    cell: SweepCell,
     problem: Problem,
     judged: Judged[Any],
     allowance: Allowance | None,

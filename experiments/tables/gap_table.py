@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import UNSET
 
-from cocap_opt.experiments.tables.rows import SAMPLED_COVERAGE, Row
+from cocap_opt.experiments.tables.rows import SAMPLED_COVERAGE, GapRow
 from cocap_opt.output.printing import Listing, Marked, Record
 from cocap_opt.problem.plan import NO_PLAN
 from cocap_opt.result import Reason
@@ -33,7 +33,7 @@ _SPARE_MEANS = ("gap_free", "seconds", "bound", "bounds proved", "reward")
 _MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
 
-def print_gap_table(rows: Sequence[Row]) -> None:
+def print_gap_table(rows: Sequence[GapRow]) -> None:
     """Prints the gap table and, where there are several seeds, means over them."""
     _print_rows(rows)
     means = _means(rows)
@@ -41,7 +41,7 @@ def print_gap_table(rows: Sequence[Row]) -> None:
         Listing("means over seeds", means).fitted(_SPARE_MEANS).print()
 
 
-def _print_rows(rows: Sequence[Row]) -> None:
+def _print_rows(rows: Sequence[GapRow]) -> None:
     keys = ["scene", "seed", "planner", "reward"]
     keys += ["reward_rendered"] if any(r.reward_rendered is not UNSET for r in rows) else []
     keys += ["bound", "gap", "gap_free", "conflicts", "reason"]
@@ -55,7 +55,7 @@ def _print_rows(rows: Sequence[Row]) -> None:
     listing._replace(notes=[*listing.notes, *_notes(rows, listing.rows)]).print()
 
 
-def _spare(rows: Sequence[Row], table: Sequence[Record]) -> list[str]:
+def _spare(rows: Sequence[GapRow], table: Sequence[Record]) -> list[str]:
     """Returns the columns that need not be there: no bounds with marks, nor seeds that differ."""
     kept = {"bound"} if any(shown["bound"].mark == _OPEN for shown in table) else set()
     kept |= {"seconds"} if any(row.overrun is not None for row in rows) else set()
@@ -63,7 +63,7 @@ def _spare(rows: Sequence[Row], table: Sequence[Record]) -> list[str]:
     return [key for key in _SPARE if key not in kept]
 
 
-def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:
+def _notes(rows: Sequence[GapRow], table: Sequence[Record]) -> Iterator[str]:
     """Yields sentences that say what the table does not say of itself."""
     values = (value for shown in table for value in shown.values())
     if any(isinstance(value, Marked) and value.mark == _OPEN for value in values):
@@ -101,7 +101,7 @@ def _notes(rows: Sequence[Row], table: Sequence[Record]) -> Iterator[str]:
         )
 
 
-def _cut_short(rows: Sequence[Row]) -> Iterator[str]:
+def _cut_short(rows: Sequence[GapRow]) -> Iterator[str]:
     """Yields what limits have left of plans, for those of which least is left first."""
     cut = [row for row in rows if row.cut_short]
     cut.sort(key=lambda row: not row.cut_short.startswith(NO_PLAN))
@@ -111,7 +111,7 @@ def _cut_short(rows: Sequence[Row]) -> Iterator[str]:
         yield f"{_CUT} {len(cut) - _NAMED} more plans were cut short; --json or --out DIR has all."
 
 
-def _shown(row: Row, key: str) -> object:
+def _shown(row: GapRow, key: str) -> object:
     """Returns the value of a column, with a mark where it depends on a bound that is open."""
     value = getattr(row, key)
     if value is UNSET:
@@ -133,7 +133,7 @@ def _shown(row: Row, key: str) -> object:
 _SIMPLE = dict.fromkeys(("step-multipliers", "optimistic"), "simple")
 
 
-def _title(rows: Sequence[Row]) -> str:
+def _title(rows: Sequence[GapRow]) -> str:
     """Returns the title, which says how good the bounds are."""
     if not rows:
         return "no rows"
@@ -152,7 +152,7 @@ def _title(rows: Sequence[Row]) -> str:
     return f"gap to a certified bound ({methods})"
 
 
-def _missing_bounds(rows: Sequence[Row]) -> list[str]:
+def _missing_bounds(rows: Sequence[GapRow]) -> list[str]:
     """Returns sentences that say which bounds are missing, and why."""
     found: dict[tuple[str, str], dict[str, None]] = {}
     for row in rows:
@@ -167,12 +167,12 @@ def _missing_bounds(rows: Sequence[Row]) -> list[str]:
     ]
 
 
-def _name(row: Row) -> str:
+def _name(row: GapRow) -> str:
     """Returns the name of a row's scene as sentences have it."""
     return shortened(row.scene)
 
 
-def _case(row: Row) -> str:
+def _case(row: GapRow) -> str:
     """Returns the name of a row's scene and its seed, if it has one."""
     return _name(row) if row.seed is None else f"{_name(row)} seed {row.seed}"
 
@@ -183,13 +183,13 @@ def _first(names: Sequence[str]) -> str:
     return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
-def _means(rows: Sequence[Row]) -> list[Record]:
+def _means(rows: Sequence[GapRow]) -> list[Record]:
     """Returns means over seeds, numbers of plans that obey the rules, and of proved optima.
 
     A mean exists only where all seeds have a value: means over different seeds mislead.
     """
     table = []
-    for (scene, planner), group in Row.grouped(rows, "scene", "planner").items():
+    for (scene, planner), group in GapRow.grouped(rows, "scene", "planner").items():
         table.append(
             {
                 "scene": scene,
@@ -203,6 +203,6 @@ def _means(rows: Sequence[Row]) -> list[Record]:
     return table
 
 
-def _mean(rows: Sequence[Row], key: str) -> float | None:
+def _mean(rows: Sequence[GapRow], key: str) -> float | None:
     values = [getattr(row, key) for row in rows]
     return None if None in values else math.fsum(values) / len(values)

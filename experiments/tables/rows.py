@@ -1,8 +1,8 @@
 """Rows of results: each column is stated here once, with its type, unit, range and meaning.
 
 `plan`, `bound` and `solve` print a `PlanRow`. The gap table, `results.csv` and `gap --json` are
-made of `Row`, which is put together from what is known of a plan (`PlannedRow`) and what is known
-of its scene and seed (`BoundColumns`). Every plan has passed the referee before it gets here, and
+made of `GapRow`, which joins what is known of a plan (`PlannedRow`) and what is known of its scene
+and seed (`BoundColumns`). Every plan has passed the referee before it gets here, and
 every bound is certified, but that of brute force, whose row says so in `message`.
 """
 
@@ -296,7 +296,7 @@ class BoundColumns:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row(BoundColumns, PlannedRow):
+class GapRow(BoundColumns, PlannedRow):
     """A row of the gap table: a plan, and what bounds all plans of its scene and seed."""
 
     gap_free: Annotated[
@@ -315,14 +315,14 @@ class Row(BoundColumns, PlannedRow):
     ] = UNSET
 
     @classmethod
-    def joined(cls, plan: PlannedRow, bound: BoundColumns, digest: str) -> "Row":
+    def joined(cls, plan: PlannedRow, bound: BoundColumns, digest: str) -> "GapRow":
         """Returns the row of a plan and its bounds. Only a plan that obeys the rules has gaps.
 
         Parameters
         ----------
         digest : of the problem
         """
-        return Row(**{
+        return GapRow(**{
             **_fields(plan),
             **_fields(bound),
             "method": bound.bound_method,
@@ -332,7 +332,7 @@ class Row(BoundColumns, PlannedRow):
         })  # fmt: skip
 
     @staticmethod
-    def records(rows: "Sequence[Row]") -> list[dict[str, Any]]:
+    def records(rows: "Sequence[GapRow]") -> list[dict[str, Any]]:
         """Returns rows as plain data, with the columns that any of them has."""
         names = [
             name
@@ -342,22 +342,22 @@ class Row(BoundColumns, PlannedRow):
         return [{name: row._plain(name) for name in names} for row in rows]
 
     @staticmethod
-    def grouped(rows: "Iterable[Row]", *names: str) -> "dict[tuple[Any, ...], list[Row]]":
+    def grouped(rows: "Iterable[GapRow]", *names: str) -> "dict[tuple[Any, ...], list[GapRow]]":
         """Returns rows by the values of some columns, in the order in which these first occur."""
-        found: dict[tuple[Any, ...], list[Row]] = {}
+        found: dict[tuple[Any, ...], list[GapRow]] = {}
         for row in rows:
             found.setdefault(tuple(getattr(row, name) for name in names), []).append(row)
         return found
 
     @staticmethod
-    def values(rows: "Sequence[Row]", name: str) -> list[float]:
+    def values(rows: "Sequence[GapRow]", name: str) -> list[float]:
         """Returns the numbers that rows have in a column, where they have one."""
         return [value for row in rows if (value := getattr(row, name)) is not None]
 
     @staticmethod
-    def percent(rows: "Sequence[Row]", name: str) -> list[float]:
+    def percent(rows: "Sequence[GapRow]", name: str) -> list[float]:
         """Returns the shares that rows have in a column, in %."""
-        return [100 * value for value in Row.values(rows, name)]
+        return [100 * value for value in GapRow.values(rows, name)]
 
     def _plain(self, name: str) -> object:
         value = getattr(self, name)
@@ -397,7 +397,7 @@ class Row(BoundColumns, PlannedRow):
         return max(optimum_free - bound, 0.0) / bound_free, (bound_free - optimum) / bound_free
 
 
-COLUMNS = TableColumn.all_of(Row)
+COLUMNS = TableColumn.all_of(GapRow)
 
 
 def _fields(row: PlanRow | BoundColumns) -> dict[str, Any]:

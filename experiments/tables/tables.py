@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 from typing import TYPE_CHECKING
 
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import NONE, Mean
 from cocap_opt.output.printing import Listing, markdown_table
 from cocap_opt.result import Reason
@@ -40,7 +40,7 @@ class Tables(dict[str, Table]):
     """Tables by their titles."""
 
     @classmethod
-    def of(cls, rows: Sequence[Row], against: str = AGAINST) -> "Tables":
+    def of(cls, rows: Sequence[GapRow], against: str = AGAINST) -> "Tables":
         """Returns all tables of a sweep; those that have no rows are left out.
 
         Parameters
@@ -123,43 +123,43 @@ def _escaped(table: Table) -> Table:
     return [{key: Listing.cell(text) for key, text in row.items()} for row in table]
 
 
-def _planner_table(rows: Sequence[Row]) -> Table:
+def _planner_table(rows: Sequence[GapRow]) -> Table:
     """Returns reward, gap, and numbers of plans that obey the rules and are best, by planner.
 
     Rewards are of all plans. Only plans that obey the rules have gaps; where not all of them do,
     the mean is over fewer seeds than others', and their number is said.
     """
     table = []
-    for (scene, planner), group in Row.grouped(rows, "scene", "planner").items():
+    for (scene, planner), group in GapRow.grouped(rows, "scene", "planner").items():
         valid = [row for row in group if row.valid]
-        gaps = Row.percent(valid, "gap")
+        gaps = GapRow.percent(valid, "gap")
         table.append(
             {
                 "scene": scene,
                 "planner": planner,
                 "seeds": str(len(group)),
                 "obeys the rules": _share(len(valid), len(group)),
-                "mean reward": _spread(Row.values(group, "reward")),
+                "mean reward": _spread(GapRow.values(group, "reward")),
                 "gap (%)": _of(Mean.in_words(gaps), len(gaps), len(group)),
                 "largest gap (%)": Mean.rounded(max(gaps, default=None), 3),
-                "gap to free (%)": Mean.in_words(Row.percent(valid, "gap_free")),
+                "gap to free (%)": Mean.in_words(GapRow.percent(valid, "gap_free")),
                 "proved optimal": _share(sum(row.is_optimal for row in valid), len(group)),
                 "stopped by a limit": str(sum(row.reason == Reason.STOPPED for row in group)),
-                "median seconds": _median(Row.values(group, "seconds")),
+                "median seconds": _median(GapRow.values(group, "seconds")),
             }
         )
     return table
 
 
-def _difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
+def _difference_table(rows: Sequence[GapRow], against: str = AGAINST) -> Table:
     """Returns J minus J of another planner on the same seeds, in % of the latter, by planner.
 
     Only seeds are compared on which both plans obey the rules.
     """
     table = []
-    for (scene,), group in Row.grouped(rows, "scene").items():
+    for (scene,), group in GapRow.grouped(rows, "scene").items():
         reference = {row.seed: row.reward for row in group if row.planner == against and row.valid}
-        for (planner,), runs in Row.grouped(group, "planner").items():
+        for (planner,), runs in GapRow.grouped(group, "planner").items():
             if planner == against:
                 continue
             pairs = [
@@ -183,14 +183,14 @@ def _difference_table(rows: Sequence[Row], against: str = AGAINST) -> Table:
     return table
 
 
-def _price_table(rows: Sequence[Row]) -> Table:
+def _price_table(rows: Sequence[GapRow]) -> Table:
     """Returns the least and the largest cost of collision avoidance by scene, both certified.
 
     At least it costs what the best free plan has more than the bound under the rules, at most
     what the free bound has more than the best plan that obeys them, in % of the free optimum.
     """
     table = []
-    for (scene,), group in Row.grouped(rows, "scene").items():
+    for (scene,), group in GapRow.grouped(rows, "scene").items():
         first = {row.seed: row for row in group}.values()
         ends = [end for row in first if (end := row.price) is not None]
         table.append(
@@ -206,7 +206,7 @@ def _price_table(rows: Sequence[Row]) -> Table:
     return table
 
 
-def _time_table(rows: Sequence[Row]) -> Table:
+def _time_table(rows: Sequence[GapRow]) -> Table:
     """Returns shifted geometric means of seconds by scene and planner, at the end over all scenes.
 
     A run without a plan counts as one that took the time it was allowed. A planner whose plans
@@ -214,29 +214,29 @@ def _time_table(rows: Sequence[Row]) -> Table:
     scenes only planners are compared that were run on every scene and seed.
     """
     timed = [row for row in rows if _is_timed(row)]
-    scenes = Row.grouped(timed, "scene")
+    scenes = GapRow.grouped(timed, "scene")
     table = [row for (scene,), group in scenes.items() for row in _times(scene, group)]
     if len(scenes) < 2:
         return table
     instances = {row.key for row in timed}
     everywhere = [
         row
-        for group in Row.grouped(timed, "planner").values()
+        for group in GapRow.grouped(timed, "planner").values()
         if {row.key for row in group} == instances
         for row in group
     ]
     return table + _times("all", everywhere)
 
 
-def _is_timed(row: Row) -> bool:
+def _is_timed(row: GapRow) -> bool:
     """Returns True if a planner was run: not for plans from files or unsupported scenes."""
     ran = row.reward is None and row.reason != Reason.UNSUPPORTED
     return ran or row.seconds is not None
 
 
-def _times(scene: str, rows: Sequence[Row]) -> Table:
+def _times(scene: str, rows: Sequence[GapRow]) -> Table:
     """Returns rows of a table of times; ratios are over what all of its planners were run on."""
-    planners = {planner: group for (planner,), group in Row.grouped(rows, "planner").items()}
+    planners = {planner: group for (planner,), group in GapRow.grouped(rows, "planner").items()}
     instances = [{row.key for row in group} for group in planners.values()]
     common = set.intersection(*instances) if instances else set()
     obedient = {
@@ -261,14 +261,14 @@ def _times(scene: str, rows: Sequence[Row]) -> Table:
             "of the fastest": Mean.rounded(
                 alike[planner] / least if least > 0 and planner in alike else None, 1
             ),
-            "median (s)": _median(Row.values(group, "seconds")),
-            "longest (s)": Mean.rounded(max(Row.values(group, "seconds"), default=None), 3),
+            "median (s)": _median(GapRow.values(group, "seconds")),
+            "longest (s)": Mean.rounded(max(GapRow.values(group, "seconds"), default=None), 3),
         }
         for planner, group in planners.items()
     ]
 
 
-def _mean_seconds(rows: Sequence[Row]) -> float:
+def _mean_seconds(rows: Sequence[GapRow]) -> float:
     settled = (row.valid or row.reason == Reason.INFEASIBLE for row in rows)
     taken = (r.seconds if done else r.time_limit for r, done in zip(rows, settled, strict=True))
     return Mean.shifted_geometric([seconds or 0.0 for seconds in taken])

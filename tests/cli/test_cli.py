@@ -24,7 +24,7 @@ from cocap_opt.cli.solver_commands import AT_THE_ROOT
 from cocap_opt.console import progress
 from cocap_opt.experiments.sweeps.scenes import Scenes
 from cocap_opt.experiments.tables.gap_table import print_gap_table
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.files.documents import SceneFile
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.column_generation.tree import root
@@ -392,7 +392,7 @@ def test_the_gap_table_says_what_its_bounds_are(capsys: pytest.CaptureFixture[st
     assert exact["gap"] < 1e-6
 
 
-def gap_rows(*bounds: tuple[float | None, str]) -> list[Row]:
+def gap_rows(*bounds: tuple[float | None, str]) -> list[GapRow]:
     """A row of the gap table per bound and the reason why the search for it stopped."""
     return [
         result_rows.row("cocap", seed, 1.0, scene="s", gap=None, gap_free=None, bound=bound,

@@ -15,7 +15,7 @@ from cocap_opt.cli import commands
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.experiments.tables.gap_table import print_gap_table
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.model import compiled
 from cocap_opt.output.files import save_csv
 from cocap_opt.planners import PLANNERS
@@ -43,7 +43,7 @@ def cold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def measured(
     planners: tuple[str, ...], settings: Settings, folder: Path | None = None
-) -> list[Row]:
+) -> list[GapRow]:
     """Rows of planners on one scene, in the order of their names."""
     rows = swept([Instance(small_field(0, steps=3), 0, planners, settings)], folder)
     return sorted(rows, key=lambda row: str(row.planner))

@@ -277,7 +277,7 @@ def test_a_cell_depends_on_the_code_of_its_planner(mine: Path, tmp_path: Path) -
 
     def again(name: str = "best") -> list[str]:
         planner = own(f"mymodule:{name}")
-        some = Instance(small_field(0), 0, ["mymodule"], SETTINGS, own={"mymodule": planner})
+        some = Instance(small_field(0), 0, ["mymodule"], SETTINGS, foreign={"mymodule": planner})
         return [one for one in computed([some], folder) if one == "mymodule"]
 
     assert again() and not again()
@@ -446,7 +446,7 @@ def test_a_worker_without_the_planner_is_refused(mine: Path) -> None:
     assert planner.code is not None
     (mine / "pickings.py").write_text("PICKED = 'cocap'\n")
     elsewhere = sent(OwnPlanner("best", planner.reference, planner.code._replace(files={})))
-    instance = Instance(small_field(0), 0, ["best"], SETTINGS, own={"best": elsewhere})
+    instance = Instance(small_field(0), 0, ["best"], SETTINGS, foreign={"best": elsewhere})
     with pytest.raises(ClusterError, match="another mymodule"):
         _run_task(instance.missing()[0])
 
@@ -457,13 +457,13 @@ def test_workers_run_own_planners(mine: Path, local: Cluster, tmp_path: Path) ->
     names = ("mymodule:seeded", "inner")
     inner = OwnPlanner.of_function(lambda p, s: staying(p, s), "inner", kept=False)
     planners = {names[0]: own(names[0]), "inner": inner.to_be_sent()}
-    instance = Instance(small_field(3), 3, names, SETTINGS, own=planners)
+    instance = Instance(small_field(3), 3, names, SETTINGS, foreign=planners)
     folder = folder_for_a_sweep(tmp_path / "run")
     local.run([instance], Store(folder), never, lambda content: None)
     rows = {row.planner: row for row in instance.rows()}
     assert rows["mymodule:seeded"].message.startswith("seed 3")
     assert rows["inner"].reward == rows["mymodule:seeded"].reward
-    again = Instance(small_field(3), 3, names[:1], SETTINGS, own=planners)
+    again = Instance(small_field(3), 3, names[:1], SETTINGS, foreign=planners)
     again.recall(Store(folder))
     assert [cell.planner for cell in again.found] == ["mymodule:seeded"]
 
@@ -497,7 +497,7 @@ def test_an_error_in_a_planner_says_where_it_is(mine: Path) -> None:
     """As for ours: its function and line are in the message, and the traceback is kept."""
     (mine / "mymodule.py").write_text(MINE.replace("PLANNERS[PICKED]", "PLANNERS['none']"))
     task = Instance(
-        small_field(0), 0, ["best"], SETTINGS, own={"best": own("mymodule:best")}
+        small_field(0), 0, ["best"], SETTINGS, foreign={"best": own("mymodule:best")}
     ).missing()[0]
     assert isinstance(task, Task)
     content = task.run()

@@ -37,10 +37,10 @@ from cocap_opt.experiments.sweeps import results as results_module
 from cocap_opt.experiments.sweeps.cells import (
     BOUND,
     OWN,
-    Cell,
     CellFile,
     Status,
     Store,
+    SweepCell,
 )
 from cocap_opt.experiments.sweeps.cluster import Cluster
 from cocap_opt.experiments.sweeps.crew import Alone
@@ -51,7 +51,7 @@ from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.sweeps.work import BoundStart, Task
 from cocap_opt.experiments.tables import rows as rows_module
 from cocap_opt.experiments.tables.layout import FOLDERS, Paths
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.files.documents import PlanFile, SceneFile, decode_document, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.method import Method
@@ -73,7 +73,7 @@ class Listed(Alone):
 
     def __init__(self, stop: Stop = never) -> None:
         super().__init__(stop, Watch())
-        self.begun: list[Cell] = []
+        self.begun: list[SweepCell] = []
 
     def begin(self, task: Task) -> None:
         """Keep the cell."""
@@ -90,17 +90,17 @@ def computed(some: list[Instance], folder: Path | None, retry: bool = False) -> 
     return [cell.planner for cell in crew.begun]
 
 
-def swept(some: list[Instance], folder: Path | None) -> list[Row]:
+def swept(some: list[Instance], folder: Path | None) -> list[GapRow]:
     """Rows of a sweep in this process, with all its files."""
     return sweep(some, folder, Hired(cell_limit=1e4))
 
 
-def table(some: list[Instance]) -> list[Row]:
+def table(some: list[Instance]) -> list[GapRow]:
     """Rows without what depends on the machine."""
     return untimed([row for instance in some if instance.is_whole for row in instance.rows()])
 
 
-def untimed(rows: Sequence[Row]) -> list[Row]:
+def untimed(rows: Sequence[GapRow]) -> list[GapRow]:
     """Rows without what depends on the machine."""
     return [replace(row, **dict.fromkeys(TIMES)) for row in rows]
 
@@ -246,7 +246,7 @@ def test_a_folder_can_be_verified_anywhere(own_starts: bool, tmp_path: Path) -> 
     assert commands.run(["verify", *(str(tmp_path / path) for path in paths)]) == 0
 
 
-def in_table(rows: Sequence[Row]) -> list[Row]:
+def in_table(rows: Sequence[GapRow]) -> list[GapRow]:
     """Untimed rows, sorted."""
     return sorted(untimed(rows), key=lambda row: (*row.key, row.planner))
 
@@ -427,7 +427,7 @@ def test_a_cell_of_other_settings_is_another_cell(
     elif change == "seed":
         seed = 1
     else:
-        monkeypatch.setattr(Cell, "digest_of_code", lambda: "other")
+        monkeypatch.setattr(SweepCell, "digest_of_code", lambda: "other")
     other = Instance(problem, seed, [planner], settings).cells[planner]
     assert other.key != one.key
 
@@ -441,18 +441,18 @@ def test_the_code_is_all_that_cells_depend_on(monkeypatch: pytest.MonkeyPatch) -
         silent = name.startswith(tuple(cells_module._SILENT)) or name == "cocap_opt"
         assert silent != bool({name, f"{name}.__init__"} & digested), name
     assert {"cocap_opt.run.engine", "cocap_opt.run.judged", "cocap_opt.planners.cocap"} <= digested
-    digests = {Cell.digest_of_code()}
+    digests = {SweepCell.digest_of_code()}
     with monkeypatch.context() as patch:
         patch.setattr(cells_module, "version", lambda name: "0.0")
-        digests.add(Cell.digest_of_code.__wrapped__())
+        digests.add(SweepCell.digest_of_code.__wrapped__())
     monkeypatch.setattr(cells_module, "_SILENT", ("cocap_opt.output.trace",))
-    digests.add(Cell.digest_of_code.__wrapped__())
+    digests.add(SweepCell.digest_of_code.__wrapped__())
     assert len(digests) == 3
 
 
 def test_no_digest_of_the_code_where_nothing_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes half a second, which a table of limits of one second does not have."""
-    monkeypatch.setattr(Cell, "digest_of_code", None)
+    monkeypatch.setattr(SweepCell, "digest_of_code", None)
     assert list(gap_frame("tiny-queue", ["sequential"]).planner) == ["sequential"]
     with pytest.raises(TypeError):
         gap_frame("tiny-queue", ["sequential"], workers=1)
@@ -478,11 +478,11 @@ def test_meanings_of_columns_change_no_result(
     old: str, new: str, is_another: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Rows are digested but for what explains them; what computes them counts."""
-    digest, text = Cell.digest_of_code(), Path(rows_module.__file__).read_text()
+    digest, text = SweepCell.digest_of_code(), Path(rows_module.__file__).read_text()
     assert text.count(old) == 1
     (tmp_path / "rows.py").write_text(text.replace(old, new))
     monkeypatch.setattr(rows_module, "__file__", str(tmp_path / "rows.py"))
-    assert (Cell.digest_of_code.__wrapped__() != digest) is is_another
+    assert (SweepCell.digest_of_code.__wrapped__() != digest) is is_another
 
 
 @pytest.mark.slow
@@ -876,7 +876,7 @@ def test_planners_that_are_not_named_are_not_tried_again(tmp_path: Path) -> None
     assert reasons == {"sequential": "finished", "greedy": "finished", "cocap": "exceeded"}
 
 
-def rows_by_planner(folder: Path) -> dict[str, Row]:
+def rows_by_planner(folder: Path) -> dict[str, GapRow]:
     """The table of one scene and seed, by planner."""
     return {row.planner or "": row for row in load_results(folder)}
 

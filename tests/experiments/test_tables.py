@@ -20,7 +20,7 @@ from strategies import examples
 from cocap_opt.cli import commands
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.experiments.tables.columns import TableColumn
-from cocap_opt.experiments.tables.rows import COLUMNS, PlanRow, Row
+from cocap_opt.experiments.tables.rows import COLUMNS, GapRow, PlanRow
 from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.experiments.tables.tables import DOCUMENTS, Tables
 from cocap_opt.files.documents import FileError
@@ -75,7 +75,7 @@ def test_the_shifted_geometric_mean_is_between(values: list[float], shift: float
     assert min(values) - 1e-6 <= found <= max(values) * (1 + 1e-9) + 1e-6
 
 
-def row(planner: str, seed: int, reward: float | None, **more: Any) -> Row:
+def row(planner: str, seed: int, reward: float | None, **more: Any) -> GapRow:
     """A row of a scene whose optimum is 100 with rules and 110 without."""
     plain = {
         "scene": "a|b & c", "seed": seed, "planner": planner, "reward": reward, "bound": 100.0,
@@ -86,7 +86,7 @@ def row(planner: str, seed: int, reward: float | None, **more: Any) -> Row:
         "bound_free_reason": "optimal", "message": "", "colliding": 0, "robots": 2, "actors": 1,
         "steps": 5, "digest": "0", "time_limit": 60.0,
     }  # fmt: skip
-    return Row(**(plain | more))
+    return GapRow(**(plain | more))
 
 
 ROWS = [
@@ -254,7 +254,7 @@ def test_the_command_makes_tables(results: Path, capsys: pytest.CaptureFixture[s
 
 def test_every_column_says_what_it_means() -> None:
     """One statement has type, unit, range and meaning; the header of results.csv follows it."""
-    assert TableColumn.all_of(Row) == COLUMNS
+    assert TableColumn.all_of(GapRow) == COLUMNS
     for name, column in COLUMNS.items():
         assert column.name == name and column.kind in (int, float, str)
         assert column.meaning.endswith(".") and column.least <= column.most

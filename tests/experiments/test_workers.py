@@ -148,11 +148,11 @@ def test_a_worker_that_dies_or_hangs_costs_its_own_cell(local: Cluster, tmp_path
         "sleeps": sent("sleeps", lambda problem, stop: time.sleep(1000)),  # type: ignore[func-returns-value, return-value]
         "dies": sent("dies", lambda problem, stop: os._exit(1)),
     }
-    hangs = Instance(small_field(0), 0, ("sleeps",), SETTINGS, own=own)
+    hangs = Instance(small_field(0), 0, ("sleeps",), SETTINGS, foreign=own)
     impatient = Cluster(local.client, never, cell_limit=0.5, local=local.client.cluster)
     impatient.begin(hangs.missing()[0])
     assert (found := impatient.next()) is not None and found.status == "exceeded"
-    some = [Instance(small_field(0), 0, ("greedy", "dies", "cocap"), SETTINGS, own=own)]
+    some = [Instance(small_field(0), 0, ("greedy", "dies", "cocap"), SETTINGS, foreign=own)]
     some += instances(range(1, 2))[:1]
     local.run(some, Store(folder), never, lambda content: None)
     masks = local.client.run(signal.pthread_sigmask, signal.SIG_BLOCK, [])

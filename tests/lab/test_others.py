@@ -22,7 +22,7 @@ from cocap_opt.experiments.lab.studies.others.published import Scene
 from cocap_opt.experiments.lab.studies.others.stored_values import solutions_beside
 from cocap_opt.experiments.lab.studies.others.tables import OverSets
 from cocap_opt.experiments.sweeps import work
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.files.documents import PlanFile
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem
@@ -107,7 +107,7 @@ def read_all(folder: Path) -> list[Case]:
     return Case.all_of(Scene.all_in(folder), None, print)
 
 
-def made(**changes: Any) -> Row:
+def made(**changes: Any) -> GapRow:
     """A row of two robots in ten steps that count."""
     fields: dict[str, Any] = {
         "scene": "made", "seed": 0, "digest": "d", "planner": "greedy", "robots": 2, "actors": 1,
@@ -115,10 +115,10 @@ def made(**changes: Any) -> Row:
         "gap_free": 0.2, "conflicts": 0, "colliding": 0, "reason": "finished", "limit": "none",
         "seconds": 1.0, "message": "", "bound_reason": "optimal", "bound_free_reason": "optimal",
     }  # fmt: skip
-    return Row(**(fields | changes))
+    return GapRow(**(fields | changes))
 
 
-def means(*rows: Row) -> list[dict[str, Any]]:
+def means(*rows: GapRow) -> list[dict[str, Any]]:
     """The table over start sets of rows that `made` has made."""
     return OverSets(rows, {"made": 10}).records()
 

@@ -28,7 +28,7 @@ from cocap_opt.experiments.lab.studies.paper.page import Page
 from cocap_opt.experiments.lab.studies.paper.planner_table import (
     planner_table,
 )
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.files.documents import FileError
 from cocap_opt.model import compiled
@@ -60,7 +60,7 @@ def test_claims_are_judged_by_the_whole_interval() -> None:
     assert answers.ClaimAnswer.below(one_seed, 1.0) == answers.OPEN
 
 
-def closeness(rows: Sequence[Row]) -> str:
+def closeness(rows: Sequence[GapRow]) -> str:
     """The answer to the question if CoCap comes close to unconstrained performance."""
     return answers.SceneAnswers("a", rows).closeness().words
 
@@ -350,7 +350,7 @@ def test_trials_are_read_as_they_were_written(tmp_path: Path) -> None:
 
 
 @cache
-def stored_rows() -> list[Row]:
+def stored_rows() -> list[GapRow]:
     """The stored rows of the study."""
     return measured.read_rows(STORED / "paper.csv")
 

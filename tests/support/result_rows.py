@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 
 
-def row(planner: str, seed: int, reward: float | None, **more: Any) -> Row:
+def row(planner: str, seed: int, reward: float | None, **more: Any) -> GapRow:
     """A row of a scene whose optimum is 100 with rules and whose bound without any is 110."""
     fields = {
         "scene": "a|b & c", "seed": seed, "planner": planner, "reward": reward, "bound": 100.0,
@@ -16,4 +16,4 @@ def row(planner: str, seed: int, reward: float | None, **more: Any) -> Row:
         "optimum": 100.0, "optimum_free": 109.0, "bound_free": 110.0,
         "bound_free_reason": "optimal", "time_limit": 60.0, "bound_time_limit": 60.0,
     }  # fmt: skip
-    return Row(**(fields | more))
+    return GapRow(**(fields | more))

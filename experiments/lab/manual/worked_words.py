@@ -90,7 +90,7 @@ def _stages_table() -> str:
 
 
 def _reached() -> str:
-    """Returns how many joint states are reached from the multipliers alone, step by step."""
+    """Says how many joint states are reached from the multipliers alone, step by step."""
     return ", ".join(map(str, worked.stages()[1].reached[1:]))
 
 

@@ -32,7 +32,7 @@ from cocap_opt.experiments.lab.studies.paper.reproduction import effects_of
 from cocap_opt.experiments.lab.studies.separation.figure import separation_figure
 from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
 from cocap_opt.experiments.report.charts import gaps_figure
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.output.files import make_folder, save_files
 from cocap_opt.pictures.figures import picture, plan_picture
 from cocap_opt.pictures.rendering import drone_view
@@ -109,7 +109,7 @@ def _recommended(scene: str) -> tuple[Problem, Plan]:
 
 
 @cache
-def _paper() -> list[Row]:
+def _paper() -> list[GapRow]:
     return read_rows(STORED / "paper.csv")
 
 

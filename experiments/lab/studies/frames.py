@@ -69,7 +69,7 @@ def _measured(page: Path, name: str, keys: str) -> Record:
 
 
 def _spent(browser: Any) -> tuple[int, float]:
-    """Returns how many pictures were drawn, and the main thread's processor time (s)."""
+    """Returns the number of pictures that were drawn, and the main thread's processor time (s)."""
     metrics = browser.execute_cdp_cmd("Performance.getMetrics", {})["metrics"]
     busy = {metric["name"]: metric["value"] for metric in metrics}["TaskDuration"]
     return browser.execute_script("return window.pictures"), busy

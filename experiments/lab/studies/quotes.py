@@ -40,7 +40,7 @@ from cocap_opt.experiments.lab.studies.separation.tables import separation_in_ma
 from cocap_opt.experiments.lab.studies.solvers.table import solvers_in_markdown
 from cocap_opt.experiments.lab.studies.speed import speed_in_markdown
 from cocap_opt.experiments.lab.studies.views import views_in_markdown
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.files.documents import FileError
 from cocap_opt.output.files import read_text, save_bytes
 from cocap_opt.output.printing import counted, print_texts
@@ -71,7 +71,7 @@ def _answers(question: str) -> str:
 def _settings() -> str:
     """Says how many seeds there are, and what plans and bounds were allowed."""
     rows = _paper().rows
-    plans, bounds = (max(Row.values(rows, name)) for name in ("time_limit", "bound_time_limit"))
+    plans, bounds = (max(GapRow.values(rows, name)) for name in ("time_limit", "bound_time_limit"))
     return (
         f"{counted(len({row.seed for row in rows}), 'seed')} of each scene, with limits of "
         f"{plans:g} s for plans and {bounds:g} s for bounds"
@@ -81,7 +81,7 @@ def _settings() -> str:
 def _gap(scene: str, planner: str) -> str:
     """Returns the mean gap of a planner in a scene, in %."""
     of_planner = [row for row in _paper().rows if (row.scene, row.planner) == (scene, planner)]
-    gaps = Row.percent([row for row in of_planner if row.valid], "gap")
+    gaps = GapRow.percent([row for row in of_planner if row.valid], "gap")
     return f"{sum(gaps) / len(gaps):.2f} %"
 
 

@@ -51,7 +51,7 @@ def views(
 
 
 def views_in_markdown() -> str:
-    """Returns how far stored planned pixels are from rendered ones, face by face."""
+    """Compares stored planned pixels with rendered ones, face by face."""
     errors = {"median": "half", "90 %": "nine tenths", "99 %": "99 of 100", "largest": "all"}
     return markdown([
         {

@@ -14,7 +14,7 @@ _NEAR = 4.0  # m, within which obstacles are looked for first
 
 
 def errors(made: Simulated) -> FloatArray:
-    """Returns how far (m) drones are from where they should be [R, n]."""
+    """Returns the distances [R, n] in m of drones from where they should be."""
     found: FloatArray = np.linalg.norm(made.places - made.reference.states[..., :3], axis=-1)
     return found
 

@@ -108,7 +108,7 @@ def _above_their_best(compared: Compared, planner: str) -> float | None:
 
 
 def _than(value: float, other: float) -> str:
-    """Returns how much more or less a value is, in words."""
+    """Says by how much a value is more or less, in words."""
     share = 100 * (value / other - 1)
     return f"{abs(share):.2f} % {'more' if share >= 0 else 'less'}"
 

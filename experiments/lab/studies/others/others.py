@@ -25,7 +25,7 @@ from cocap_opt.experiments.lab.studies.others.tables import (
 )
 from cocap_opt.experiments.sweeps.instances import Instance, Key, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.output.files import save_bytes
 from cocap_opt.output.printing import Listing, Record, print_texts
 from cocap_opt.problem import Plan
@@ -145,7 +145,7 @@ def findings_in_markdown(name: str) -> str:
 
 
 def _publish(
-    whole: Sequence[tuple[Case, Instance]], rows: Sequence[Row], limit: float, out: Path | None
+    whole: Sequence[tuple[Case, Instance]], rows: Sequence[GapRow], limit: float, out: Path | None
 ) -> None:
     """Prints the tables and findings, and writes them."""
     sets = {instance.key for case, instance in whole if case.is_start_set}

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from cocap_opt.experiments.lab.studies.others.cases import Case
 from cocap_opt.experiments.lab.studies.others.published import Published
 from cocap_opt.experiments.tables.gap_table import PROVED
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.output.printing import Listing, Marked, Record
 from cocap_opt.problem import Plan
 from cocap_opt.referee import check
@@ -46,7 +46,7 @@ class Compared:
     """
 
     case: Case
-    rows: Sequence[Row]
+    rows: Sequence[GapRow]
     plans: Mapping[str, Plan]
 
     @cached_property
@@ -147,7 +147,7 @@ class Compared:
         """True if their evaluator is ours: all that can be judged is what they reported."""
         return not any(self.off(planner) for planner in self.case.published.values())
 
-    def _of_row(self, row: Row) -> Record:
+    def _of_row(self, row: GapRow) -> Record:
         planner = row.planner or ""
         return self._record(planner, row.reward, PLAN) | {
             "gap": row.gap,
@@ -157,7 +157,7 @@ class Compared:
         }
 
     def _shared(self, planner: str) -> int | None:
-        """Returns how often two drones of a plan are in one cell, be that forbidden or not."""
+        """Counts the times that two drones of a plan are in one cell, be that forbidden or not."""
         if planner not in self.plans:
             return None
         problem, paths = self.case.problem, self.plans[planner].paths
@@ -195,7 +195,7 @@ class OverSets(NamedTuple):
     counted : steps that count, by scene
     """
 
-    rows: Sequence[Row]
+    rows: Sequence[GapRow]
     counted: Mapping[str, int]
 
     def records(self) -> list[Record]:
@@ -217,10 +217,10 @@ class OverSets(NamedTuple):
         return Listing("means over start sets: view reward per drone and step", shown)
 
     def _records(self) -> Iterator[Record]:
-        for (scene, planner), rows in Row.grouped(self.rows, "scene", "planner").items():
+        for (scene, planner), rows in GapRow.grouped(self.rows, "scene", "planner").items():
             yield {"scene": scene, "planner": planner} | self._means(rows)
 
-    def _means(self, rows: Sequence[Row]) -> Record:
+    def _means(self, rows: Sequence[GapRow]) -> Record:
         rewards = [self._each(row, row.reward) for row in rows]
         gaps = [row.gap for row in rows]
         return {
@@ -238,12 +238,12 @@ class OverSets(NamedTuple):
             "seconds": _mean([row.seconds for row in rows]),
         }
 
-    def _each(self, row: Row, value: float | None) -> float | None:
+    def _each(self, row: GapRow, value: float | None) -> float | None:
         """Returns a sum over drones and steps as a mean of one drone and step."""
         return None if value is None else value / (row.robots * self.counted[row.scene])
 
 
-def _gap_free(row: Row) -> float | None:
+def _gap_free(row: GapRow) -> float | None:
     """Returns the gap to the bound without rules, which holds for plans that break them, too."""
     if row.reward is None or row.bound_free is None:
         return None

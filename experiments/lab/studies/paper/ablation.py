@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 from cocap_opt.experiments.lab.studies.paper.answers import FAILS, HOLDS, OPEN, ClaimAnswer
 from cocap_opt.experiments.lab.studies.paper.measured import POLISHED
 from cocap_opt.experiments.lab.studies.paper.stopped import StoppedRuns
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import NONE, Mean
 from cocap_opt.experiments.tables.tables import Table
 
@@ -61,10 +61,10 @@ class Effect(NamedTuple):
     stopped: int  # pairs of which a limit stopped the planner with it
 
     @classmethod
-    def all_of(cls, rows: Sequence[Row], contrast: Contrast) -> list[Self]:
+    def all_of(cls, rows: Sequence[GapRow], contrast: Contrast) -> list[Self]:
         """Returns the effect on each scene, and at the end that on all of them."""
         effects = []
-        for (scene,), of_scene in Row.grouped(rows, "scene").items():
+        for (scene,), of_scene in GapRow.grouped(rows, "scene").items():
             with_it, without = (
                 {row.seed: row for row in of_scene if row.planner == name and row.valid}
                 for name in (contrast.with_it, contrast.without)
@@ -87,7 +87,7 @@ class Effect(NamedTuple):
         return [*effects, cls(ALL, contrast, everything, lost, ratios, stopped)]
 
     @classmethod
-    def over_all(cls, rows: Sequence[Row], contrast: Contrast) -> Self:
+    def over_all(cls, rows: Sequence[GapRow], contrast: Contrast) -> Self:
         """Returns the effect on all scenes, weighed alike."""
         return cls.all_of(rows, contrast)[-1]
 
@@ -149,13 +149,13 @@ class Effect(NamedTuple):
         return f"; a limit stopped the tree on {self.stopped} of them" if self.stopped else ""
 
 
-def table(rows: Sequence[Row]) -> Table:
+def table(rows: Sequence[GapRow]) -> Table:
     """Returns a row per contrast and scene."""
     return [effect.record for contrast in CONTRASTS for effect in Effect.all_of(rows, contrast)]
 
 
-def _difference(with_it: Row, without: Row) -> float:
-    """Returns how much more J a plan has than another, in % of the bound; rounding is none."""
+def _difference(with_it: GapRow, without: GapRow) -> float:
+    """Returns the J that a plan has more than another, in % of the bound; rounding is none."""
     if with_it.reward is None or without.reward is None or not with_it.bound:
         return 0.0
     share = 100 * (with_it.reward - without.reward) / with_it.bound

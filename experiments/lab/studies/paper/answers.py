@@ -13,7 +13,7 @@ from typing import NamedTuple, Self
 
 from cocap_opt.experiments.lab.studies.paper.measured import DIVE
 from cocap_opt.experiments.lab.studies.paper.stopped import Seed, StoppedRuns
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import NONE, Mean
 from cocap_opt.experiments.tables.tables import Table
 from cocap_opt.result import relative_gap
@@ -64,12 +64,14 @@ class SceneAnswers:
     """
 
     scene: str
-    rows: Sequence[Row]
+    rows: Sequence[GapRow]
 
     @classmethod
-    def all_of(cls, rows: Sequence[Row]) -> list[Self]:
+    def all_of(cls, rows: Sequence[GapRow]) -> list[Self]:
         """Makes the answers about each scene of some rows."""
-        return [cls(scene, of_scene) for (scene,), of_scene in Row.grouped(rows, "scene").items()]
+        return [
+            cls(scene, of_scene) for (scene,), of_scene in GapRow.grouped(rows, "scene").items()
+        ]
 
     def closeness(self) -> ClaimAnswer:
         """Answers if CoCap comes close to unconstrained performance.
@@ -82,7 +84,7 @@ class SceneAnswers:
         if not planned:
             words = "CoCap has no plan that obeys the rules; the claim cannot be tried."
             return ClaimAnswer(f"{self.scene}: {words}", OPEN)
-        found = Mean.of(Row.percent(planned, "gap_free"))
+        found = Mean.of(GapRow.percent(planned, "gap_free"))
         least = Mean.of([
             100 * relative_gap(row.reward, row.optimum_free)
             for row in planned
@@ -100,7 +102,7 @@ class SceneAnswers:
         apart = self._stopped().apart({r.seed: 100 * r.gap_free for r in planned if r.gap_free})
         return ClaimAnswer(
             f"{self.scene}: CoCap is {_text(found)} below the certified bound of planning without "
-            f"collisions, at most {max(Row.percent(planned, 'gap_free')):.2f} %.{apart} That it "
+            f"collisions, at most {max(GapRow.percent(planned, 'gap_free')):.2f} %.{apart} That it "
             f"comes within {_CLOSE:g} % of unconstrained performance {words} (mean over "
             f"{found.size} seeds).",
             verdict,
@@ -161,7 +163,7 @@ class SceneAnswers:
         parts = []
         for words, chosen in (("with", True), ("without", False)):
             where = [row for row in sequential if row.valid and (row.seed in collides) == chosen]
-            gaps = Row.percent(where, "gap")
+            gaps = GapRow.percent(where, "gap")
             said = _text(Mean.of(gaps)) if gaps else NONE
             parts.append(f"{said} on the {len(gaps)} seeds {words} collisions in the greedy plan")
         return (
@@ -256,7 +258,7 @@ class SceneAnswers:
     def stopped(self) -> ClaimAnswer:
         """Answers if CoCap's tree ends in time."""
         of_cocap, stopped = self._of("cocap"), self._stopped()
-        limit = max(Row.values(of_cocap, "time_limit"), default=0.0)
+        limit = max(GapRow.values(of_cocap, "time_limit"), default=0.0)
         verdict = FAILS if stopped.seeds else HOLDS
         return ClaimAnswer(
             f"{self.scene}: the limit of {limit:g} s stops CoCap on {len(stopped.seeds) or 'none'} "
@@ -267,7 +269,7 @@ class SceneAnswers:
     def comparison(self) -> Table:
         """Returns published seconds beside ours, and what only bounds can tell."""
         table = []
-        for (planner,), of_planner in Row.grouped(self.rows, "planner").items():
+        for (planner,), of_planner in GapRow.grouped(self.rows, "planner").items():
             planned = [row for row in of_planner if row.valid]
             published = _PUBLISHED.get(planner) if self.scene == "corridor" else None
             stopped = self._stopped(planner).seeds
@@ -277,16 +279,20 @@ class SceneAnswers:
                     "scene": self.scene,
                     "planner": planner,
                     "plans": f"{len(planned)} of {len(of_planner)}",
-                    "J": _mean(Row.values(of_planner, "reward"), 0),
-                    "below the bound (%)": Mean.in_words(Row.percent(planned, "gap"), 3),
-                    "at most (%)": Mean.rounded(max(Row.percent(planned, "gap"), default=None), 3),
-                    "below the free bound (%)": Mean.in_words(Row.percent(planned, "gap_free"), 3),
-                    "seconds, median": _median(Row.values(of_planner, "seconds"), 3),
+                    "J": _mean(GapRow.values(of_planner, "reward"), 0),
+                    "below the bound (%)": Mean.in_words(GapRow.percent(planned, "gap"), 3),
+                    "at most (%)": Mean.rounded(
+                        max(GapRow.percent(planned, "gap"), default=None), 3
+                    ),
+                    "below the free bound (%)": Mean.in_words(
+                        GapRow.percent(planned, "gap_free"), 3
+                    ),
+                    "seconds, median": _median(GapRow.values(of_planner, "seconds"), 3),
                     "stopped": str(len(stopped)),
                     "below the bound, if not stopped (%)": (
-                        Mean.in_words(Row.percent(ended, "gap"), 3) if stopped else NONE
+                        Mean.in_words(GapRow.percent(ended, "gap"), 3) if stopped else NONE
                     ),
-                    "views, median": _median(Row.values(of_planner, "views"), 0),
+                    "views, median": _median(GapRow.values(of_planner, "views"), 0),
                     "published (s)": NONE if published is None else f"{published:g}",
                 }
             )
@@ -302,21 +308,21 @@ class SceneAnswers:
         parts = []
         for planner in ("sequential", "cocap", "cocap-lns"):
             of_planner = self._of(planner)
-            gaps = Row.percent([row for row in of_planner if row.valid], "gap")
+            gaps = GapRow.percent([row for row in of_planner if row.valid], "gap")
             stopped = sum(row.limit == Limit.TIME for row in of_planner)
             words = f", stopped by the limit of {limit:g} s on {stopped}" if stopped else ""
             gap = f"{_text(Mean.of(gaps))} below the bound" if gaps else "without a plan"
             parts.append(f"{planner} is {gap} on {len(gaps)} of {len(of_planner)} seeds{words}")
         return f"{self.scene}: {'; '.join(parts)}."
 
-    def _of(self, planner: str) -> list[Row]:
+    def _of(self, planner: str) -> list[GapRow]:
         return [row for row in self.rows if row.planner == planner]
 
     def _stopped(self, planner: str = "cocap") -> StoppedRuns:
         return StoppedRuns.of(self.rows, planner)
 
     def _pairs(
-        self, first: str, second: str, figure: Callable[[Row], float | None]
+        self, first: str, second: str, figure: Callable[[GapRow], float | None]
     ) -> dict[Seed, tuple[float, float]]:
         """Returns a figure of two planners, by the seeds on which both have it."""
         figures, other = (
@@ -326,7 +332,7 @@ class SceneAnswers:
         return {seed: (number, other[seed]) for seed, number in figures.items() if seed in other}
 
 
-def _whole_seconds(row: Row) -> float | None:
+def _whole_seconds(row: GapRow) -> float | None:
     """Returns the time of a search with the coverage that it needs."""
     if row.seconds is None:
         return None

@@ -16,9 +16,9 @@ from typing import NamedTuple
 from cocap_opt.console.streams import say
 from cocap_opt.experiments.lab.results import read_csv
 from cocap_opt.experiments.lab.studies.runs import TimedRun, processor_seconds
-from cocap_opt.experiments.sweeps.cells import Cell
+from cocap_opt.experiments.sweeps.cells import SweepCell
 from cocap_opt.experiments.sweeps.instances import Instance
-from cocap_opt.experiments.tables.rows import COLUMNS, BoundColumns, PlannedRow, Row
+from cocap_opt.experiments.tables.rows import COLUMNS, BoundColumns, GapRow, PlannedRow
 from cocap_opt.files.code import code_digest
 from cocap_opt.method import Method
 from cocap_opt.model import Model, compiled
@@ -68,7 +68,7 @@ _DIVING = Method(partial(cocap, low_level=ViewSearch(Compounded(1.0))), lazy=Tru
 # -- rows --------------------------------------------------------------------------------------
 
 
-def completed(instances: Sequence[Instance], limit: float, folder: Path) -> list[Row]:
+def completed(instances: Sequence[Instance], limit: float, folder: Path) -> list[GapRow]:
     """Returns the rows of instances with times taken again, and those of the compositions.
 
     The file in the folder is written after each instance. Rows that it has already, made by the
@@ -78,10 +78,10 @@ def completed(instances: Sequence[Instance], limit: float, folder: Path) -> list
     ----------
     limit : s, of each planner
     """
-    path, known = folder / MEASURED, dict[str, list[Row]]()
+    path, known = folder / MEASURED, dict[str, list[GapRow]]()
     for row in read_rows(path) if path.exists() else []:
         known.setdefault(row.digest, []).append(row)
-    rows: list[Row] = []
+    rows: list[GapRow] = []
     for n, instance in enumerate(instances):
         measurements = _Measurements(instance, limit)
         key = measurements.key
@@ -108,12 +108,12 @@ class _Measurements(NamedTuple):
     def key(self) -> str:
         """A digest of all that the rows depend on."""
         swept = self.instance.rows()[0]
-        code = f"{Cell.digest_of_code()} {code_digest(__name__)}"
+        code = f"{SweepCell.digest_of_code()} {code_digest(__name__)}"
         bounds, cells = (swept.bound, swept.bound_free), sorted(self.instance.cells)
         words = f"{self.instance.digest} {code} {self.limit} {cells} {bounds}"
         return hashlib.sha256(words.encode()).hexdigest()[:12]
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[GapRow]:
         """Returns the rows of the sweep with times taken again, and those of the compositions."""
         problem, swept = self.instance.problem, self.instance.rows()
         coverage = median(_coverage_seconds(problem) for _ in range(_REPEATS))
@@ -125,14 +125,14 @@ class _Measurements(NamedTuple):
             replace(row, coverage_seconds=0.0 if row.planner in lazy else coverage) for row in rows
         ]
 
-    def _timed_again(self, row: Row) -> Row:
+    def _timed_again(self, row: GapRow) -> GapRow:
         name, expected = row.planner, row.seconds
         if name is None or name not in PLANNERS or expected is None or expected >= _SLOW:
             return row
         repeats = _REPEATS if expected < _QUICK else 1
         return replace(row, seconds=min(self._run(name, name).seconds for _ in range(repeats)))
 
-    def _compositions(self, swept: Row) -> Iterator[Row]:
+    def _compositions(self, swept: GapRow) -> Iterator[GapRow]:
         """Yields the rows of the compositions; polishing alone is not timed.
 
         Parameters
@@ -147,12 +147,14 @@ class _Measurements(NamedTuple):
         dive = self._run(DIVE, _DIVING)
         yield self._row(swept, DIVE, dive.judged, dive.seconds)
 
-    def _row(self, swept: Row, name: str, judged: Judged[Result], seconds: float | None) -> Row:
+    def _row(
+        self, swept: GapRow, name: str, judged: Judged[Result], seconds: float | None
+    ) -> GapRow:
         problem, seed = self.instance.problem, swept.seed or 0
         judged.warn(problem, seed, name)
         planned = PlannedRow.of_planner(problem, seed, name, judged, time_limit=self.limit)
         bounds = BoundColumns(**{f.name: getattr(swept, f.name) for f in fields(BoundColumns)})
-        return replace(Row.joined(planned, bounds, swept.digest), seconds=seconds)
+        return replace(GapRow.joined(planned, bounds, swept.digest), seconds=seconds)
 
     def _run(self, name: str, method: str | Method[Result]) -> TimedRun:
         return TimedRun.of(self.instance.problem, method, TimeLimit(self.limit), name=name)
@@ -168,7 +170,7 @@ def _coverage_seconds(problem: Problem) -> float:
 # -- files -------------------------------------------------------------------------------------
 
 
-def _kept(row: Row) -> dict[str, object]:
+def _kept(row: GapRow) -> dict[str, object]:
     """Returns the columns on which answers and tables depend, with nine digits."""
     return {name: _rounded(getattr(row, name)) for name in _KEPT}
 
@@ -177,13 +179,13 @@ def _rounded(value: object) -> object:
     return float(f"{value:.9g}") if isinstance(value, float) else value
 
 
-def read_rows(path: Path) -> list[Row]:
+def read_rows(path: Path) -> list[GapRow]:
     """Reads the rows of a file; columns that it has not are empty."""
     return read_csv(path, _row)
 
 
-def _row(written: dict[str, str]) -> Row:
-    return Row(**{
+def _row(written: dict[str, str]) -> GapRow:
+    return GapRow(**{
         name: column.parse(written.get(name, ""), name)
         for name, column in COLUMNS.items()
         if not column.is_extra

@@ -15,7 +15,7 @@ from cocap_opt.experiments.lab.studies.paper.answers import (
 from cocap_opt.experiments.lab.studies.paper.conditions import Trial
 from cocap_opt.experiments.lab.studies.paper.giving_way import Encounter
 from cocap_opt.experiments.lab.studies.paper.stopped import StoppedRuns
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import NONE
 from cocap_opt.experiments.tables.tables import Table, Tables
 
@@ -42,9 +42,9 @@ class Page(NamedTuple):
     figures : the names of those that stand beside the page
     """
 
-    rows: Sequence[Row]
+    rows: Sequence[GapRow]
     trials: Sequence[Trial]
-    team_rows: Sequence[Row] = ()
+    team_rows: Sequence[GapRow] = ()
     giving: Table | None = None
     example: Encounter | None = None
     missing: int = 0
@@ -76,7 +76,7 @@ class Page(NamedTuple):
         runs = sum(row.planner == "cocap" for row in self.rows)
         found = [
             StoppedRuns.of(of_scene, "cocap")
-            for of_scene in Row.grouped(self.rows, "scene").values()
+            for of_scene in GapRow.grouped(self.rows, "scene").values()
         ]
         late, fallen = (sum(len(stopped[k]) for stopped in found) for k in (0, 1))
         if not late:
@@ -166,7 +166,7 @@ class Page(NamedTuple):
         if self.giving:
             parts += [Tables({"Who gives way": self.giving}).markdown(), _story(self.example)]
         if self.team_rows:
-            limit = max(Row.values(self.team_rows, "time_limit"), default=0.0)
+            limit = max(GapRow.values(self.team_rows, "time_limit"), default=0.0)
             said = [answers.scaling(limit) for answers in SceneAnswers.all_of(self.team_rows)]
             parts.append("## Scaling\n\n![Time and reward against team size](scaling.png)\n")
             parts.append("".join(f"- {words}\n" for words in said))

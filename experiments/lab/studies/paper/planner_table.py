@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from cocap_opt.experiments.lab.results import STORED
 from cocap_opt.experiments.lab.studies.paper.measured import MEASURED, read_rows
 from cocap_opt.experiments.lab.studies.paper.stopped import StoppedRuns
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import NONE
 from cocap_opt.experiments.tables.tables import Table
 from cocap_opt.files.documents import FileError
@@ -26,7 +26,7 @@ _IN_SHORT = (  # planners of the README's table
 )  # fmt: skip
 
 
-def planner_table(rows: Sequence[Row]) -> Table:
+def planner_table(rows: Sequence[GapRow]) -> Table:
     """Returns a row per planner; gaps are means over seeds, in % of the certified bound."""
     base = {row.key: row.seconds for row in rows if row.planner == "sequential"}
     scenes = list(dict.fromkeys(row.scene for row in rows))
@@ -57,9 +57,9 @@ def _needs(planner: Method[Result]) -> str:
     return f"{' or '.join(map(str, range(1, planner.most_robots + 1)))} drones, {views}"
 
 
-def _gap(rows: Sequence[Row]) -> str:
+def _gap(rows: Sequence[GapRow]) -> str:
     """Returns the mean gap of plans that obey the rules; * where a limit stopped some."""
-    gaps = Row.percent([row for row in rows if row.valid], "gap")
+    gaps = GapRow.percent([row for row in rows if row.valid], "gap")
     if not gaps:
         return NONE
     late = "\\*" if any(row.limit != NO_LIMIT for row in rows) else ""
@@ -67,8 +67,8 @@ def _gap(rows: Sequence[Row]) -> str:
     return f"{fmean(gaps):.2f}{late}{number}"
 
 
-def _ratio(rows: Sequence[Row], base: dict[tuple[str, int | None], float | None]) -> str:
-    """Returns how many times as long as sequential planning it takes, as a geometric mean."""
+def _ratio(rows: Sequence[GapRow], base: dict[tuple[str, int | None], float | None]) -> str:
+    """Returns the ratio of its time to that of sequential planning, as a geometric mean."""
     logs = [
         math.log(row.seconds / other)
         for row in rows
@@ -113,17 +113,17 @@ def _without(table: Table, *columns: str) -> Table:
     return [{key: cell for key, cell in row.items() if key not in columns} for row in table]
 
 
-def _rows(path: Path = STORED / "paper.csv") -> Sequence[Row]:
+def _rows(path: Path = STORED / "paper.csv") -> Sequence[GapRow]:
     rows = read_rows(path)
     if not rows:
         raise FileError(f"{path}: has no rows of the paper's study")
     return rows
 
 
-def _with_note(table: Table, rows: Sequence[Row]) -> str:
+def _with_note(table: Table, rows: Sequence[GapRow]) -> str:
     """Returns a table in Markdown, and what its numbers are."""
     seeds = len({row.seed for row in rows})
-    limit = max(Row.values(rows, "time_limit"), default=0.0)
+    limit = max(GapRow.values(rows, "time_limit"), default=0.0)
     joint = any("`joint`" in row["planner"] for row in table)
     without = ", or it takes no such teams" if joint else ""
     return (
@@ -136,14 +136,14 @@ def _with_note(table: Table, rows: Sequence[Row]) -> str:
     )
 
 
-def _fallen_back(rows: Sequence[Row]) -> str:
+def _fallen_back(rows: Sequence[GapRow]) -> str:
     """Says where stopped runs of `cocap` have the plans of `sequential`, if some have."""
     said = ""
-    for (scene,), of_scene in Row.grouped(rows, "scene").items():
+    for (scene,), of_scene in GapRow.grouped(rows, "scene").items():
         fallen = StoppedRuns.of(of_scene, "cocap").fallen_back
         of_cocap = [row for row in of_scene if row.planner == "cocap" and row.valid]
         ended, stopped = (
-            Row.percent([row for row in of_cocap if (row.seed in fallen) == late], "gap")
+            GapRow.percent([row for row in of_cocap if (row.seed in fallen) == late], "gap")
             for late in (False, True)
         )
         if stopped:

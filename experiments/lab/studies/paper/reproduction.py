@@ -29,7 +29,7 @@ from cocap_opt.experiments.lab.studies.paper.measured import completed, read_row
 from cocap_opt.experiments.lab.studies.paper.page import Page
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.experiments.tables.tables import Table
 from cocap_opt.output.files import make_folder, save_bytes, save_csv
@@ -122,8 +122,8 @@ def _planners_of(problem: Problem) -> tuple[str, ...]:
 def _write(
     out: Path,
     instances: Sequence[Instance],
-    rows: Sequence[Row],
-    team_rows: Sequence[Row],
+    rows: Sequence[GapRow],
+    team_rows: Sequence[GapRow],
     sizes: Sequence[int],
     trials: Sequence[Trial],
     missing: int,
@@ -151,7 +151,7 @@ def _write(
     save_bytes(out / _PAGE, page.text().encode())
 
 
-def effects_of(rows: Sequence[Row]) -> dict[str, list[tuple[str, Mean]]]:
+def effects_of(rows: Sequence[GapRow]) -> dict[str, list[tuple[str, Mean]]]:
     """Returns by part what it adds on each scene, and on all."""
     return {
         f"{contrast.part}\n{contrast.words}": [
@@ -161,7 +161,7 @@ def effects_of(rows: Sequence[Row]) -> dict[str, list[tuple[str, Mean]]]:
     }
 
 
-def _swept(folder: Path, instances: Sequence[Instance], workers: int | None) -> list[Row]:
+def _swept(folder: Path, instances: Sequence[Instance], workers: int | None) -> list[GapRow]:
     return sweep(instances, folder, Hired(workers, None, _AT_A_TIME))
 
 
@@ -197,7 +197,9 @@ def _example(instances: Sequence[Instance], example: Encounter) -> Figure:
     return encounter_figure(instance.problem, example, shown)
 
 
-def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[int, float, float]]]:
+def _points(
+    rows: Sequence[GapRow], sizes: Sequence[int]
+) -> dict[str, list[tuple[int, float, float]]]:
     """Returns median seconds and mean reward (% of the free bound) per planner and team size.
 
     That bound holds for plans with conflicts, too, so that all seeds count for every planner
@@ -213,6 +215,6 @@ def _points(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, list[tuple[i
                 if r.reward is not None and r.bound_free is not None
             ]
             if of_size and len(shares) == len(of_size):
-                seconds = median(Row.values(of_size, "seconds"))
+                seconds = median(GapRow.values(of_size, "seconds"))
                 points.setdefault(planner, []).append((n, seconds, Mean.of(shares).value))
     return points

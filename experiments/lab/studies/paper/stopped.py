@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Self
 
 from cocap_opt.experiments.lab.studies.paper.measured import POLISHED
-from cocap_opt.experiments.tables.rows import Row
+from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.stop import NO_LIMIT
 
@@ -31,7 +31,7 @@ class StoppedRuns(NamedTuple):
     fallen_back: frozenset[Seed]
 
     @classmethod
-    def of(cls, rows: Sequence[Row], planner: str) -> Self:
+    def of(cls, rows: Sequence[GapRow], planner: str) -> Self:
         """Finds the stopped runs of a planner among the rows of a scene.
 
         A composition counts as stopped where the planner whose plan it takes was stopped.

@@ -84,7 +84,7 @@ def _times_the_base(
 
 
 def _verdict(points: Sequence[SeparationPoint]) -> str:
-    """Returns how often each planner keeps within the goal, in a sentence."""
+    """Says how often each planner keeps within the goal, in a sentence."""
     parts = []
     for planner in _PLANNERS:
         pairs = [(p, p.base(points)) for p in points if p.separation]
