@@ -11,7 +11,7 @@ import pytest
 _GEOD = pyproj.Geod(ellps="GRS80")
 
 
-class GapRow(NamedTuple):
+class Row(NamedTuple):
     """An item of a mission, as its reader tells it."""
 
     command: int
@@ -35,7 +35,7 @@ class Moment(NamedTuple):
     arrives: bool
 
 
-def read_plan(content: bytes, firmware: int = 12) -> list[GapRow]:
+def read_plan(content: bytes, firmware: int = 12) -> list[Row]:
     """The items of a .plan file that is as its description says."""
     document = json.loads(content)
     assert set(document) == {
@@ -69,10 +69,10 @@ def read_plan(content: bytes, firmware: int = 12) -> list[GapRow]:
         if item["frame"] == 3:
             assert item["Altitude"] == item["params"][6]
             assert item["AltitudeMode"] == 1 and item["AMSLAltAboveTerrain"] is None
-    return [GapRow(item["command"], item["frame"], item["params"]) for item in mission["items"]]
+    return [Row(item["command"], item["frame"], item["params"]) for item in mission["items"]]
 
 
-def read_waypoints(content: bytes, folder: Path) -> list[GapRow]:
+def read_waypoints(content: bytes, folder: Path) -> list[Row]:
     """The items of a .waypoints file after the home position, as pymavlink reads them."""
     mavwp = pytest.importorskip("pymavlink.mavwp")
     path = folder / "mission.waypoints"
@@ -87,7 +87,7 @@ def read_waypoints(content: bytes, folder: Path) -> list[GapRow]:
     assert (home.command, home.frame) == (16, 0)
     assert (home.x, home.y) == (points[1].x, points[1].y)
     return [
-        GapRow(p.command, p.frame, [p.param1, p.param2, p.param3, p.param4, p.x, p.y, p.z])
+        Row(p.command, p.frame, [p.param1, p.param2, p.param3, p.param4, p.x, p.y, p.z])
         for p in points[1:]
     ]
 
