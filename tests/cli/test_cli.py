@@ -640,7 +640,7 @@ def test_solve_at_the_root_and_to_a_gap(capsys: pytest.CaptureFixture[str]) -> N
     assert best["reason"] == "optimal"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_solve_without_rules(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """--free plans, bounds and verifies the scene without collisions between drones."""
     plan, proof = tmp_path / "plan.json", tmp_path / "proof.json"

@@ -66,7 +66,7 @@ def test_rows_depend_on_no_order_and_no_cache(cold: Path) -> None:
     assert all(rows == found[0] for rows in found)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_slow_coverage_is_charged_to_nobody(cold: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever comes first: a limit shorter than the coverage stops no planner and no bound, whose
     seconds are their own; all rows have the seconds of the coverage, from a warm cache, too."""

@@ -39,7 +39,7 @@ def test_players_are_as_many_as_asked_for(results: Path, tmp_path: Path) -> None
     assert "<iframe" not in text and ">Plans<" not in text and "Paired differences" in text
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_report_needs_only_its_folder(
     results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -162,7 +162,9 @@ def test_a_time_limit_still_gives_a_valid_bound(method: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [slow("tiny-give-way"), "tiny-head-on"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("tiny-give-way", marks=pytest.mark.long), "tiny-head-on"]
+)
 def test_a_search_stopped_anywhere_has_a_valid_proof(name: str) -> None:
     """Wherever in its tree a limit falls, plan and proof so far are returned and hold."""
     problem, calls = load_scene(name, 0), Calls()

@@ -85,7 +85,7 @@ def test_milps_equal_brute_force(method: str, problem: Problem) -> None:
         assert verify(problem, result.certificate).bound == result.bound
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @examples(10)
 @given(problem=st.one_of(problems(), meetings(3)))
 def test_one_flow_per_class_has_the_optimum_of_one_per_robot(problem: Problem) -> None:
@@ -194,7 +194,7 @@ def press_when_it_has_begun(others: set[threading.Thread], over: threading.Event
         os.kill(os.getpid(), signal.SIGINT)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("method", MILPS)
 def test_ctrl_c_ends_a_long_solve(method: str) -> None:
     """Ctrl-C gives the best plan so far, soon, though solvers have signal handlers of their own."""
