@@ -27,6 +27,7 @@ _USUAL = 150.0  # m, of half of the built-up cells; no town of towers is higher
 _STEEPEST = 2.0  # of half of the land; cliffs are steeper
 _SMALLEST = 0.1  # m, of what hides anybody
 _MOST_YAW = 4 * math.pi  # rad, two whole turns
+_LEVEL = math.pi / 2  # deg; in radians, tilts are at most that
 _FEW = 12  # cells, fewer than a drone needs to choose its view
 _WIDEST = 60  # cells around a start in which a pocket that shuts a drone in is looked for
 
@@ -55,6 +56,7 @@ def warnings(problem: SceneData) -> list[str]:
         found.append("there are no people to film, so that every view reward is 0")
     for j, actor in enumerate(problem.actors):
         found += [f"{problem.person(j)} {warning}" for warning in _about(problem, actor)]
+    found += _about_cameras(problem)
     around = _around_robots(problem)
     return [*found, *_in_the_way(problem), *_shut_in(problem, around)]
 
@@ -96,6 +98,16 @@ def _about_heights(height_map: HeightMap) -> Iterator[str]:
         yield (
             f"the map {what}: are its heights in centimetres? In a recipe `unit` of [map] says so"
         )
+
+
+def _about_cameras(problem: SceneData) -> Iterator[str]:
+    """Yields a warning for each camera that hardly looks down, as one in radians would."""
+    seen = set()
+    for k, robot in enumerate(problem.robots):
+        most = math.degrees(max(abs(tilt) for tilt in robot.camera.tilts))
+        if 0 < most < _LEVEL and robot.camera.tilts not in seen:
+            yield f"drones[{k}] look {most:.3g} deg down at the most: are their tilts in degrees?"
+        seen.add(robot.camera.tilts)
 
 
 def _about_mesh(problem: SceneData, mesh: Mesh) -> Iterator[str]:

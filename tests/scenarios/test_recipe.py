@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from rasterio.transform import Affine
 from strategies import examples, standing
 
+import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.formulations import EXACT
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
@@ -542,6 +543,20 @@ def test_an_open_mesh_is_doubted(tmp_path: Path) -> None:
     problem = load_scene("bridge", 0)
     problem = problem.replace(meshes=(*problem.meshes, mesh))
     assert warnings(problem) == ["meshes[1] is not closed, so that only its surface is solid"]
+
+
+@pytest.mark.parametrize(("tilts", "said"), [((0.35,), True), ((0.0, 1.2), True), ((20.0,), False),
+                                             ((0.0,), False), ((-15.0, 1.0), False)])  # fmt: skip
+def test_tilts_that_may_be_radians_are_asked_about(tilts: tuple[float, ...], said: bool) -> None:
+    """Nobody builds a gimbal that looks down by a third of a degree; level cameras are many."""
+    problem = load_scene("corridor", 0)
+    robots = [
+        robot.replace(camera=co.Camera(tilts=tuple(map(math.radians, tilts))))
+        for robot in problem.robots
+    ]
+    found = warnings(problem.replace(robots=tuple(robots)))
+    assert len(found) == said
+    assert all("are their tilts in degrees?" in words for words in found)
 
 
 @pytest.mark.parametrize("content", [b"", b"junk", b"solid x\nfacet", bytes(range(256)) * 3])
