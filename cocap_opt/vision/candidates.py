@@ -33,11 +33,11 @@ from cocap_opt.arithmetic import spans
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.vision.bodies import Bodies
 
-_SECTORS = 128
-_ROUNDING = 1e-9  # of slopes and directions, much more than that of computing them
+SECTORS = 128
+ROUNDING = 1e-9  # of slopes and directions, much more than that of computing them
 _PAIRS = 50_000  # of targets and bodies at once, so that they stay in the processor's cache
 _MOST_SECTORS = 2**16  # at once: their numbers have 16 bits
-_GRAIN = 2.0**-30  # of keys, so that a slope's part does not depend on the sector's number
+GRAIN = 2.0**-30  # of keys, so that a slope's part does not depend on the sector's number
 
 
 class Candidates:
@@ -53,8 +53,10 @@ class Candidates:
     ----------
     bodies : all of them
     tops, middles, halves : [B] m, [B, 2] m and [B, 2] m, of the bodies along z, and x and y
-    around, radii : [G, 2] m and [G] m, the given middles and radii of the cylinders
-    numbers, nearest : of each entry of a list, its body, and that one's least distance (m)
+    around, radii, feet : [G, 2], [G] and [G] m, of the cylinders, as given
+    keys, numbers, nearest : of each entry of a list, its sector and slope as one increasing number,
+        its body, and that one's least distance (m)
+    starts : [128 G + 1] first entry of each sector
     """
 
     def __init__(
@@ -62,11 +64,11 @@ class Candidates:
         lowest_eye: float,
     ) -> None:  # fmt: skip
         self.bodies, self.tops = bodies, bodies.high[:, 2]
-        targets = self.around, self.radii, self._feet = middles, radii, feet
+        targets = self.around, self.radii, self.feet = middles, radii, feet
         self.middles = (bodies.low + bodies.high[:, :2]) / 2
         self.halves = (bodies.high[:, :2] - bodies.low) / 2
         n, size = len(radii), _PAIRS // max(len(self.tops), 1)
-        size = min(max(size, 1), _MOST_SECTORS // _SECTORS)
+        size = min(max(size, 1), _MOST_SECTORS // SECTORS)
         parts = [
             _entries(bodies, targets, np.arange(first, min(first + size, n)), lowest_eye)
             for first in range(0, n, size)
@@ -74,21 +76,21 @@ class Candidates:
         keys, self.numbers, self.nearest = (
             np.concatenate([part[k] for part in parts]) if parts else np.zeros(0) for k in range(3)
         )
-        self._keys = keys
-        self._starts = np.searchsorted(keys, np.arange(n * _SECTORS))
+        self.keys = keys
+        self.starts = np.searchsorted(keys, np.arange(n * SECTORS + 1))
 
     def of(self, targets: IntArray, eyes: FloatArray) -> "Lists":
         """Returns lists of the bodies that may hide targets [n] from eyes [n, 3]."""
         way = eyes[:, :2] - self.around[targets]
         away = np.hypot(way[:, 0], way[:, 1])
-        radius, foot = self.radii[targets], self._feet[targets]
+        radius, foot = self.radii[targets], self.feet[targets]
         up = eyes[:, 2] - foot
         slope = np.where(up >= 0, np.inf, -np.inf)
         sloping = np.flatnonzero((up >= 0) & (away > radius))
         slope[sloping] = up[sloping] / (away - radius)[sloping]
-        sector = targets * _SECTORS + _sector(np.arctan2(way[:, 1], way[:, 0])) % _SECTORS
-        first = self._starts[sector]
-        ends = np.searchsorted(self._keys, sector + _fall(slope) + 4 * _GRAIN, side="right")
+        sector = targets * SECTORS + _sector(np.arctan2(way[:, 1], way[:, 0])) % SECTORS
+        first = self.starts[sector]
+        ends = np.searchsorted(self.keys, sector + _fall(slope) + 4 * GRAIN, side="right")
         low = np.minimum(eyes[:, 2], foot)
         # What reaches beyond the eye is out of the way, unless it is around the target.
         reach = np.maximum(away, np.nextafter(radius, np.inf))
@@ -131,7 +133,7 @@ class Lists(NamedTuple):
         off = found.middles[bodies] - found.around[targets]
         aside = np.abs((across * off).sum(axis=1))
         reach = (np.abs(across) * found.halves[bodies]).sum(axis=1) + found.radii[targets]
-        return np.asarray(~(aside > reach * (1 + _ROUNDING)))
+        return np.asarray(~(aside > reach * (1 + ROUNDING)))
 
 
 def _entries(
@@ -145,7 +147,7 @@ def _entries(
     a, b = low[body] - middle, high[body] - middle
     off = np.maximum(np.maximum(a, -b), 0.0)
     nearest = np.hypot(off[:, 0], off[:, 1])
-    around = nearest <= radius * (1 + _ROUNDING)
+    around = nearest <= radius * (1 + ROUNDING)
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.where(around, np.inf, (tops[body] - feet[row]) / (nearest - radius))
         widening = np.arcsin(np.minimum(radius / nearest, 1.0))
@@ -160,24 +162,24 @@ def _entries(
         for y in (a, b)
     ]
     base = np.arctan2(centre[:, 1], centre[:, 0])
-    first = _sector(base + np.minimum.reduce(turns) - widening - _ROUNDING)
-    last = _sector(base + np.maximum.reduce(turns) + widening + _ROUNDING)
-    counts = np.where(around, _SECTORS, np.minimum(last - first + 1, _SECTORS))
+    first = _sector(base + np.minimum.reduce(turns) - widening - ROUNDING)
+    last = _sector(base + np.maximum.reduce(turns) + widening + ROUNDING)
+    counts = np.where(around, SECTORS, np.minimum(last - first + 1, SECTORS))
     fall = _fall(slope)
     steepest = np.argsort(fall, kind="stable")
     counts = counts[steepest]
-    sector = row[steepest].repeat(counts) * _SECTORS + spans(first[steepest], counts) % _SECTORS
+    sector = row[steepest].repeat(counts) * SECTORS + spans(first[steepest], counts) % SECTORS
     # Numbers of 16 bits are sorted in a time that grows with their number only.
     order = np.argsort(sector.astype(np.uint16), kind="stable")
     entry = steepest.repeat(counts)[order]
     # There may be millions of entries: numbers of 32 bits take half of the time and memory.
     held = body.astype(np.int32)[entry]
-    return which[0] * _SECTORS + sector[order] + fall[entry], held, nearest[entry]
+    return which[0] * SECTORS + sector[order] + fall[entry], held, nearest[entry]
 
 
 def _sector(angle: FloatArray) -> IntArray:
     """Returns the numbers of the sectors that hold angles (rad), not brought into one turn."""
-    result: IntArray = np.floor(angle * (_SECTORS / math.tau)).astype(np.int64)
+    result: IntArray = np.floor(angle * (SECTORS / math.tau)).astype(np.int64)
     return result
 
 
@@ -186,14 +188,15 @@ def _fall(slope: FloatArray) -> FloatArray:
 
     With a sector's number they make keys, and stay below those of the next sector.
     """
-    result: FloatArray = np.rint((0.4 - 0.8 / math.pi * np.arctan(slope)) / _GRAIN) * _GRAIN
+    result: FloatArray = np.rint((0.4 - 0.8 / math.pi * np.arctan(slope)) / GRAIN) * GRAIN
     return result
 
 
-_SHARES = np.linspace(0, 1, 9)  # of the span of u, where bins begin and end
+BINS = 8
+SHARES = np.linspace(0, 1, BINS + 1)  # of the span of u, where bins begin and end
 _FIRST = 2  # columns of each actor that are looked at first, the steepest
-_MARGIN = 1e-9  # of u and s, much more than that of computing them
-_NEAREST = 1e-2  # m; nearer columns look too large to be compared
+MARGIN = 1e-9  # of u and s, much more than that of computing them
+NEAREST = 1e-2  # m; nearer columns look too large to be compared
 
 
 class Skyline:
@@ -219,13 +222,13 @@ class Skyline:
         x, y = self._ahead[:, 0, None], self._ahead[:, 1, None]
         distances = corners[..., 0] * x + corners[..., 1] * y
         self._nearest = distances.min(axis=1)
-        distances = np.maximum(distances, _NEAREST)
+        distances = np.maximum(distances, NEAREST)
         u = (corners[..., 1] * x - corners[..., 0] * y) / distances
         s = corners[..., 2] / distances
         left, right = u.min(axis=1), u.max(axis=1)
-        self._bins = left[:, None] + (right - left)[:, None] * _SHARES
+        self._bins = left[:, None] + (right - left)[:, None] * SHARES
         self._low, self._high = s.min(axis=1), s.max(axis=1)
-        self._heights = np.full((len(eyes), len(_SHARES) - 1), -np.inf)
+        self._heights = np.full((len(eyes), BINS), -np.inf)
 
     def sift(self, lists: Lists, bodies: Bodies) -> tuple[IntArray, IntArray]:
         """Raises the skylines, and returns the bodies that may hide something above them.
@@ -261,7 +264,7 @@ class Skyline:
         low, high = bodies.low[which] - eyes[:, :2], bodies.high[which] - eyes
         corners = [(a, b) for a in (low[:, 0], high[:, 0]) for b in (low[:, 1], high[:, 1])]
         distances = np.stack([a * x + b * y for a, b in corners])
-        nearer = bodies.endless[which] & (distances.min(axis=0) > _NEAREST)
+        nearer = bodies.endless[which] & (distances.min(axis=0) > NEAREST)
         nearer &= distances.max(axis=0) < self._nearest[actor]
         distances[:, ~nearer] = np.nan
         u = np.stack([b * x - a * y for a, b in corners]) / distances
@@ -282,7 +285,7 @@ class Skyline:
         bins = self._bins[edges.actor]
         off = bins - edges.middle[:, None]
         fall = np.where(off < 0, -edges.rise[:, None], edges.fall[:, None]) * off
-        heights = edges.peak[:, None] - fall - _MARGIN
+        heights = edges.peak[:, None] - fall - MARGIN
         heights = np.minimum(heights[:, :-1], heights[:, 1:])
         spanned = (edges.left[:, None] <= bins[:, :-1]) & (bins[:, 1:] <= edges.right[:, None])
         heights[~spanned] = -np.inf
@@ -294,9 +297,9 @@ class Skyline:
     def _stands_out(self, edges: "_Edges") -> BoolArray:
         """Returns an array [m], true for bodies that may be above the skyline, or take no part."""
         bins = self._bins[edges.actor]
-        met = edges.left[:, None] <= bins[:, 1:] + _MARGIN
-        met &= edges.right[:, None] >= bins[:, :-1] - _MARGIN
-        least = np.maximum(self._heights[edges.actor], self._low[edges.actor, None] - _MARGIN)
+        met = edges.left[:, None] <= bins[:, 1:] + MARGIN
+        met &= edges.right[:, None] >= bins[:, :-1] - MARGIN
+        least = np.maximum(self._heights[edges.actor], self._low[edges.actor, None] - MARGIN)
         above = np.asarray((met & (edges.peak[:, None] >= least)).any(axis=1))
         return above | np.isnan(edges.peak)
 

@@ -103,6 +103,7 @@ class GrowingTable:
         sizes = np.count_nonzero(self._reachable, axis=1)
         sizes[: self._first_step] = 0
         done, total = int(sizes[: self.steps].sum()), int(sizes.sum())
+        self._views.prepare(total - done, stop.seconds_left)
         pool = ThreadPoolExecutor(self._threads)
         try:
             for first, last in _groups(sizes, self.steps, self._views.batch):
@@ -124,10 +125,10 @@ class GrowingTable:
 
     def _batches(self, first: int, last: int) -> list[IntArray]:
         """Returns the reachable nodes of steps first..last - 1 in batches."""
-        step, state = np.nonzero(self._reachable[first:last])
-        # States at one place share what is visible from there.
-        order = np.lexsort([state % self._n_places, step])
-        nodes = ((first + step) * self._reachable.shape[1] + state)[order]
+        # States at one place share what is visible from there, and so they come one after another.
+        by_place = self._reachable[first:last].reshape(last - first, -1, self._n_places)
+        step, place, orientation = np.nonzero(by_place.swapaxes(1, 2))
+        nodes = (first + step) * self._reachable.shape[1] + orientation * self._n_places + place
         return np.split(nodes, range(self._views.batch, len(nodes), self._views.batch))
 
     def table(self) -> CoverageTable:

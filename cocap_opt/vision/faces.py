@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FloatArray
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.problem import SceneData, Shape
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.candidates import Candidates
@@ -35,6 +35,8 @@ class Faces(NamedTuple):
     middles: FloatArray  # [L, A, 3] m, of spheres around the actors
     reaches: FloatArray  # [A] m, radii of these spheres, rounding included
     points: FloatArray  # [L, A, N, 3] m, all over each actor, drawn in a little
+    n_vertices: IntArray  # [F] of each polygon, without those that are repeated
+    n_corners: IntArray  # [A] of each actor
     bodies: Bodies  # L A bodies, those of one step one after the other
     candidates: Candidates  # fixed bodies that can hide target l A + a
 
@@ -63,6 +65,7 @@ class FaceGeometry:
     ----------
     origin : [3] m, near the middle of the map, which all coordinates are relative to
     columns : upright boxes of the map, of which the first is all of it, as low as it gets
+    fixed : the same, and the meshes that are convex
     mesh : the meshes that are not convex, which only rays meet; None if there are none
     """
 
@@ -80,7 +83,7 @@ class FaceGeometry:
         self.mesh = _surface(np.concatenate(rough)) if rough else None
         convex = [solid for solid in solids if solid is not None]
         self.columns = Bodies.of_columns(problem.height_map, self.origin)
-        self._fixed = Bodies.joined([self.columns, *convex])
+        self.fixed = Bodies.joined([self.columns, *convex])
         self._shapes = [_local(actor.shape) for actor in problem.actors]
         layers = sorted({height for robot in problem.robots for height in robot.motion.layers})
         lowest = problem.height_map.altitudes((layers[0],)).min()
@@ -154,7 +157,7 @@ class FaceGeometry:
         feet = np.stack([pose[:, 2] for pose in poses], axis=1) if n else np.zeros((steps, 0))
         radii = np.array([shape.radius for shape in self._shapes]) + ROUNDING
         targets = middle[..., :2].reshape(-1, 2), np.tile(radii, steps), feet.ravel()
-        candidates = Candidates(self._fixed, *targets, self._lowest_eye)
+        candidates = Candidates(self.fixed, *targets, self._lowest_eye)
         by_step = np.arange(n * steps).reshape(n, steps).T.ravel()  # bodies are actor by actor
         return Faces(
             first,
@@ -166,6 +169,8 @@ class FaceGeometry:
             middle,
             reaches,
             np.stack(points, axis=1) if n else np.zeros((steps, 0, 1, 3)),
+            np.concatenate([shape.n_vertices for shape in self._shapes] or [np.zeros(0, int)]),
+            np.array([len(shape.corners) for shape in self._shapes], dtype=np.int64),
             Bodies.joined([Bodies.none(), *bodies]).taken(by_step),
             candidates,
         )
@@ -183,6 +188,7 @@ class _Local(NamedTuple):
 
     polygons: FloatArray  # [F, V, 3] m
     normals: FloatArray  # [F, 3]
+    n_vertices: IntArray  # [F]
     areas: FloatArray  # [F] m2
     centres: FloatArray  # [F, 3] m
     corners: FloatArray  # [C, 3] m
@@ -210,6 +216,7 @@ def _local(shape: Shape) -> _Local:
     return _Local(
         np.array([_padded(face[None], size)[0] for face in faces]),
         doubled / lengths[:, None],
+        np.array([len(face) for face in faces]),
         lengths / 2,
         centres,
         corners,

@@ -21,9 +21,9 @@ from cocap_opt.vision.bodies import Bodies, widened
 from cocap_opt.vision.projection import dot
 from cocap_opt.world.triangles import clip
 
-_FLUSH = 1e-6  # m; a polygon that is nowhere deeper than this behind a plane lies in it
-_GRAZED = 1e-10  # m; nor is one hidden that reaches into the outline of a shadow by less
-_OVERLAP = 1e-11  # m, by which shadows are wider, so that no crack is between two that touch
+FLUSH = 1e-6  # m; a polygon that is nowhere deeper than this behind a plane lies in it
+GRAZED = 1e-10  # m; nor is one hidden that reaches into the outline of a shadow by less
+OVERLAP = 1e-11  # m, by which shadows are wider, so that no crack is between two that touch
 _Pieces = tuple[FloatArray, IntArray]  # as `Shadows.outside` returns them
 _ALWAYS = 1.0  # offset of a missing half-space, whose normal is 0: all points are inside
 
@@ -57,8 +57,8 @@ class Shadows(NamedTuple):
             len(which),
             np.concatenate([facing, row]),
             np.concatenate([normals[facing, plane], tangent]),
-            np.concatenate([-distances[facing, plane], np.zeros(len(row))]) + _OVERLAP,
-            np.concatenate([np.full(len(facing), _FLUSH), np.full(len(row), _GRAZED)]),
+            np.concatenate([-distances[facing, plane], np.zeros(len(row))]) + OVERLAP,
+            np.concatenate([np.full(len(facing), FLUSH), np.full(len(row), GRAZED)]),
         )
 
     @classmethod
@@ -147,7 +147,7 @@ def _outside(
     beside = (deepest > -shadows.depths).any(axis=1)
     # A thin piece is behind a plane by little; only a polygon that is so as a whole lies in it.
     thin = np.flatnonzero(beside)
-    thin = thin[(deepest[thin] <= -_GRAZED).all(axis=1)]
+    thin = thin[(deepest[thin] <= -GRAZED).all(axis=1)]
     if len(thin):
         thin_shadows = shadows.taken(thin)
         beside[thin], _ = thin_shadows.sides(thin_shadows.excess(whole[owners[thin]]))

@@ -21,10 +21,10 @@ from cocap_opt.vision.shadows import Shadows
 if TYPE_CHECKING:
     from cocap_opt.vision.surfaces import Surface
 
-_IN_ITS_PLANE = 1e-9  # m; an eye that is no farther before a face sees nothing of it
+IN_ITS_PLANE = 1e-9  # m; an eye that is no farther before a face sees nothing of it
 _AT_ONCE = 50_000  # shadows, to bound the memory
 _POINTS = 300_000  # behind meshes at once, to bound the memory
-_LEAST = 1e-300  # m2, for an eye in the middle of an actor
+LEAST = 1e-300  # m2, for an eye in the middle of an actor
 
 
 class _Veil(NamedTuple):
@@ -120,7 +120,7 @@ class Visibility:
         # Only faces that are turned to the eye are seen.
         eye, face = np.nonzero(open_to[:, self._owners])
         to_eye = eyes[eye] - faces.polygons[steps[eye], face, 0]
-        ahead = dot(to_eye, faces.normals[steps[eye], face]) > _IN_ITS_PLANE
+        ahead = dot(to_eye, faces.normals[steps[eye], face]) > IN_ITS_PLANE
         eye, face = eye[ahead], face[ahead]
         cut = in_part[eye, self._owners[face]]
         whole = np.zeros((len(eyes), len(self._owners)), dtype=bool)
@@ -271,7 +271,7 @@ def _near_actors(
     numbers, n_actors = np.arange(len(eyes)), len(faces.reaches)
     others = faces.middles[steps] - eyes[:, None]
     target = others[numbers, actors][:, None]
-    square = np.maximum(dot(target, target), _LEAST)
+    square = np.maximum(dot(target, target), LEAST)
     along = np.clip(dot(others, target) / square, 0.0, 1.0)
     off = others - along[..., None] * target
     near = dot(off, off) <= (faces.reaches[actors, None] + faces.reaches) ** 2

@@ -1,0 +1,156 @@
+"""Views by the compiled kernel: a scene's arrays as it takes them, and what it finds in them."""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from cocap_opt import compiling
+from cocap_opt.arithmetic import spans
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.problem import Actor, Camera, Robot, SceneData, State
+from cocap_opt.vision import view_kernel as kernel
+from cocap_opt.vision.bodies import Bodies
+from cocap_opt.vision.faces import FaceGeometry, Faces
+from cocap_opt.vision.projection import Projection
+from cocap_opt.world.workspace import HeightMap
+
+
+class CompiledSight:
+    """Finds what views see, by the kernel.
+
+    Parameters
+    ----------
+    fixed : bodies that hide people, besides other people
+    first_face : [A + 1] of each person
+    axes : [O, 3, 3] right, up and forward of the orientations
+    """
+
+    def __init__(
+        self, fixed: Bodies, first_face: IntArray, projection: Projection, axes: FloatArray
+    ) -> None:
+        camera = projection.camera
+        self._bodies, self._first_face = fixed, _plain(first_face, np.int64)
+        slopes = np.array([camera.width / 2 / camera.focal, camera.height / 2 / camera.focal])
+        image = float(camera.width * camera.height)
+        self._lens = kernel.Lens(_plain(axes), slopes, float(camera.focal), image)
+
+    @cached_property
+    def _fixed(self) -> kernel.Solids:
+        return _solids_of(self._bodies)
+
+    def seen(
+        self, faces: Faces, t: IntArray, eyes: FloatArray, which: IntArray, looks: IntArray
+    ) -> tuple[IntArray, IntArray, FloatArray] | None:
+        """Returns rows, faces and pixels of what views see, or None if NumPy must find it.
+
+        Parameters
+        ----------
+        t, eyes : steps [e], increasing, and places [e, 3] m
+        which, looks : [n] of each view, the number of its place and that of its orientation
+        """
+        is_sorted = bool((np.diff(which) >= 0).all())
+        order = np.arange(len(which)) if is_sorted else np.argsort(which, kind="stable")
+        first = np.searchsorted(which[order], np.arange(len(eyes) + 1))
+        looks, parts, begin = _plain(looks[order], np.int64), list[kernel.Found](), 0
+        for end in [*(np.flatnonzero(np.diff(t)) + 1).tolist(), len(t)]:
+            part = self.at_step(
+                faces, int(t[begin]), eyes[begin:end],
+                first[begin : end + 1] - first[begin], looks[first[begin] : first[end]],
+            )  # fmt: skip
+            if part is None:
+                return None
+            parts.append(part)
+            begin = end
+        counts, seen, pixels = (np.concatenate(column) for column in zip(*parts, strict=True))
+        if is_sorted:
+            return np.repeat(order, counts), seen, pixels
+        # In the order in which the views were given.
+        sizes, starts = np.empty_like(counts), np.empty_like(counts)
+        sizes[order], starts[order] = counts, np.cumsum(counts) - counts
+        at = spans(starts, sizes)
+        return np.repeat(np.arange(len(which)), sizes), seen[at], pixels[at]
+
+    def at_step(
+        self, faces: Faces, t: int, eyes: FloatArray, first: IntArray, looks: IntArray
+    ) -> kernel.Found | None:
+        """Returns what views see at one step; None if a person is cut into too many pieces.
+
+        Parameters
+        ----------
+        eyes : [E, 3] m
+        first : [E + 1] first view of each eye
+        looks : [n] orientation of each view
+        """
+        people, before = self._people(faces, t - faces.first), self._before(faces, t - faces.first)
+        most = int(np.diff(first).max(initial=0))
+        memory, eyes = kernel.memory_for(people, before, most), _plain(eyes)
+        size = 16 * len(looks) + most * len(people.areas)
+        found = kernel.Found(
+            np.zeros(len(looks), np.int64), np.empty(size, np.int64), np.empty(size)
+        )
+        done = total = 0
+        while True:
+            done, total = kernel.cover(
+                self._lens, people, before, eyes, first, looks, memory, found, done, total
+            )
+            if done < 0:
+                return None
+            if done == len(eyes):
+                return found._replace(faces=found.faces[:total], pixels=found.pixels[:total])
+            found = found._replace(
+                faces=np.concatenate([found.faces, np.empty_like(found.faces)]),
+                pixels=np.concatenate([found.pixels, np.empty_like(found.pixels)]),
+            )
+
+    def _people(self, faces: Faces, step: int) -> kernel.People:
+        n = len(faces.reaches)
+        return kernel.People(
+            _plain(faces.middles[step]), _plain(faces.reaches), _plain(faces.corners[step]),
+            _plain(faces.n_corners, np.int64), self._first_face, _plain(faces.polygons[step]),
+            _plain(faces.n_vertices, np.int64), _plain(faces.normals[step]), _plain(faces.areas),
+            _solids_of(faces.bodies.taken(np.arange(step * n, (step + 1) * n))),
+        )  # fmt: skip
+
+    def _before(self, faces: Faces, step: int) -> kernel.Before:
+        found = faces.candidates
+        return kernel.Before(
+            self._fixed, _plain(found.keys), _plain(found.numbers, np.int32),
+            _plain(found.nearest), _plain(found.starts, np.int64), _plain(found.around),
+            _plain(found.radii), _plain(found.feet), np.nextafter(found.radii, np.inf),
+            _plain(found.middles), _plain(found.halves), step * len(faces.reaches),
+        )  # fmt: skip
+
+
+def is_kept() -> bool:
+    """Returns True if the compiled kernel is on disk."""
+    return compiling.is_kept(kernel.cover)
+
+
+def call_once() -> None:
+    """Calls the kernel for no eye at all, so that it is loaded, or compiled and kept."""
+    robot, actor = Robot(start=State(0, 0)), Actor(poses=np.zeros((1, 4)))
+    flat = HeightMap(heights=np.zeros((1, 1)), resolution=1.0)
+    scene = SceneData(name="flat", height_map=flat, robots=(robot,), actors=(actor,), horizon=0)
+    geometry, camera = FaceGeometry(scene), Camera()
+    first_face = np.array([0, len(geometry.at(0).areas)])
+    sight = CompiledSight(geometry.fixed, first_face, Projection(camera), np.zeros((1, 3, 3)))
+    nothing = np.zeros(0, np.int64)
+    sight.at_step(geometry.at(0), 0, np.zeros((0, 3)), np.zeros(1, np.int64), nothing)
+
+
+def _solids_of(bodies: Bodies) -> kernel.Solids:
+    """Returns bodies with the numbers of their planes and edges that exist."""
+    planes = (bodies.normals != 0).any(axis=2).sum(axis=1)
+    pairs = (bodies.neighbours[..., 0] != bodies.neighbours[..., 1]).sum(axis=1)
+    return kernel.Solids(
+        _plain(bodies.normals), _plain(bodies.offsets), _plain(bodies.neighbours, np.int64),
+        _plain(planes, np.int64), _plain(pairs, np.int64), _plain(bodies.low), _plain(bodies.high),
+        _plain(bodies.endless, np.bool_),
+    )  # fmt: skip
+
+
+def _plain(values: NDArray[Any], kind: DTypeLike = np.float64) -> NDArray[Any]:
+    """Returns an array of one kind and layout, for which the kernel is compiled once."""
+    return np.require(values, kind, ["C", "W"])
