@@ -46,11 +46,11 @@ class CoverageTables:
     seconds : spent on coverage so far
     """
 
-    def __init__(self, problem: Problem, use_cache: bool) -> None:
+    def __init__(self, problem: Problem, use_cache: bool, plain: bool = False) -> None:
         self.problem = problem
         self.seconds = 0.0
         self.along = lru_cache(maxsize=_KEPT_SUMS)(self._along)
-        self._use_cache = use_cache
+        self._use_cache, self._plain = use_cache, plain
         self._geometry = FaceGeometry(problem)
         self._tables: dict[Sight, CoverageTable] = {}
         self._reachable: dict[Sight, BoolArray] = {}
@@ -62,7 +62,7 @@ class CoverageTables:
     def views(self, spec: Robot) -> Views:
         """Returns the views of a robot's motion and camera, which are evaluated on demand."""
         graph = graph_of(self.problem, spec)
-        return Views.of(self._geometry, self.problem, graph, spec.camera)
+        return Views.of(self._geometry, self.problem, graph, spec.camera, self._plain)
 
     def _along(self, spec: Robot, path: Path) -> FloatArray:
         """View sums [Z] along a path, each view of which is evaluated anew."""

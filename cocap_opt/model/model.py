@@ -22,6 +22,7 @@ class Model:
     Parameters
     ----------
     use_cache : take coverage from the disk cache, and write it there
+    plain : coverage is found without compiled code, which nobody has to trust then
     tables : coverage of the same problem, under any rules, to be shared; None: its own
     cut_short : the limit that ended the coverage of `tables`, and the number of steps there are
 
@@ -40,12 +41,13 @@ class Model:
         problem: Problem,
         use_cache: bool = True,
         *,
+        plain: bool = False,
         tables: CoverageTables | None = None,
         is_disaggregated: bool = False,
         cut_short: tuple[Limit, int] | None = None,
     ) -> None:
         self.problem, self.is_disaggregated = problem, is_disaggregated
-        self.tables = CoverageTables(problem, use_cache) if tables is None else tables
+        self.tables = CoverageTables(problem, use_cache, plain) if tables is None else tables
         self.classes = RobotClass.of_all(problem, is_disaggregated)
         of = {i: robot_class for robot_class in self.classes for i in robot_class.robots}
         self.class_of = tuple(of[i] for i in range(len(problem.robots)))

@@ -8,7 +8,7 @@ person who is known to be hidden: that makes the difference of ten times.
 
 import math
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -148,10 +148,10 @@ class Found(NamedTuple):
     pixels: FloatArray  # px/m2
 
 
-# Nothing is allocated in here, and so no reference is counted: that took half of the time.
-_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
+# Nothing is allocated in here, and so no references are counted, which took half of the time.
+_compiled = partial(compiled, nogil=True, error_model="numpy", _nrt=False)
 # Into the callers: calls that hand over all arrays take longer than what is done in them.
-_inlined: Any = partial(compiled, kept=False, forceinline=True, **_OPTIONS)
+_inlined = partial(_compiled, kept=False, forceinline=True)
 
 
 def memory_for(people: People, before: Before, most: int) -> Memory:
@@ -376,8 +376,8 @@ def _add_shadow(solids: Solids, body: int, eye: Eye, shadows: Shadows, row: int)
 def _outside(shadows: Shadows, row: int, k: int, x: float, y: float, z: float) -> float:
     """Returns how far (m) a point is outside of a half-space of a shadow."""
     normals = shadows.normals
-    along = x * normals[row, k, 0] + y * normals[row, k, 1] + z * normals[row, k, 2]
-    return along - shadows.offsets[row, k]
+    along: float = x * normals[row, k, 0] + y * normals[row, k, 1] + z * normals[row, k, 2]
+    return along - float(shadows.offsets[row, k])
 
 
 @_inlined
@@ -458,7 +458,8 @@ def _shadows_of_fixed(before: Before, people: People, person: int, eye: Eye, mem
         is_edge = not math.isnan(edge[2])
         if is_edge and _raise(skyline, edge) and _lowest(skyline.heights) > high:
             return _HIDDEN
-    across_x, across_y, found = -way_y / away, way_x / away, 0
+    across_x, across_y = -way_y / away, way_x / away
+    found: int = 0
     radius, x, y = before.radii[target], before.around[target, 0], before.around[target, 1]
     for k in range(n):
         if not _stands_out(skyline, k, low):
@@ -539,7 +540,7 @@ def _is_beside(shadows: Shadows, row: int, pieces: Pieces, piece: FloatArray, n:
         beside |= deepest > -shadows.depths[row, k]
         is_thin &= deepest <= -GRAZED
     if beside and is_thin:
-        return _side(shadows, row, pieces.face, len(pieces.face)) == _BESIDE
+        beside = _side(shadows, row, pieces.face, len(pieces.face)) == _BESIDE
     return beside
 
 
@@ -601,8 +602,9 @@ def _cut_by_all(shadows: Shadows, found: int, pieces: Pieces, vertices: int) -> 
 @_inlined
 def _beyond(lens: Lens, point: FloatArray, side: int) -> float:
     """Returns the distance from a side of the image: 0 right, 1 left, 2 upper, 3 lower."""
-    half = lens.slopes[side // 2] * point[2]
-    return half + point[side // 2] if side % 2 else half - point[side // 2]
+    half, off = lens.slopes[side // 2] * point[2], point[side // 2]
+    distance: float = half + off if side % 2 else half - off
+    return distance
 
 
 @_inlined
@@ -699,7 +701,7 @@ def _look(
     return True
 
 
-@partial(compiled, **_OPTIONS)
+@_compiled
 def cover(
     lens: Lens,
     people: People,

@@ -45,12 +45,24 @@ class PinholeSight:
     Parameters
     ----------
     axes : [O, 3, 3] right, up and forward unit vectors of its orientations
+    plain : without compiled code
+
+    Attributes
+    ----------
+    may_be_compiled : the compiled kernel may find what is seen
     """
 
     def __init__(
-        self, geometry: FaceGeometry, problem: Problem, camera: Camera, axes: FloatArray
+        self,
+        geometry: FaceGeometry,
+        problem: Problem,
+        camera: Camera,
+        axes: FloatArray,
+        plain: bool = False,
     ) -> None:
         self._geometry = geometry
+        # Past meshes that are not convex only NumPy's way is there.
+        self.may_be_compiled = not plain and geometry.mesh is None
         self._projection = Projection(camera)
         self._image = float(camera.width * camera.height)  # px
         self._slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
@@ -84,7 +96,7 @@ class PinholeSight:
         """
         n_faces = len(self._owners)
         faces = self._geometry.between(*(steps or (int(t[0]), int(t[-1]))))
-        if self._geometry.mesh is None:
+        if self.may_be_compiled:
             if KERNEL.is_loaded:
                 found = self._compiled.seen(faces, t, eyes, which, orientation)
                 if found is not None:
@@ -243,18 +255,28 @@ class Views(ABC):
 
     @staticmethod
     def of(
-        geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: AnyCamera
+        geometry: FaceGeometry,
+        problem: Problem,
+        graph: TimeGraph,
+        camera: AnyCamera,
+        plain: bool = False,
     ) -> "Views":
-        """Returns the views of a camera."""
+        """Returns the views of a camera.
+
+        Parameters
+        ----------
+        plain : without compiled code
+        """
         if isinstance(camera, Cone):
             return ConeViews(geometry, problem, graph, camera)
-        return PinholeViews(geometry, problem, graph, camera)
+        return PinholeViews(geometry, problem, graph, camera, plain)
 
     @property
     @abstractmethod
     def batch(self) -> int:
         """Number of nodes, states at steps, that take a fraction of a second."""
 
+    @abstractmethod
     def prepare(self, views: int, seconds: float) -> None:
         """Makes ready for so many views, for which there are so many seconds."""
 
@@ -296,10 +318,13 @@ class PinholeViews(Views):
     axes : [O, 3, 3] right, up and forward of each orientation
     """
 
-    def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: Camera):
+    def __init__(
+        self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: Camera,
+        plain: bool = False,
+    ) -> None:  # fmt: skip
         super().__init__(geometry, problem, graph)
         self.camera, self.axes = camera, Projection(camera).axes(graph.motion.headings)
-        self._pinhole = PinholeSight(geometry, problem, camera, self.axes)
+        self._pinhole = PinholeSight(geometry, problem, camera, self.axes, plain)
 
     @property
     def batch(self) -> int:
@@ -307,7 +332,7 @@ class PinholeViews(Views):
         owners = self.problem.face_owner
         actors = int(owners[-1]) + 1 if len(owners) else 1
         most = min(_BATCH, _BATCH_ACTORS // actors)
-        if KERNEL.is_loaded:
+        if KERNEL.is_loaded and self._pinhole.may_be_compiled:
             most *= _FASTER
         if self.geometry.mesh is not None:
             most = min(most, _BATCH_RAYS // max(self.n_faces * self.problem.face_samples**2, 1))
@@ -315,7 +340,7 @@ class PinholeViews(Views):
 
     def prepare(self, views: int, seconds: float) -> None:
         """Loads what finds many views, if that is soon repaid."""
-        if self.geometry.mesh is None:
+        if self._pinhole.may_be_compiled:
             KERNEL.prepare(views, len(self.problem.actors), seconds)
 
     def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
@@ -345,6 +370,9 @@ class ConeViews(Views):
     def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, cone: Cone):
         super().__init__(geometry, problem, graph)
         self.sight = ConeSight(geometry, problem, cone)
+
+    def prepare(self, views: int, seconds: float) -> None:
+        """Does nothing: no view takes long."""
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] in 1/m2 of every face from the states [n] at step t."""

@@ -22,7 +22,7 @@ nothing and has no compiled code. A sceptic reads, in this order:
 6. `checking`: the file's digest belongs to the scene, and it claims no more than it proves.
 
 The upper storey, the folder `staged`, checks staged certificates by searches, in about 900 lines
-and 340 more that are compiled. It is loaded only where one of these is checked or made. `checking`
+and 300 more that are compiled. It is loaded only where one of these is checked or made. `checking`
 opens it, in one place.
 
 Below both, the trusted core, about 4,600 lines:
@@ -43,19 +43,22 @@ Importing the room loads these as well, on which no number depends:
 - `files`: `atomic_write`, `messages`; how files are written, and errors worded.
 - `formulations`, `method`; names of methods, none of which is imported.
 - `memory`, `stop`, `text`; refusals of what is too large, limits, and words.
+- `compiling`, `vision.kernel_use`; when compiled code finds coverage: not in a model that checks.
 
 What it may import but does not load at once:
 
 - `vision.surfaces`; rays, where a scene has meshes that are not convex: trusted for these scenes.
 - `problem.pictures`; for `Problem.plot`. `verify` draws nothing.
 - `vision.cache`, `files.code`; the cache of coverage. `verify` makes a model without it.
+- `vision.compiled_sight`, `vision.view_kernel`; coverage by compiled code. `verify` makes a model
+  without it.
 
 Libraries that have to be trusted, too:
 
 - lower storey: `numpy`, `msgspec`, which decodes files, `psutil`, which says how much memory is
   free, `scipy`, where a scene has meshes, `embreex`, where these are not convex, and
-  `matplotlib`, where something is drawn.
-- upper storey: these and `numba`, where it is installed and wanted.
+  `matplotlib`, where something is drawn. `numba` is never loaded here.
+- upper storey: these, and numba where it is installed and wanted.
 """
 
 from cocap_opt.formulations.certificates.checking import priced, verify

@@ -21,6 +21,7 @@ from strategies import Calls, examples, tiny
 import cocap_opt as co
 import cocap_opt.formulations.certificates.staged.stages as checker
 import cocap_opt.formulations.column_generation.step_envelopes.envelopes as envelopes
+from cocap_opt.compiling import is_there
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import (
     CertificateError,
@@ -357,7 +358,7 @@ def test_ceilings_and_limits_leave_out_no_joint_state_that_counts(
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 def test_the_compiled_search_finds_the_same() -> None:
     """The compiled search agrees with the plain one, however often it is interrupted."""
     rng = np.random.default_rng(0)
@@ -381,7 +382,7 @@ def test_local_search_finds_joint_states_that_count_and_are_high(
     is_compiled: bool, seed: int
 ) -> None:
     """None is higher than the highest; where it is compiled, no robot can raise one alone."""
-    if is_compiled and not compiled_search.is_there():
+    if is_compiled and not is_there():
         pytest.skip("needs the extra [fast]")
     rng = np.random.default_rng(seed)
     joint = random_joint_states(rng)
@@ -397,7 +398,7 @@ def test_local_search_finds_joint_states_that_count_and_are_high(
                 assert joint.reduced_profit(other) <= joint.reduced_profit(team) + 1e-6
 
 
-@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 @examples(5)
 @given(st.one_of(meetings(), meetings(team=3)), seeds)
 def test_plain_verification_compiles_nothing_and_finds_the_same(
@@ -423,7 +424,7 @@ def test_plain_verification_compiles_nothing_and_finds_the_same(
     assert price_staged(model, staged).bound == pytest.approx(bound, rel=1e-12)
 
 
-@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 def test_plain_verification_says_so_in_its_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     """The face passes it on to each bound, and tells of it."""
     problem, file = staged_result()
@@ -445,7 +446,7 @@ def test_plain_verification_says_so_in_its_answer(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 def test_stages_do_not_depend_on_what_is_compiled_already() -> None:
     """The same stages, whether the compiled search was loaded before or not."""
     stages = []
@@ -599,7 +600,7 @@ def test_a_stage_proves_no_more_than_its_constants_and_searches() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 @examples(20)
 @given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
 def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
@@ -609,10 +610,10 @@ def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
     value = optimum(problem).value
     narrowing = random_narrowing(model, 0.5 * max(value, 0.0) - 1, rng)
     found = []
-    for is_there, plain_nodes in ((False, 0), (True, 20), (True, -1)):
+    for has_numba, plain_nodes in ((False, 0), (True, 20), (True, -1)):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(compiled_search, "is_loaded", lambda: False)
-            patch.setattr(compiled_search, "is_there", lambda there=is_there: there)
+            patch.setattr(compiled_search, "is_there", lambda there=has_numba: there)
             patch.setattr(joint_paths, "PLAIN_NODES", plain_nodes)
             patch.setattr(joint_paths, "_NODES_AT_ONCE", 4)
             found.append(best_plan(narrowing, 10**6))
@@ -634,7 +635,7 @@ def open_narrowing(horizon: int) -> Narrowing:
     return Narrowing.of(model, multipliers, -1.0).closed()
 
 
-@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 def test_one_long_search_for_what_follows_looks_at_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     """However many nodes the first joint state takes, limits are looked at between some of them."""
     from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
@@ -659,7 +660,7 @@ def test_a_search_that_finds_too_much_ends_there(
     is_compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It does not go through all of the two hundred million joint states first."""
-    if is_compiled and not compiled_search.is_there():
+    if is_compiled and not is_there():
         pytest.skip("needs the extra [fast]")
     for module in (joint_paths, plain_search):
         monkeypatch.setattr(module, "MOST_FOUND", 1000)
@@ -686,7 +687,7 @@ def test_what_rounding_may_have_made_too_low_is_followed(
     monkeypatch: pytest.MonkeyPatch, is_compiled: bool
 ) -> None:
     """Compiled or not, a joint state that lacks less than the margin to its floor is found."""
-    if is_compiled and not compiled_search.is_there():
+    if is_compiled and not is_there():
         pytest.skip("needs the extra [fast]")
     monkeypatch.setattr(compiled_search, "is_loaded", lambda: is_compiled)
     model = compiled(tiny()).disaggregated()
@@ -855,7 +856,7 @@ def stages_of(search: Search, duals: Duals) -> None:
     step_envelopes(search, duals, lambda: search.cutoff(OPTIMALITY), tries_paths=False)
 
 
-@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 @examples(20)
 @given(st.one_of(meetings(), meetings(team=3)), st.sampled_from([0.3, 2.0]))
 def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: float) -> None:
@@ -872,7 +873,7 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not compiled_search.is_there(), reason="needs the extra [fast]")
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

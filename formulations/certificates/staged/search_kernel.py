@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.compiling import compiled
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 
 # What each entry of `_Memory.progress` is; the depth is -1 where no search is going on.

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.compiling import compiled
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 
 _MOST_SWEEPS = 50  # over all robots, of one start
 _GAIN = 1e-9  # relative, from which on a height counts as higher

@@ -32,6 +32,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.arithmetic import exact_sum
+from cocap_opt.compiling import is_there
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, Staged
@@ -40,7 +41,6 @@ from cocap_opt.formulations.certificates.staged import (
     JointStates,
     Narrowing,
     NotEndedError,
-    compiled_search,
     most_profitable,
 )
 from cocap_opt.formulations.certificates.staged.search import MostProfitable
@@ -297,7 +297,7 @@ class _Envelopes:
     def _can_be_listed(self) -> bool:
         """Returns True if searches of lists may end."""
         robots = len(self.search.model.problem.robots)
-        return compiled_search.is_there() and robots <= self._parameters.most_listed_robots
+        return is_there() and robots <= self._parameters.most_listed_robots
 
     def _lower(self) -> None:
         """Lowers the constants of the present prices, where that takes few nodes."""
@@ -423,13 +423,13 @@ class _Envelopes:
     def _few_nodes(self, states: int) -> int:
         """Returns the nodes of a search among so many states that is worth a try."""
         parameters = self._parameters
-        work = parameters.few_work if compiled_search.is_there() else parameters.few_plain_work
+        work = parameters.few_work if is_there() else parameters.few_plain_work
         return min(parameters.few_nodes, work // max(states, 1))
 
     def _many_nodes(self) -> int:
         """Returns the nodes of a search that should end."""
         parameters = self._parameters
-        is_compiled = compiled_search.is_there()
+        is_compiled = is_there()
         return parameters.many_nodes if is_compiled else parameters.many_plain_nodes
 
     def _adopt(self, bundle: PriceBundle, prices: FloatArray, heights: dict[int, float]) -> bool:

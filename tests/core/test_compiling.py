@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from cocap_opt.formulations.certificates.staged import compiled_search
+from cocap_opt import compiling
 
 
 def test_what_was_kept_of_an_earlier_source_is_removed(tmp_path: Path) -> None:
@@ -22,7 +22,7 @@ def test_what_was_kept_of_an_earlier_source_is_removed(tmp_path: Path) -> None:
     for name, age in ages.items():
         (tmp_path / name).touch()
         os.utime(tmp_path / name, (changed + age, changed + age))
-    compiled_search._forget_what_is_older(tmp_path, function)
+    compiling._forget_what_is_older(tmp_path, function)
     assert {file.name for file in tmp_path.iterdir()} == {
         f"{own}-2.py311.nbi", f"{stem}.other-1.py311.nbi",
     }  # fmt: skip
