@@ -6,6 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.cli.options import FLAG, Json, Output, Scene, Seed, Whole, load
+from cocap_opt.compiling import is_there
 from cocap_opt.console.progress import Watch
 from cocap_opt.files.documents import SceneFile, encode, problem_digest
 from cocap_opt.output.files import check_output, save_bytes
@@ -15,6 +16,8 @@ from cocap_opt.output.printing import Listing, Record, print_result
 from cocap_opt.problem import Problem
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios.hardware import with_cameras
+from cocap_opt.stop import Clock
+from cocap_opt.vision.kernel_use import KERNEL
 
 _GRAPH = ".graphml"
 
@@ -126,4 +129,18 @@ def _angles(option: str, text: str) -> tuple[float, ...]:
         raise UsageError(f"{option}: must be numbers such as 10,30,60, not {text!r}") from None
 
 
-COMMANDS = {"scenes": _scenes, "recipe": _recipe, "export": _export}
+def _compile() -> int:
+    """Compile ahead what finds coverage, once on a machine, so that no first run waits for it.
+
+    Example: cocap-opt compile
+    """
+    if not is_there():
+        raise UsageError("numba is not installed; `pip install -e '.[fast]'` installs it")
+    clock = Clock()
+    with Watch.on_terminal("compiling, some 15 s, once on a machine"):
+        KERNEL.load()
+    print_result({"seconds": clock.seconds}, json=False)
+    return 0
+
+
+COMMANDS = {"scenes": _scenes, "recipe": _recipe, "export": _export, "compile": _compile}

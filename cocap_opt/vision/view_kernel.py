@@ -1,4 +1,4 @@
-"""What a pinhole camera sees, compiled: one eye after the other. Only imported where numba is.
+"""Views of a pinhole camera, compiled: one eye after the other. Only imported where numba is.
 
 The formulas and their order are those of `views`, `visibility`, `candidates`, `shadows` and
 `projection`, which take many eyes at once with NumPy and are what the tests hold this to. Arrays of

@@ -15,8 +15,12 @@ UPPER = f"{CHECKER}.staged"
 COMPILED = frozenset(f"{UPPER}.{name}" for name in ("compiled_search", "search_kernel"))
 # What the core imports for other things than checking, which never loads it.
 UNUSED = frozenset(
-    f"cocap_opt.{name}" for name in ("problem.pictures", "vision.cache", "files.code")
-)
+    f"cocap_opt.{name}"
+    for name in (
+        "problem.pictures", "vision.cache", "files.code", "vision.compiled_sight",
+        "vision.view_kernel",
+    )
+)  # fmt: skip
 _DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
