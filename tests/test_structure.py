@@ -34,7 +34,8 @@ ALLOWED = {
 # module is in one of them (a folder stands for all that it holds).
 ORDER = {
     "core": (
-        "text", "data", "arithmetic", "memory", "compiling", "stop", "world", "problem", "result", "files",
+        "text", "data", "arithmetic", "memory", "compiling", "stop", "world", "problem", "result",
+        "files",
         "graph", "plausibility", "vision", "referee", "flight", "model", "timing", "objective",
         "coordination", "method", "planners",
     ),
@@ -253,8 +254,8 @@ def test_certificates_use_the_core_without_what_plans_and_nothing_else() -> None
 def test_plain_certificates_are_checked_without_any_search() -> None:
     """The checker's lower storey stands alone: one function, for staged files, opens the upper one.
 
-    No other module of it names the upper one, nor numba, and importing it loads neither: `compiling`
-    loads numba where something is compiled.
+    No other module of it names the upper one, nor numba, and importing it loads neither, though
+    `compiling` loads numba where something is compiled.
     """
     upper = within(frozenset(sources()), f"{CERTIFICATES}.staged")
     lower = within(frozenset(sources()), CERTIFICATES) - upper

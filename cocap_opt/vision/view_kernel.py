@@ -213,7 +213,7 @@ def _in_view(
     looks: IntArray,
     memory: Memory,
 ) -> int:
-    """Lists the views of an eye whose image may hold a person; returns how many there are."""
+    """Lists the views of an eye whose image may hold a person; returns their number."""
     n, axes, reach = 0, lens.axes, people.reaches[person]
     x, y = people.middles[person, 0] - eye[0], people.middles[person, 1] - eye[1]
     z = people.middles[person, 2] - eye[2]
@@ -374,7 +374,7 @@ def _add_shadow(solids: Solids, body: int, eye: Eye, shadows: Shadows, row: int)
 
 @_inlined
 def _outside(shadows: Shadows, row: int, k: int, x: float, y: float, z: float) -> float:
-    """Returns how far (m) a point is outside of a half-space of a shadow."""
+    """Returns the distance (m) of a point outside of a half-space of a shadow."""
     normals = shadows.normals
     along: float = x * normals[row, k, 0] + y * normals[row, k, 1] + z * normals[row, k, 2]
     return along - float(shadows.offsets[row, k])
@@ -548,7 +548,7 @@ def _is_beside(shadows: Shadows, row: int, pieces: Pieces, piece: FloatArray, n:
 def _cut(
     shadows: Shadows, row: int, pieces: Pieces, piece: FloatArray, n: int, found: int, target: int
 ) -> int:
-    """Writes the parts of a piece outside of a shadow; returns how many pieces there are then."""
+    """Writes the parts of a piece outside of a shadow; returns the number of pieces by then."""
     inner, excess, here = pieces.inner, pieces.excess, 0
     _copy(piece, n, inner[0])
     for k in range(shadows.sizes[row]):
