@@ -3,8 +3,9 @@
 The modules build on one another in this order: projection, bodies, candidates, surfaces, faces,
 shadows, visibility, views, coverage, cache; `render` is the slow reference that they are tested
 against. `view_kernel` finds what `views` finds, compiled and ten times as fast: `compiled_sight`
-hands it the arrays, and `kernel_use` says when. `unhidden` and `ceilings` bound coverage before it is computed; nothing else here uses
-them. The modules are imported one by one, since `surfaces` loads Embree.
+hands it the arrays, and `kernel_use` says when. `unhidden` and `ceilings` bound coverage before it
+is computed; nothing else here uses them. The modules are imported one by one, since `surfaces`
+loads Embree.
 """
 
 __all__ = [
