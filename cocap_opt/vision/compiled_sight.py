@@ -75,7 +75,7 @@ class CompiledSight:
     def at_step(
         self, faces: Faces, t: int, eyes: FloatArray, first: IntArray, looks: IntArray
     ) -> kernel.Found | None:
-        """Returns the faces that views see at one step; None if a person is cut into too many pieces.
+        """Returns the faces that views see at a step; None if a person is cut into too many pieces.
 
         Parameters
         ----------
