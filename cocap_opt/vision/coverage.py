@@ -14,6 +14,7 @@ import numpy as np
 from cocap_opt.arithmetic import spans
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.stop import Stop, never
+from cocap_opt.vision.viewpoints import Viewpoints
 from cocap_opt.vision.views import Views
 
 Progress = Callable[[int, int], None]  # told how many views are done, and of how many
@@ -110,11 +111,11 @@ class GrowingTable:
                 batches, found = self._batches(first, last), [_NO_ROWS]
                 stop.check()
                 sought = 0
-                for nodes, rows in zip(
+                for batch, rows in zip(
                     batches, pool.map(partial(_seen_by, self._views), batches), strict=True
                 ):
                     found.append(rows)
-                    sought += len(nodes)
+                    sought += len(batch.looks)
                     progress(done + sought, total)
                     if len(found) <= len(batches):  # else these steps are whole
                         stop.check()
@@ -123,13 +124,13 @@ class GrowingTable:
         finally:
             pool.shutdown(cancel_futures=True)
 
-    def _batches(self, first: int, last: int) -> list[IntArray]:
-        """Returns the reachable nodes of steps first..last - 1 in batches."""
-        # States at one place share what is visible from there, and so they come one after another.
-        by_place = self._reachable[first:last].reshape(last - first, -1, self._n_places)
-        step, place, orientation = np.nonzero(by_place.swapaxes(1, 2))
-        nodes = (first + step) * self._reachable.shape[1] + orientation * self._n_places + place
-        return np.split(nodes, range(self._views.batch, len(nodes), self._views.batch))
+    def _batches(self, first: int, last: int) -> list[Viewpoints]:
+        """Returns the reachable states at steps first..last - 1 in batches."""
+        at = Viewpoints.joined([
+            Viewpoints.reachable(step, self._reachable[step], self._n_places)
+            for step in range(first, last)
+        ])  # fmt: skip
+        return [*at.split(self._views.batch)]
 
     def table(self) -> CoverageTable:
         """Returns the table of the steps that are done."""
@@ -167,13 +168,14 @@ def _groups(sizes: IntArray, first_step: int, most: int) -> Iterator[tuple[int, 
             first, n = t + 1, 0
 
 
-def _seen_by(views: Views, nodes: IntArray) -> _SeenRows:
-    """Returns the rows of those nodes [n] that see anything."""
-    seen = views.seen(nodes)
-    counts = np.bincount(seen.rows, minlength=len(nodes))
+def _seen_by(views: Views, at: Viewpoints) -> _SeenRows:
+    """Returns the rows of those views that see anything."""
+    seen = views.look(at)
+    counts = np.bincount(seen.rows, minlength=len(at.looks))
     seeing = np.flatnonzero(counts)
-    view_sums = nodes[seen.rows] // views.n_states * views.n_faces + seen.faces
-    return nodes[seeing], counts[seeing], view_sums, seen.pixels
+    nodes, counts = at.nodes(seeing, views.graph.n_places, views.n_states), counts[seeing]
+    view_sums = np.repeat(nodes // views.n_states * views.n_faces, counts) + seen.faces
+    return nodes, counts, view_sums, seen.pixels
 
 
 def _joined(parts: list[_SeenRows]) -> _SeenRows:

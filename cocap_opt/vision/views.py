@@ -18,6 +18,7 @@ from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.kernel_use import KERNEL
 from cocap_opt.vision.projection import Projection, dot
+from cocap_opt.vision.viewpoints import Viewpoints
 from cocap_opt.vision.visibility import Sightings, Visibility
 
 if TYPE_CHECKING:
@@ -290,6 +291,11 @@ class Views(ABC):
             parts need is made once; if not given, the nodes are all
         """
 
+    def look(self, at: Viewpoints) -> SeenFaces:
+        """Returns the faces that views [n] see, which are given place by place."""
+        views = np.arange(len(at.looks))
+        return self.seen(at.nodes(views, self.graph.n_places, self.n_states))
+
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
         return self.dense(t * self.n_states + states)
@@ -350,18 +356,15 @@ class PinholeViews(Views):
         n_places = self.graph.n_places
         t, state = np.divmod(nodes, self.n_states)
         orientation, place = np.divmod(state, n_places)
-        viewpoints, which = _told_apart(t * n_places + place)
+        viewpoints, which = np.unique(t * n_places + place, return_inverse=True)
         t, place = np.divmod(viewpoints, n_places)
         return self._pinhole.seen(t, self.eyes(place), which, orientation, steps)
 
-
-def _told_apart(values: IntArray) -> tuple[IntArray, IntArray]:
-    """Returns the different values, increasing, and of each value [n] its number among them."""
-    steps = np.diff(values)
-    if (steps >= 0).all():  # as in tables, which would be sorted for nothing
-        is_first = np.concatenate([[True], steps > 0])
-        return values[is_first], np.cumsum(is_first) - 1
-    return np.unique(values, return_inverse=True)
+    def look(self, at: Viewpoints) -> SeenFaces:
+        """Returns the faces that views [n] see, which are given place by place."""
+        if not self.n_faces or not len(at.looks):
+            return NOTHING
+        return self._pinhole.seen(at.steps, self.eyes(at.places), at.which, at.looks)
 
 
 class ConeViews(Views):

@@ -31,8 +31,8 @@ Below both, the trusted core, about 4,600 lines:
   `robot`, `rules`, `scene`, `shapes`; the scene, and which conflicts it forbids.
 - `world`: `columns`, `triangles`, `workspace`; what is solid.
 - `graph`: `charges`, `motion`, `move_rewards`, `timegraph`; which moves there are.
-- `vision`: `bodies`, `candidates`, `coverage`, `faces`, `projection`, `shadows`, `views`,
-  `visibility`; what a view sees.
+- `vision`: `bodies`, `candidates`, `coverage`, `faces`, `projection`, `shadows`, `viewpoints`,
+  `views`, `visibility`; what a view sees.
 - `model`: `coverage_tables`, `model`, `places`; which drones share a graph, and its states.
 - `files`: `documents`, `strict_json`; reading files, and the digest that ties one to its scene.
 - `objective`, `arithmetic`, `data`; weights and J, sums of floats, and checks of fields.

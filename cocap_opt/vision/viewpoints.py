@@ -1,0 +1,56 @@
+"""Views place by place: what is visible from a place is the same for all orientations there."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, IntArray
+
+
+class Viewpoints(NamedTuple):
+    """Places at steps, with the orientations that are looked in from each."""
+
+    steps: IntArray  # [e] not decreasing
+    places: IntArray  # [e]
+    counts: IntArray  # [e] views of each
+    looks: IntArray  # [n] orientations of the views, place by place
+
+    @classmethod
+    def reachable(cls, step: int, states: BoolArray, n_places: int) -> Self:
+        """Returns those of the states [S] at a step that are true; state o P + p is at place p."""
+        by_place = states.reshape(-1, n_places)
+        places = np.flatnonzero(by_place.any(axis=0))
+        wanted = np.ascontiguousarray(by_place[:, places].T)
+        looks = np.flatnonzero(wanted) % max(len(by_place), 1)
+        counts = np.count_nonzero(wanted, axis=1)
+        return cls(np.full(len(places), step), places, counts, looks)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Returns the viewpoints of several parts, one after the other."""
+        return cls._make(np.concatenate(column) for column in zip(*parts, strict=True))
+
+    def split(self, most: int) -> Iterator[Self]:
+        """Yields parts of about so many views, each with all views of its places."""
+        ends = np.cumsum(self.counts)
+        total = len(self.looks)
+        cuts = np.unique(np.searchsorted(ends, range(most, total, most), side="left") + 1)
+        for first, last in zip([0, *cuts.tolist()], [*cuts.tolist(), len(ends)], strict=True):
+            if first < last:
+                begin = int(ends[first] - self.counts[first])
+                yield type(self)(
+                    self.steps[first:last], self.places[first:last], self.counts[first:last],
+                    self.looks[begin : int(ends[last - 1])],
+                )  # fmt: skip
+
+    @property
+    def which(self) -> IntArray:
+        """The number [n] of each view's place."""
+        return np.repeat(np.arange(len(self.counts)), self.counts)
+
+    def nodes(self, views: IntArray, n_places: int, n_states: int) -> IntArray:
+        """Returns the nodes of some views; node t S + s is state s at step t."""
+        at = np.searchsorted(np.cumsum(self.counts), views, side="right")
+        states = self.looks[views] * n_places + self.places[at]
+        return np.asarray(self.steps[at] * n_states + states)
