@@ -1,8 +1,8 @@
 """Coverage: the pixels that each face of the actors has in each robot's image, and its pictures.
 
 The modules build on one another in this order: projection, bodies, candidates, surfaces, faces,
-shadows, visibility, viewpoints, views, coverage, cache; `render` is the slow reference that they are
-tested against. `view_kernel` finds what `views` finds, compiled and ten times as fast:
+shadows, visibility, viewpoints, views, coverage, cache; `render` is the slow reference that they
+are tested against. `view_kernel` finds what `views` finds, compiled and ten times as fast:
 `compiled_sight` hands it the arrays, and `kernel_use` says when. `unhidden` and `ceilings` bound
 coverage before it is computed; nothing else here uses them. The modules are imported one by one,
 since `surfaces` loads Embree.
