@@ -28,6 +28,7 @@ from cocap_opt.model import Model, compiled
 from cocap_opt.objective import marginal_reward
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
+from cocap_opt.vision.kernel_use import KERNEL
 
 _TABLE = "speed.csv"
 _SEEDS = range(10)
@@ -112,14 +113,26 @@ def _sweep(scene: str) -> float:
 
 
 def _coverage() -> list[_Speed]:
-    """Measures the coverage of all reachable states of the corridor, without the cache."""
-    problem = load_scene("corridor", 0)
+    """Measures the coverage of all reachable states, compiled, and beside it NumPy's way."""
+    KERNEL.load()
+    figures = []
+    for scene, repeats, target in (
+        ("bottleneck", 5, "< 0.1"), ("passage", 5, "< 0.1"), ("field", 5, "< 0.15"),
+        ("field-large", 1, "< 2.5"),
+    ):  # fmt: skip
+        seconds, plain_seconds = (
+            _seconds(partial(_covered, scene, plain), repeats) for plain in (False, True)
+        )
+        figures += [
+            _Speed(f"coverage of {scene}", seconds, "s", target),
+            _Speed("... without compiled code / with it", plain_seconds / seconds, "x"),
+        ]
+    return figures
 
-    def run() -> None:
-        model = Model(problem, use_cache=False)
-        model.coverage(model.classes[0])
 
-    return [_Speed("coverage of the corridor", _seconds(run, 5), "s", "< 3")]
+def _covered(scene: str, plain: bool) -> None:
+    """Computes the coverage of a scene without the cache."""
+    Model(load_scene(scene, 0), use_cache=False, plain=plain).prepare_all()
 
 
 def _joint() -> list[_Speed]:
