@@ -1,17 +1,86 @@
-"""Compiling by numba, where that is installed (extra `fast`), and keeping what is compiled."""
+"""Compiling by numba, where that is installed (extra `fast`), and when it pays.
 
+To compile a kernel takes seconds, once on a machine; to load what is kept half a second, once in a
+process. So a kernel is loaded once so much was done by NumPy, or is to be done, that loading is
+soon repaid, and compiled if the work at hand repays that within the same run. `cocap-opt compile`
+does so ahead.
+"""
+
+import logging
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Lock
 from typing import Any
+
+_log = logging.getLogger(__name__)
+
+_LOADING = 1.0  # s of NumPy's way, from which on loading is worth it
+_REPAID = 2.0  # times as long as compiling NumPy's way must take
 
 
 @cache
 def is_there() -> bool:
     """Returns True if numba is installed."""
     return find_spec("numba") is not None
+
+
+class Kernel:
+    """Compiled code that does what NumPy does as well, and when this process uses it.
+
+    Parameters
+    ----------
+    module : full name of the one that has `compiled_function()` and `call_once()`, by which it is
+        loaded, or compiled and kept
+    name : what it finds, in words
+    compiling : s that compiling takes
+
+    Attributes
+    ----------
+    is_loaded : it is loaded, so that it is used
+    """
+
+    def __init__(self, module: str, name: str, compiling: float) -> None:
+        self.name, self.is_loaded = name, False
+        self._module, self._compiling = module, compiling
+        self._lock = Lock()
+        self._spent = 0.0  # s, by NumPy's way
+
+    def prepare(self, work: float, left: float) -> None:
+        """Loads or compiles it if what is to be done soon repays that.
+
+        Parameters
+        ----------
+        work : s that it would take by NumPy's way
+        left : s that there are
+        """
+        self._load(work, min(work, left) > _REPAID * self._compiling)
+
+    def spend(self, seconds: float) -> None:
+        """Notes what was done by NumPy's way; loads the kernel, if it is kept, once it is much."""
+        self._spent += seconds
+        self._load(self._spent, False)
+
+    def load(self) -> None:
+        """Loads it, and compiles it if it is not kept."""
+        import_module(self._module).call_once()
+        self.is_loaded = True
+
+    def _load(self, work: float, may_compile: bool) -> None:
+        if self.is_loaded or work < _LOADING or not is_there():
+            return
+        with self._lock:
+            if self.is_loaded:
+                return
+            if not is_kept(import_module(self._module).compiled_function()):
+                if not may_compile:
+                    return
+                words = "%s is compiled first, once on this machine: some %.0f s"
+                _log.warning(words, self.name, self._compiling)
+            self.load()
 
 
 def compiled(function: Callable[..., Any], kept: bool = True, **options: Any) -> Any:

@@ -17,7 +17,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios.hardware import with_cameras
 from cocap_opt.stop import Clock
-from cocap_opt.vision.kernel_use import KERNEL
+from cocap_opt.vision.views import KERNEL
 
 _GRAPH = ".graphml"
 

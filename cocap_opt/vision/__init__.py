@@ -3,9 +3,9 @@
 The modules build on one another in this order: projection, bodies, candidates, surfaces, faces,
 shadows, visibility, viewpoints, views, coverage, cache; `render` is the slow reference that they
 are tested against. `view_kernel` finds what `views` finds, compiled and ten times as fast:
-`compiled_sight` hands it the arrays, and `kernel_use` says when. `unhidden` and `ceilings` bound
-coverage before it is computed; nothing else here uses them. The modules are imported one by one,
-since `surfaces` loads Embree.
+`compiled_sight` hands it the arrays. `unhidden` and `ceilings` bound coverage before it is
+computed; nothing else here uses them. The modules are imported one by one, since `surfaces` loads
+Embree.
 """
 
 __all__ = [
@@ -14,7 +14,6 @@ __all__ = [
     "ceilings",
     "coverage",
     "faces",
-    "kernel_use",
     "projection",
     "render",
     "shadows",

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from cocap_opt import compiling
 from cocap_opt.arithmetic import spans
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.problem import Actor, Camera, Robot, SceneData, State
@@ -123,9 +122,9 @@ class CompiledSight:
         )  # fmt: skip
 
 
-def is_kept() -> bool:
-    """Returns True if the compiled kernel is on disk."""
-    return compiling.is_kept(kernel.cover)
+def compiled_function() -> Any:
+    """Returns the kernel's compiled function."""
+    return kernel.cover
 
 
 def call_once() -> None:

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cocap_opt.arithmetic import spans
+from cocap_opt.compiling import Kernel
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.kernel_use import KERNEL
 from cocap_opt.vision.projection import Projection, dot
 from cocap_opt.vision.viewpoints import Viewpoints
 from cocap_opt.vision.visibility import Sightings, Visibility
@@ -24,6 +24,8 @@ from cocap_opt.vision.visibility import Sightings, Visibility
 if TYPE_CHECKING:
     from cocap_opt.vision.compiled_sight import CompiledSight
 
+KERNEL = Kernel("cocap_opt.vision.compiled_sight", "what finds coverage", compiling=15.0)
+_EACH = 5e-7  # s, of NumPy's way for a view of a person: measured
 ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
 
 
@@ -102,7 +104,7 @@ class PinholeSight:
                 found = self._compiled.seen(faces, t, eyes, which, orientation)
                 if found is not None:
                     return SeenFaces(*found)
-            KERNEL.spend(len(which), self._n_actors)
+            KERNEL.spend(_EACH * len(which) * self._n_actors)
         at = t - faces.first
         in_view = self._in_view(
             faces.middles[at[which]] - eyes[which, None], faces.reaches, orientation
@@ -347,7 +349,7 @@ class PinholeViews(Views):
     def prepare(self, views: int, seconds: float) -> None:
         """Loads what finds many views, if that is soon repaid."""
         if self._pinhole.may_be_compiled:
-            KERNEL.prepare(views, len(self.problem.actors), seconds)
+            KERNEL.prepare(_EACH * views * len(self.problem.actors), seconds)
 
     def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
         """Returns the faces that nodes [n] see; node t S + s is state s at step t."""

@@ -43,7 +43,7 @@ Importing the room loads these as well, on which no number depends:
 - `files`: `atomic_write`, `messages`; how files are written, and errors worded.
 - `formulations`, `method`; names of methods, none of which is imported.
 - `memory`, `stop`, `text`; refusals of what is too large, limits, and words.
-- `compiling`, `vision.kernel_use`; when compiled code finds coverage: not in a model that checks.
+- `compiling`; when compiled code finds coverage: not in a model that checks.
 
 What it may import but does not load at once:
 

@@ -11,14 +11,14 @@ from strategies import examples
 from test_culling import all_states, close_ups, graph_of, hills, rough_maps
 
 from cocap_opt import compiling
+from cocap_opt.compiling import Kernel
 from cocap_opt.data import IntArray
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import load_scene
-from cocap_opt.vision import kernel_use, views
+from cocap_opt.vision import views
 from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.kernel_use import KernelUse
 from cocap_opt.vision.views import SeenFaces, Views
 
 pytestmark = [
@@ -27,15 +27,20 @@ pytestmark = [
 ]
 
 
+def a_kernel(kind: type[Kernel]) -> Kernel:
+    """That of views, in a process that has done nothing yet."""
+    return kind("cocap_opt.vision.compiled_sight", "what finds coverage", 15.0)
+
+
 @pytest.fixture(scope="module")
-def kernel() -> KernelUse:
+def kernel() -> Kernel:
     """A process in which the kernel is loaded."""
-    found = KernelUse()
+    found = a_kernel(Kernel)
     found.load()
     return found
 
 
-def seen(problem: Problem, nodes: IntArray, use: KernelUse) -> SeenFaces:
+def seen(problem: Problem, nodes: IntArray, use: Kernel) -> SeenFaces:
     """What the first robot's camera sees, where the kernel is loaded or not."""
     graph = graph_of(problem)
     found = Views.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
@@ -44,15 +49,15 @@ def seen(problem: Problem, nodes: IntArray, use: KernelUse) -> SeenFaces:
         return found.seen(nodes)
 
 
-def assert_same(problem: Problem, nodes: IntArray, kernel: KernelUse) -> None:
+def assert_same(problem: Problem, nodes: IntArray, kernel: Kernel) -> None:
     """Both see the same faces, and of each as much but for rounding."""
-    ours, theirs = seen(problem, nodes, kernel), seen(problem, nodes, NotLoaded())
+    ours, theirs = seen(problem, nodes, kernel), seen(problem, nodes, a_kernel(NotLoaded))
     np.testing.assert_array_equal(ours.rows, theirs.rows)
     np.testing.assert_array_equal(ours.faces, theirs.faces)
     np.testing.assert_allclose(ours.pixels, theirs.pixels, rtol=1e-9)
 
 
-class NotLoaded(KernelUse):
+class NotLoaded(Kernel):
     """A process in which the kernel is never loaded."""
 
     def _load(self, work: float, may_compile: bool) -> None:
@@ -65,7 +70,7 @@ ANY = st.one_of(close_ups(), rough_maps(), hills(), problems())
 @examples(120)
 @given(ANY, st.data())
 def test_the_kernel_sees_what_numpy_sees(
-    kernel: KernelUse, problem: Problem, data: st.DataObject
+    kernel: Kernel, problem: Problem, data: st.DataObject
 ) -> None:
     """From close by, over rough ground and hills, in any order of the views, and twice."""
     graph = graph_of(problem)
@@ -76,12 +81,10 @@ def test_the_kernel_sees_what_numpy_sees(
 
 
 @pytest.mark.parametrize("scene", ["corridor-tight", "bottleneck", "passage", "field", "bridge"])
-def test_tables_are_the_same(
-    scene: str, kernel: KernelUse, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_tables_are_the_same(scene: str, kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whole tables, made by threads, in batches of another size."""
     tables: list[list[CoverageTable]] = []
-    for use in (kernel, NotLoaded()):
+    for use in (kernel, a_kernel(NotLoaded)):
         monkeypatch.setattr(views, "KERNEL", use)
         model = Model(load_scene(scene, 1), use_cache=False)
         model.prepare_all()
@@ -93,12 +96,12 @@ def test_tables_are_the_same(
 
 
 def test_numpy_takes_over_where_there_is_no_room(
-    kernel: KernelUse, monkeypatch: pytest.MonkeyPatch
+    kernel: Kernel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where a person is cut into more pieces than the kernel has room for."""
     problem = load_scene("bottleneck", 0)
     nodes = graph_of(problem).n_states + all_states(problem)
-    expected = seen(problem, nodes, NotLoaded())
+    expected = seen(problem, nodes, a_kernel(NotLoaded))
     from cocap_opt.vision.compiled_sight import CompiledSight
 
     monkeypatch.setattr(CompiledSight, "at_step", lambda *_: None)
@@ -107,9 +110,7 @@ def test_numpy_takes_over_where_there_is_no_room(
         np.testing.assert_array_equal(ours, theirs)
 
 
-def test_plain_views_use_no_compiled_code(
-    kernel: KernelUse, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_plain_views_use_no_compiled_code(kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever checks bounds trusts NumPy's way alone."""
     monkeypatch.setattr(views, "KERNEL", kernel)
     from cocap_opt.vision import compiled_sight
@@ -122,52 +123,50 @@ def test_plain_views_use_no_compiled_code(
 
 
 @pytest.mark.parametrize(
-    ("views_of_people", "seconds", "kept", "loaded", "told"),
+    ("work", "left", "kept", "loaded", "told"),
     [
-        (1e3, np.inf, True, False, False), (1e7, np.inf, True, True, False),
-        (1e7, np.inf, False, False, False), (1e9, np.inf, False, True, True),
-        (1e9, 10.0, False, False, False), (1e9, 10.0, True, True, False),
+        (0.5, np.inf, True, False, False), (5.0, np.inf, True, True, False),
+        (5.0, np.inf, False, False, False), (500.0, np.inf, False, True, True),
+        (500.0, 10.0, False, False, False), (500.0, 10.0, True, True, False),
     ],
 )  # fmt: skip
 def test_the_kernel_is_loaded_or_compiled_where_that_is_repaid(
-    views_of_people: float, seconds: float, kept: bool, loaded: bool, told: bool,
+    work: float, left: float, kept: bool, loaded: bool, told: bool,
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture,
 ) -> None:  # fmt: skip
     """Little work stays with NumPy; compiling, which takes long, is said, and kept to a limit."""
-    from cocap_opt.vision import compiled_sight
 
-    monkeypatch.setattr(compiled_sight, "is_kept", lambda: kept)
-    use = KernelUse()
+    monkeypatch.setattr(compiling, "is_kept", lambda _: kept)
+    use = a_kernel(Kernel)
     monkeypatch.setattr(use, "load", lambda: setattr(use, "is_loaded", True))
     with caplog.at_level(logging.WARNING):
-        use.prepare(int(views_of_people), 1, seconds)
+        use.prepare(work, left)
     assert use.is_loaded == loaded
     assert ("compiled" in caplog.text) == told
 
 
 def test_many_small_views_load_the_kernel_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """But never compile it: nobody knows whether there will be more."""
-    from cocap_opt.vision import compiled_sight
 
     for kept in (False, True):
-        monkeypatch.setattr(compiled_sight, "is_kept", lambda kept=kept: kept)
-        use = KernelUse()
+        monkeypatch.setattr(compiling, "is_kept", lambda _, kept=kept: kept)
+        use = a_kernel(Kernel)
         monkeypatch.setattr(use, "load", lambda use=use: setattr(use, "is_loaded", True))
         for _ in range(100):
-            use.spend(1_000, 40)
+            use.spend(0.02)
         assert use.is_loaded == kept
 
 
 def test_without_numba_nothing_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
     """NumPy's way is there everywhere."""
-    monkeypatch.setattr(kernel_use, "is_there", lambda: False)
-    use = KernelUse()
-    use.prepare(10**9, 10, np.inf)
+    monkeypatch.setattr(compiling, "is_there", lambda: False)
+    use = a_kernel(Kernel)
+    use.prepare(1e9, np.inf)
     assert not use.is_loaded
 
 
 def test_meshes_that_are_not_convex_are_seen_by_rays(
-    kernel: KernelUse, monkeypatch: pytest.MonkeyPatch
+    kernel: Kernel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The kernel knows of no rays, and is not asked."""
     problem = load_scene("bridge", 0)

@@ -28,7 +28,7 @@ from cocap_opt.model import Model, compiled
 from cocap_opt.objective import marginal_reward
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
-from cocap_opt.vision.kernel_use import KERNEL
+from cocap_opt.vision.views import KERNEL
 
 _TABLE = "speed.csv"
 _SEEDS = range(10)
