@@ -9,6 +9,7 @@ from cocap_opt.cli.options import FLAG, Json, Output, Scene, Seed, Whole, load
 from cocap_opt.compiling import is_there
 from cocap_opt.console.progress import Watch
 from cocap_opt.files.documents import SceneFile, encode, problem_digest
+from cocap_opt.graph import value_iteration
 from cocap_opt.output.files import check_output, save_bytes
 from cocap_opt.output.graphml import graphml
 from cocap_opt.output.known_scenes import known_scenes
@@ -17,7 +18,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios.hardware import with_cameras
 from cocap_opt.stop import Clock
-from cocap_opt.vision.views import KERNEL
+from cocap_opt.vision import views
 
 _GRAPH = ".graphml"
 
@@ -130,15 +131,16 @@ def _angles(option: str, text: str) -> tuple[float, ...]:
 
 
 def _compile() -> int:
-    """Compile ahead what finds coverage, once on a machine, so that no first run waits for it.
+    """Compile coverage and value iteration ahead, so that no first run on a machine waits for it.
 
     Example: cocap-opt compile
     """
     if not is_there():
         raise UsageError("numba is not installed; `pip install -e '.[fast]'` installs it")
     clock = Clock()
-    with Watch.on_terminal("compiling, some 15 s, once on a machine"):
-        KERNEL.load()
+    with Watch.on_terminal("compiling, some 20 s, once on a machine"):
+        for kernel in (views.KERNEL, value_iteration.KERNEL):
+            kernel.load()
     print_result({"seconds": clock.seconds}, json=False)
     return 0
 

@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from cocap_opt.compiling import Kernel
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.graph.frames import Frame
@@ -17,6 +18,9 @@ from cocap_opt.graph.move_rewards import NO_BONUSES, Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.stop import Stop, never
 
+KERNEL = Kernel("cocap_opt.graph.sweep_kernel", "value iteration", compiling=4.0)
+_EACH = 5e-9  # s, of NumPy's way for a state at a step: measured
+_SHORT = 10_000_000  # values of a sweep in which no limit need be asked for
 _AT_ONCE = 2_000_000  # values of moves, to bound the memory
 _Ends = tuple[int, tuple[int, int] | None]  # horizon and goal
 _leads: WeakKeyDictionary[TimeGraph, dict[_Ends, BoolArray]] = WeakKeyDictionary()
@@ -62,6 +66,7 @@ def backward_sweep(
         charges = Charges.joined([graph.closed, charges])
     last = len(reward) - 1
     value, changed = (np.zeros(reward.shape), last) if earlier is None else earlier
+    is_whole = frames is None
     frames = [Frame.whole(graph)] * last if frames is None else frames
     room = np.full((3, max((frame.n_states for frame in frames), default=0)), CLOSED)
     if changed == last:
@@ -70,7 +75,12 @@ def backward_sweep(
             _close_elsewhere(graph, value[last], goal)
         _charge(graph, value[last], charges, last)
     step = None
-    for t in range(min(changed, last - 1), -1, -1):
+    first = min(changed, last - 1)
+    if KERNEL.is_loaded and is_whole and bonuses.none and charges.none and reward.size < _SHORT:
+        stop.check()
+        _sweep_at_once(graph, value[: first + 2], reward[: first + 2])
+        return value
+    for t in range(first, -1, -1):
         stop.check()
         frame = frames[t]
         if step is None or step.frame is not frame:
@@ -79,6 +89,26 @@ def backward_sweep(
         np.add(best, frame.of(reward[t]), out=frame.of(value[t]))
         _charge(graph, value[t], charges, t)
     return value
+
+
+def _sweep_at_once(graph: TimeGraph, value: FloatArray, reward: FloatArray) -> None:
+    """Sweeps over all states with nothing but rewards for these, by the compiled kernel."""
+    from cocap_opt.graph.sweep_kernel import sweep
+
+    shape = (len(value), *graph.shape[:2], graph.n_places)
+    places, heads, _ = graph.irregular
+    sweep(
+        value.reshape(shape), reward.reshape(shape), np.empty((4, graph.n_places)),
+        *_limits_of(graph), np.array(graph.strides), places, heads,
+    )  # fmt: skip
+
+
+def _limits_of(graph: TimeGraph) -> tuple[int, int, IntArray]:
+    """Returns the headings and pitches that a step turns by at most, and the cells of a move."""
+    motion, headings = graph.motion, graph.shape[0]
+    # All headings at most, each once.
+    turn = motion.turn if 2 * motion.turn + 1 <= headings else headings // 2
+    return turn, motion.pitch_turn, np.array(graph.border)
 
 
 def best_path(
@@ -169,14 +199,18 @@ class _BackwardStep:
         tails, heads, costs : [n] of moves between places of the graph that are charged
         """
         ahead = ahead.reshape(-1)
-        self._turn(ahead)
-        if self._bonuses.keep_heading:
-            self._keep_heading(ahead)
-        self._window()
-        if self._rates is not None:
-            self._reward_moves(self._rates)
-        if self.frame.irregular[0].size:
-            self._redo_irregular()
+        if KERNEL.is_loaded and self._rates is None and not self._bonuses.keep_heading:
+            self._by_kernel(ahead)
+        else:
+            KERNEL.spend(_EACH * len(ahead))
+            self._turn(ahead)
+            if self._bonuses.keep_heading:
+                self._keep_heading(ahead)
+            self._window()
+            if self._rates is not None:
+                self._reward_moves(self._rates)
+            if self.frame.irregular[0].size:
+                self._redo_irregular()
         if len(tails):
             self._charge_moves(tails, heads, costs)
         if self._bonuses.stationarity:
@@ -189,6 +223,22 @@ class _BackwardStep:
             np.maximum(self._best, stay, out=self._best)
         best: FloatArray = self._best.reshape(self.frame.shape)
         return best
+
+    def _by_kernel(self, ahead: FloatArray) -> None:
+        """Finds the maxima over turns and over moves, as the passes do that follow here."""
+        from cocap_opt.graph.sweep_kernel import best_of_moves
+
+        places = self.frame.n_places
+        shape = (*self._graph.shape[:2], places)
+        irregular, heads, _ = self.frame.irregular
+        best_of_moves(
+            ahead.reshape(shape), self._after_turn.reshape(shape), self._best.reshape(shape),
+            np.empty((4, places)), *self._limits, np.array(self.frame.strides), irregular, heads,
+        )  # fmt: skip
+
+    @cached_property
+    def _limits(self) -> tuple[int, int, IntArray]:
+        return _limits_of(self._graph)
 
     def _turn(self, ahead: FloatArray) -> None:
         """Finds the maximum over the orientations that one step can turn to."""

@@ -1,0 +1,148 @@
+"""A step of value iteration, compiled: orientation by orientation, each in the cache.
+
+It finds the maxima that `value_iteration` finds by passes of NumPy over all states, which are what
+the tests hold it to. Only imported where numba is.
+"""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from cocap_opt.compiling import compiled
+from cocap_opt.data import FloatArray, IntArray
+
+# Nothing is allocated in here, and so no references are counted.
+_compiled = partial(compiled, nogil=True, error_model="numpy", _nrt=False)
+_inlined = partial(_compiled, kept=False, forceinline=True)
+
+
+# Loops over slices from 0 on, without `max`, are those that are vectorised.
+@_inlined
+def _larger(a: float, b: float) -> float:
+    return a if a > b else b
+
+
+@_inlined
+def _copy(values: FloatArray, target: FloatArray) -> None:
+    for i in range(len(target)):
+        target[i] = values[i]
+
+
+@_inlined
+def _add(values: FloatArray, other: FloatArray, target: FloatArray) -> None:
+    for i in range(len(target)):
+        target[i] = values[i] + other[i]
+
+
+@_inlined
+def _largest(a: FloatArray, b: FloatArray, c: FloatArray, target: FloatArray) -> None:
+    for i in range(len(target)):
+        target[i] = _larger(_larger(a[i], b[i]), c[i])
+
+
+@_inlined
+def _turn(
+    ahead: FloatArray, heading: int, pitch: int, turn: int, pitch_turn: int, values: FloatArray
+) -> None:
+    """Writes the best values [P] over turns from a heading and a pitch."""
+    headings, pitches = ahead.shape[:2]
+    best = ahead[heading, pitch]
+    for p in range(max(pitch - pitch_turn, 0), min(pitch + pitch_turn, pitches - 1) + 1):
+        if turn == 0 or p != pitch:
+            _largest(best, best, ahead[heading, p], values)
+            best = values
+        for k in range(1, turn + 1):
+            left, right = (heading + k) % headings, (heading - k) % headings
+            _largest(best, ahead[left, p], ahead[right, p], values)
+            best = values
+
+
+@_inlined
+def _move(
+    values: FloatArray, reaches: IntArray, strides: IntArray, places: IntArray, heads: IntArray,
+    room: FloatArray, best: FloatArray,
+) -> None:  # fmt: skip
+    """Writes the best of the values [P] over moves.
+
+    Each pass widens the window by a cell along an axis. What it leaves over at both ends lies in
+    the border, and no later pass carries it out of there.
+    """
+    n, source, here = len(values), values, 0
+    for axis in range(3):
+        stride = strides[axis]
+        for _ in range(reaches[axis]):
+            target = room[here]
+            inner = target[stride : n - stride]
+            _largest(
+                source[: n - 2 * stride], source[stride : n - stride], source[2 * stride :], inner
+            )
+            _copy(source[:stride], target[:stride])
+            _copy(source[n - stride :], target[n - stride :])
+            source, here = target, 1 - here
+    _copy(source, best)
+    for i in range(len(places)):
+        most = values[heads[0, i]]
+        for k in range(1, len(heads)):
+            most = max(most, values[heads[k, i]])
+        best[places[i]] = most
+
+
+@_compiled
+def sweep(
+    value: FloatArray, reward: FloatArray, room: FloatArray, turn: int, pitch_turn: int,
+    reaches: IntArray, strides: IntArray, places: IntArray, heads: IntArray,
+) -> None:  # fmt: skip
+    """Sweeps back over all steps but the last, whose values are there.
+
+    Parameters
+    ----------
+    value, reward : [T+1, H, Q, P] of headings, pitches and places; all values but the last written
+    room : [4, P], for what is found on the way
+    turn, pitch_turn : most headings and pitches that a step turns by
+    reaches, strides : [3] layers and cells along x and y that a step moves by, and the differences
+        between the numbers of neighbours along these
+    places, heads : [n] irregular places, and [K, n] where their moves lead
+    """
+    headings, pitches = value.shape[1:3]
+    turned, best = room[0], room[1]
+    for t in range(len(value) - 2, -1, -1):
+        for h in range(headings):
+            for q in range(pitches):
+                _turn(value[t + 1], h, q, turn, pitch_turn, turned)
+                _move(turned, reaches, strides, places, heads, room[2:], best)
+                _add(best, reward[t, h, q], value[t, h, q])
+
+
+@_compiled
+def best_of_moves(
+    ahead: FloatArray, turned: FloatArray, best: FloatArray, room: FloatArray, turn: int,
+    pitch_turn: int, reaches: IntArray, strides: IntArray, places: IntArray, heads: IntArray,
+) -> None:  # fmt: skip
+    """Finds the best values ahead over turns, and of these over the moves of one step.
+
+    Parameters
+    ----------
+    ahead : [H, Q, P] values ahead of headings, pitches and places
+    turned, best : [H, Q, P] are written: the best over turns, and over turns and moves
+    room : [4, P]
+    turn, pitch_turn, reaches, strides, places, heads : as in `sweep`
+    """
+    for h in range(ahead.shape[0]):
+        for q in range(ahead.shape[1]):
+            _turn(ahead, h, q, turn, pitch_turn, turned[h, q])
+            _move(turned[h, q], reaches, strides, places, heads, room[2:], best[h, q])
+
+
+def compiled_function() -> Any:
+    """Returns the kernel's compiled function."""
+    return sweep
+
+
+def call_once() -> None:
+    """Calls the kernel for one place, so that it is loaded, or compiled and kept."""
+    single, none = np.zeros((1, 1, 1)), np.zeros(0, dtype=np.int64)
+    three, heads = np.zeros(3, dtype=np.int64), np.zeros((1, 0), dtype=np.int64)
+    rest = np.zeros((4, 1)), 0, 0, three, three, none, heads
+    sweep(np.zeros((1, 1, 1, 1)), np.zeros((1, 1, 1, 1)), *rest)
+    best_of_moves(single, single.copy(), single.copy(), *rest)
