@@ -75,11 +75,10 @@ class Kernel:
         with self._lock:
             if self.is_loaded:
                 return
-            if not is_kept(import_module(self._module).compiled_function()):
-                if not may_compile:
-                    return
-                words = "%s is compiled first, once on this machine: some %.0f s"
-                _log.warning(words, self.name, self._compiling)
+            function = import_module(self._module).compiled_function()
+            if not may_compile and not is_kept(function):
+                return
+            tell_of_compiling(self.name, function, self._compiling)
             self.load()
 
 
@@ -104,6 +103,17 @@ def compiled(function: Callable[..., Any], kept: bool = True, **options: Any) ->
     if folder is not None:
         _forget_what_is_older(Path(folder), function)
     return found
+
+
+def tell_of_compiling(name: str, function: Any, seconds: float) -> None:
+    """Says that a compiled function is compiled now, if it is not kept, and for how long.
+
+    Parameters
+    ----------
+    name : what it finds, in words
+    """
+    if not is_kept(function):
+        _log.warning("%s is compiled first, once on this machine: some %.0f s", name, seconds)
 
 
 def is_kept(function: Any) -> bool:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.compiling import compiled
+from cocap_opt.compiling import compiled, tell_of_compiling
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 
@@ -413,3 +413,6 @@ def _beginning(data: _Inputs, profits: FloatArray, most_found: int) -> _Memory:
         chosen=np.full((2, robots), -1),
         collected=np.zeros((most_found, robots), dtype=np.int64),
     )
+
+
+tell_of_compiling("the search of joint states", _advance, 5.0)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.compiling import compiled
+from cocap_opt.compiling import compiled, tell_of_compiling
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 
 _MOST_SWEEPS = 50  # over all robots, of one start
@@ -83,3 +83,6 @@ def ascend(views: AscentViews, floor: float, teams: IntArray) -> None:
             if height <= before + _GAIN * abs(height):
                 break
             before = height
+
+
+tell_of_compiling("local search", ascend, 3.0)
