@@ -1,8 +1,8 @@
 """The cost of coverage of all states that drones can reach on maps of 120 x 120 cells.
 
-Each row is measured in a process of its own and without the cache, on all cores that it may use
-(`taskset -c 0` leaves it one). The last columns are the time of one state that is asked for
-alone, or with few others, as in a search.
+Each row is measured in a process of its own, by compiled code and without the cache, on all cores
+that it may use (`taskset -c 0` leaves it one). The last columns are the time of one state that is
+asked for alone, or with few others, as in a search.
 """
 
 import multiprocessing
@@ -29,6 +29,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.run.options import Option
 from cocap_opt.scenarios.built_in.field import field
 from cocap_opt.stop import Clock
+from cocap_opt.vision.views import KERNEL
 
 _TABLE = "coverage.csv"
 _CELLS, ACTORS, STEPS, _SEED = 120, 6, 60, 0
@@ -116,6 +117,7 @@ def _row(build: Build, change: Callable[[Problem], Problem]) -> Record:
     model = Model(problem, use_cache=False)
     (robot_class,) = model.classes
     reachable = model.reachable(robot_class)
+    KERNEL.load()
     first = problem.first_step
     states = int(reachable[first:].sum())
     clock, processor = Clock(), time.process_time()
