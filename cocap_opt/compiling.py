@@ -6,11 +6,15 @@ soon repaid, and compiled if the work at hand repays that within the same run. `
 does so ahead.
 """
 
+import hashlib
 import logging
+import os
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Lock
@@ -18,14 +22,20 @@ from typing import Any
 
 _log = logging.getLogger(__name__)
 
+_FIRST = "%s is compiled first, once on this machine: some %.0f s"
 _LOADING = 1.0  # s of NumPy's way, from which on loading is worth it
-_REPAID = 2.0  # times as long as compiling NumPy's way must take
+_REPAID = 1.25  # times as long as compiling NumPy's way must take
+_FASTER = 8.0  # times, at least
 
 
 @cache
 def is_there() -> bool:
     """Returns True if numba is installed."""
     return find_spec("numba") is not None
+
+
+class CompilingError(RuntimeError):
+    """numba is installed, and does not compile."""
 
 
 class Kernel:
@@ -46,7 +56,7 @@ class Kernel:
     def __init__(self, module: str, name: str, compiling: float) -> None:
         self.name, self.is_loaded = name, False
         self._module, self._compiling = module, compiling
-        self._lock = Lock()
+        self._lock, self._has_failed = Lock(), False
         self._spent = 0.0  # s, by NumPy's way
 
     def prepare(self, work: float, left: float) -> None:
@@ -64,22 +74,65 @@ class Kernel:
         self._spent += seconds
         self._load(self._spent, False)
 
+    def expected(self, work: float) -> float:
+        """Returns the seconds that work is expected to take, once it is begun.
+
+        Parameters
+        ----------
+        work : s that it takes now
+        """
+        if self.is_loaded or not self.may_be_loaded or work <= _REPAID * self._compiling:
+            return work
+        return self._compiling + work / _FASTER
+
+    @property
+    def may_be_loaded(self) -> bool:
+        """numba is installed, and has not failed in this process."""
+        return is_there() and not self._has_failed
+
     def load(self) -> None:
-        """Loads it, and compiles it if it is not kept."""
-        import_module(self._module).call_once()
+        """Loads it, and compiles it if it is not kept.
+
+        Raises
+        ------
+        CompilingError
+            If numba cannot be loaded, or compiles nothing. What it has kept is removed: it may be
+            damaged.
+        """
+        try:
+            module = import_module(self._module)
+            module.call_once()
+        except Exception as error:  # whatever goes wrong in a library
+            self._has_failed = True
+            with suppress(Exception):
+                _forget(import_module(self._module).compiled_function())
+            raise CompilingError(f"numba fails ({type(error).__name__}: {error})") from error
+        _mark(module.compiled_function())
         self.is_loaded = True
 
+    @property
+    def is_kept(self) -> bool:
+        """It is on disk, compiled by this numba for this machine."""
+        mark = _mark_of(import_module(self._module).compiled_function())
+        return mark is not None and mark.is_file()
+
     def _load(self, work: float, may_compile: bool) -> None:
-        if self.is_loaded or work < _LOADING or not is_there():
+        if self.is_loaded or work < _LOADING or not self.may_be_loaded:
             return
         with self._lock:
-            if self.is_loaded:
+            if self.is_loaded or not self.may_be_loaded:
                 return
-            function = import_module(self._module).compiled_function()
-            if not may_compile and not is_kept(function):
-                return
-            tell_of_compiling(self.name, function, self._compiling)
-            self.load()
+            try:
+                if not self.is_kept:
+                    if not may_compile:
+                        return
+                    _log.warning(_FIRST, self.name, self._compiling)
+                self.load()
+            except CompilingError as error:
+                _log.warning("%s is not compiled, and takes longer: %s", self.name, error)
+            except Exception as error:  # as soon as numba is imported
+                self._has_failed = True
+                _log.warning("%s is not compiled, and takes longer: %s", self.name, error)
 
 
 def compiled(function: Callable[..., Any], kept: bool = True, **options: Any) -> Any:
@@ -112,17 +165,43 @@ def tell_of_compiling(name: str, function: Any, seconds: float) -> None:
     ----------
     name : what it finds, in words
     """
-    if not is_kept(function):
-        _log.warning("%s is compiled first, once on this machine: some %.0f s", name, seconds)
+    if not _kept_files(function):
+        _log.warning(_FIRST, name, seconds)
 
 
-def is_kept(function: Any) -> bool:
-    """Returns True if what was compiled of a compiled function is on disk."""
+def _kept_files(function: Any) -> list[Path]:
+    """Returns the files in which numba keeps a compiled function."""
     folder = getattr(getattr(function, "stats", None), "cache_path", None)
     if folder is None:
-        return False
+        return []
     stem = function.__module__.rpartition(".")[2]
-    return any(Path(folder).glob(f"{stem}.{function.__qualname__}-*.nbc"))
+    return [*Path(folder).glob(f"{stem}.{function.__qualname__}-*.nb[ci]")]
+
+
+def _mark_of(function: Any) -> Path | None:
+    """Returns the file that says that a function is kept for this processor by this numba."""
+    files = _kept_files(function)
+    if not files:
+        return None
+    processor = import_module("llvmlite.binding").get_host_cpu_name()  # comes with numba
+    made_by = (
+        sys.version, version("numba"), version("llvmlite"), os.environ.get("NUMBA_CPU_NAME", ""),
+        processor, str(Path(function.__code__.co_filename).stat().st_mtime_ns),
+    )  # fmt: skip
+    digest = hashlib.sha256("\n".join(made_by).encode()).hexdigest()[:16]
+    return files[0].with_name(f"{function.__name__}-{digest}.kept")
+
+
+def _mark(function: Any) -> None:
+    with suppress(OSError):
+        if (mark := _mark_of(function)) is not None:
+            mark.touch()
+
+
+def _forget(function: Any) -> None:
+    """Removes all that is kept of a function."""
+    for file in _kept_files(function):
+        file.unlink(missing_ok=True)
 
 
 def _forget_what_is_older(folder: Path, function: Callable[..., Any]) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.cli.options import FLAG, Json, Output, Scene, Seed, Whole, load
-from cocap_opt.compiling import is_there
+from cocap_opt.compiling import CompilingError, is_there
 from cocap_opt.console.progress import Watch
 from cocap_opt.files.documents import SceneFile, encode, problem_digest
 from cocap_opt.graph import value_iteration
@@ -139,8 +139,16 @@ def _compile() -> int:
         raise UsageError("numba is not installed; `pip install -e '.[fast]'` installs it")
     clock = Clock()
     with Watch.on_terminal("compiling, some 20 s, once on a machine"):
-        for kernel in (views.KERNEL, value_iteration.KERNEL):
-            kernel.load()
+        kernels = (views.KERNEL, value_iteration.KERNEL)
+        try:
+            for kernel in kernels:
+                kernel.load()
+        except CompilingError as error:
+            raise UsageError(f"{error}; what it had kept is removed: try again") from error
+    if not all(kernel.is_kept for kernel in kernels):
+        raise UsageError(
+            "nothing could be kept: set NUMBA_CACHE_DIR to a folder that can be written"
+        )
     print_result({"seconds": clock.seconds}, json=False)
     return 0
 

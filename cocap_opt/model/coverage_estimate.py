@@ -63,7 +63,7 @@ class CoverageEstimate(NamedTuple):
             of_small = _Timed.of(pool, views, [part[:_FEW] for part in large])
         batches = sum(-(-n // views.batch) for n in group_sizes(sizes, 0, views.batch))
         entries = of_large.entries * total / of_large.views
-        seconds = of_large.extrapolated(of_small, total, batches)
+        seconds = views.expected(of_large.extrapolated(of_small, total, batches))
         return cls(total, seconds, entries * _BYTES_PER_ENTRY)
 
     def __add__(self, other: object) -> "CoverageEstimate":

@@ -28,7 +28,7 @@ from cocap_opt.vision.visibility import IN_ITS_PLANE, LEAST
 
 _SHADOWS = 512  # on a part of one person from one eye, at most
 _PIECES = 4_096  # of one face, at most
-_VERTICES = 40  # of one piece, at most
+_CUTS = 40  # vertices that a piece has beyond those of its face, at most
 _HIDDEN, _TOO_MANY = -1, -2  # in place of a number of shadows or pieces
 _BESIDE, _INSIDE, _IN_PART = range(3)  # where points are of a shadow
 
@@ -113,18 +113,18 @@ class Pieces(NamedTuple):
     """A face and the pieces of it outside of the shadows so far."""
 
     face: FloatArray  # [V, 3] m, relative to the eye
-    points: FloatArray  # [2, _PIECES, _VERTICES, 3] m, before and after a shadow
+    points: FloatArray  # [2, _PIECES, W, 3] m, before and after a shadow
     sizes: IntArray  # [2, _PIECES] vertices of each
-    inner: FloatArray  # [2, _VERTICES, 3] m, what is left of a piece inside a shadow
-    excess: FloatArray  # [_VERTICES] m, of its vertices
+    inner: FloatArray  # [2, W, 3] m, what is left of a piece inside a shadow
+    excess: FloatArray  # [W] m, of its vertices
     cuts: BoolArray  # [K] half-spaces that a piece reaches out of
 
 
 class Image(NamedTuple):
     """A piece in the camera's axes."""
 
-    points: FloatArray  # [2, _VERTICES + 5, 3] m, before and after it is cut
-    beyond: FloatArray  # [_VERTICES + 5] m, from a side of the image
+    points: FloatArray  # [2, W + 5, 3] m, before and after it is cut
+    beyond: FloatArray  # [W + 5] m, from a side of the image
 
 
 class Memory(NamedTuple):
@@ -165,6 +165,8 @@ def memory_for(people: People, before: Before, most: int) -> Memory:
     planes = max(part.normals.shape[1] for part in bodies)
     size = max(part.normals.shape[1] + part.edges.shape[1] for part in bodies)
     whole, n_fixed = np.int64, len(before.solids.low)
+    vertices = people.polygons.shape[1]
+    width = vertices + _CUTS
     return Memory(
         np.empty(most, whole),
         np.empty(most, np.bool_),
@@ -177,11 +179,11 @@ def memory_for(people: People, before: Before, most: int) -> Memory:
             np.empty(_SHADOWS, whole), np.empty(planes),
         ),
         Pieces(
-            np.empty((people.polygons.shape[1], 3)), np.empty((2, _PIECES, _VERTICES, 3)),
-            np.empty((2, _PIECES), whole), np.empty((2, _VERTICES, 3)), np.empty(_VERTICES),
+            np.empty((vertices, 3)), np.empty((2, _PIECES, width, 3)),
+            np.empty((2, _PIECES), whole), np.empty((2, width, 3)), np.empty(width),
             np.empty(size, np.bool_),
         ),
-        Image(np.empty((2, _VERTICES + 5, 3)), np.empty(_VERTICES + 5)),
+        Image(np.empty((2, width + 5, 3)), np.empty(width + 5)),
         np.zeros((most, len(people.areas))),
     )  # fmt: skip
 
@@ -561,7 +563,7 @@ def _cut(
             reaches_in |= excess[i] < 0
         if not reaches_out:
             continue
-        if n + 1 >= _VERTICES or found + 1 >= _PIECES:
+        if n + 1 >= len(excess) or found + 1 >= _PIECES:
             return _TOO_MANY
         pieces.sizes[target, found] = _clipped(points, n, excess, 1.0, pieces.points[target, found])
         found += 1

@@ -16,7 +16,7 @@ from cocap_opt.compiling import Kernel
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
-from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.faces import FaceGeometry, Faces
 from cocap_opt.vision.projection import Projection, dot
 from cocap_opt.vision.viewpoints import Viewpoints
 from cocap_opt.vision.visibility import Sightings, Visibility
@@ -24,7 +24,7 @@ from cocap_opt.vision.visibility import Sightings, Visibility
 if TYPE_CHECKING:
     from cocap_opt.vision.compiled_sight import CompiledSight
 
-KERNEL = Kernel("cocap_opt.vision.compiled_sight", "what finds coverage", compiling=15.0)
+KERNEL = Kernel("cocap_opt.vision.compiled_sight", "what finds coverage", compiling=13.0)
 _EACH = 5e-7  # s, of NumPy's way for a view of a person: measured
 ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
 
@@ -104,6 +104,8 @@ class PinholeSight:
                 found = self._compiled.seen(faces, t, eyes, which, orientation)
                 if found is not None:
                     return SeenFaces(*found)
+                if len(which) * self._n_actors > _BATCH_ACTORS and len(eyes) > 1:
+                    return self._in_halves(t, eyes, which, orientation, faces)
             KERNEL.spend(_EACH * len(which) * self._n_actors)
         at = t - faces.first
         in_view = self._in_view(
@@ -126,6 +128,25 @@ class PinholeSight:
         kept = kept[np.argsort(row[kept] * n_faces + face[kept])]
         face = face[kept]
         return SeenFaces(row[kept], face, area[kept] / faces.areas[face])
+
+    def _in_halves(
+        self, t: IntArray, eyes: FloatArray, which: IntArray, orientation: IntArray, faces: Faces
+    ) -> SeenFaces:
+        """Does as `seen` does, for half of the places after the other half.
+
+        The kernel had no room for one of the people; NumPy is to see to few places only.
+        """
+        steps, middle = (faces.first, faces.first + len(faces.polygons) - 1), len(eyes) // 2
+        parts = []
+        for half in (slice(0, middle), slice(middle, len(eyes))):
+            ours = np.flatnonzero((which >= half.start) & (which < half.stop))
+            seen = self.seen(
+                t[half], eyes[half], which[ours] - half.start, orientation[ours], steps
+            )
+            parts.append((ours[seen.rows], seen.faces, seen.pixels))
+        rows, found, pixels = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        order = np.argsort(rows * len(self._owners) + found)
+        return SeenFaces(rows[order], found[order], pixels[order])
 
     def _in_pieces(
         self, sight: Sightings, which: IntArray, orientation: IntArray, in_view: BoolArray
@@ -279,6 +300,10 @@ class Views(ABC):
     def batch(self) -> int:
         """Number of nodes, states at steps, that take a fraction of a second."""
 
+    def expected(self, seconds: float) -> float:
+        """Returns the seconds that views are expected to take that take so many now."""
+        return seconds
+
     @abstractmethod
     def prepare(self, views: int, seconds: float) -> None:
         """Makes ready for so many views, for which there are so many seconds."""
@@ -345,6 +370,10 @@ class PinholeViews(Views):
         if self.geometry.mesh is not None:
             most = min(most, _BATCH_RAYS // max(self.n_faces * self.problem.face_samples**2, 1))
         return max(most, 1)
+
+    def expected(self, seconds: float) -> float:
+        """Returns the seconds that views take once what finds them is compiled."""
+        return KERNEL.expected(seconds) if self._pinhole.may_be_compiled else seconds
 
     def prepare(self, views: int, seconds: float) -> None:
         """Loads what finds many views, if that is soon repaid."""

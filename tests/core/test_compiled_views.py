@@ -14,7 +14,7 @@ from cocap_opt import compiling
 from cocap_opt.compiling import Kernel
 from cocap_opt.data import IntArray
 from cocap_opt.model import Model
-from cocap_opt.problem import Problem
+from cocap_opt.problem import Prism, Problem
 from cocap_opt.scenarios import load_scene
 from cocap_opt.vision import views
 from cocap_opt.vision.coverage import CoverageTable
@@ -136,7 +136,7 @@ def test_the_kernel_is_loaded_or_compiled_where_that_is_repaid(
 ) -> None:  # fmt: skip
     """Little work stays with NumPy; compiling, which takes long, is said, and kept to a limit."""
 
-    monkeypatch.setattr(compiling, "is_kept", lambda _: kept)
+    monkeypatch.setattr(Kernel, "is_kept", kept)
     use = a_kernel(Kernel)
     monkeypatch.setattr(use, "load", lambda: setattr(use, "is_loaded", True))
     with caplog.at_level(logging.WARNING):
@@ -149,7 +149,7 @@ def test_many_small_views_load_the_kernel_too(monkeypatch: pytest.MonkeyPatch) -
     """But never compile it: nobody knows whether there will be more."""
 
     for kept in (False, True):
-        monkeypatch.setattr(compiling, "is_kept", lambda _, kept=kept: kept)
+        monkeypatch.setattr(Kernel, "is_kept", kept)
         use = a_kernel(Kernel)
         monkeypatch.setattr(use, "load", lambda use=use: setattr(use, "is_loaded", True))
         for _ in range(100):
@@ -177,3 +177,34 @@ def test_meshes_that_are_not_convex_are_seen_by_rays(
         FaceGeometry(problem.replace(meshes=(rough,))), problem, graph, problem.robots[0].camera
     )
     assert not found._pinhole.may_be_compiled
+
+
+@pytest.mark.parametrize("sides", [3, 41, 64])
+def test_people_of_many_sides_have_room(sides: int, kernel: Kernel) -> None:
+    """Faces may have more corners than the kernel has cuts for; nothing is written beside."""
+    problem = load_scene("bottleneck", 0)
+    prism = Prism(apothem=0.4, height=1.8, sides=sides)
+    actors = tuple(actor.replace(shape=prism) for actor in problem.actors)
+    problem = problem.replace(actors=actors)
+    nodes = graph_of(problem).n_states + all_states(problem)
+    assert_same(problem, nodes, kernel)
+
+
+def test_numba_that_fails_leaves_it_to_numpy(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Said once; and nobody tries again in this process."""
+    from cocap_opt.vision import compiled_sight
+
+    def fails() -> None:
+        raise ImportError("numba needs NumPy 1.26 or less")
+
+    monkeypatch.setattr(Kernel, "is_kept", True)
+    monkeypatch.setattr(compiled_sight, "call_once", fails)
+    monkeypatch.setattr(compiling, "_forget", lambda _: None)
+    use = a_kernel(Kernel)
+    with caplog.at_level(logging.WARNING):
+        for _ in range(2):
+            use.prepare(100.0, np.inf)
+    assert not use.is_loaded
+    assert caplog.text.count("takes longer: numba fails (ImportError: numba needs NumPy") == 1
