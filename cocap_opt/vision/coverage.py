@@ -107,7 +107,9 @@ class GrowingTable:
         self._views.prepare(total - done, stop.seconds_left)
         pool = ThreadPoolExecutor(self._threads)
         try:
-            for first, last in _groups(sizes, self.steps, self._views.batch):
+            # Some batches for each thread; a limit loses at most what these take.
+            together = 2 * self._threads * self._views.batch
+            for first, last in _groups(sizes, self.steps, together):
                 batches, found = self._batches(first, last), [_NO_ROWS]
                 stop.check()
                 sought = 0
