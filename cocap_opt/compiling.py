@@ -56,7 +56,7 @@ class Kernel:
     def __init__(self, module: str, name: str, compiling: float) -> None:
         self.name, self.is_loaded = name, False
         self._module, self._compiling = module, compiling
-        self._lock, self._has_failed = Lock(), False
+        self._lock, self._has_failed, self._is_missing = Lock(), False, False
         self._spent = 0.0  # s, by NumPy's way
 
     def prepare(self, work: float, left: float) -> None:
@@ -67,7 +67,7 @@ class Kernel:
         work : s that it would take by NumPy's way
         left : s that there are
         """
-        self._load(work, min(work, left) > _REPAID * self._compiling)
+        self._load(work, self._repays(min(work, left)))
 
     def spend(self, seconds: float) -> None:
         """Notes what was done by NumPy's way; loads the kernel, if it is kept, once it is much."""
@@ -81,12 +81,16 @@ class Kernel:
         ----------
         work : s that it takes now
         """
-        if self.is_loaded or not self.may_be_loaded or work <= _REPAID * self._compiling:
+        if self.is_loaded or not self._may_be_loaded or not self._repays(work):
             return work
         return self._compiling + work / _FASTER
 
+    def _repays(self, work: float) -> bool:
+        """Returns True for work (s, by NumPy's way) that compiling makes shorter."""
+        return work > _REPAID * self._compiling
+
     @property
-    def may_be_loaded(self) -> bool:
+    def _may_be_loaded(self) -> bool:
         """numba is installed, and has not failed in this process."""
         return is_there() and not self._has_failed
 
@@ -103,7 +107,6 @@ class Kernel:
             module = import_module(self._module)
             module.call_once()
         except Exception as error:  # whatever goes wrong in a library
-            self._has_failed = True
             with suppress(Exception):
                 _forget(import_module(self._module).compiled_function())
             raise CompilingError(f"numba fails ({type(error).__name__}: {error})") from error
@@ -117,20 +120,21 @@ class Kernel:
         return mark is not None and mark.is_file()
 
     def _load(self, work: float, may_compile: bool) -> None:
-        if self.is_loaded or work < _LOADING or not self.may_be_loaded:
+        if self.is_loaded or work < _LOADING or not self._may_be_loaded:
+            return
+        if self._is_missing and not may_compile:  # known, and asked at every step of a sweep
             return
         with self._lock:
-            if self.is_loaded or not self.may_be_loaded:
+            if self.is_loaded or not self._may_be_loaded:
                 return
             try:
-                if not self.is_kept:
+                self._is_missing = not self.is_kept
+                if self._is_missing:
                     if not may_compile:
                         return
                     _log.warning(_FIRST, self.name, self._compiling)
                 self.load()
-            except CompilingError as error:
-                _log.warning("%s is not compiled, and takes longer: %s", self.name, error)
-            except Exception as error:  # as soon as numba is imported
+            except Exception as error:  # as soon as numba is imported, or once it compiles
                 self._has_failed = True
                 _log.warning("%s is not compiled, and takes longer: %s", self.name, error)
 
@@ -171,11 +175,14 @@ def tell_of_compiling(name: str, function: Any, seconds: float) -> None:
 
 def _kept_files(function: Any) -> list[Path]:
     """Returns the files in which numba keeps a compiled function."""
+    # Where NUMBA_DISABLE_JIT is set, it is the function itself, without `stats`.
     folder = getattr(getattr(function, "stats", None), "cache_path", None)
-    if folder is None:
-        return []
+    return [] if folder is None else _files_of(Path(folder), function)
+
+
+def _files_of(folder: Path, function: Callable[..., Any]) -> list[Path]:
     stem = function.__module__.rpartition(".")[2]
-    return [*Path(folder).glob(f"{stem}.{function.__qualname__}-*.nb[ci]")]
+    return [*folder.glob(f"{stem}.{function.__qualname__}-*.nb[ci]")]
 
 
 def _mark_of(function: Any) -> Path | None:
@@ -211,7 +218,6 @@ def _forget_what_is_older(folder: Path, function: Callable[..., Any]) -> None:
     """
     with suppress(OSError):
         changed = Path(function.__code__.co_filename).stat().st_mtime
-        stem = function.__module__.rpartition(".")[2]
-        for file in folder.glob(f"{stem}.{function.__qualname__}-*.nb[ic]"):
+        for file in _files_of(folder, function):
             if file.stat().st_mtime < changed:
                 file.unlink(missing_ok=True)

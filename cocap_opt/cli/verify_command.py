@@ -21,18 +21,11 @@ from cocap_opt.cli.options import (
 from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.tables.rows import OWN_STARTS
-from cocap_opt.files.documents import (
-    FileError,
-    PlanFile,
-    decode_document,
-    other_coverage,
-    problem_digest,
-    read_bytes,
-)
+from cocap_opt.files.documents import FileError, PlanFile, other_coverage, problem_digest
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
 from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.model import Model
-from cocap_opt.output.files import PlanReader
+from cocap_opt.output.files import PlanReader, read_claim
 from cocap_opt.output.printing import (
     Record,
     line_width,
@@ -153,8 +146,7 @@ def _require_scene(scene: str) -> None:
     if not path.is_file():
         return
     with suppress(FileError):  # it may be a scene
-        found = decode_document(read_bytes(path), str(path), PlanFile, CertificateFile, ProofFile)
-        assert isinstance(found, PlanFile | CertificateFile | ProofFile)
+        found = read_claim(path)
         kind = "plan" if isinstance(found, PlanFile) else "bound"
         name = f"; it was made for {printable(found.scene)}"
         raise UsageError(f"SCENE: {printable(scene)} is a {kind}; name its scene before it{name}")

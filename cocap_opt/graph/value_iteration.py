@@ -66,20 +66,20 @@ def backward_sweep(
         charges = Charges.joined([graph.closed, charges])
     last = len(reward) - 1
     value, changed = (np.zeros(reward.shape), last) if earlier is None else earlier
-    is_whole = frames is None
-    frames = [Frame.whole(graph)] * last if frames is None else frames
-    room = np.full((3, max((frame.n_states for frame in frames), default=0)), CLOSED)
     if changed == last:
         value[last] = reward[last]
         if goal is not None:
             _close_elsewhere(graph, value[last], goal)
         _charge(graph, value[last], charges, last)
-    step = None
     first = min(changed, last - 1)
-    if KERNEL.is_loaded and is_whole and bonuses.none and charges.none and reward.size < _SHORT:
+    is_plain = frames is None and bonuses.none and charges.none
+    if KERNEL.is_loaded and is_plain and reward.size < _SHORT:
         stop.check()
         _sweep_at_once(graph, value[: first + 2], reward[: first + 2])
         return value
+    frames = [Frame.whole(graph)] * last if frames is None else frames
+    room = np.full((3, max((frame.n_states for frame in frames), default=0)), CLOSED)
+    step = None
     for t in range(first, -1, -1):
         stop.check()
         frame = frames[t]

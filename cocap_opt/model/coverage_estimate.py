@@ -58,10 +58,11 @@ class CoverageEstimate(NamedTuple):
         most = min(int(max(_SHARE * total / _PARTS, _LEAST)), views.batch)
         large = _parts(n_places, reachable, most)
         views.seen(large[0][:1])  # what is made once, and kept, is no part of the rate
-        with ThreadPoolExecutor(threads or usable_cores()) as pool:
+        threads = threads or usable_cores()
+        with ThreadPoolExecutor(threads) as pool:
             of_large = _Timed.of(pool, views, large)
             of_small = _Timed.of(pool, views, [part[:_FEW] for part in large])
-        batches = sum(-(-n // views.batch) for n in group_sizes(sizes, 0, views.batch))
+        batches = sum(-(-n // views.batch) for n in group_sizes(sizes, 0, views.batch, threads))
         entries = of_large.entries * total / of_large.views
         seconds = views.expected(of_large.extrapolated(of_small, total, batches))
         return cls(total, seconds, entries * _BYTES_PER_ENTRY)

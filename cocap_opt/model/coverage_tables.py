@@ -21,6 +21,8 @@ from cocap_opt.vision.views import Views
 if TYPE_CHECKING:
     from cocap_opt.vision.cache import TableCache
 
+    _Kept = tuple[TableCache, str]
+
 Path = tuple[int, ...]  # T+1 state numbers of one robot
 Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on besides its start
 
@@ -132,13 +134,12 @@ class CoverageTables:
         if self._ended is not None and stop is self._ended[0]:
             raise LimitReached(self._ended[1])
         self.require_memory(spec)
-        cache = self._cache
-        key = "" if cache is None else self._key(cache, spec)  # digests code: that is no coverage
+        kept = self._kept(spec)  # digests code: that is no coverage
         clock = Clock()
         if math.isfinite(stop.seconds_left):
             reserve = max(reserve, self._seconds_to_bound(spec))
         try:
-            self._tables[_sight(spec)] = self._made(spec, key, stop.before(reserve), progress)
+            self._tables[_sight(spec)] = self._made(spec, kept, stop.before(reserve), progress)
             self._growing.pop(_sight(spec), None)
         except LimitReached as reached:
             self._ended = stop, reached.limit
@@ -150,8 +151,8 @@ class CoverageTables:
         """Returns True if nothing is to be computed: the coverage is in memory or in the cache."""
         if _sight(spec) in self._tables:
             return True
-        cache = self._cache
-        return cache is not None and cache.has(self._key(cache, spec))
+        kept = self._kept(spec)
+        return kept is not None and kept[0].has(kept[1])
 
     def estimate(self) -> CoverageEstimate:
         """Estimates what the coverage that is not there yet will cost, from a sample of it.
@@ -174,7 +175,9 @@ class CoverageTables:
             total += found._replace(memory=found.memory + sweeps)
         return total
 
-    def _made(self, spec: Robot, key: str, stop: Stop, progress: Progress) -> CoverageTable:
+    def _made(
+        self, spec: Robot, kept: "_Kept | None", stop: Stop, progress: Progress
+    ) -> CoverageTable:
         def make() -> tuple[CoverageTable, float]:
             table, clock, before = self._table_of(spec), Clock(), self._spent.get(_sight(spec), 0.0)
             try:
@@ -183,32 +186,31 @@ class CoverageTables:
                 self._spent[_sight(spec)] = before + clock.seconds
             return table.table(), self._spent[_sight(spec)]
 
-        cache = self._cache
-        if cache is None:
+        if kept is None:
             return self._by_view_sum(make()[0])
+        cache, key = kept
         table, self._spent[_sight(spec)] = cache.table(key, make)
         return self._by_view_sum(table)
 
-    @property
-    def _cache(self) -> "TableCache | None":
-        """The user's cache, if it is to be used."""
+    def _kept(self, spec: Robot) -> "_Kept | None":
+        """Returns the user's cache and the table's key in it, if the cache is to be used.
+
+        The key is the digest of all that the coverage of a robot like this one depends on.
+        """
         if not self._use_cache:
             return None
         from cocap_opt.vision.cache import TableCache  # no judge of bounds loads it
 
-        return TableCache.of_user()
-
-    def _key(self, cache: "TableCache", spec: Robot) -> str:
-        """Returns the digest of all that the coverage of a robot like this one depends on."""
         problem = self.problem
         poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
         shapes = [actor.shape for actor in problem.actors]
-        return cache.key(
+        key = TableCache.key(
             __name__, problem.workspace, problem.airspace, spec.motion, spec.camera,
             graph_of(problem, spec).window,
             self._starts(spec), problem.horizon, problem.face_samples, problem.first_step, poses,
             shapes,
         )  # fmt: skip
+        return TableCache.of_user(), key
 
     def _by_view_sum(self, table: CoverageTable) -> CoverageTable:
         """Return a table whose pixels add up over time, if those of the problem do."""

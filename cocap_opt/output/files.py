@@ -126,6 +126,19 @@ class GivenPlan(NamedTuple):
         return "" if self.file is None else self.file.ending.left_of(self.plan)
 
 
+def read_claim(path: Path) -> PlanFile | CertificateFile | ProofFile:
+    """Reads a plan, a certificate or a proof from a file of ours.
+
+    Raises
+    ------
+    FileError
+        If it is none.
+    """
+    found = decode_document(read_bytes(path), str(path), PlanFile, CertificateFile, ProofFile)
+    assert isinstance(found, PlanFile | CertificateFile | ProofFile)
+    return found
+
+
 class PlanReader(NamedTuple):
     """Reads plans and what proves them from files, for one scene.
 
@@ -149,10 +162,7 @@ class PlanReader(NamedTuple):
         foreign = read_foreign_plan(path, self.problem)
         if foreign is not None:
             return foreign
-        content = read_bytes(path)
-        found = decode_document(content, str(path), PlanFile, CertificateFile, ProofFile)
-        assert isinstance(found, PlanFile | CertificateFile | ProofFile)
-        return found
+        return read_claim(path)
 
     def plan(self, path: Path, any_scene: bool = False) -> GivenPlan:
         """Reads a plan that can be flown, and finds the variant of the scene that it is for.

@@ -83,23 +83,25 @@ class LazyCoverage:
 
     def __call__(self, t: int, states: IntArray) -> FloatArray:
         """Coverage [n, F] in px/m2 of states [n] at step t."""
-        new = [s for s in states.tolist() if (t, s) not in self._known]
-        if new:
-            rows = self._views.coverage(t, np.array(new, dtype=np.int64))
-            self._known.update(zip(((t, s) for s in new), rows, strict=True))
-        return np.array([self._known[t, s] for s in states.tolist()])
+        at = [(t, s) for s in states.tolist()]
+        self._evaluate(at)
+        return np.array([self._known[key] for key in at])
 
     def along(self, problem: Problem, path: Path) -> FloatArray:
         """Pixels [Z] of a path, state numbers at the steps from 0 on; empty without one."""
-        steps = [t for t in range(problem.first_step, len(path)) if (t, path[t]) not in self._known]
-        if steps:  # all at once: a view of its own costs as much as hundreds among others
-            nodes = np.array([t * self._views.n_states + path[t] for t in steps])
-            rows = self._views.dense(nodes)
-            self._known.update(zip(((t, path[t]) for t in steps), rows, strict=True))
+        at = [(t, path[t]) for t in range(problem.first_step, len(path))]
+        self._evaluate(at)  # all at once: a view of its own costs as much as hundreds among others
         pixels = problem.no_pixels()
-        for t in range(problem.first_step, len(path)):
-            pixels[problem.view_sums_at(t)] += self(t, np.array(path[t : t + 1]))[0]
+        for t, state in at:
+            pixels[problem.view_sums_at(t)] += self._known[t, state]
         return pixels
+
+    def _evaluate(self, at: list[tuple[int, int]]) -> None:
+        """Evaluates states at steps, (t, s), that are not known."""
+        new = [key for key in at if key not in self._known]
+        if new:
+            rows = self._views.dense(np.array([t * self._views.n_states + s for t, s in new]))
+            self._known.update(zip(new, rows, strict=True))
 
     @classmethod
     def of_robots(cls, model: Model) -> "list[LazyCoverage]":

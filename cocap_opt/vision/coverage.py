@@ -107,9 +107,7 @@ class GrowingTable:
         self._views.prepare(total - done, stop.seconds_left)
         pool = ThreadPoolExecutor(self._threads)
         try:
-            # Some batches for each thread; a limit loses at most what these take.
-            together = 2 * self._threads * self._views.batch
-            for first, last in _groups(sizes, self.steps, together):
+            for first, last in _groups(sizes, self.steps, self._views.batch, self._threads):
                 batches, found = self._batches(first, last), [_NO_ROWS]
                 stop.check()
                 sought = 0
@@ -141,9 +139,9 @@ class GrowingTable:
         return CoverageTable(nodes=nodes, indptr=indptr, view_sums=view_sums, pixels=pixels)
 
 
-def group_sizes(sizes: IntArray, first_step: int, batch: int) -> list[int]:
+def group_sizes(sizes: IntArray, first_step: int, batch: int, threads: int) -> list[int]:
     """Returns the numbers of nodes that are computed together, in batches, of steps' numbers."""
-    return [int(sizes[a:b].sum()) for a, b in _groups(sizes, first_step, batch)]
+    return [int(sizes[a:b].sum()) for a, b in _groups(sizes, first_step, batch, threads)]
 
 
 def usable_cores() -> int:
@@ -156,13 +154,19 @@ def usable_cores() -> int:
 # A few rows of a table: nodes [n], the number of entries of each [n], and view sums and coverage
 # (px/m2) of all entries [nnz].
 _SeenRows = tuple[IntArray, IntArray, IntArray, FloatArray]
+_AT_ONCE = 2  # batches of each thread
 _NONE = np.zeros(0, dtype=np.int64)
 _NO_ROWS: _SeenRows = (_NONE, _NONE, _NONE, np.zeros(0))
 
 
-def _groups(sizes: IntArray, first_step: int, most: int) -> Iterator[tuple[int, int]]:
-    """Yields spans first..last - 1 of steps of which all but the last have about `most` nodes."""
-    first, n = first_step, 0
+def _groups(
+    sizes: IntArray, first_step: int, batch: int, threads: int
+) -> Iterator[tuple[int, int]]:
+    """Yields spans first..last - 1 of steps that have some batches for each thread.
+
+    A limit loses at most what these take. The last may have fewer.
+    """
+    first, n, most = first_step, 0, _AT_ONCE * threads * batch
     for t in range(first_step, len(sizes)):
         n += int(sizes[t])
         if n >= most or t == len(sizes) - 1:

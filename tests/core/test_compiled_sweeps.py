@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from kernels import NotLoaded, of_sweeps
 from strategies import examples
 from test_timegraph import BONUSES, Case, cases, charges
 
@@ -20,22 +21,10 @@ pytestmark = [
 ]
 
 
-class NotLoaded(Kernel):
-    """A process in which the kernel is never loaded."""
-
-    def _load(self, work: float, may_compile: bool) -> None:
-        pass
-
-
-def a_kernel(kind: type[Kernel]) -> Kernel:
-    """That of value iteration, in a process that has done nothing yet."""
-    return kind("cocap_opt.graph.sweep_kernel", "value iteration", 4.0)
-
-
 @pytest.fixture(scope="module")
 def kernel() -> Kernel:
     """A process in which the kernel is loaded."""
-    found = a_kernel(Kernel)
+    found = of_sweeps()
     found.load()
     return found
 
@@ -55,7 +44,7 @@ def test_the_kernel_sweeps_as_numpy_does(kernel: Kernel, case: Case, data: st.Da
     changed = reward.copy()
     changed[: last + 1] *= 0.5
     found: list[tuple[FloatArray, FloatArray]] = []
-    for use in (kernel, a_kernel(NotLoaded)):
+    for use in (kernel, of_sweeps(NotLoaded)):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(value_iteration, "KERNEL", use)
             value = backward_sweep(graph, reward, bonuses, charged, goal, frames=frames)

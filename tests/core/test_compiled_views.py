@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from kernels import NotLoaded, of_views
 from pool import problems
 from strategies import examples
 from test_culling import all_states, close_ups, graph_of, hills, rough_maps
@@ -27,15 +28,10 @@ pytestmark = [
 ]
 
 
-def a_kernel(kind: type[Kernel]) -> Kernel:
-    """That of views, in a process that has done nothing yet."""
-    return kind("cocap_opt.vision.compiled_sight", "what finds coverage", 15.0)
-
-
 @pytest.fixture(scope="module")
 def kernel() -> Kernel:
     """A process in which the kernel is loaded."""
-    found = a_kernel(Kernel)
+    found = of_views()
     found.load()
     return found
 
@@ -51,17 +47,10 @@ def seen(problem: Problem, nodes: IntArray, use: Kernel) -> SeenFaces:
 
 def assert_same(problem: Problem, nodes: IntArray, kernel: Kernel) -> None:
     """Both see the same faces, and of each as much but for rounding."""
-    ours, theirs = seen(problem, nodes, kernel), seen(problem, nodes, a_kernel(NotLoaded))
+    ours, theirs = seen(problem, nodes, kernel), seen(problem, nodes, of_views(NotLoaded))
     np.testing.assert_array_equal(ours.rows, theirs.rows)
     np.testing.assert_array_equal(ours.faces, theirs.faces)
     np.testing.assert_allclose(ours.pixels, theirs.pixels, rtol=1e-9)
-
-
-class NotLoaded(Kernel):
-    """A process in which the kernel is never loaded."""
-
-    def _load(self, work: float, may_compile: bool) -> None:
-        pass
 
 
 ANY = st.one_of(close_ups(), rough_maps(), hills(), problems())
@@ -84,7 +73,7 @@ def test_the_kernel_sees_what_numpy_sees(
 def test_tables_are_the_same(scene: str, kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whole tables, made by threads, in batches of another size."""
     tables: list[list[CoverageTable]] = []
-    for use in (kernel, a_kernel(NotLoaded)):
+    for use in (kernel, of_views(NotLoaded)):
         monkeypatch.setattr(views, "KERNEL", use)
         model = Model(load_scene(scene, 1), use_cache=False)
         model.prepare_all()
@@ -101,7 +90,7 @@ def test_numpy_takes_over_where_there_is_no_room(
     """Where a person is cut into more pieces than the kernel has room for."""
     problem = load_scene("bottleneck", 0)
     nodes = graph_of(problem).n_states + all_states(problem)
-    expected = seen(problem, nodes, a_kernel(NotLoaded))
+    expected = seen(problem, nodes, of_views(NotLoaded))
     from cocap_opt.vision.compiled_sight import CompiledSight
 
     monkeypatch.setattr(CompiledSight, "at_step", lambda *_: None)
@@ -137,7 +126,7 @@ def test_the_kernel_is_loaded_or_compiled_where_that_is_repaid(
     """Little work stays with NumPy; compiling, which takes long, is said, and kept to a limit."""
 
     monkeypatch.setattr(Kernel, "is_kept", kept)
-    use = a_kernel(Kernel)
+    use = of_views()
     monkeypatch.setattr(use, "load", lambda: setattr(use, "is_loaded", True))
     with caplog.at_level(logging.WARNING):
         use.prepare(work, left)
@@ -150,7 +139,7 @@ def test_many_small_views_load_the_kernel_too(monkeypatch: pytest.MonkeyPatch) -
 
     for kept in (False, True):
         monkeypatch.setattr(Kernel, "is_kept", kept)
-        use = a_kernel(Kernel)
+        use = of_views()
         monkeypatch.setattr(use, "load", lambda use=use: setattr(use, "is_loaded", True))
         for _ in range(100):
             use.spend(0.02)
@@ -160,7 +149,7 @@ def test_many_small_views_load_the_kernel_too(monkeypatch: pytest.MonkeyPatch) -
 def test_without_numba_nothing_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
     """NumPy's way is there everywhere."""
     monkeypatch.setattr(compiling, "is_there", lambda: False)
-    use = a_kernel(Kernel)
+    use = of_views()
     use.prepare(1e9, np.inf)
     assert not use.is_loaded
 
@@ -202,9 +191,24 @@ def test_numba_that_fails_leaves_it_to_numpy(
     monkeypatch.setattr(Kernel, "is_kept", True)
     monkeypatch.setattr(compiled_sight, "call_once", fails)
     monkeypatch.setattr(compiling, "_forget", lambda _: None)
-    use = a_kernel(Kernel)
+    use = of_views()
     with caplog.at_level(logging.WARNING):
         for _ in range(2):
             use.prepare(100.0, np.inf)
     assert not use.is_loaded
     assert caplog.text.count("takes longer: numba fails (ImportError: numba needs NumPy") == 1
+
+
+def test_a_kernel_that_is_not_kept_is_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sweeps ask at every step, and a look at the disk takes longer than some of these."""
+    looks = []
+
+    def is_kept(kernel: Kernel) -> bool:
+        looks.append(kernel)
+        return False
+
+    monkeypatch.setattr(Kernel, "is_kept", property(is_kept))
+    use = of_views()
+    for _ in range(100):
+        use.spend(1.0)
+    assert looks == [use]
