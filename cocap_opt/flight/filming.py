@@ -72,7 +72,7 @@ class Film:
         for batch in np.split(steps, range(_AT_ONCE, len(steps), _AT_ONCE)):
             axes, rows = Projection(camera).axes_towards(yaw[batch], tilt[batch]), batch - batch[0]
             pinhole = PinholeSight(self._geometry, problem, camera, axes)
-            seen = pinhole.seen(batch, eyes[batch], rows, rows)
+            seen = pinhole.seen(batch, eyes[batch], rows, rows).faces
             coverage[batch[seen.rows], seen.faces] = seen.pixels
         return coverage
 

@@ -1,5 +1,6 @@
 """Views by the compiled kernel: a scene's arrays as it takes them, and what it finds in them."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -14,6 +15,8 @@ from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.faces import FaceGeometry, Faces
 from cocap_opt.vision.projection import Projection
 from cocap_opt.world.workspace import HeightMap
+
+Columns = tuple[NDArray[Any], ...]
 
 
 class CompiledSight:
@@ -40,14 +43,16 @@ class CompiledSight:
         return _solids_of(self._bodies)
 
     def seen(
-        self, faces: Faces, t: IntArray, eyes: FloatArray, which: IntArray, looks: IntArray
-    ) -> tuple[IntArray, IntArray, FloatArray] | None:
-        """Returns rows, faces and pixels of what views see, or None if NumPy must find it.
+        self, faces: Faces, t: IntArray, eyes: FloatArray, which: IntArray, looks: IntArray,
+        people: bool,
+    ) -> Columns | None:  # fmt: skip
+        """Returns columns of `SeenFaces` and `SeenPeople`, or None if NumPy must find them.
 
         Parameters
         ----------
         t, eyes : steps [e], increasing, and places [e, 3] m
         which, looks : [n] of each view, the number of its place and that of its orientation
+        people : solid angles are asked for
         """
         is_sorted = bool((np.diff(which) >= 0).all())
         order = np.arange(len(which)) if is_sorted else np.argsort(which, kind="stable")
@@ -56,24 +61,22 @@ class CompiledSight:
         for end in [*(np.flatnonzero(np.diff(t)) + 1).tolist(), len(t)]:
             part = self.at_step(
                 faces, int(t[begin]), eyes[begin:end],
-                first[begin : end + 1] - first[begin], looks[first[begin] : first[end]],
+                first[begin : end + 1] - first[begin], looks[first[begin] : first[end]], people,
             )  # fmt: skip
             if part is None:
                 return None
             parts.append(part)
             begin = end
-        counts, seen, pixels = (np.concatenate(column) for column in zip(*parts, strict=True))
+        counts, *seen = (np.concatenate(column) for column in zip(*parts, strict=True))
+        n_people, columns = seen[2] if people else np.zeros_like(counts), (seen[:2], seen[3:])
         if is_sorted:
-            return np.repeat(order, counts), seen, pixels
-        # In the order in which the views were given.
-        sizes, starts = np.empty_like(counts), np.empty_like(counts)
-        sizes[order], starts[order] = counts, np.cumsum(counts) - counts
-        at = spans(starts, sizes)
-        return np.repeat(np.arange(len(which)), sizes), seen[at], pixels[at]
+            return (np.repeat(order, counts), *columns[0], np.repeat(order, n_people), *columns[1])
+        return (*_as_given(order, counts, columns[0]), *_as_given(order, n_people, columns[1]))
 
     def at_step(
-        self, faces: Faces, t: int, eyes: FloatArray, first: IntArray, looks: IntArray
-    ) -> kernel.Found | None:
+        self, faces: Faces, t: int, eyes: FloatArray, first: IntArray, looks: IntArray,
+        people: bool = False,
+    ) -> kernel.Found | None:  # fmt: skip
         """Returns the faces that views see at a step; None if a person is cut into too many pieces.
 
         Parameters
@@ -81,27 +84,25 @@ class CompiledSight:
         eyes : [E, 3] m
         first : [E + 1] first view of each eye
         looks : [n] orientation of each view
+        people : solid angles are asked for
         """
-        people, before = self._people(faces, t - faces.first), self._before(faces, t - faces.first)
+        persons, before = self._people(faces, t - faces.first), self._before(faces, t - faces.first)
         most = int(np.diff(first).max(initial=0))
-        memory, eyes = kernel.memory_for(people, before, most), _plain(eyes)
-        size = 16 * len(looks) + most * len(people.areas)
-        found = kernel.Found(
-            np.zeros(len(looks), np.int64), np.empty(size, np.int64), np.empty(size)
-        )
-        done = total = 0
+        memory, eyes = kernel.memory_for(persons, before, most), _plain(eyes)
+        found = kernel.Found.empty(
+            len(looks), 16 * len(looks) + most * len(persons.areas),
+            2 * len(looks) + most * len(persons.reaches) if people else 0,
+        )  # fmt: skip
+        done = kernel.Total(0, 0, 0)
         while True:
-            done, total = kernel.cover(
-                self._lens, people, before, eyes, first, looks, memory, found, done, total
-            )
-            if done < 0:
+            done = kernel.Total(*kernel.cover(
+                self._lens, persons, before, eyes, first, looks, memory, found, done
+            ))  # fmt: skip
+            if done.eyes < 0:
                 return None
-            if done == len(eyes):
-                return found._replace(faces=found.faces[:total], pixels=found.pixels[:total])
-            found = found._replace(
-                faces=np.concatenate([found.faces, np.empty_like(found.faces)]),
-                pixels=np.concatenate([found.pixels, np.empty_like(found.pixels)]),
-            )
+            if done.eyes == len(eyes):
+                return found.filled(done)
+            found = found.doubled()
 
     def _people(self, faces: Faces, step: int) -> kernel.People:
         n = len(faces.reaches)
@@ -120,6 +121,19 @@ class CompiledSight:
             _plain(found.radii), _plain(found.feet), np.nextafter(found.radii, np.inf),
             _plain(found.middles), _plain(found.halves), step * len(faces.reaches),
         )  # fmt: skip
+
+
+def _as_given(order: IntArray, counts: IntArray, columns: Sequence[NDArray[Any]]) -> Columns:
+    """Returns the views and columns of entries in the order in which the views were given.
+
+    Parameters
+    ----------
+    order, counts : [n] numbers of the views that the entries come in, and entries of each
+    """
+    sizes, starts = np.empty_like(counts), np.empty_like(counts)
+    sizes[order], starts[order] = counts, np.cumsum(counts) - counts
+    at = spans(starts, sizes)
+    return np.repeat(np.arange(len(counts)), sizes), *(column[at] for column in columns)
 
 
 def compiled_function() -> Any:

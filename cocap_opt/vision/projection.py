@@ -54,15 +54,24 @@ class Projection(NamedTuple):
         They are clipped to the image before the division by depth, so that a polygon that reaches
         behind the camera is cut, not mirrored.
         """
-        area = np.zeros(len(polygons))
+        area: FloatArray = self.images(polygons, with_angles=False)[0]
+        return area
+
+    def images(self, polygons: FloatArray, with_angles: bool) -> FloatArray:
+        """Returns areas as `area` [1, n], and below them [2, n] the solid angles (sr) of images."""
+        measures = (self._projected_area, solid_angles)[: 1 + with_angles]
+        found = np.zeros((len(measures), len(polygons)))
         distances = self.frustum_distances(polygons)
         seen = np.flatnonzero((distances > 0).any(axis=1).all(axis=-1))
         whole = (distances[seen] >= 0).all(axis=(1, 2))
-        area[seen[whole]] = self._projected_area(polygons[seen[whole]])
+        for k, measure in enumerate(measures):
+            found[k, seen[whole]] = measure(polygons[seen[whole]])
         cut = seen[~whole]  # few, mostly
         if len(cut):
-            area[cut] = self._projected_area(self._clipped(polygons[cut]))
-        return area
+            clipped = self._clipped(polygons[cut])
+            for k, measure in enumerate(measures):
+                found[k, cut] = measure(clipped)
+        return found
 
     def _side_distance(self, points: FloatArray, side: int) -> FloatArray:
         """Returns the distances from one side: 0 right, 1 left, 2 upper, 3 lower."""
@@ -94,6 +103,36 @@ class Projection(NamedTuple):
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     """Returns the inner product over the last axis, of length three, in a fixed order."""
     result: FloatArray = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+    return result
+
+
+def solid_angles(polygons: FloatArray) -> FloatArray:
+    """Returns the solid angles [n] in sr of convex polygons [n, V, 3], seen from the origin.
+
+    The half of a triangle's solid angle is the argument of D + i N, where N is the determinant of
+    its corners a, b, c and D = |a||b||c| + a.b |c| + b.c |a| + c.a |b| (Van Oosterom and Strackee,
+    "The Solid Angle of a Plane Triangle", IEEE Trans. Biomed. Eng. 30(2), 1983). The product of
+    these numbers over a polygon's triangles has the sum of the arguments, which is less than pi.
+    """
+    first, real, imaginary = polygons[:, 0], np.ones(len(polygons)), np.zeros(len(polygons))
+    off = polygons - polygons[:, :1]
+    lengths = np.sqrt(dot(polygons, polygons))  # [n, V]
+    a, to_first = lengths[:, 0], dot(polygons, first[:, None])
+    for k in range(2, polygons.shape[1]):
+        b, c = lengths[:, k - 1], lengths[:, k]
+        (p, q, r), (u, v, w) = off[:, k - 1].T, off[:, k].T
+        x, y, z = first.T
+        det = x * (q * w - r * v) + y * (r * u - p * w) + z * (p * v - q * u)
+        over = a * b * c + to_first[:, k - 1] * c
+        over = over + dot(polygons[:, k - 1], polygons[:, k]) * a + to_first[:, k] * b
+        size = np.abs(det) + np.abs(over)
+        at_eye = size == 0  # a corner at the eye: nothing is left of the polygon
+        det, over = (
+            np.where(at_eye, x, y / np.where(at_eye, 1.0, size))
+            for x, y in ((0.0, det), (1.0, over))
+        )
+        real, imaginary = real * over - imaginary * det, real * det + imaginary * over
+    result: FloatArray = 2 * np.abs(np.arctan2(imaginary, real))
     return result
 
 

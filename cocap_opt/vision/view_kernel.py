@@ -8,9 +8,10 @@ person who is known to be hidden: that makes the difference of ten times.
 
 import math
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cocap_opt.compiling import compiled
 from cocap_opt.data import BoolArray, FloatArray, IntArray
@@ -26,9 +27,12 @@ from cocap_opt.vision.candidates import (
 from cocap_opt.vision.shadows import FLUSH, GRAZED, OVERLAP
 from cocap_opt.vision.visibility import IN_ITS_PLANE, LEAST
 
+_Number = TypeVar("_Number", np.int64, np.float64)
+
 _SHADOWS = 512  # on a part of one person from one eye, at most
 _PIECES = 4_096  # of one face, at most
 _CUTS = 40  # vertices that a piece has beyond those of its face, at most
+_FLAT = 1 / 64  # tangents that a short series is exact for
 _HIDDEN, _TOO_MANY = -1, -2  # in place of a number of shadows or pieces
 _BESIDE, _INSIDE, _IN_PART = range(3)  # where points are of a shadow
 
@@ -115,6 +119,7 @@ class Pieces(NamedTuple):
     face: FloatArray  # [V, 3] m, relative to the eye
     points: FloatArray  # [2, _PIECES, W, 3] m, before and after a shadow
     sizes: IntArray  # [2, _PIECES] vertices of each
+    angles: FloatArray  # [_PIECES + 1] sr, of the face, and of the pieces that are left
     inner: FloatArray  # [2, W, 3] m, what is left of a piece inside a shadow
     excess: FloatArray  # [W] m, of its vertices
     cuts: BoolArray  # [K] half-spaces that a piece reaches out of
@@ -138,14 +143,58 @@ class Memory(NamedTuple):
     pieces: Pieces
     image: Image
     seen: FloatArray  # [L, F] px
+    visible: FloatArray  # [L, A] sr
+    unhidden: FloatArray  # [A] sr
+
+
+class Total(NamedTuple):
+    """The number of eyes that are done, and of the faces and people that they see."""
+
+    eyes: int
+    faces: int
+    people: int
 
 
 class Found(NamedTuple):
-    """The faces that views see, view by view."""
+    """The faces that views see, view by view, and the people, if those are asked for."""
 
     counts: IntArray  # [n] number of faces that each view sees
     faces: IntArray  # of all of them, increasing for each view
     pixels: FloatArray  # px/m2
+    n_people: IntArray  # [n] number of people that each view sees; [0] if nobody asks
+    people: IntArray  # of all of them, increasing for each view
+    visible: FloatArray  # sr
+    unhidden: FloatArray  # sr, with nothing in the way and no edge of the image
+
+    @classmethod
+    def empty(cls, views: int, faces: int, people: int) -> Self:
+        """Returns room for so many entries; for no person: nobody asks for people."""
+        whole = np.int64
+        return cls(
+            np.zeros(views, whole), np.empty(faces, whole), np.empty(faces),
+            np.zeros(views if people else 0, whole), np.empty(people, whole), np.empty(people),
+            np.empty(people),
+        )  # fmt: skip
+
+    def doubled(self) -> Self:
+        """Returns the same entries with twice the room."""
+        return self._replace(
+            faces=_doubled(self.faces), pixels=_doubled(self.pixels),
+            people=_doubled(self.people), visible=_doubled(self.visible),
+            unhidden=_doubled(self.unhidden),
+        )  # fmt: skip
+
+    def filled(self, done: Total) -> Self:
+        """Returns the entries that there are."""
+        return self._replace(
+            faces=self.faces[: done.faces], pixels=self.pixels[: done.faces],
+            people=self.people[: done.people], visible=self.visible[: done.people],
+            unhidden=self.unhidden[: done.people],
+        )  # fmt: skip
+
+
+def _doubled(column: NDArray[_Number]) -> NDArray[_Number]:
+    return np.concatenate([column, np.empty_like(column)])
 
 
 # Nothing is allocated in here, and so no references are counted, which took half of the time.
@@ -180,11 +229,12 @@ def memory_for(people: People, before: Before, most: int) -> Memory:
         ),
         Pieces(
             np.empty((vertices, 3)), np.empty((2, _PIECES, width, 3)),
-            np.empty((2, _PIECES), whole), np.empty((2, width, 3)), np.empty(width),
-            np.empty(size, np.bool_),
+            np.empty((2, _PIECES), whole), np.empty(_PIECES + 1), np.empty((2, width, 3)),
+            np.empty(width), np.empty(size, np.bool_),
         ),
         Image(np.empty((2, width + 5, 3)), np.empty(width + 5)),
-        np.zeros((most, len(people.areas))),
+        np.zeros((most, len(people.areas))), np.zeros((most, len(people.reaches))),
+        np.zeros(len(people.reaches)),
     )  # fmt: skip
 
 
@@ -610,13 +660,67 @@ def _beyond(lens: Lens, point: FloatArray, side: int) -> float:
 
 
 @_inlined
-def _area(
-    lens: Lens, axes: FloatArray, points: FloatArray, n: int, is_whole: bool, image: Image
-) -> float:
-    """Returns the area (px) of the image of a polygon, relative to the eye, at most the image's.
+def _length(points: FloatArray, k: int) -> float:
+    x, y, z = points[k, 0], points[k, 1], points[k, 2]
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@_inlined
+def _inner(points: FloatArray, i: int, k: int) -> float:
+    product: float = (
+        points[i, 0] * points[k, 0] + points[i, 1] * points[k, 1] + points[i, 2] * points[k, 2]
+    )
+    return product
+
+
+@_inlined
+def _solid_angle(points: FloatArray, n: int) -> float:
+    """Returns the solid angle (sr) of a convex polygon, relative to the eye.
+
+    As `projection.solid_angles`.
+    """
+    x, y, z = points[0, 0], points[0, 1], points[0, 2]
+    p, q, r = points[1, 0] - x, points[1, 1] - y, points[1, 2] - z
+    a, b, ab, real, imaginary = (
+        _length(points, 0),
+        _length(points, 1),
+        _inner(points, 0, 1),
+        1.0,
+        0.0,
+    )
+    for k in range(2, n):
+        u, v, w = points[k, 0] - x, points[k, 1] - y, points[k, 2] - z
+        c, bc, ca = _length(points, k), _inner(points, k - 1, k), _inner(points, k, 0)
+        det = x * (q * w - r * v) + y * (r * u - p * w) + z * (p * v - q * u)
+        over = a * b * c + ab * c + bc * a + ca * b
+        size = abs(det) + abs(over)
+        if size > 0:
+            det, over = det / size, over / size
+            real, imaginary = real * over - imaginary * det, real * det + imaginary * over
+        p, q, r, b, ab = u, v, w, c, ca
+    if abs(imaginary) > _FLAT * abs(real) or real < 0:
+        return 2 * abs(math.atan2(imaginary, real))
+    t = imaginary / real
+    square = t * t  # the series of the arc tangent, to the last bit but one
+    return 2 * abs(t * (1 - square * (1 / 3 - square * (1 / 5 - square / 7))))
+
+
+@_inlined
+def _image_of(
+    lens: Lens,
+    axes: FloatArray,
+    points: FloatArray,
+    n: int,
+    angle: float,
+    is_whole: bool,
+    image: Image,
+) -> tuple[float, float]:
+    """Returns the area (px) of the image of a polygon, at most the image's, and its solid angle.
 
     Parameters
     ----------
+    points : [n, 3] m, relative to the eye
+    angle : sr, of all of it; nan if that is not asked for
     is_whole : all of it is known to be in the image
     """
     images, beyond, here = image.points, image.beyond, 0
@@ -637,7 +741,7 @@ def _area(
                 reaches_in |= distance > 0
                 is_cut |= not distance >= 0
             if not reaches_in:
-                return 0.0
+                return 0.0, 0.0
         for side in range(4 if is_cut else 0):
             reaches_out = False
             for i in range(n):
@@ -647,7 +751,9 @@ def _area(
                 n = _clipped(images[here], n, beyond, 1.0, images[1 - here])
                 here = 1 - here
                 if n < 3:
-                    return 0.0
+                    return 0.0, 0.0
+        if is_cut and not math.isnan(angle):
+            angle = _solid_angle(images[here], n)
     area = first_u = first_v = u = v = 0.0
     for i in range(n):
         depth = images[here, i, 2]
@@ -660,7 +766,19 @@ def _area(
             area += u * next_v - next_u * v
         u, v = next_u, next_v
     area = abs(area) / 2
-    return lens.image if area > lens.image else area
+    return lens.image if area > lens.image else area, angle
+
+
+@_inlined
+def _measure(vertices: int, pieces: Pieces, here: int, n: int, shadows: int) -> None:
+    """Measures the solid angles (sr) of a face, first, and of the pieces that are left of it."""
+    angles = pieces.angles
+    angles[0] = _solid_angle(pieces.face, vertices)
+    for i in range(n):
+        if shadows:
+            angles[i + 1] = _solid_angle(pieces.points[here, i], pieces.sizes[here, i])
+        else:
+            angles[i + 1] = angles[0]
 
 
 @_inlined
@@ -673,8 +791,14 @@ def _look(
     memory: Memory,
     views: int,
     shadows: int,
+    measures: bool,
 ) -> bool:
-    """Adds what the listed views see of a person; False where there are too many pieces."""
+    """Adds what the listed views see of a person; False where there are too many pieces.
+
+    Parameters
+    ----------
+    measures : solid angles as well
+    """
     x, y, z = eye
     polygons, pieces = people.polygons, memory.pieces
     for f in range(people.first_face[person], people.first_face[person + 1]):
@@ -692,15 +816,40 @@ def _look(
         here, n = _cut_by_all(memory.shadows, shadows, pieces, people.n_vertices[f])
         if n < 0:
             return False
+        if measures:
+            _measure(people.n_vertices[f], pieces, here, n, shadows)
+            memory.unhidden[person] += pieces.angles[0]
         for k in range(views):
-            view, area = memory.views[k], 0.0
+            view, area, angle = memory.views[k], 0.0, 0.0
             for i in range(n):
-                area += _area(
+                more = _image_of(
                     lens, lens.axes[looks[view]], pieces.points[here, i], pieces.sizes[here, i],
-                    memory.is_whole[k], memory.image,
+                    pieces.angles[i + 1] if measures else math.nan, memory.is_whole[k],
+                    memory.image,
                 )  # fmt: skip
+                area, angle = area + more[0], angle + more[1]
             memory.seen[view, f] = lens.image if area > lens.image else area
+            memory.visible[view, person] += angle
     return True
+
+
+@_inlined
+def _note_people(memory: Memory, found: Found, first: int, n: int, total: int) -> int:
+    """Notes the people that n views of an eye see; returns how many are noted by then."""
+    for view in range(n):
+        start = total
+        for person in range(len(memory.unhidden)):
+            visible = memory.visible[view, person]
+            if visible > 0:
+                found.people[total] = person
+                found.visible[total] = visible
+                found.unhidden[total] = memory.unhidden[person]
+                total += 1
+            memory.visible[view, person] = 0.0
+        found.n_people[first + view] = total - start
+    for person in range(len(memory.unhidden)):
+        memory.unhidden[person] = 0.0
+    return total
 
 
 @_compiled
@@ -713,9 +862,8 @@ def cover(
     looks: IntArray,
     memory: Memory,
     found: Found,
-    begin: int,
-    total: int,
-) -> tuple[int, int]:
+    done: Total,
+) -> Total:
     """Finds what views from eyes see, at one step, from one of the eyes on.
 
     Parameters
@@ -723,21 +871,23 @@ def cover(
     eyes : [E, 3] m
     first : [E + 1] first view of each eye
     looks : [n] orientation of each view
-    begin, total : the eye to begin with, and how many faces those before it have seen
+    done : the eyes that are done, and how many faces and people they see
 
     Returns
     -------
-    end, total : the number of eyes that are done, and of the faces seen; fewer eyes than all where
-        there is no room for more, and -1 where a person is cut into more pieces than there is room
-        for
+    done : the same by then; fewer eyes than all where there is no room for more, and -1 where a
+        person is cut into more pieces than there is room for
     """
-    n_faces = memory.seen.shape[1]
-    for e in range(begin, len(eyes)):
+    n_faces, n_people, measures = memory.seen.shape[1], len(people.reaches), len(found.n_people) > 0
+    faces, seen_people = done.faces, done.people
+    for e in range(done.eyes, len(eyes)):
         last = first[e + 1]
-        if total + (last - first[e]) * n_faces > len(found.faces):
-            return e, total
+        n = last - first[e]
+        is_full = faces + n * n_faces > len(found.faces)
+        if is_full or (measures and seen_people + n * n_people > len(found.people)):
+            return Total(e, faces, seen_people)
         eye, of_eye = (eyes[e, 0], eyes[e, 1], eyes[e, 2]), looks[first[e] : last]
-        for person in range(len(people.reaches)):
+        for person in range(n_people):
             views = _in_view(lens, people, person, eye, of_eye, memory)
             if not views:
                 continue
@@ -747,17 +897,19 @@ def cover(
             if shadows == _HIDDEN:
                 continue
             if shadows < 0:
-                return -1, total
-            if not _look(lens, people, person, eye, of_eye, memory, views, shadows):
-                return -1, total
-        for view in range(len(of_eye)):
-            start = total
+                return Total(-1, faces, seen_people)
+            if not _look(lens, people, person, eye, of_eye, memory, views, shadows, measures):
+                return Total(-1, faces, seen_people)
+        for view in range(n):
+            start = faces
             for f in range(n_faces):
                 area = memory.seen[view, f]
                 if area > 0:
-                    found.faces[total] = f
-                    found.pixels[total] = area / people.areas[f]
-                    total += 1
+                    found.faces[faces] = f
+                    found.pixels[faces] = area / people.areas[f]
+                    faces += 1
                 memory.seen[view, f] = 0.0
-            found.counts[first[e] + view] = total - start
-    return len(eyes), total
+            found.counts[first[e] + view] = faces - start
+        if measures:
+            seen_people = _note_people(memory, found, first[e], n, seen_people)
+    return Total(len(eyes), faces, seen_people)

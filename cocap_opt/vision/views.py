@@ -6,10 +6,12 @@ of a view depends on the kind of camera; `Views.of` returns the views of a camer
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cocap_opt.arithmetic import spans
 from cocap_opt.compiling import Kernel
@@ -17,9 +19,9 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry, Faces
-from cocap_opt.vision.projection import Projection, dot
+from cocap_opt.vision.projection import Projection, dot, solid_angles
 from cocap_opt.vision.viewpoints import Viewpoints
-from cocap_opt.vision.visibility import Sightings, Visibility
+from cocap_opt.vision.visibility import IN_ITS_PLANE, Sightings, Visibility
 
 if TYPE_CHECKING:
     from cocap_opt.vision.compiled_sight import CompiledSight
@@ -37,10 +39,29 @@ class SeenFaces(NamedTuple):
     pixels: FloatArray  # [n] px/m2, > 0
 
 
+class SeenPeople(NamedTuple):
+    """The people that some views see, in whole or in part, by solid angles."""
+
+    rows: IntArray  # [n] number of the view, increasing
+    people: IntArray  # [n] increasing for each view
+    visible: FloatArray  # [n] sr, > 0, of what is visible in the image
+    unhidden: FloatArray  # [n] sr, with nothing in the way and no edge of the image
+
+
+class Seen(NamedTuple):
+    """The faces that some views see, and the people, if these are asked for."""
+
+    faces: SeenFaces
+    people: SeenPeople
+
+
 class PinholeSight:
     """Coverage by a pinhole camera from any places, which looks along any axes.
 
         coverage = area of the image of what is visible of the face, in px / area of the face
+
+    The solid angles of people are sums over the same parts of their faces; with nothing in the way
+    they are those of all faces that are turned to the camera.
 
     What is visible depends on the camera's place only, not on its orientation (`visibility`): the
     whole face, nothing, or some convex pieces of it.
@@ -87,7 +108,8 @@ class PinholeSight:
         which: IntArray,
         orientation: IntArray,
         steps: tuple[int, int] | None = None,
-    ) -> SeenFaces:
+        people: bool = False,
+    ) -> Seen:
         """Returns the faces that views [n] see, with their pixels.
 
         Parameters
@@ -96,16 +118,17 @@ class PinholeSight:
         which, orientation : [n] of each view, the number of its place and that of its axes
         steps : the first and last of those that views are asked for in parts, so that what all
             parts need is made once; if not given, the views are all
+        people : the solid angles of people are asked for, too
         """
         n_faces = len(self._owners)
         faces = self._geometry.between(*(steps or (int(t[0]), int(t[-1]))))
         if self.may_be_compiled:
             if KERNEL.is_loaded:
-                found = self._compiled.seen(faces, t, eyes, which, orientation)
+                found = self._compiled.seen(faces, t, eyes, which, orientation, people)
                 if found is not None:
-                    return SeenFaces(*found)
+                    return Seen(SeenFaces(*found[:3]), SeenPeople(*found[3:]))
                 if len(which) * self._n_actors > _BATCH_ACTORS and len(eyes) > 1:
-                    return self._in_halves(t, eyes, which, orientation, faces)
+                    return self._in_halves(t, eyes, which, orientation, faces, people)
             KERNEL.spend(_EACH * len(which) * self._n_actors)
         at = t - faces.first
         in_view = self._in_view(
@@ -119,39 +142,60 @@ class PinholeSight:
         row, face = np.nonzero(sight.whole[which] & in_view[:, self._owners])
         eye = which[row]
         polygons = faces.polygons[at[eye], face] - eyes[eye, None]
-        area = self._areas(polygons, orientation[row])
-        parts = [(row, face, area)]
+        parts = [(row, face, self._images(polygons, orientation[row], people))]
         if len(sight.eyes):
-            parts.append(self._in_pieces(sight, which, orientation, in_view))
-        row, face, area = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+            parts.append(self._in_pieces(sight, which, orientation, in_view, people))
+        row, face, images = (
+            np.concatenate(columns, axis=-1) for columns in zip(*parts, strict=True)
+        )
+        area = images[0]
         kept = np.flatnonzero(area > 0)
         kept = kept[np.argsort(row[kept] * n_faces + face[kept])]
-        face = face[kept]
-        return SeenFaces(row[kept], face, area[kept] / faces.areas[face])
+        seen = SeenFaces(row[kept], face[kept], area[kept] / faces.areas[face[kept]])
+        if not people:
+            return Seen(seen, NO_PEOPLE)
+        visible = np.zeros((len(which), self._n_actors))
+        np.add.at(visible, (row, self._owners[face]), images[1])
+        row, person = np.nonzero(visible)
+        unhidden = self._unhidden(faces, at[which[row]], eyes[which[row]], person)
+        return Seen(seen, SeenPeople(row, person, visible[row, person], unhidden))
+
+    def _unhidden(
+        self, faces: Faces, steps: IntArray, eyes: FloatArray, people: IntArray
+    ) -> FloatArray:
+        """Returns the solid angles [n] of people [n] from eyes [n, 3], with nothing in the way."""
+        n_faces = np.bincount(self._owners, minlength=self._n_actors)
+        entry = np.repeat(np.arange(len(people)), n_faces[people])
+        face = spans((np.cumsum(n_faces) - n_faces)[people], n_faces[people])
+        polygons = faces.polygons[steps[entry], face] - eyes[entry, None]
+        turned = -dot(polygons[:, 0], faces.normals[steps[entry], face]) > IN_ITS_PLANE
+        angles = solid_angles(polygons[turned])
+        return np.asarray(np.bincount(entry[turned], weights=angles, minlength=len(people)))
 
     def _in_halves(
-        self, t: IntArray, eyes: FloatArray, which: IntArray, orientation: IntArray, faces: Faces
-    ) -> SeenFaces:
+        self, t: IntArray, eyes: FloatArray, which: IntArray, orientation: IntArray, faces: Faces,
+        people: bool,
+    ) -> Seen:  # fmt: skip
         """Does as `seen` does, for half of the places after the other half.
 
         The kernel had no room for one of the people; NumPy is to see to few places only.
         """
         steps, middle = (faces.first, faces.first + len(faces.polygons) - 1), len(eyes) // 2
-        parts = []
+        parts, of_people = [], []
         for half in (slice(0, middle), slice(middle, len(eyes))):
             ours = np.flatnonzero((which >= half.start) & (which < half.stop))
             seen = self.seen(
-                t[half], eyes[half], which[ours] - half.start, orientation[ours], steps
+                t[half], eyes[half], which[ours] - half.start, orientation[ours], steps, people
             )
-            parts.append((ours[seen.rows], seen.faces, seen.pixels))
-        rows, found, pixels = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-        order = np.argsort(rows * len(self._owners) + found)
-        return SeenFaces(rows[order], found[order], pixels[order])
+            parts.append(seen.faces._replace(rows=ours[seen.faces.rows]))
+            of_people.append(seen.people._replace(rows=ours[seen.people.rows]))
+        return Seen(SeenFaces(*_sorted_by_view(parts)), SeenPeople(*_sorted_by_view(of_people)))
 
     def _in_pieces(
-        self, sight: Sightings, which: IntArray, orientation: IntArray, in_view: BoolArray
-    ) -> tuple[IntArray, IntArray, FloatArray]:
-        """Returns states, faces and areas (px) of the images of all faces seen in part."""
+        self, sight: Sightings, which: IntArray, orientation: IntArray, in_view: BoolArray,
+        people: bool,
+    ) -> tuple[IntArray, IntArray, FloatArray]:  # fmt: skip
+        """Returns states, faces and `_images` [m, n] of all faces seen in part."""
         # Sightings are in the order of their eyes: those of one eye are one span.
         first = np.searchsorted(sight.eyes, np.arange(len(sight.whole)))
         counts = np.bincount(sight.eyes, minlength=len(first))
@@ -162,20 +206,27 @@ class PinholeSight:
         entry = np.repeat(np.arange(len(at)), sight.counts[at])
         piece = spans(sight.first[at], sight.counts[at])
         looks = orientation[row[entry]]
-        areas = self._areas(sight.pieces[piece], looks)
+        images = self._images(sight.pieces[piece], looks, people)
         if sight.veil is not None:
             axes = self._axes[looks]
-            areas = areas * sight.veil.share_of_images(piece, areas > 0, self._projection, axes)
-        area = np.bincount(entry, weights=areas, minlength=len(at))
-        return row, sight.faces[at], np.minimum(area, self._image)
+            shares = sight.veil.shares(piece, images[0] > 0, self._projection, axes)
+            images = images * shares[: len(images)]
+        images = np.array([
+            np.bincount(entry, weights=image, minlength=len(at)) for image in images
+        ])  # fmt: skip
+        images[0] = np.minimum(images[0], self._image)
+        return row, sight.faces[at], images
 
-    def _areas(self, polygons: FloatArray, orientation: IntArray) -> FloatArray:
-        """Returns the areas [n] in px of the images of polygons [n, V, 3], relative to the eye."""
+    def _images(self, polygons: FloatArray, orientation: IntArray, people: bool) -> FloatArray:
+        """Returns areas [n] in px of the images of polygons [n, V, 3], relative to the eye.
+
+        Below them, if people are asked for, their solid angles in sr: [2, n] instead of [1, n].
+        """
         # The area of a face that nearly touches the camera may be rounded beyond the image, or nan.
         with np.errstate(over="ignore", invalid="ignore"):
-            area = self._projection.area(self._in_camera(polygons, orientation))
-            result: FloatArray = np.minimum(area, self._image)
-        return result
+            images = self._projection.images(self._in_camera(polygons, orientation), people)
+            images[0] = np.minimum(images[0], self._image)
+        return images
 
     def _in_camera(self, points: FloatArray, orientation: IntArray) -> FloatArray:
         """Returns points [n, k, 3], relative to cameras, right, up and forward of them."""
@@ -261,7 +312,17 @@ class ConeSight:
 _BATCH, _BATCH_ACTORS = 8_192, 65_000
 _FASTER = 8  # times as many by the compiled kernel
 _BATCH_RAYS = 400_000  # states times faces times the squared samples of a triangle
-NOTHING = SeenFaces(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+_NONE = np.zeros(0, dtype=np.int64)
+_NO_PAIRS = _NONE, _NONE
+NOTHING = SeenFaces(_NONE, _NONE, np.zeros(0))
+NO_PEOPLE = SeenPeople(_NONE, _NONE, np.zeros(0), np.zeros(0))
+
+
+def _sorted_by_view(parts: Sequence[SeenFaces | SeenPeople]) -> Iterator[NDArray[Any]]:
+    """Returns the columns of several parts, of views of their own each, in the views' order."""
+    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    order = np.argsort(columns[0], kind="stable")
+    return (column[order] for column in columns)
 
 
 class Views(ABC):
@@ -316,6 +377,13 @@ class Views(ABC):
         ----------
         steps : the first and last of those that nodes are asked for in parts, so that what all
             parts need is made once; if not given, the nodes are all
+        """
+
+    @abstractmethod
+    def people(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenPeople:
+        """Returns the people that nodes [n], increasing, see; see `seen`.
+
+        A camera that knows no solid angles sees all of a person, 1 of 1, or nothing.
         """
 
     def look(self, at: Viewpoints) -> SeenFaces:
@@ -382,20 +450,27 @@ class PinholeViews(Views):
 
     def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
         """Returns the faces that nodes [n] see; node t S + s is state s at step t."""
+        return self._seen(nodes, steps, people=False).faces
+
+    def people(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenPeople:
+        """Returns the people that nodes [n] see; node t S + s is state s at step t."""
+        return self._seen(nodes, steps, people=True).people
+
+    def _seen(self, nodes: IntArray, steps: tuple[int, int] | None, people: bool) -> Seen:
         if not self.n_faces or not len(nodes):
-            return NOTHING
+            return Seen(NOTHING, NO_PEOPLE)
         n_places = self.graph.n_places
         t, state = np.divmod(nodes, self.n_states)
         orientation, place = np.divmod(state, n_places)
         viewpoints, which = np.unique(t * n_places + place, return_inverse=True)
         t, place = np.divmod(viewpoints, n_places)
-        return self._pinhole.seen(t, self.eyes(place), which, orientation, steps)
+        return self._pinhole.seen(t, self.eyes(place), which, orientation, steps, people)
 
     def look(self, at: Viewpoints) -> SeenFaces:
         """Returns the faces that views [n] see, which are given place by place."""
         if not self.n_faces or not len(at.looks):
             return NOTHING
-        return self._pinhole.seen(at.steps, self.eyes(at.places), at.which, at.looks)
+        return self._pinhole.seen(at.steps, self.eyes(at.places), at.which, at.looks).faces
 
 
 class ConeViews(Views):
@@ -428,3 +503,16 @@ class ConeViews(Views):
         coverage = np.concatenate([np.zeros((0, self.n_faces)), *parts])
         rows, faces = np.nonzero(coverage)
         return SeenFaces(rows, faces, coverage[rows, faces])
+
+    def people(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenPeople:
+        """Returns the people that nodes [n], increasing, detect, each as a whole."""
+        t, states = np.divmod(nodes, self.n_states)
+        orientation, place = np.divmod(states, self.graph.n_places)
+        yaw = 2 * np.pi * orientation / self.graph.motion.headings
+        parts = [_NO_PAIRS]
+        for step in np.unique(t).tolist():
+            at = np.flatnonzero(t == step)
+            row, person = np.nonzero(self.sight.detected(step, self.eyes(place[at]), yaw[at]))
+            parts.append((at[row], person))
+        rows, people = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return SeenPeople(rows, people, np.ones(len(rows)), np.ones(len(rows)))

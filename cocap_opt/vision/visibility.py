@@ -36,18 +36,18 @@ class _Veil(NamedTuple):
     areas: FloatArray  # [v, M] area that each point stands for, up to a factor
     seen: BoolArray  # [v, M]
 
-    def share_of_images(
+    def shares(
         self, pieces: IntArray, wanted: BoolArray, projection: Projection, axes: FloatArray
     ) -> FloatArray:
-        """Returns the shares [n] of the images of pieces that are seen past the meshes.
+        """Returns the shares [2, n] of pieces' images, and of their solid angles, that are seen.
 
         Parameters
         ----------
         pieces, wanted : [n] numbers of the pieces, and true where they have an image
         axes : [n, 3, 3] right, up and forward of each camera
         """
-        share = self.share[pieces]
-        mixed = np.flatnonzero(np.isnan(share) & wanted)
+        shares = np.tile(self.share[pieces], (2, 1))
+        mixed = np.flatnonzero(np.isnan(shares[0]) & wanted)
         most = max(_POINTS // max(self.points.shape[1], 1), 1)
         for first in range(0, len(mixed), most):
             batch = mixed[first : first + most]
@@ -56,17 +56,24 @@ class _Veil(NamedTuple):
                 [dot(self.points[row], axes[batch][:, None, k]) for k in range(3)], axis=-1
             )
             inside = (projection.frustum_distances(points) > 0).all(axis=-1)
-            depth = np.where(inside, points[..., 2], 1.0)
-            # The image of a piece of a plane is proportional to the inverse cube of its depth.
-            weights = inside * self.areas[row] / (depth * depth * depth)
-            # Added one by one, so that the result does not depend on the number of points.
-            which, point = np.nonzero(weights)
-            weight = weights[which, point]
-            whole = np.bincount(which, weights=weight, minlength=len(row))
-            arrived = weight * self.seen[row[which], point]
-            seen = np.bincount(which, weights=arrived, minlength=len(row))
-            share[batch] = np.where(whole > 0, seen / np.where(whole > 0, whole, 1.0), 0.0)
-        return np.nan_to_num(share)
+            # Of a piece of a plane, the image is proportional to the inverse cube of its depth, and
+            # the solid angle to that of its distance.
+            for share, away in zip(shares, _depth_and_distance(points), strict=True):
+                away = np.where(inside, away, 1.0)
+                weights = inside * self.areas[row] / (away * away * away)
+                # Added one by one, so that the result does not depend on the number of points.
+                which, point = np.nonzero(weights)
+                weight = weights[which, point]
+                whole = np.bincount(which, weights=weight, minlength=len(row))
+                arrived = weight * self.seen[row[which], point]
+                seen = np.bincount(which, weights=arrived, minlength=len(row))
+                share[batch] = np.where(whole > 0, seen / np.where(whole > 0, whole, 1.0), 0.0)
+        return np.nan_to_num(shares)
+
+
+def _depth_and_distance(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns depths and distances [..] of points [.., 3] in a camera's axes."""
+    return points[..., 2], np.sqrt(dot(points, points))
 
 
 class Sightings(NamedTuple):

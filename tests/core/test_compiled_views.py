@@ -20,7 +20,7 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.vision import views
 from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.views import SeenFaces, Views
+from cocap_opt.vision.views import SeenFaces, SeenPeople, Views
 
 pytestmark = [
     pytest.mark.long,  # the kernel is compiled first, in a fresh environment
@@ -36,21 +36,23 @@ def kernel() -> Kernel:
     return found
 
 
-def seen(problem: Problem, nodes: IntArray, use: Kernel) -> SeenFaces:
+def seen(problem: Problem, nodes: IntArray, use: Kernel) -> tuple[SeenFaces, SeenPeople]:
     """What the first robot's camera sees, where the kernel is loaded or not."""
     graph = graph_of(problem)
     found = Views.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(views, "KERNEL", use)
-        return found.seen(nodes)
+        return found.seen(nodes), found.people(nodes)
 
 
 def assert_same(problem: Problem, nodes: IntArray, kernel: Kernel) -> None:
-    """Both see the same faces, and of each as much but for rounding."""
+    """Both see the same faces and people, and of each as much but for rounding."""
     ours, theirs = seen(problem, nodes, kernel), seen(problem, nodes, of_views(NotLoaded))
-    np.testing.assert_array_equal(ours.rows, theirs.rows)
-    np.testing.assert_array_equal(ours.faces, theirs.faces)
-    np.testing.assert_allclose(ours.pixels, theirs.pixels, rtol=1e-9)
+    for mine, other in zip(ours, theirs, strict=True):
+        np.testing.assert_array_equal(mine[0], other[0])
+        np.testing.assert_array_equal(mine[1], other[1])
+        for found, expected in zip(mine[2:], other[2:], strict=True):
+            np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 ANY = st.one_of(close_ups(), rough_maps(), hills(), problems())
@@ -95,7 +97,7 @@ def test_numpy_takes_over_where_there_is_no_room(
 
     monkeypatch.setattr(CompiledSight, "at_step", lambda *_: None)
     found = seen(problem, nodes, kernel)
-    for ours, theirs in zip(found, expected, strict=True):
+    for ours, theirs in zip([*found[0], *found[1]], [*expected[0], *expected[1]], strict=True):
         np.testing.assert_array_equal(ours, theirs)
 
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from exact_views import exact_coverage
+from exact_views import exact_coverage, exact_faces
 from hypothesis import given
 from hypothesis import strategies as st
 from pool import problems
@@ -52,11 +52,20 @@ def assert_exact(problem: Problem, states: IntArray, t: int = 1) -> None:
     """What is seen from states is what the oracle finds, face by face."""
     graph = graph_of(problem)
     views = Views.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
-    rows = zip(states.tolist(), views.coverage(t, states), strict=True)
-    for state, found in rows:
-        expected = np.array(exact_coverage(problem, 0, t, graph.state(state)))
+    pixels, people = views.coverage(t, states), views.people(t * graph.n_states + states)
+    angles = np.zeros((2, len(states), len(problem.actors)))
+    angles[:, people.rows, people.people] = people.visible, people.unhidden
+    for k, state in enumerate(states.tolist()):
+        faces = exact_faces(problem, 0, t, graph.state(state))
+        expected = np.array([face.pixels / face.area for face in faces])
         # The oracle subtracts hidden areas from areas, at most those of the image.
-        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6 * max([1.0, *found]))
+        atol = 1e-6 * max([1.0, *pixels[k]])
+        np.testing.assert_allclose(pixels[k], expected, rtol=1e-6, atol=atol)
+        exact = np.zeros((2, len(problem.actors)))
+        for face in faces:
+            exact[:, face.actor] += face.visible, face.unhidden
+        exact[1, angles[0, k] == 0] = 0.0  # of those who are not seen nobody asks
+        np.testing.assert_allclose(angles[:, k], exact, rtol=1e-6, atol=1e-8)
 
 
 # -- what is in the image -----------------------------------------------------------------

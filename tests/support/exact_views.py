@@ -7,8 +7,9 @@ union of all hidden images is found by cutting the image into slabs in which no 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -105,6 +106,42 @@ def hidden_by(planes: list[HalfSpace], eye: Point, face: list[Point]) -> list[Ha
 
 def area(polygons: list[list[tuple[float, float]]]) -> float:
     """Area of the union of convex polygons in the plane."""
+    return over_union(polygons, lambda _, low, high: high - low, 1)
+
+
+def solid_angle(polygons: list[list[tuple[float, float]]], focal: float) -> float:
+    """Solid angle of the union of convex polygons in an image, seen from its camera."""
+
+    def inner(x: float, low: float, high: float) -> float:
+        square = x * x + focal * focal
+        ends = [y / math.sqrt(square + y * y) for y in (low, high)]
+        return focal / square * (ends[1] - ends[0])
+
+    return over_union(polygons, inner, 20)
+
+
+def excess(corners: list[Point]) -> float:
+    """Solid angle of a convex polygon from the origin, by its angles on the sphere (Girard)."""
+    total = (2.0 - len(corners)) * math.pi
+    for k, p in enumerate(corners):
+        before, after = cross(corners[k - 1], p), cross(p, corners[(k + 1) % len(corners)])
+        across = cross(before, after)
+        total += math.atan2(math.sqrt(dot(across, across)), -dot(before, after))
+    return total
+
+
+def over_union(
+    polygons: list[list[tuple[float, float]]],
+    inner: Callable[[float, float, float], float],
+    nodes: int,
+) -> float:
+    """Integral over the union of convex polygons in the plane.
+
+    Parameters
+    ----------
+    inner : the integral over y, of x and the ends of the span
+    nodes : of Gauss and Legendre, over x, in each slab
+    """
     edges = []
     for polygon in polygons:
         for k, p in enumerate(polygon):
@@ -117,26 +154,49 @@ def area(polygons: list[list[tuple[float, float]]]) -> float:
             if 0 <= s <= 1:
                 cuts.add(a[0] + s * (b[0] - a[0]))
     total, ordered = 0.0, sorted(cuts)
+    places, weights = np.polynomial.legendre.leggauss(nodes)
     for left, right in pairwise(ordered):
-        x, spans = (left + right) / 2, []
-        for polygon in polygons:
-            ys = []
-            for k, p in enumerate(polygon):
-                q = polygon[(k + 1) % len(polygon)]
-                if (p[0] <= x) != (q[0] <= x):
-                    ys.append(p[1] + (x - p[0]) / (q[0] - p[0]) * (q[1] - p[1]))
-            if len(ys) >= 2:
-                spans.append((min(ys), max(ys)))
-        end = -math.inf
-        for low, high in sorted(spans):
-            if high > end:
-                total += (high - max(low, end)) * (right - left)
-                end = high
+        half = (right - left) / 2
+        for place, weight in zip(places.tolist(), weights.tolist(), strict=True):
+            x = left + half * (1 + place)
+            total += half * weight * sum(inner(x, *span) for span in union_at(polygons, x))
     return total
+
+
+def union_at(polygons: list[list[tuple[float, float]]], x: float) -> Iterator[tuple[float, float]]:
+    """The spans of the union of convex polygons along an upright line."""
+    spans, end = [], -math.inf
+    for polygon in polygons:
+        ys = []
+        for k, p in enumerate(polygon):
+            q = polygon[(k + 1) % len(polygon)]
+            if (p[0] <= x) != (q[0] <= x):
+                ys.append(p[1] + (x - p[0]) / (q[0] - p[0]) * (q[1] - p[1]))
+        if len(ys) >= 2:
+            spans.append((min(ys), max(ys)))
+    for low, high in sorted(spans):
+        if high > end:
+            yield max(low, end), high
+            end = high
+
+
+class FaceSeen(NamedTuple):
+    """One face, as one view sees it."""
+
+    actor: int
+    area: float  # m2
+    pixels: float
+    visible: float  # sr
+    unhidden: float  # sr
 
 
 def exact_coverage(problem: Problem, robot: int, t: int, state: State) -> list[float]:
     """Coverage in px/m2 of every face from a robot's state at step t."""
+    return [face.pixels / face.area for face in exact_faces(problem, robot, t, state)]
+
+
+def exact_faces(problem: Problem, robot: int, t: int, state: State) -> list[FaceSeen]:
+    """Every face from a robot's state at step t."""
     spec = problem.robots[robot]
     camera = spec.camera
     assert isinstance(camera, Camera)
@@ -161,7 +221,7 @@ def exact_coverage(problem: Problem, robot: int, t: int, state: State) -> list[f
         return [(k * dot(r, right), k * dot(r, above)) for k, r in zip(scales, rays, strict=True)]
 
     ground = columns(problem)
-    result = []
+    result = list[FaceSeen]()
     for actor, person in enumerate(problem.actors):
         others = [body(problem, k, t) for k in range(len(problem.actors)) if k != actor]
         foot = float(person.poses[t, 2])
@@ -173,8 +233,16 @@ def exact_coverage(problem: Problem, robot: int, t: int, state: State) -> list[f
             for n, o in sides:
                 whole = clipped(whole, n, o)
             before = dot(normal, minus(eye, polygon[0])) / math.sqrt(dot(normal, normal))
-            if before <= IN_ITS_PLANE or len(whole) < 3:
-                result.append(0.0)
+            fan = [
+                cross(minus(b, polygon[0]), minus(c, polygon[0])) for b, c in pairwise(polygon[1:])
+            ]
+            metres = sum(math.sqrt(dot(n, n)) for n in fan) / 2
+            if before <= IN_ITS_PLANE:
+                result.append(FaceSeen(actor, metres, 0.0, 0.0, 0.0))
+                continue
+            unhidden = excess([minus(p, eye) for p in polygon])
+            if len(whole) < 3:
+                result.append(FaceSeen(actor, metres, 0.0, 0.0, unhidden))
                 continue
             hidden = []
             for planes in [*walls, *others]:
@@ -187,10 +255,8 @@ def exact_coverage(problem: Problem, robot: int, t: int, state: State) -> list[f
                         break
                 else:
                     hidden.append(image(part))
-            pixels = area([image(whole)]) - area(hidden)
-            fan = [
-                cross(minus(b, polygon[0]), minus(c, polygon[0])) for b, c in pairwise(polygon[1:])
-            ]
-            metres = sum(math.sqrt(dot(n, n)) for n in fan) / 2
-            result.append(max(pixels, 0.0) / metres)
+            images = [image(whole)]
+            pixels = max(area(images) - area(hidden), 0.0)
+            visible = solid_angle(images, camera.focal) - solid_angle(hidden, camera.focal)
+            result.append(FaceSeen(actor, metres, pixels, max(visible, 0.0), unhidden))
     return result
