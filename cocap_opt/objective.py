@@ -2,19 +2,20 @@
 
 With z[t, f] the pixels (px/m2) that all robots together have on face f at step t,
 
-    J = sum_t sum_f w[f] sqrt(z[t, f]) + rewards for moves (`graph.move_rewards`).
+    J = sum_t sum_f w[f] sqrt(z[t, f]) + rewards for moves (`graph.move_rewards`),
 
+and, where the scene counts the drones n[t, j] that see a person, the sum of w[j] min(n[t, j], k).
 The view reward is monotone and submodular in the set of robot paths. Arrays over view sums
-(t, f) are flat [Z], Z = (T+1) F, view sum t F + f; where pixels add up over time there is one
-view sum per face, Z = F.
+are flat [Z], as `Problem.step_view_sums` numbers them: faces at steps, then people at steps.
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
 from cocap_opt.arithmetic import exact_sum
-from cocap_opt.data import FloatArray
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.problem import Problem
@@ -38,17 +39,23 @@ def objective(model: Model, paths: Sequence[Path], pixels: FloatArray | None = N
 
 
 def view_reward(problem: Problem, pixels: FloatArray) -> FloatArray:
-    """Reward of each view sum [Z] of all robots together, as an array [view_sum_steps, F]."""
-    reward = problem.view_sum_weights * np.sqrt(pixels)
-    return reward.reshape(problem.view_sum_steps, -1)
+    """Reward [Z] of each view sum of all robots together."""
+    return problem.view_sum_weights * problem.returns.values(pixels)
 
 
-def marginal_gain(seen: FloatArray, coverage: FloatArray) -> FloatArray:
-    """Gain in square-root pixels from `coverage` on top of what others have `seen`.
+def marginal_gain(
+    problem: Problem, view_sums: IntArray | slice, seen: FloatArray, coverage: FloatArray
+) -> FloatArray:
+    """Gain [.., m] from `coverage` on top of what others have `seen`, before the weights.
 
-    This is covm of CoCap eq. 1, before the weights: sqrt(seen + coverage) - sqrt(seen).
+    Of pixels this is covm of CoCap eq. 1: sqrt(seen + coverage) - sqrt(seen).
+
+    Parameters
+    ----------
+    view_sums : [m] that both are of
     """
-    return np.sqrt(seen + coverage) - np.sqrt(seen)
+    values = partial(problem.returns.values_at, view_sums)
+    return values(seen + coverage) - values(seen)
 
 
 def marginal_reward(model: Model, robot_class: RobotClass, pixels: FloatArray) -> FloatArray:
@@ -61,10 +68,13 @@ def marginal_reward(model: Model, robot_class: RobotClass, pixels: FloatArray) -
     table = model.coverage(robot_class)
     # As `marginal_gain`, times the weights, in few arrays of the table's size: it takes most of
     # the time of planning in large scenes. Without the check of bounds `take` is twice as quick.
+    returns, counts = model.problem.returns, table.counts
     gain = np.take(pixels, table.view_sums, mode="clip")
     gain += table.pixels
+    together = np.minimum(gain[counts], returns.caps[table.view_sums[counts] - returns.n_roots])
     np.sqrt(gain, out=gain)
-    other = np.take(np.sqrt(pixels), table.view_sums, mode="clip")
+    gain[counts] = together
+    other = np.take(returns.values(pixels), table.view_sums, mode="clip")
     gain -= other
     gain *= np.take(model.problem.view_sum_weights, table.view_sums, mode="clip", out=other)
     return model.spread(robot_class, table.row_sums(gain))

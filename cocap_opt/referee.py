@@ -17,9 +17,10 @@ from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import CollisionRules, Plan, Problem, Robot, State
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.views import Views
+from cocap_opt.vision.views import StateViews
 
 _LESS = 1e-9  # m
+_Coverage = list[list[float]]  # [T+1][W] of one robot
 _Position = tuple[float, float, float]  # cells and altitude (m), or all in m
 
 
@@ -36,6 +37,8 @@ class Verdict:
     reward_per_step : [T] view reward at t = 1..T, without rewards per move
     reward_moves : rewards per move, such as for staying
     face_reward : [F] view reward of each face over all steps
+    count_reward : [A] reward for the drones that see each person, over all steps; () if they do
+        not count
     """
 
     violations: tuple[str, ...]
@@ -45,6 +48,7 @@ class Verdict:
     reward_per_step: tuple[float, ...]
     reward_moves: float
     face_reward: tuple[float, ...]
+    count_reward: tuple[float, ...] = ()
 
     @property
     def valid(self) -> bool:
@@ -79,8 +83,9 @@ class _Referee:
         violations = self.violations(plan)
         if violations:
             return Verdict(tuple(violations), (), math.nan, math.nan, (), math.nan, ())
-        rewards = self._view_rewards(plan)
-        per_step = [math.fsum(row) for row in rewards]
+        seen = self._seen(plan)
+        rewards, counts = self._view_rewards(seen), self._count_rewards(seen)
+        per_step = [math.fsum(a + b) for a, b in zip(rewards, counts, strict=True)]
         moves = self._move_rewards(plan)
         return Verdict(
             violations=(),
@@ -90,6 +95,7 @@ class _Referee:
             reward_per_step=tuple(per_step[1:]),
             reward_moves=moves,
             face_reward=tuple(math.fsum(column) for column in zip(*rewards, strict=True)),
+            count_reward=tuple(math.fsum(column) for column in zip(*counts, strict=True)),
         )
 
     def violations(self, plan: Plan) -> list[str]:
@@ -168,23 +174,41 @@ class _Referee:
                     rewards.append(objective.balanced)
         return math.fsum(rewards)
 
-    def _view_rewards(self, plan: Plan) -> list[list[float]]:
-        """Returns the view reward of every step and face [T+1][F].
-
-        If pixels add up over time, a step's reward is its gain over the steps before.
-        """
+    def _seen(self, plan: Plan) -> list[_Coverage]:
+        """Returns the coverage [R][T+1][W] of all robots: of faces, then of people who count."""
         geometry = FaceGeometry(self.problem)
         paths = zip(self.problem.robots, plan.paths, strict=True)
         cells = [(state.x, state.y) for path in plan.paths for state in path]
         window = Window.around(cells, 0, self.problem.workspace)
-        seen = [self._coverage(geometry, robot, path, window) for robot, path in paths]
+        return [self._coverage(geometry, robot, path, window) for robot, path in paths]
+
+    def _count_rewards(self, seen: list[_Coverage]) -> list[list[float]]:
+        """Returns the reward of every step and person [T+1][A] for the drones that see him."""
+        views, first = self.problem.objective.views, len(self.problem.face_weights)
+        if views is None:
+            return [[] for _ in range(self.problem.horizon + 1)]
+        weights = views.weights(len(self.problem.actors))
+        rewards = [[0.0 for _ in weights] for _ in range(self.problem.horizon + 1)]
+        for t in range(self.problem.first_step, self.problem.horizon + 1):
+            for j, actor in enumerate(self.problem.actors):
+                drones = sum(coverage[t][first + j] for coverage in seen)
+                importance = 1.0 if actor.importance is None else actor.importance[t]
+                rewards[t][j] = weights[j] * importance * min(drones, views.cameras)
+        return rewards
+
+    def _view_rewards(self, seen: list[_Coverage]) -> list[list[float]]:
+        """Returns the view reward of every step and face [T+1][F].
+
+        If pixels add up over time, a step's reward is its gain over the steps before.
+        """
         rewards = []
         before = [0.0 for _ in self.problem.face_weights]
         for t in range(self.problem.horizon + 1):
             pixels = [0.0 for _ in self.problem.face_weights]
             for coverage in seen:
                 if t >= self.problem.first_step:
-                    pixels = [a + b for a, b in zip(pixels, coverage[t], strict=True)]
+                    faces = coverage[t][: len(pixels)]
+                    pixels = [a + b for a, b in zip(pixels, faces, strict=True)]
             weights = self.problem.step_weights[t].tolist()
             if self.problem.objective.over_time:
                 pixels = [a + b for a, b in zip(before, pixels, strict=True)]
@@ -199,10 +223,10 @@ class _Referee:
     def _coverage(
         self, geometry: FaceGeometry, robot: Robot, path: tuple[State, ...], window: Window
     ) -> list[list[float]]:
-        """Returns the coverage [T+1][F] that a robot has along its path, which is in the window."""
+        """Returns the coverage [T+1][W] that a robot has along its path, which is in the window."""
         pitches = len(robot.camera.tilts)
         graph = TimeGraph.of(self.problem.workspace, robot.motion, pitches, window)
-        views = Views.of(geometry, self.problem, graph, robot.camera)
+        views = StateViews.of(geometry, self.problem, graph, robot.camera)
         states = np.array([graph.index(state) for state in path[: self.problem.horizon + 1]])
         coverage: list[list[float]] = views.along(0, states).tolist()
         return coverage

@@ -24,6 +24,7 @@ def _bound(call: str, made_of: str, scenes: str, promises: str = "") -> "Method[
         START_AND_REPORT,
         bounds=True,
         certified=True,
+        pixels_only=True,
     )
 
 
@@ -41,6 +42,7 @@ def _exact(
         complete=True,
         optimal=True,
         certified=certified,
+        pixels_only=certified,
     )
 
 

@@ -41,7 +41,7 @@ from cocap_opt.graph.networks import Node, edges_in_reach, keep_paths, reached_g
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Cell, Objective, Problem, Robot, State
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.views import Views
+from cocap_opt.vision.views import StateViews
 
 if TYPE_CHECKING:
     from cocap_opt.graph.networks import Graph
@@ -343,7 +343,7 @@ class _Sight:
         window = Window.around(alike, spec.motion.radius * problem.horizon, problem.workspace)
         tilts = len(spec.camera.tilts)
         self._graph = TimeGraph.of(problem.workspace, spec.motion, tilts, window)
-        self._views = Views.of(FaceGeometry(problem), problem, self._graph, spec.camera)
+        self._views = StateViews.of(FaceGeometry(problem), problem, self._graph, spec.camera)
 
     def look(self, nodes: Iterable[Node]) -> None:
         """Evaluates the views of nodes; those that are known already are not evaluated again."""

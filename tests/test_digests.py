@@ -51,6 +51,11 @@ def recipe(path: Path) -> str:
     for holder, field in [(problem, "step"), *((robot, "limits") for robot in problem["robots"])]:
         if holder[field] is None:
             del holder[field]
+    objective = problem["objective"]
+    if objective["views"] is None:
+        del objective["views"]
+    if float(objective["pixels"]) == 1:
+        del objective["pixels"]
     return hashlib.sha256(written(problem).encode()).hexdigest()
 
 

@@ -34,8 +34,8 @@ ALLOWED = {
 # module is in one of them (a folder stands for all that it holds).
 ORDER = {
     "core": (
-        "text", "data", "arithmetic", "memory", "compiling", "stop", "world", "problem", "result",
-        "files",
+        "text", "data", "arithmetic", "memory", "compiling", "stop", "returns", "world", "problem",
+        "result", "files",
         "graph", "plausibility", "vision", "referee", "flight", "model", "timing", "objective",
         "coordination", "method", "planners",
     ),

@@ -109,12 +109,14 @@ def _columns(
     graph, table = robot_class.graph, model.coverage(robot_class)
     owner = model.problem.face_owner
     position, entries = table.entries(nodes)
+    of_faces = table.view_sums[entries] < model.problem.returns.n_roots
+    position, entries = position[of_faces], entries[of_faces]
     steps, states = np.divmod(nodes[position], graph.n_states)
     orientations, places = np.divmod(states, graph.n_places)
     headings, pitches = np.divmod(orientations, graph.shape[1])
     layers, x, y = graph.coordinates(places)
     view_sums = table.view_sums[entries]
-    faces = view_sums % len(owner)
+    faces = view_sums % max(len(owner), 1)
     return {
         "step": steps, "x": x, "y": y, "layer": layers, "heading": headings, "pitch": pitches,
         "actor": owner[faces], "face": faces - np.searchsorted(owner, owner[faces]),

@@ -251,6 +251,9 @@ def problem_digest(problem: Problem) -> str:
         for name in ("step", "earth", "limits", "name", "begin"):
             if name in holder and holder[name] is None:
                 del holder[name]
+    for name, nothing in (("pixels", 1.0), ("views", None)):
+        if fields["objective"][name] == nothing:
+            del fields["objective"][name]
     return hashlib.sha256(msgspec.json.encode(fields)).hexdigest()
 
 

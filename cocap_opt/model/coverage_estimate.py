@@ -8,7 +8,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, IntArray
 from cocap_opt.stop import Clock
 from cocap_opt.vision.coverage import group_sizes, usable_cores
-from cocap_opt.vision.views import Views
+from cocap_opt.vision.views import StateViews
 
 _PARTS = 8  # of the sample, evenly spread over all views in the order of their steps
 _SPREAD = [0, 4, 2, 6, 7, 3, 5, 1]  # an order of them of which any beginning is spread, too
@@ -36,7 +36,7 @@ class CoverageEstimate(NamedTuple):
 
     @classmethod
     def of(
-        cls, views: Views, n_places: int, reachable: BoolArray, threads: int | None = None
+        cls, views: StateViews, n_places: int, reachable: BoolArray, threads: int | None = None
     ) -> "CoverageEstimate":
         """Estimates the coverage of all reachable states.
 
@@ -84,7 +84,7 @@ class _Timed(NamedTuple):
     seconds: float
 
     @classmethod
-    def of(cls, pool: ThreadPoolExecutor, views: Views, parts: list[IntArray]) -> "_Timed":
+    def of(cls, pool: ThreadPoolExecutor, views: StateViews, parts: list[IntArray]) -> "_Timed":
         """Evaluates parts of a sample until that has taken long enough."""
         clock, done, found, entries = Clock(), 0, 0, 0
         for first in range(0, len(parts), _AT_ONCE):

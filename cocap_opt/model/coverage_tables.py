@@ -16,7 +16,7 @@ from cocap_opt.problem import AnyCamera, Motion, Problem, Robot
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable, Progress
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.views import Views
+from cocap_opt.vision.views import StateViews
 
 if TYPE_CHECKING:
     from cocap_opt.vision.cache import TableCache
@@ -61,10 +61,10 @@ class CoverageTables:
         # The stop that has ended coverage early, and by which limit.
         self._ended: tuple[Stop, Limit] | None = None
 
-    def views(self, spec: Robot) -> Views:
+    def views(self, spec: Robot) -> StateViews:
         """Returns the views of a robot's motion and camera, which are evaluated on demand."""
         graph = graph_of(self.problem, spec)
-        return Views.of(self._geometry, self.problem, graph, spec.camera, self._plain)
+        return StateViews.of(self._geometry, self.problem, graph, spec.camera, self._plain)
 
     def _along(self, spec: Robot, path: Path) -> FloatArray:
         """View sums [Z] along a path, each view of which is evaluated anew."""
@@ -202,21 +202,26 @@ class CoverageTables:
         from cocap_opt.vision.cache import TableCache  # no judge of bounds loads it
 
         problem = self.problem
+        views = problem.objective.views
+        at_least = None if views is None else views.at_least
         poses = [actor.poses[: problem.horizon + 1] for actor in problem.actors]
         shapes = [actor.shape for actor in problem.actors]
         key = TableCache.key(
             __name__, problem.workspace, problem.airspace, spec.motion, spec.camera,
             graph_of(problem, spec).window,
             self._starts(spec), problem.horizon, problem.face_samples, problem.first_step, poses,
-            shapes,
+            shapes, at_least,
         )  # fmt: skip
         return TableCache.of_user(), key
 
     def _by_view_sum(self, table: CoverageTable) -> CoverageTable:
-        """Return a table whose pixels add up over time, if those of the problem do."""
-        if not self.problem.objective.over_time:
+        """Return a table with the problem's view sums: over time, or of people, too."""
+        problem = self.problem
+        if not problem.objective.over_time and problem.objective.views is None:
             return table
-        return table._replace(view_sums=table.view_sums % max(len(self.problem.face_weights), 1))
+        view_sums = problem.step_view_sums.ravel()[table.view_sums]
+        counts = np.flatnonzero(view_sums >= problem.returns.n_roots)
+        return table._replace(view_sums=view_sums, counts=counts)
 
     def _table_of(self, spec: Robot) -> GrowingTable:
         if _sight(spec) not in self._growing:

@@ -11,7 +11,7 @@ from cocap_opt.model.places import Places, RobotClass
 from cocap_opt.problem import Cell, Plan, Problem
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 from cocap_opt.vision.coverage import CoverageTable, Progress
-from cocap_opt.vision.views import Views
+from cocap_opt.vision.views import StateViews
 
 _WAITING = 1.0  # s that Ctrl-C waits for a plan at least, with the coverage that is there
 
@@ -77,7 +77,7 @@ class Model:
         """State number of a robot's start."""
         return self.class_of[robot].graph.index(self.problem.robots[robot].start)
 
-    def views(self, robot_class: RobotClass) -> Views:
+    def views(self, robot_class: RobotClass) -> StateViews:
         """Return a fresh source of coverage that evaluates only the states it is asked for."""
         return self.tables.views(robot_class.spec)
 
@@ -179,10 +179,18 @@ class Model:
         return found
 
     def coverage_at(self, robot_class: RobotClass, t: int, states: IntArray) -> FloatArray:
-        """Returns the coverage [n, F] of a class's states [n] at step t in px/m2."""
-        table, coverage = self.coverage(robot_class), np.zeros((len(states), self.n_faces))
+        """Returns the coverage [n, W] of a class's states [n] at step t, as `StateViews` does."""
+        problem, table = self.problem, self.coverage(robot_class)
         which, entries = table.entries(t * robot_class.graph.n_states + states)
-        coverage[which, table.view_sums[entries] - t * self.n_faces] = table.pixels[entries]
+        columns = table.view_sums[entries] - (
+            0 if problem.objective.over_time else t * self.n_faces
+        )
+        if len(problem.returns.caps):
+            at = np.flatnonzero(table.view_sums[entries] >= problem.returns.n_roots)
+            first = int(problem.step_view_sums[t, self.n_faces])
+            columns[at] = table.view_sums[entries[at]] - first + self.n_faces
+        coverage = np.zeros((len(states), problem.step_width))
+        coverage[which, columns] = table.pixels[entries]
         return coverage
 
     def robot_pixels(self, robot: int, path: Path) -> FloatArray:

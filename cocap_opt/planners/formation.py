@@ -120,14 +120,14 @@ class Circle(NamedTuple):
         rewards = np.zeros((steps, turns))
         for t in range(problem.first_step, problem.horizon + 1):
             stop.check()
-            pixels = np.zeros((turns, len(problem.face_weights)))
+            view_sums, pixels = problem.view_sums_at(t), np.zeros((turns, problem.step_width))
             for seat, robot in enumerate(self.robots):
                 which, states = self._looking_inwards(model, seat, t)
                 there = reach[seat][t, states]
                 if there.any():
                     pixels[which[there]] += views[robot](t, states[there])
-            weights = problem.view_sum_weights[problem.view_sums_at(t)]
-            rewards[t] = (np.sqrt(pixels) * weights).sum(axis=1)
+            values = problem.returns.values_at(view_sums, pixels)
+            rewards[t] = (values * problem.view_sum_weights[view_sums]).sum(axis=1)
         return rewards
 
     def best_turns(self, problem: Problem, rewards: FloatArray) -> IntArray:
@@ -328,7 +328,7 @@ def _look(task: SingleRobotTask, way: Path, views: LazyCoverage) -> Path:
         reward[t, states] = 0.0
         if t >= problem.first_step:
             view_sums = problem.view_sums_at(t)
-            gain = marginal_gain(task.pixels[view_sums], views(t, states))
+            gain = marginal_gain(problem, view_sums, task.pixels[view_sums], views(t, states))
             reward[t, states] = (gain * problem.view_sum_weights[view_sums]).sum(axis=1)
     value = backward_sweep(graph, reward, bonuses)
     # A way that can be flown can be flown without turning.

@@ -9,6 +9,7 @@ tests/core/test_joint.py measures.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -124,20 +125,22 @@ class Pair(PairIteration):
         coverage_a, coverage_b = (
             self.model.coverage_at(side.robot_class, t, side.states(t)) for side in (self.a, self.b)
         )
-        n_faces = self.model.n_faces
-        weights = self.model.problem.view_sum_weights[t * n_faces : (t + 1) * n_faces]
-        root_a, root_b = np.sqrt(coverage_a) @ weights, np.sqrt(coverage_b) @ weights
-        roots: FloatArray = root_a[:, None] + root_b[None, :]
-        # Where both see a face, the roots do not add up.
-        for face in np.flatnonzero(weights):
+        problem, view_sums = self.model.problem, self.model.problem.step_view_sums[t]
+        weights, values_at = problem.view_sum_weights[view_sums], problem.returns.values_at
+        value_a, value_b = (
+            values_at(view_sums, coverage) @ weights for coverage in (coverage_a, coverage_b)
+        )
+        values: FloatArray = value_a[:, None] + value_b[None, :]
+        # Where both see a face or a person, the values do not add up.
+        for k in np.flatnonzero(weights):
             self.stop.check()
-            rows = np.flatnonzero(coverage_a[:, face])
-            columns = np.flatnonzero(coverage_b[:, face])
+            rows, columns = np.flatnonzero(coverage_a[:, k]), np.flatnonzero(coverage_b[:, k])
             if len(rows) and len(columns):
-                first, second = coverage_a[rows, face][:, None], coverage_b[columns, face]
-                excess = np.sqrt(first + second) - np.sqrt(first) - np.sqrt(second)
-                roots[np.ix_(rows, columns)] += weights[face] * excess
-        return roots
+                value = partial(problem.returns.value_of, int(view_sums[k]))
+                first, second = coverage_a[rows, k][:, None], coverage_b[columns, k]
+                excess = value(first + second) - value(first) - value(second)
+                values[np.ix_(rows, columns)] += weights[k] * excess
+        return values
 
     def _off_goal(self, side: _PairSide) -> IntArray:
         """Returns the positions of places at the last step that are not the robot's goal."""
@@ -411,7 +414,7 @@ def bytes_needed(pair: Pair) -> float:
     peak = later = 0.0
     for t in range(pair.horizon, -1, -1):
         (o_a, n_a), (o_b, n_b) = pair.a.sizes(t), pair.b.sizes(t)
-        work = (_PER_FACE * pair.model.n_faces + _PER_STATE) * (o_a * n_a + o_b * n_b)
+        work = (_PER_FACE * pair.model.problem.step_width + _PER_STATE) * (o_a * n_a + o_b * n_b)
         if t < pair.horizon:
             work += _numbers_of_step_back(pair, t)
         peak = max(peak, later + work)

@@ -17,7 +17,7 @@ from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.model import Model, Path
 from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, Stop, never
-from cocap_opt.vision.views import Views
+from cocap_opt.vision.views import StateViews
 
 
 class SingleRobotTask(NamedTuple):
@@ -72,7 +72,7 @@ def value_iteration(task: SingleRobotTask) -> SingleRobotPath:
 class LazyCoverage:
     """Coverage of the states of one robot class, evaluated on first use and then remembered."""
 
-    def __init__(self, views: Views) -> None:
+    def __init__(self, views: StateViews) -> None:
         self._views = views
         self._known: dict[tuple[int, int], FloatArray] = {}
 
@@ -82,7 +82,7 @@ class LazyCoverage:
         return len(self._known)
 
     def __call__(self, t: int, states: IntArray) -> FloatArray:
-        """Coverage [n, F] in px/m2 of states [n] at step t."""
+        """Coverage [n, W] of states [n] at step t, as `StateViews.coverage`."""
         at = [(t, s) for s in states.tolist()]
         self._evaluate(at)
         return np.array([self._known[key] for key in at])

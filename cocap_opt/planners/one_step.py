@@ -145,7 +145,7 @@ def _move(model: Model, robots: list[_Progress], robot: int, t: int, heads: IntA
     graph, view_sums = progress.robot_class.graph, problem.view_sums_at(t)
     coverage = progress.look(t, heads)
     seen = sum((other.pixels[view_sums] for other in robots), np.zeros(coverage.shape[1]))
-    gains = marginal_gain(seen, coverage) * problem.view_sum_weights[view_sums]
+    gains = marginal_gain(problem, view_sums, seen, coverage) * problem.view_sum_weights[view_sums]
     # A path of one step, so that bonuses and ties are those of all other planners.
     value = np.full((2, graph.n_states), CLOSED)
     value[0, progress.path[-1]] = 0.0

@@ -3,7 +3,8 @@
 Before that a state counts as if nothing hid anybody from it, but single columns of the map that
 hide all of somebody. The reward of a view is
 w (sqrt(z + c) - sqrt(z)) summed over the faces, which grows with its coverage c whatever pixels z
-the others have: an upper bound on coverage gives one on the reward.
+the others have: an upper bound on coverage gives one on the reward. Where drones that see people
+are counted, whoever may be seen in part counts as seen.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +19,7 @@ from cocap_opt.objective import marginal_gain
 from cocap_opt.stop import Stop
 from cocap_opt.vision.coverage import usable_cores
 from cocap_opt.vision.unhidden import UnhiddenViews
-from cocap_opt.vision.views import NOTHING, SeenFaces
+from cocap_opt.vision.views import NO_COLUMNS, SeenColumns
 
 _SLACK = 1e-9  # of the largest reward, much more than the rounding of bounds
 _AT_ONCE = 1_000_000  # entries, to bound the memory
@@ -44,7 +45,7 @@ class OptimisticCoverage:
         model.tables.require_memory(robot_class.spec)
         problem = model.problem
         self._views, self._n_states = model.views(robot_class), robot_class.graph.n_states
-        self._steps, self._n_faces = (problem.first_step, problem.horizon), model.n_faces
+        self._steps = problem.first_step, problem.horizon
         self._weights, self._problem = problem.view_sum_weights, problem
         self._pixels = problem.no_pixels()
         self.rewards = robot_class.graph.no_reward(problem.horizon)
@@ -66,11 +67,12 @@ class OptimisticCoverage:
             np.concatenate(column)
             for column in zip(*((s.seeing, s.pixels, s.counts) for s in steps), strict=True)
         )
-        if self._problem.objective.over_time:
-            faces = np.tile(np.arange(self._n_faces), len(steps))
-            order = np.argsort(np.repeat(faces, counts), kind="stable")
+        objective = self._problem.objective
+        if objective.over_time or objective.views is not None:
+            view_sums = self._problem.step_view_sums.ravel()
+            order = np.argsort(np.repeat(view_sums, counts), kind="stable")
             nodes, pixels = nodes[order], pixels[order]
-            counts = counts.reshape(len(steps), -1).sum(axis=0)
+            counts = np.bincount(view_sums, weights=counts).astype(np.int64)
         self._bounded, self._bounds = nodes, pixels  # [n], and [n] px/m2, > 0
         self._bound_counts = counts  # [Z] entries of each view sum
         self._first_bounds = np.cumsum(counts) - counts  # [Z]
@@ -92,8 +94,9 @@ class OptimisticCoverage:
             counts = self._bound_counts[part]
             entries, of = spans(self._first_bounds[part], counts), np.repeat(part, counts)
             seen = self._bounds[entries]
-            others = np.sqrt(pixels[part]) - np.sqrt(before[part])
-            gains = np.sqrt(pixels[of] + seen) - np.sqrt(before[of] + seen)
+            values_at = self._problem.returns.values_at
+            others = values_at(part, pixels[part]) - values_at(part, before[part])
+            gains = values_at(of, pixels[of] + seen) - values_at(of, before[of] + seen)
             gains -= np.repeat(others, counts)
             np.add.at(self._flat, self._bounded[entries], gains * self._weights[of])
         self._found = _Evaluated.joined(self._found, *self._new)
@@ -112,9 +115,9 @@ class OptimisticCoverage:
             stop.check()
             batch = nodes[first : first + self._views.batch]
             seen = self._views.seen(batch, self._steps)
-            at = batch[seen.rows] // self._n_states * self._n_faces + seen.faces
-            at %= max(len(self._pixels), 1)  # of fewer view sums, if pixels add up over time
-            found = _Evaluated(batch, np.bincount(seen.rows, minlength=len(batch)), at, seen.pixels)
+            counts = np.bincount(seen.rows, minlength=len(batch))
+            at = self._problem.step_view_sums[batch[seen.rows] // self._n_states, seen.columns]
+            found = _Evaluated(batch, counts, at, seen.amounts)
             rows = range(self.evaluated, self.evaluated + len(batch))
             self._rows |= zip(batch.tolist(), rows, strict=True)
             self._new.append(found)
@@ -124,8 +127,9 @@ class OptimisticCoverage:
 
     def _gains(self, found: "_Evaluated") -> FloatArray:
         """Returns the rewards [n] of evaluated nodes, to the last bit as `marginal_reward` does."""
-        gains = marginal_gain(self._pixels[found.view_sums], found.pixels)
-        gains *= self._weights[found.view_sums]
+        of = found.view_sums
+        gains = marginal_gain(self._problem, of, self._pixels[of], found.pixels)
+        gains *= self._weights[of]
         rewards = np.zeros(len(found.nodes))
         seeing = np.flatnonzero(found.counts)
         if len(seeing):
@@ -148,26 +152,26 @@ class _StepBounds(NamedTuple):
 
     nodes: IntArray  # [s] that may see something, increasing
     rewards: FloatArray  # [s] of a robot that is alone
-    seeing: IntArray  # [n] nodes of the entries, one entry for each face that a node may see
-    pixels: FloatArray  # [n] px/m2, > 0
-    counts: IntArray  # [F] entries of each face, which stand one after the other
+    seeing: IntArray  # [n] nodes of the entries, one entry for each column that a node may see
+    pixels: FloatArray  # [n] px/m2, > 0; 1 of people who count
+    counts: IntArray  # [W] entries of each column, which stand one after the other
 
     @classmethod
-    def of(cls, found: SeenFaces, first: int, weights: FloatArray) -> Self:
+    def of(cls, found: SeenColumns, first: int, weights: FloatArray) -> Self:
         """Returns the bounds of a step whose first node has this number.
 
         Parameters
         ----------
-        weights : [F] of the faces
+        weights : [W] of the columns
         """
         nodes, starts = first + found.rows, np.flatnonzero(np.diff(found.rows, prepend=-1))
-        roots = np.sqrt(found.pixels) * weights[found.faces]
+        roots = np.sqrt(found.amounts) * weights[found.columns]  # of 1 drone as well
         rewards = np.add.reduceat(roots, starts) if len(starts) else roots
         # NumPy sorts numbers of 16 bits much faster.
-        faces = found.faces.astype(np.min_scalar_type(len(weights)))
-        order = np.argsort(faces, kind="stable")
-        counts = np.bincount(found.faces, minlength=len(weights))
-        return cls(nodes[starts], rewards, nodes[order], found.pixels[order], counts)
+        columns = found.columns.astype(np.min_scalar_type(len(weights)))
+        order = np.argsort(columns, kind="stable")
+        counts = np.bincount(found.columns, minlength=len(weights))
+        return cls(nodes[starts], rewards, nodes[order], found.amounts[order], counts)
 
 
 def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_StepBounds]:
@@ -178,7 +182,7 @@ def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_StepBound
     def at(t: int) -> _StepBounds:
         stop.check()
         if t < problem.first_step:
-            return _StepBounds.of(NOTHING, t * size, problem.face_weights)
+            return _StepBounds.of(NO_COLUMNS, t * size, np.zeros(problem.step_width))
         weights = problem.view_sum_weights[problem.view_sums_at(t)]
         return _StepBounds.of(views.at(t, reachable[t]), t * size, weights)
 

@@ -262,6 +262,7 @@ class _Graph:
         which, entries = table.entries(nodes)
         self._seeing, self._rows = np.unique(which, return_index=True)  # nodes, their first entries
         self._view_sums, self._pixels = table.view_sums[entries], table.pixels[entries]
+        self._returns = model.problem.returns
         self._weights = model.problem.view_sum_weights[self._view_sums]
 
     def best_path(self, pixels: FloatArray, charges: Charges) -> Path | None:
@@ -293,8 +294,8 @@ class _Graph:
 
     def _rewards_of_nodes(self, pixels: FloatArray, charges: Charges) -> FloatArray:
         """Returns the marginal rewards [N] less what is charged for places and states."""
-        gain = np.sqrt(pixels[self._view_sums] + self._pixels)
-        gain -= np.sqrt(pixels)[self._view_sums]
+        gain = self._returns.values_at(self._view_sums, pixels[self._view_sums] + self._pixels)
+        gain -= self._returns.values(pixels)[self._view_sums]
         gain *= self._weights
         value = np.zeros(len(self._states))
         if len(gain):

@@ -159,7 +159,7 @@ def _rewarded_successors(
     if not len(heads):
         return  # a dead end: the queue holds the alternatives
     view_sums = problem.view_sums_at(k)
-    gains = marginal_gain(task.pixels[view_sums], coverage(k, heads))
+    gains = marginal_gain(problem, view_sums, task.pixels[view_sums], coverage(k, heads))
     rewards = (gains * problem.view_sum_weights[view_sums]).sum(axis=1)
     rewards += Bonuses.of(problem.objective).of_edges(graph.shape, v, heads)
     yield from zip(heads.tolist(), rewards.tolist(), _ways(problem, graph, k, heads), strict=True)

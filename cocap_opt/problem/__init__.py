@@ -7,7 +7,7 @@ from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.airspace import Airspace
 from cocap_opt.problem.camera import AnyCamera, Camera, Cone
 from cocap_opt.problem.motion import Cell, Motion, State
-from cocap_opt.problem.objective import COVERAGE_VERSION, Objective
+from cocap_opt.problem.objective import COVERAGE_VERSION, Objective, Views
 from cocap_opt.problem.plan import (
     Conflict,
     Ending,
@@ -52,4 +52,5 @@ __all__ = [
     "SwapConflict",
     "TriangulatedCuboid",
     "VertexConflict",
+    "Views",
 ]

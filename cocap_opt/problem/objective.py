@@ -1,6 +1,6 @@
 """Weights of the objective J, which planners maximise."""
 
-from cocap_opt.data import MOST_WEIGHT, Data, within
+from cocap_opt.data import MOST_WEIGHT, Data, require, whole, within
 
 # The version of coverage, the law by which the pixels of a state are computed. Whoever changes a
 # number of it by more than rounding adds one here, since each J is then another:
@@ -8,13 +8,57 @@ from cocap_opt.data import MOST_WEIGHT, Data, within
 COVERAGE_VERSION = 2
 
 
+_MOST_CAMERAS = 64
+
+
+class Views(Data, frozen=True):
+    """The part of the objective that counts the drones that see a person.
+
+    A point that fewer than two drones see cannot be reconstructed, however many pixels it has.
+    This part is
+
+        sum over t, people of weight x importance at t x min(cameras, number of drones that see
+        the person at t).
+
+    A drone sees a person if at least the share `at_least` of the solid angle that the person has
+    from there, with nothing in the way, is visible in its image; a `Cone` camera sees all whom it
+    detects. Counts are of each step, also where pixels add up over time.
+
+    Attributes
+    ----------
+    cameras : k, from which on more drones add nothing
+    weight : of one drone that sees a person at one step, in px^0.5/m; one number for all people or
+        one for each
+    at_least : share of the solid angle, 0 < share <= 1
+    """
+
+    cameras: int = 2
+    weight: float | tuple[float, ...] = 1.0
+    at_least: float = 0.3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        whole(self.cameras, "cameras")
+        within(self.cameras, 1, _MOST_CAMERAS, "cameras")
+        weights = self.weight if isinstance(self.weight, tuple) else (self.weight,)
+        for weight in weights:
+            within(weight, 0, MOST_WEIGHT, "weight")
+        within(self.at_least, 0, 1, "at_least")
+        require(self.at_least > 0, "at_least", "must be > 0, or all drones see everybody")
+
+    def weights(self, people: int) -> tuple[float, ...]:
+        """Returns the weight of each person, in px^0.5/m."""
+        return self.weight if isinstance(self.weight, tuple) else (self.weight,) * people
+
+
 class Objective(Data, frozen=True):
     """The weights of the objective, besides the actors' face weights.
 
-    J = sum over t, actors, faces of w sqrt(pixels of all robots at t, in px/m2)
+    J = pixels x sum over t, actors, faces of w sqrt(pixels of all robots at t, in px/m2)
       + sum over robots and their T moves of
           stationarity [same state] + keep_cell [same cell] + keep_heading [same heading]
-          + balanced [dx + dy = 0].
+          + balanced [dx + dy = 0]
+      + the drones that see each person, if `views` counts them.
 
     Each robot is rewarded for its own moves, whatever it sees. The planner of Hughes et al.
     (2024) has `keep_heading` (0.02) and `keep_cell` (0.01). The program of Greedy Perspectives
@@ -34,6 +78,8 @@ class Objective(Data, frozen=True):
     balanced : reward per step with dx + dy = 0 cells, layers aside
     count_start : True: the views at t = 0 count too (a constant)
     over_time : True: pixels add up over time as well as over robots
+    pixels : weight of all pixels, 0 where only `views` are to count
+    views : what drones that see a person add; None: nothing
     """
 
     stationarity: float = 0.0
@@ -42,8 +88,10 @@ class Objective(Data, frozen=True):
     balanced: float = 0.0
     count_start: bool = False
     over_time: bool = False
+    pixels: float = 1.0
+    views: Views | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for field in ("stationarity", "keep_cell", "keep_heading", "balanced"):
+        for field in ("stationarity", "keep_cell", "keep_heading", "balanced", "pixels"):
             within(getattr(self, field), 0, MOST_WEIGHT, field)

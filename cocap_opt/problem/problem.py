@@ -22,6 +22,7 @@ from cocap_opt.data import FloatArray, IntArray, read_only
 from cocap_opt.problem.checks import require_scene
 from cocap_opt.problem.rules import NO_RULES
 from cocap_opt.problem.scene import SceneData
+from cocap_opt.returns import Returns
 from cocap_opt.text import printable
 
 if TYPE_CHECKING:
@@ -110,11 +111,27 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     @cached_property
     def step_weights(self) -> FloatArray:
         """Weights of all faces at all steps [T+1, F]: the face's times its actor's importance."""
+        weights = self.importance[:, self.face_owner] * self.face_weights
+        if self.objective.pixels != 1:
+            weights = weights * self.objective.pixels
+        return read_only(weights)
+
+    @cached_property
+    def count_weights(self) -> FloatArray:
+        """Weights of a drone that sees a person [T+1, A]; [T+1, 0] if nobody counts them."""
+        if self.objective.views is None:
+            return np.zeros((self.horizon + 1, 0))
+        weights = self.importance * np.array(self.objective.views.weights(len(self.actors)))
+        return read_only(weights)
+
+    @cached_property
+    def importance(self) -> FloatArray:
+        """Importance of all people at all steps [T+1, A]."""
         steps = self.horizon + 1
-        importance = np.array(
-            [(1.0,) * steps if a.importance is None else a.importance[:steps] for a in self.actors]
-        ).reshape(len(self.actors), steps)
-        return read_only(importance.T[:, self.face_owner] * self.face_weights)
+        rows = [
+            (1.0,) * steps if a.importance is None else a.importance[:steps] for a in self.actors
+        ]
+        return read_only(np.array(rows).reshape(len(self.actors), steps).T)
 
     @cached_property
     def face_weights(self) -> FloatArray:
@@ -135,31 +152,69 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         """Number of steps whose pixels are kept apart: T+1, or 1 if they add up over time.
 
         A view sum is a face at such a step, number step * F + face; J sums the view sums' roots.
+        Where drones that see people are counted, a person at a step is a view sum, too, after all
+        of these: number n_roots + step * A + person.
         """
         return 1 if self.objective.over_time else self.horizon + 1
 
-    def view_sums_at(self, t: int) -> slice:
-        """Returns the view sums to which the pixels of step t are added, face by face."""
+    @cached_property
+    def returns(self) -> Returns:
+        """The returns of all view sums: roots of pixels, and counts of drones."""
+        counts = self.count_weights.size
+        cameras = 0 if self.objective.views is None else self.objective.views.cameras
+        n_roots = self.view_sum_steps * len(self.face_weights)
+        return Returns(n_roots, read_only(np.full(counts, float(cameras))))
+
+    @property
+    def step_width(self) -> int:
+        """Number of view sums to which a state adds, W: F faces, and A people if these count."""
+        return len(self.face_weights) + int(self.count_weights.shape[1])
+
+    @cached_property
+    def step_view_sums(self) -> IntArray:
+        """The view sums to which states add [T+1, W]: of all faces, then of people who count."""
+        steps, faces = np.arange(self.horizon + 1)[:, None], len(self.face_weights)
+        people = self.count_weights.shape[1]
+        first = 0 * steps if self.objective.over_time else steps * faces
+        counts = self.returns.n_roots + steps * people + np.arange(people)
+        found = np.concatenate([first + np.arange(faces), counts], axis=1)
+        found.setflags(write=False)
+        return found
+
+    def view_sums_at(self, t: int) -> slice | IntArray:
+        """Returns the view sums [W] to which states at step t add: faces, then people who count."""
+        if self.objective.views is not None:
+            return np.asarray(self.step_view_sums[t])
         faces = len(self.face_weights)
         first = 0 if self.objective.over_time else t * faces
         return slice(first, first + faces)
 
+    def by_step(self, values: FloatArray) -> FloatArray:
+        """Returns the sums [T+1] over each step's view sums of values [Z]; not if over time."""
+        n = self.returns.n_roots
+        sums: FloatArray = values[:n].reshape(self.horizon + 1, -1).sum(axis=1)
+        if len(values) > n:
+            sums = sums + values[n:].reshape(self.horizon + 1, -1).sum(axis=1)
+        return sums
+
     def no_pixels(self) -> FloatArray:
         """Make view sums [Z] to which no robot has added anything yet."""
-        return np.zeros(self.view_sum_steps * len(self.face_weights))
+        return np.zeros(self.returns.n_roots + len(self.returns.caps))
 
     @cached_property
     def view_sum_weights(self) -> FloatArray:
         """Weight w of every view sum [Z]; 0 for steps that do not count."""
-        if self.objective.over_time:  # pixels of steps that do not count are not added
-            always: FloatArray = self.step_weights[0]
-            return always
         counts = np.arange(self.horizon + 1) >= self.first_step
-        return read_only((counts[:, None] * self.step_weights).ravel())
+        faces = (counts[:, None] * self.step_weights).ravel()
+        if self.objective.over_time:  # pixels of steps that do not count are not added
+            faces = self.step_weights[0]
+        if self.objective.views is None:
+            return read_only(faces)
+        return read_only(np.concatenate([faces, (counts[:, None] * self.count_weights).ravel()]))
 
     @property
     def most_views(self) -> int:
-        """Largest number of views, each of one robot at one step, that add to a view sum."""
+        """Largest number of views, each of one robot at one step, that add to a face's view sum."""
         return len(self.robots) * (self.horizon + 1 if self.objective.over_time else 1)
 
     @property

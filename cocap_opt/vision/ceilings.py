@@ -10,7 +10,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.vision.projection import dot
-from cocap_opt.vision.views import ON_THE_EDGE, ConeViews, PinholeViews, Views
+from cocap_opt.vision.views import ON_THE_EDGE, ConeViews, PinholeViews, StateViews
 
 _AT_ONCE = 200_000  # orientations times places times actors, for the processor's cache
 _SLACK = 1e-7  # m, much more than the rounding of coordinates
@@ -19,7 +19,7 @@ _SLACK = 1e-7  # m, much more than the rounding of coordinates
 _Ceiling = tuple[FloatArray, FloatArray, BoolArray]  # as `ceiling` returns it
 
 
-def ceiling(views: Views, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
+def ceiling(views: StateViews, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
     """Returns an upper bound on what all states at places [n] see at step t.
 
     It costs much less than coverage, since nothing is clipped.

@@ -15,7 +15,9 @@ from cocap_opt.arithmetic import spans
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.stop import Stop, never
 from cocap_opt.vision.viewpoints import Viewpoints
-from cocap_opt.vision.views import Views
+from cocap_opt.vision.views import StateViews
+
+_NONE = np.zeros(0, dtype=np.int64)
 
 Progress = Callable[[int, int], None]  # told how many views are done, and of how many
 
@@ -23,13 +25,15 @@ Progress = Callable[[int, int], None]  # told how many views are done, and of ho
 class CoverageTable(NamedTuple):
     """The coverage of all reachable states that see anything, in compressed sparse rows.
 
-    View sum t F + f is face f at step t; node t S + s is state s at step t.
+    Node t S + s is state s at step t. View sums are numbered as `Problem.step_view_sums` does; in a
+    table that is made, but not yet a problem's, t W + c is column c at step t.
     """
 
     nodes: IntArray  # [n] increasing
     indptr: IntArray  # [n + 1]
     view_sums: IntArray  # [nnz]
-    pixels: FloatArray  # [nnz] px/m2, > 0
+    pixels: FloatArray  # [nnz] px/m2, > 0; 1 for a person who is seen, where people count
+    counts: IntArray = _NONE  # those entries that count people, increasing
 
     def row(self, node: int) -> tuple[IntArray, FloatArray]:
         """Returns the view sums that a node sees and their coverage; empty if it sees nothing."""
@@ -77,7 +81,7 @@ class GrowingTable:
 
     def __init__(
         self,
-        views: Views,
+        views: StateViews,
         n_places: int,
         reachable: BoolArray,
         first_step: int,
@@ -155,7 +159,6 @@ def usable_cores() -> int:
 # (px/m2) of all entries [nnz].
 _SeenRows = tuple[IntArray, IntArray, IntArray, FloatArray]
 _AT_ONCE = 2  # batches of each thread
-_NONE = np.zeros(0, dtype=np.int64)
 _NO_ROWS: _SeenRows = (_NONE, _NONE, _NONE, np.zeros(0))
 
 
@@ -174,14 +177,14 @@ def _groups(
             first, n = t + 1, 0
 
 
-def _seen_by(views: Views, at: Viewpoints) -> _SeenRows:
+def _seen_by(views: StateViews, at: Viewpoints) -> _SeenRows:
     """Returns the rows of those views that see anything."""
     seen = views.look(at)
     counts = np.bincount(seen.rows, minlength=len(at.looks))
     seeing = np.flatnonzero(counts)
     nodes, counts = at.nodes(seeing, views.graph.n_places, views.n_states), counts[seeing]
-    view_sums = np.repeat(nodes // views.n_states * views.n_faces, counts) + seen.faces
-    return nodes, counts, view_sums, seen.pixels
+    view_sums = np.repeat(nodes // views.n_states * views.width, counts) + seen.columns
+    return nodes, counts, view_sums, seen.amounts
 
 
 def _joined(parts: list[_SeenRows]) -> _SeenRows:

@@ -28,7 +28,13 @@ from cocap_opt.problem import Camera
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.faces import FaceGeometry, Planes
 from cocap_opt.vision.projection import dot
-from cocap_opt.vision.views import NOTHING, PinholeViews, SeenFaces, Views
+from cocap_opt.vision.views import (
+    NO_COLUMNS,
+    PinholeViews,
+    SeenColumns,
+    SeenFaces,
+    StateViews,
+)
 
 _DEPTH = 1e-3  # m, by which lines of sight are inside of a column at least
 _PARTS = 4  # of a cell along x and y, at most
@@ -141,14 +147,15 @@ class UnhiddenViews:
     Several threads may use it.
     """
 
-    def __init__(self, views: Views) -> None:
+    def __init__(self, views: StateViews) -> None:
         self._views = views
         self._screens = _screens_of(views.geometry) if isinstance(views, PinholeViews) else None
 
-    def at(self, t: int, reachable: BoolArray) -> SeenFaces:
+    def at(self, t: int, reachable: BoolArray) -> SeenColumns:
         """Returns the most that the reachable states [S] may see of each face at step t.
 
         Its rows are the states, increasing. A camera that sees past obstacles sees what it sees.
+        Of people who count, all are seen of whom anything may be seen.
         """
         views = self._views
         if self._screens is None or not isinstance(views, PinholeViews):
@@ -158,7 +165,7 @@ class UnhiddenViews:
         wanted = reachable.reshape(len(views.axes), -1)
         places = np.flatnonzero(wanted.any(axis=0))
         if not views.n_faces or not len(places):
-            return NOTHING
+            return NO_COLUMNS
         eyes, planes = views.eyes(places), views.geometry.planes(t)
         hidden = self._screens.hide(
             planes.middles[:, :2], planes.radii, planes.middles[:, 2] + planes.halves, eyes
@@ -171,7 +178,12 @@ class UnhiddenViews:
         ]
         rows, faces, pixels = (np.concatenate(column) for column in zip(*parts, strict=True))
         states = np.arange(len(views.axes))[:, None] * views.graph.n_places + places
-        return SeenFaces(states.take(rows), faces, pixels)
+        of_faces = SeenFaces(states.take(rows), faces, pixels)
+        if views.at_least is None:
+            return SeenColumns(*of_faces)
+        people = len(views.problem.actors)
+        pairs = np.unique(of_faces.rows * people + views.problem.face_owner[faces])
+        return SeenColumns.merged(of_faces, *np.divmod(pairs, people), views.n_faces)
 
 
 _SCREENS: WeakKeyDictionary[FaceGeometry, Screens] = WeakKeyDictionary()

@@ -1,14 +1,14 @@
 """Views: the coverage of every face from a camera, evaluated on demand.
 
 A sight looks from any places and in any directions; views are those of a drone's states. The value
-of a view depends on the kind of camera; `Views.of` returns the views of a camera.
+of a view depends on the kind of camera; `StateViews.of` returns the views of a camera.
 """
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,50 @@ class Seen(NamedTuple):
 
     faces: SeenFaces
     people: SeenPeople
+
+
+class SeenColumns(NamedTuple):
+    """The faces that some views see, and the people, where these count.
+
+    Columns are numbered as those of `Problem.step_view_sums`: faces, then people.
+    """
+
+    rows: IntArray  # [n] number of the view, increasing
+    columns: IntArray  # [n] increasing for each view
+    amounts: FloatArray  # [n] px/m2 of a face, > 0; 1 for a person who is seen well enough
+
+    @classmethod
+    def of(cls, seen: Seen, n_faces: int, at_least: float) -> Self:
+        """Returns faces, and people of whom at least a share is visible.
+
+        Parameters
+        ----------
+        at_least : share of the solid angle that a person has with nothing in the way
+        """
+        people = seen.people
+        share = people.visible / people.unhidden
+        counts = np.flatnonzero(share >= at_least - _SHARE_ROUNDING)
+        return cls.merged(seen.faces, people.rows[counts], people.people[counts], n_faces)
+
+    @classmethod
+    def merged(cls, faces: SeenFaces, rows: IntArray, people: IntArray, n_faces: int) -> Self:
+        """Returns the faces that views see, and after those of each view the people who count.
+
+        Parameters
+        ----------
+        rows, people : [n] view, increasing, and person, increasing for each view
+        """
+        at_people = np.searchsorted(faces.rows, rows, side="right") + np.arange(len(rows))
+        at_faces = np.searchsorted(rows, faces.rows, side="left") + np.arange(len(faces.rows))
+        order = np.argsort(np.concatenate([at_faces, at_people]))
+        return cls(
+            np.concatenate([faces.rows, rows])[order],
+            np.concatenate([faces.faces, people + n_faces])[order],
+            np.concatenate([faces.pixels, np.ones(len(rows))])[order],
+        )
+
+
+_SHARE_ROUNDING = 1e-9  # by which a share may be too small: that of a whole person is 1
 
 
 class PinholeSight:
@@ -313,8 +357,8 @@ _BATCH, _BATCH_ACTORS = 8_192, 65_000
 _FASTER = 8  # times as many by the compiled kernel
 _BATCH_RAYS = 400_000  # states times faces times the squared samples of a triangle
 _NONE = np.zeros(0, dtype=np.int64)
-_NO_PAIRS = _NONE, _NONE
 NOTHING = SeenFaces(_NONE, _NONE, np.zeros(0))
+NO_COLUMNS = SeenColumns(_NONE, _NONE, np.zeros(0))
 NO_PEOPLE = SeenPeople(_NONE, _NONE, np.zeros(0), np.zeros(0))
 
 
@@ -325,18 +369,20 @@ def _sorted_by_view(parts: Sequence[SeenFaces | SeenPeople]) -> Iterator[NDArray
     return (column[order] for column in columns)
 
 
-class Views(ABC):
+class StateViews(ABC):
     """A source of coverage of single states, which several threads may use.
 
     Attributes
     ----------
     geometry, problem, graph : of the faces, the scene, and the states
-    n_states, n_faces : S and F
+    n_states, n_faces, width : S, F, and W, the faces and the people who count
     """
 
     def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph) -> None:
         self.geometry, self.problem, self.graph = geometry, problem, graph
         self.n_states, self.n_faces = graph.n_states, len(problem.face_owner)
+        self.width, counted = problem.step_width, problem.objective.views
+        self.at_least = None if counted is None else counted.at_least
 
     @staticmethod
     def of(
@@ -345,7 +391,7 @@ class Views(ABC):
         graph: TimeGraph,
         camera: AnyCamera,
         plain: bool = False,
-    ) -> "Views":
+    ) -> "StateViews":
         """Returns the views of a camera.
 
         Parameters
@@ -370,33 +416,42 @@ class Views(ABC):
         """Makes ready for so many views, for which there are so many seconds."""
 
     @abstractmethod
-    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
-        """Returns the faces that nodes [n], increasing, see; node t S + s is state s at step t.
+    def _seen(self, nodes: IntArray, steps: tuple[int, int] | None, people: bool) -> Seen:
+        """Returns the faces and, if asked for, people that nodes [n] see; see `seen`."""
+
+    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenColumns:
+        """Returns the columns that nodes [n], increasing, see; node t S + s is state s at step t.
 
         Parameters
         ----------
         steps : the first and last of those that nodes are asked for in parts, so that what all
             parts need is made once; if not given, the nodes are all
         """
+        return self._columns(self._seen(nodes, steps, people=self.at_least is not None))
 
-    @abstractmethod
     def people(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenPeople:
         """Returns the people that nodes [n], increasing, see; see `seen`.
 
         A camera that knows no solid angles sees all of a person, 1 of 1, or nothing.
         """
+        return self._seen(nodes, steps, people=True).people
 
-    def look(self, at: Viewpoints) -> SeenFaces:
-        """Returns the faces that views [n] see, which are given place by place."""
+    def _columns(self, seen: Seen) -> SeenColumns:
+        if self.at_least is None:
+            return SeenColumns(*seen.faces)
+        return SeenColumns.of(seen, self.n_faces, self.at_least)
+
+    def look(self, at: Viewpoints) -> SeenColumns:
+        """Returns the columns that views [n] see, which are given place by place."""
         views = np.arange(len(at.looks))
         return self.seen(at.nodes(views, self.graph.n_places, self.n_states))
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
-        """Returns the coverage [n, F] in px/m2 of every face from the states [n] at step t."""
+        """Returns the coverage [n, W] of states [n] at step t: px/m2 of faces, and people seen."""
         return self.dense(t * self.n_states + states)
 
     def along(self, first_step: int, states: IntArray) -> FloatArray:
-        """Returns the coverage [n, F] of states [n], one at each step from `first_step` on."""
+        """Returns the coverage [n, W] of states [n], one at each step from `first_step` on."""
         return self.dense((first_step + np.arange(len(states))) * self.n_states + states)
 
     def eyes(self, places: IntArray) -> FloatArray:
@@ -405,13 +460,13 @@ class Views(ABC):
         return np.asarray(eyes - self.geometry.origin)
 
     def dense(self, nodes: IntArray) -> FloatArray:
-        """Returns the coverage [n, F] in px/m2 of nodes [n], increasing; see `seen`."""
-        coverage, seen = np.zeros((len(nodes), self.n_faces)), self.seen(nodes)
-        coverage[seen.rows, seen.faces] = seen.pixels
+        """Returns the coverage [n, W] of nodes [n], increasing; see `seen`."""
+        coverage, seen = np.zeros((len(nodes), self.width)), self.seen(nodes)
+        coverage[seen.rows, seen.columns] = seen.amounts
         return coverage
 
 
-class PinholeViews(Views):
+class PinholeViews(StateViews):
     """Coverage of states by a pinhole camera, see `PinholeSight`.
 
     Attributes
@@ -448,14 +503,6 @@ class PinholeViews(Views):
         if self._pinhole.may_be_compiled:
             KERNEL.prepare(_EACH * views * len(self.problem.actors), seconds)
 
-    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
-        """Returns the faces that nodes [n] see; node t S + s is state s at step t."""
-        return self._seen(nodes, steps, people=False).faces
-
-    def people(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenPeople:
-        """Returns the people that nodes [n] see; node t S + s is state s at step t."""
-        return self._seen(nodes, steps, people=True).people
-
     def _seen(self, nodes: IntArray, steps: tuple[int, int] | None, people: bool) -> Seen:
         if not self.n_faces or not len(nodes):
             return Seen(NOTHING, NO_PEOPLE)
@@ -466,14 +513,15 @@ class PinholeViews(Views):
         t, place = np.divmod(viewpoints, n_places)
         return self._pinhole.seen(t, self.eyes(place), which, orientation, steps, people)
 
-    def look(self, at: Viewpoints) -> SeenFaces:
-        """Returns the faces that views [n] see, which are given place by place."""
+    def look(self, at: Viewpoints) -> SeenColumns:
+        """Returns the columns that views [n] see, which are given place by place."""
         if not self.n_faces or not len(at.looks):
-            return NOTHING
-        return self._pinhole.seen(at.steps, self.eyes(at.places), at.which, at.looks).faces
+            return NO_COLUMNS
+        eyes, people = self.eyes(at.places), self.at_least is not None
+        return self._columns(self._pinhole.seen(at.steps, eyes, at.which, at.looks, people=people))
 
 
-class ConeViews(Views):
+class ConeViews(StateViews):
     """Coverage by a `Cone`, of all faces of the actors that it detects."""
 
     def __init__(self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, cone: Cone):
@@ -483,36 +531,26 @@ class ConeViews(Views):
     def prepare(self, views: int, seconds: float) -> None:
         """Does nothing: no view takes long."""
 
-    def coverage(self, t: int, states: IntArray) -> FloatArray:
-        """Returns the coverage [n, F] in 1/m2 of every face from the states [n] at step t."""
-        if not self.n_faces:
-            return np.zeros((len(states), 0))
-        orientation, place = np.divmod(states, self.graph.n_places)
-        yaw = 2 * np.pi * orientation / self.graph.motion.headings
-        return self.sight.coverage(t, self.eyes(place), yaw)
-
     @property
     def batch(self) -> int:
         """Number of nodes, states at steps, that take a fraction of a second."""
         return max(_BATCH_ACTORS // max(self.n_faces, 1), 1)
 
-    def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
-        """Returns the faces that nodes [n], increasing, see; node t S + s is state s at step t."""
-        t, states = np.divmod(nodes, self.n_states)
-        parts = [self.coverage(int(step), states[t == step]) for step in np.unique(t)]
-        coverage = np.concatenate([np.zeros((0, self.n_faces)), *parts])
-        rows, faces = np.nonzero(coverage)
-        return SeenFaces(rows, faces, coverage[rows, faces])
-
-    def people(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenPeople:
-        """Returns the people that nodes [n], increasing, detect, each as a whole."""
+    def _seen(self, nodes: IntArray, steps: tuple[int, int] | None, people: bool) -> Seen:
+        """Returns the faces of all people whom nodes [n], increasing, detect, and the people."""
         t, states = np.divmod(nodes, self.n_states)
         orientation, place = np.divmod(states, self.graph.n_places)
         yaw = 2 * np.pi * orientation / self.graph.motion.headings
-        parts = [_NO_PAIRS]
-        for step in np.unique(t).tolist():
+        coverage = np.zeros((len(nodes), self.n_faces))
+        detected = np.zeros((len(nodes), len(self.problem.actors)), dtype=bool)
+        for step in np.unique(t).tolist() if self.n_faces else ():
             at = np.flatnonzero(t == step)
-            row, person = np.nonzero(self.sight.detected(step, self.eyes(place[at]), yaw[at]))
-            parts.append((at[row], person))
-        rows, people = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return SeenPeople(rows, people, np.ones(len(rows)), np.ones(len(rows)))
+            eyes = self.eyes(place[at])
+            coverage[at] = self.sight.coverage(step, eyes, yaw[at])
+            detected[at] = self.sight.detected(step, eyes, yaw[at])
+        rows, faces = np.nonzero(coverage)
+        seen = SeenFaces(rows, faces, coverage[rows, faces])
+        if not people:
+            return Seen(seen, NO_PEOPLE)
+        rows, persons = np.nonzero(detected)
+        return Seen(seen, SeenPeople(rows, persons, np.ones(len(rows)), np.ones(len(rows))))

@@ -35,7 +35,8 @@ Below both, the trusted core, about 4,600 lines:
   `views`, `visibility`; what a view sees.
 - `model`: `coverage_tables`, `model`, `places`; which drones share a graph, and its states.
 - `files`: `documents`, `strict_json`; reading files, and the digest that ties one to its scene.
-- `objective`, `arithmetic`, `data`; weights and J, sums of floats, and checks of fields.
+- `objective`, `returns`, `arithmetic`, `data`; weights and J, concave returns, sums of floats, and
+  checks of fields.
 
 Importing the room loads these as well, on which no number depends:
 

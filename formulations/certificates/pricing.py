@@ -170,6 +170,8 @@ class CertificatePrices(NamedTuple):
         stop: Stop = never,
     ) -> "CertificatePrices":
         """Returns the prices of a certificate; raises what `Pricing.of` does."""
+        if model.problem.objective.views is not None:
+            raise CertificateError("no bound takes a scene with [objective] views yet")
         if isinstance(certificate, Multipliers):
             pixels = _prices_by_multipliers(model, certificate, stop)
             return cls(model, pixels, *_resource_prices(model, certificate, decisions))
@@ -284,7 +286,7 @@ def _prices_by_reference(model: Model, certificate: ReferencePixels) -> _PixelPr
     gains *= model.problem.horizon + 1 if model.problem.objective.over_time else 1
 
     def paid(number: int, view_sums: IntArray, seen: FloatArray) -> FloatArray:
-        return marginal_gain(pixels[view_sums], seen)
+        return marginal_gain(model.problem, view_sums, pixels[view_sums], seen)
 
     return _PixelPrices(constant, roots, (gains + 1) * constant, paid)
 

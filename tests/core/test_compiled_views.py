@@ -20,7 +20,7 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.vision import views
 from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.views import SeenFaces, SeenPeople, Views
+from cocap_opt.vision.views import SeenFaces, SeenPeople, StateViews
 
 pytestmark = [
     pytest.mark.long,  # the kernel is compiled first, in a fresh environment
@@ -39,7 +39,7 @@ def kernel() -> Kernel:
 def seen(problem: Problem, nodes: IntArray, use: Kernel) -> tuple[SeenFaces, SeenPeople]:
     """What the first robot's camera sees, where the kernel is loaded or not."""
     graph = graph_of(problem)
-    found = Views.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
+    found = StateViews.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(views, "KERNEL", use)
         return found.seen(nodes), found.people(nodes)
@@ -164,7 +164,7 @@ def test_meshes_that_are_not_convex_are_seen_by_rays(
     rough = problem.meshes[0].replace(triangles=problem.meshes[0].triangles[:-1])
     monkeypatch.setattr(views, "KERNEL", kernel)
     graph = graph_of(problem)
-    found = Views.of(
+    found = StateViews.of(
         FaceGeometry(problem.replace(meshes=(rough,))), problem, graph, problem.robots[0].camera
     )
     assert not found._pinhole.may_be_compiled

@@ -41,7 +41,7 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.vision.coverage import GrowingTable
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection
-from cocap_opt.vision.views import Views
+from cocap_opt.vision.views import StateViews
 from cocap_opt.world.workspace import HeightMap, Mesh
 
 Corner = tuple[float, float, float]
@@ -84,7 +84,7 @@ def seen_from(problem: Problem, *states: State, t: int = 1) -> FloatArray:
     """Coverage [n, F] of the first robot's states at step t."""
     robot = problem.robots[0]
     graph = TimeGraph.of(problem.workspace, robot.motion, len(robot.camera.tilts))
-    views = Views.of(FaceGeometry(problem), problem, graph, robot.camera)
+    views = StateViews.of(FaceGeometry(problem), problem, graph, robot.camera)
     return views.coverage(t, np.array([graph.index(state) for state in states], dtype=np.int64))
 
 

@@ -29,7 +29,7 @@ from cocap_opt.vision.candidates import Skyline
 from cocap_opt.vision.coverage import GrowingTable
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.shadows import Shadows
-from cocap_opt.vision.views import Views
+from cocap_opt.vision.views import StateViews
 from cocap_opt.world.workspace import HeightMap
 
 
@@ -51,7 +51,7 @@ def all_states(problem: Problem) -> IntArray:
 def assert_exact(problem: Problem, states: IntArray, t: int = 1) -> None:
     """What is seen from states is what the oracle finds, face by face."""
     graph = graph_of(problem)
-    views = Views.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
+    views = StateViews.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
     pixels, people = views.coverage(t, states), views.people(t * graph.n_states + states)
     angles = np.zeros((2, len(states), len(problem.actors)))
     angles[:, people.rows, people.people] = people.visible, people.unhidden
@@ -155,7 +155,7 @@ def test_slivers_are_hidden_like_the_faces_that_they_are_cut_from() -> None:
         horizon=1,
     )
     graph = graph_of(problem)
-    views = Views.of(FaceGeometry(problem), problem, graph, camera)
+    views = StateViews.of(FaceGeometry(problem), problem, graph, camera)
     (seen,) = views.coverage(1, np.array([graph.index(State(3, 0))]))
     expected = exact_coverage(problem, 0, 1, State(3, 0))
     assert 0 < max(expected[:4]) < 1e-6 < expected[4]  # the top is seen from 1e-7 m above
@@ -307,7 +307,7 @@ def test_nobody_stands_unseen_before_somebody(
     here = np.array([graph.index(State(0, 20))])
     assert_exact(problem, here)
     both, one = (
-        Views.of(FaceGeometry(p), p, graph, p.robots[0].camera).coverage(1, here)[0, :5].sum()
+        StateViews.of(FaceGeometry(p), p, graph, p.robots[0].camera).coverage(1, here)[0, :5].sum()
         for p in (problem, alone)
     )
     assert both < one
@@ -330,7 +330,9 @@ def test_who_is_behind_several_people_is_looked_at_face_by_face() -> None:
         face_samples=6,
     )
     states = np.array([graph_of(problem).index(State(0, y)) for y in (4, 5)])
-    views = Views.of(FaceGeometry(problem), problem, graph_of(problem), problem.robots[0].camera)
+    views = StateViews.of(
+        FaceGeometry(problem), problem, graph_of(problem), problem.robots[0].camera
+    )
     assert_exact(problem, states)
     assert (views.coverage(1, states)[:, :5].sum(axis=1) > 0).all()
 
@@ -356,7 +358,7 @@ def places_seen(top: float, gap: float, height: float) -> list[float]:
     states = np.array([graph.index(State(x, 4, 0, 0 if x < 6 else 2)) for x in range(12)])
     seen = []
     for problem in (walled, open_field):
-        views = Views.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
+        views = StateViews.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
         seen.append(views.coverage(1, states).sum(axis=1))
     assert_exact(walled, states)
     behind, whole = seen

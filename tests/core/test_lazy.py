@@ -76,9 +76,9 @@ def test_nobody_sees_more_than_if_nothing_hid_anybody(problem: Problem) -> None:
         for t in range(problem.first_step, problem.horizon + 1):
             found, states = unhidden_views.at(t, reachable[t]), np.flatnonzero(reachable[t])
             most = np.zeros((views.n_states, model.n_faces))
-            most[found.rows, found.faces] = found.pixels
-            assert (found.pixels > 0).all() and np.isin(found.rows, states).all()
-            assert (np.diff(found.rows * max(model.n_faces, 1) + found.faces) > 0).all()
+            most[found.rows, found.columns] = found.amounts
+            assert (found.amounts > 0).all() and np.isin(found.rows, states).all()
+            assert (np.diff(found.rows * max(model.n_faces, 1) + found.columns) > 0).all()
             assert (views.coverage(t, states) <= most[states]).all()
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(unhidden, "_AT_ONCE", 1)
@@ -90,8 +90,8 @@ def test_nothing_hides_anybody_on_a_meadow() -> None:
     model = Model(meadow(), use_cache=False)
     views = model.views(model.classes[0])
     found = UnhiddenViews(views).at(6, model.reachable(model.classes[0])[6])
-    exact = views.coverage(6, found.rows)[np.arange(len(found.rows)), found.faces]
-    assert np.isclose(found.pixels, exact, rtol=1e-6, atol=0).mean() > 0.5
+    exact = views.coverage(6, found.rows)[np.arange(len(found.rows)), found.columns]
+    assert np.isclose(found.amounts, exact, rtol=1e-6, atol=0).mean() > 0.5
 
 
 @examples(7)

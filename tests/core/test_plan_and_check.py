@@ -313,7 +313,7 @@ def test_views_of_a_plan_are_judged_once_with_rules_and_without(
     """It takes the referee's time, and rules change nothing but the conflicts."""
     judged, views = [], _Referee._view_rewards
     monkeypatch.setattr(
-        _Referee, "_view_rewards", lambda own, plan: judged.append(own) or views(own, plan)
+        _Referee, "_view_rewards", lambda own, seen: judged.append(own) or views(own, seen)
     )
     problem = arena(*(path[0] for path in SWAPPING))
     verdict, free = (check(one, Plan(paths=SWAPPING)) for one in (problem, problem.without_rules()))

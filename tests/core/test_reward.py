@@ -14,7 +14,7 @@ from strategies import examples, tiny
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.model import Model, Path
-from cocap_opt.objective import marginal_gain, marginal_reward, objective, view_reward
+from cocap_opt.objective import marginal_reward, objective, view_reward
 from cocap_opt.problem import Objective, Plan, Problem
 from cocap_opt.referee import check
 
@@ -92,8 +92,9 @@ def test_breakdowns_sum_to_the_objective(run: Flown) -> None:
     verdict = check(problem, run.plan)
     bonus = sum(run.moves(robot) for robot in range(len(run.paths)))
     assert verdict.reward_moves == pytest.approx(bonus, rel=1e-12)
-    table = view_reward(problem, run.pixels(list(range(len(run.paths)))))
-    assert table.shape == (problem.horizon + 1, len(problem.face_weights))
+    rewards = view_reward(problem, run.pixels(list(range(len(run.paths)))))
+    assert rewards.shape == ((problem.horizon + 1) * len(problem.face_weights),)
+    table = rewards.reshape(problem.horizon + 1, -1)
     np.testing.assert_allclose(verdict.reward_per_step, table[1:].sum(axis=1), rtol=1e-9)
     np.testing.assert_allclose(verdict.face_reward, table.sum(axis=0), rtol=1e-9)
     assert verdict.reward_at_start == pytest.approx(table[0].sum(), rel=1e-9)
@@ -133,18 +134,6 @@ def test_marginal_rewards_telescope(run: Flown, data: st.DataObject) -> None:
         before.append(robot)
         total += gain
         assert total == pytest.approx(run.value(before), rel=1e-9, abs=1e-9)
-
-
-@examples(200)
-@given(st.floats(0, 1e12), st.floats(0, 1e12), st.floats(0, 1e12))
-def test_marginal_gain_is_concave(seen: float, more: float, coverage: float) -> None:
-    """The gain of a view is not negative, and shrinks with what others see; unseen it is sqrt."""
-    first, second = np.array([seen]), np.array([seen + more])
-    own = np.array([coverage])
-    gain = marginal_gain(first, own)[0]
-    assert gain >= marginal_gain(second, own)[0] - 1e-9 * math.sqrt(seen + more + coverage)
-    assert gain >= 0
-    assert marginal_gain(np.zeros(1), own)[0] == math.sqrt(coverage)
 
 
 @examples(12)

@@ -16,12 +16,12 @@ from cocap_opt.problem import Camera, Cone, Problem
 from cocap_opt.scenarios import load_scene
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection, solid_angles
-from cocap_opt.vision.views import SeenPeople, Views
+from cocap_opt.vision.views import SeenPeople, StateViews
 
 
-def of_first_robot(problem: Problem) -> Views:
+def of_first_robot(problem: Problem) -> StateViews:
     """The views of the first robot."""
-    return Views.of(
+    return StateViews.of(
         FaceGeometry(problem), problem, graph_of(problem), problem.robots[0].camera, plain=True
     )
 
@@ -83,7 +83,7 @@ def test_no_more_is_visible_than_there_is(problem: Problem) -> None:
     assert (found.visible > 0).all() and (share <= 1 + 1e-12).all()
     assert (np.diff(found.rows * len(problem.actors) + found.people) > 0).all()
     seen = of_first_robot(problem).seen(graph_of(problem).n_states + all_states(problem))
-    pairs = set(zip(seen.rows.tolist(), problem.face_owner[seen.faces].tolist(), strict=True))
+    pairs = set(zip(seen.rows.tolist(), problem.face_owner[seen.columns].tolist(), strict=True))
     if not any(isinstance(robot.camera, Cone) for robot in problem.robots):
         assert pairs == set(zip(found.rows.tolist(), found.people.tolist(), strict=True))
 

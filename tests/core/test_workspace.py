@@ -28,7 +28,7 @@ from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.views import Views
+from cocap_opt.vision.views import StateViews
 from cocap_opt.world.columns import MARGIN, PROBE
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
@@ -288,7 +288,7 @@ def coverage_of_all(problem: Problem) -> FloatArray:
     """Coverage of all free states of the first robot at step 2."""
     robot = problem.robots[0]
     graph = TimeGraph.of(problem.workspace, robot.motion, 1)
-    views = Views.of(FaceGeometry(problem), problem, graph, robot.camera)
+    views = StateViews.of(FaceGeometry(problem), problem, graph, robot.camera)
     states = np.flatnonzero(np.tile(graph.free, graph.n_orientations))
     return views.coverage(2, states)
 

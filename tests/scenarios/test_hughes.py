@@ -30,7 +30,7 @@ from cocap_opt.scenarios.formats import hughes
 from cocap_opt.stop import never
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.render import Renderer
-from cocap_opt.vision.views import Views
+from cocap_opt.vision.views import StateViews
 from cocap_opt.world.workspace import HeightMap
 
 # The quickest of their scenes, and the others.
@@ -157,7 +157,7 @@ def test_an_actor_on_the_edge_of_the_cone_is_detected() -> None:
         poses = np.array([[x + 5, y + 5 + off, 0.0, 0.0]] * 3)
         scene = problem.replace(robots=(robot,), actors=(problem.actors[0].replace(poses=poses),))
         graph = TimeGraph.of(scene.workspace, robot.motion, 1)
-        views = Views.of(FaceGeometry(scene), scene, graph, robot.camera)
+        views = StateViews.of(FaceGeometry(scene), scene, graph, robot.camera)
         seen.append(views.coverage(1, np.array([graph.index(State(0, 0))])).sum() > 0)
     assert seen == [True, False, True]
 

@@ -1,7 +1,7 @@
 """The oracle: all plans of a small problem, one by one.
 
 Paths are enumerated on the time-expanded networkx graph, J is added up from their views
-(`Views`), and the referee says what is feasible. Nothing of `reward`, `model`, `constraints`
+(`StateViews`), and the referee says what is feasible. Nothing of `reward`, `model`, `constraints`
 or the planners is used.
 """
 
@@ -18,7 +18,7 @@ from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.referee import _Referee
 from cocap_opt.vision.faces import FaceGeometry
-from cocap_opt.vision.views import Views
+from cocap_opt.vision.views import StateViews
 
 StatePath = tuple[State, ...]
 
@@ -42,16 +42,35 @@ def all_paths(problem: Problem, robot: int) -> list[StatePath]:
 
 
 def pixels_of(problem: Problem, robot: int, paths: list[StatePath]) -> FloatArray:
-    """Pixels [n, T+1, F] that a robot has along each of the paths [n]; 0 where none count."""
+    """Coverage [n, T+1, W] that a robot has along each of the paths [n]; 0 where none count.
+
+    After the pixels of faces come, where these are counted, 1 or 0 for each person: seen or not.
+    """
     spec = problem.robots[robot]
     graph = TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts))
-    views = Views.of(FaceGeometry(problem), problem, graph, spec.camera)
-    pixels = np.zeros((len(paths), problem.horizon + 1, len(problem.face_weights)))
+    views = StateViews.of(FaceGeometry(problem), problem, graph, spec.camera)
+    counted, faces = problem.objective.views, len(problem.face_weights)
+    width = faces + (len(problem.actors) if counted else 0)
+    pixels = np.zeros((len(paths), problem.horizon + 1, width))
     if not paths:
         return pixels
     for t in range(0 if problem.objective.count_start else 1, problem.horizon + 1):
         number = {state: n for n, state in enumerate(dict.fromkeys(path[t] for path in paths))}
-        seen = views.coverage(t, np.array([graph.index(state) for state in number]))
+        states = np.array([graph.index(state) for state in number])
+        seen = np.zeros((len(number), width))
+        seen[:, :faces] = views.coverage(t, states)[:, :faces]
+        if counted:
+            row = {state: k for k, state in enumerate(states.tolist())}
+            nodes = np.sort(states)
+            people = views.people(t * graph.n_states + nodes)
+            for k, person, share in zip(
+                people.rows.tolist(),
+                people.people.tolist(),
+                (people.visible / people.unhidden).tolist(),
+                strict=True,
+            ):
+                is_seen = share >= counted.at_least - 1e-9
+                seen[row[int(nodes[k])], faces + person] = 1.0 if is_seen else 0.0
         pixels[:, t] = seen[[number[path[t]] for path in paths]]
     return pixels
 
@@ -73,11 +92,24 @@ def bonus_of_move(problem: Problem, a: State, b: State) -> float:
 
 
 def views_of(problem: Problem, pixels: FloatArray) -> FloatArray:
-    """View rewards [n] of the pixels [n, T+1, F] of whole plans."""
+    """View rewards [n] of the coverage [n, T+1, W] of whole plans."""
+    faces, counted = len(problem.face_weights), problem.objective.views
+    pixels, counts = pixels[..., :faces], pixels[..., faces:]
     if problem.objective.over_time:
         pixels = pixels.sum(axis=1, keepdims=True)
     values: FloatArray = (np.sqrt(pixels) * weights_of(problem)).sum(axis=(1, 2))
-    return values
+    if counted is None:
+        return values
+    weights = [
+        [
+            (counted.weight[j] if isinstance(counted.weight, tuple) else counted.weight)
+            * (1.0 if actor.importance is None else actor.importance[t])
+            for j, actor in enumerate(problem.actors)
+        ]
+        for t in range(problem.horizon + 1)
+    ]
+    worth = np.minimum(counts, counted.cameras) * np.array(weights).reshape(counts.shape[1:])
+    return values * problem.objective.pixels + worth.sum(axis=(1, 2))
 
 
 def weights_of(problem: Problem) -> FloatArray:
@@ -123,11 +155,12 @@ def search(problem: Problem) -> Optimum:
     shape = tuple(map(len, paths))
     if 0 in shape:
         return Optimum(None, -math.inf)
-    steps, faces = problem.horizon + 1, len(problem.face_weights)
-    pixels, bonus = np.zeros((1, steps, faces)), np.zeros(1)
+    steps, width = problem.horizon + 1, len(problem.face_weights)
+    width += len(problem.actors) if problem.objective.views else 0
+    pixels, bonus = np.zeros((1, steps, width)), np.zeros(1)
     for robot, own in enumerate(paths):
         seen = pixels_of(problem, robot, own)
-        pixels = (pixels[:, None] + seen[None]).reshape(len(bonus) * len(own), steps, faces)
+        pixels = (pixels[:, None] + seen[None]).reshape(len(bonus) * len(own), steps, width)
         extra = np.array([bonus_of(problem, path) for path in own])
         bonus = (bonus[:, None] + extra[None]).ravel()
     values = views_of(problem, pixels) + bonus

@@ -138,7 +138,7 @@ def _coverage() -> list[_Speed]:
 
 
 def _operations_per_second() -> float:
-    """Returns how many sums and products of numbers, one by one, this processor does."""
+    """Returns the sums and products a second that this processor does, one by one."""
     spin = compiled_by_numba(_spin, kept=False)
     spin(1)
     return 16 * _SPINS / _seconds(partial(spin, _SPINS), 5)

@@ -1,0 +1,84 @@
+"""Concave returns: the worth of a view sum, once several drones add to it.
+
+A return phi is concave, does not fall, and phi(0) = 0. Two are there:
+
+- the root, phi(z) = sqrt(z), of the pixels z that drones have on a face;
+- the count, phi(z) = min(z, k), of the number z of drones that see a person.
+
+phi is subadditive then, and for any numbers alpha, beta >= 0, and all amounts c_i >= 0,
+
+    phi(sum_i c_i) <= alpha sum_i phi(c_i) + beta sum_i c_i + kappa,
+    kappa = sup over z >= 0 of (1 - alpha) phi(z) - beta z  if alpha < 1, else 0.
+
+Proof: phi(z) = alpha phi(z) + (1 - alpha) phi(z) with z = sum_i c_i; the first part is at most
+alpha sum_i phi(c_i), the second at most beta z + kappa. Bounds on J rest on this.
+
+Of a count, each drone adds c = 0 or 1, so that phi(c) = c: alpha and beta do the same, and only
+their sum matters. Envelope cuts and what leans on phi(a z) = sqrt(a) phi(z) hold for roots alone.
+"""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, IntArray
+
+
+class Returns(NamedTuple):
+    """The returns of a row of view sums: first those with roots, then counts.
+
+    Attributes
+    ----------
+    n_roots : number of view sums whose return is the root
+    caps : [Z - n_roots] k >= 1 of the others, at which more drones add nothing
+    """
+
+    n_roots: int
+    caps: FloatArray
+
+    def values(self, amounts: FloatArray) -> FloatArray:
+        """Returns phi of amounts [.., Z] of all view sums, without units or in px^0.5/m."""
+        found: FloatArray = np.sqrt(amounts)
+        if len(self.caps):
+            found[..., self.n_roots :] = np.minimum(amounts[..., self.n_roots :], self.caps)
+        return found
+
+    def values_at(self, view_sums: IntArray | slice, amounts: FloatArray) -> FloatArray:
+        """Returns phi of amounts [.., m] of some view sums [m]; a slice holds none but roots."""
+        found: FloatArray = np.sqrt(amounts)
+        if len(self.caps) and not isinstance(view_sums, slice):
+            counts = np.flatnonzero(view_sums >= self.n_roots)
+            caps = self.caps[view_sums[counts] - self.n_roots]
+            found[..., counts] = np.minimum(amounts[..., counts], caps)
+        return found
+
+    def value_of(self, view_sum: int, amounts: FloatArray) -> FloatArray:
+        """Returns phi of amounts of one view sum, in their shape."""
+        if view_sum < self.n_roots:
+            return np.asarray(np.sqrt(amounts))
+        return np.minimum(amounts, float(self.caps[view_sum - self.n_roots]))
+
+    def slopes(self, amounts: FloatArray) -> FloatArray:
+        """Returns slopes [.., Z] of tangents to phi at amounts > 0; 0 for counts at k or beyond."""
+        found: FloatArray = 0.5 / np.sqrt(amounts)
+        if len(self.caps):
+            found[..., self.n_roots :] = amounts[..., self.n_roots :] < self.caps
+        return found
+
+    def kappas(self, alpha: FloatArray, beta: FloatArray, rest: float = 1.0) -> FloatArray:
+        """Returns kappa [Z] of alpha and beta [Z], with `rest` in place of 1.
+
+        It is infinite for roots with alpha < 1 and beta = 0; for counts it never is.
+        """
+        left = np.maximum(rest - alpha, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            found: FloatArray = np.where(left > 0, left**2 / (4 * beta), 0.0)
+        if len(self.caps):
+            at = slice(self.n_roots, None)
+            found[at] = self.caps * np.maximum(left[at] - beta[at], 0.0)
+        return found
+
+    def part(self, view_sums: IntArray) -> Self:
+        """Returns the returns of some view sums [m], increasing."""
+        n_roots = int(np.searchsorted(view_sums, self.n_roots))
+        return type(self)(n_roots, self.caps[view_sums[n_roots:] - self.n_roots])
