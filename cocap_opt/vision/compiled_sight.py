@@ -122,11 +122,6 @@ class CompiledSight:
         )  # fmt: skip
 
 
-def compiled_function() -> Any:
-    """Returns the kernel's compiled function."""
-    return kernel.cover
-
-
 def call_once() -> None:
     """Calls the kernel for no eye at all, so that it is loaded, or compiled and kept."""
     robot, actor = Robot(start=State(0, 0)), Actor(poses=np.zeros((1, 4)))
