@@ -191,8 +191,16 @@ class Kernel:
     def _made(self, stop: Stop) -> None:
         """Compiles it wherever that can be done, and loads it."""
         ours = functions.kept_functions(self.functions)
+        if marks.is_damaged(self.functions):  # numba would load what can be read of it
+            self._forget()
         if functions.can_be_kept(ours):
-            self._compile_apart(stop)
+            try:
+                self._compile_apart(stop)
+            except CompilingError:
+                if not functions.kept_files(ours):
+                    raise
+                self._forget()  # what it has tried to load
+                self._compile_apart(stop)
         import_module(self._module).call_once()
         if not self.is_kept:
             marks.mark(self.functions, functions.kept_files(ours))

@@ -48,6 +48,16 @@ def is_marked(module: str) -> bool:
     return any(_is_true(path) for path in _paths(module))
 
 
+def is_damaged(module: str) -> bool:
+    """Returns True if a file of code has changed since it was marked."""
+    marks = [found for path in _paths(module) if (found := _read(path)) is not None]
+    files = [(Path(file), digest) for found in marks for file, digest in found.kept.items()]
+    try:
+        return any(file.is_file() and _digest(file) != digest for file, digest in files)
+    except OSError:
+        return True
+
+
 def mark(module: str, files: Sequence[Path]) -> None:
     """Marks a module's compiled functions as kept in these files; none leaves them unmarked."""
     found = _Mark(_stamps(module), {str(file): _digest(file) for file in files})
