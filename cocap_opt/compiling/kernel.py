@@ -6,7 +6,7 @@ from threading import Lock
 
 from cocap_opt.compiling import functions, marks
 from cocap_opt.compiling.functions import CompilingError
-from cocap_opt.stop import LimitReached, Stop, never
+from cocap_opt.stop import FirstOf, LimitReached, Stop, TimeLimit, never
 
 _log = logging.getLogger(__name__)
 
@@ -30,7 +30,7 @@ class Kernel:
     Attributes
     ----------
     is_loaded : it is loaded, so that it is used
-    has_failed : numba has failed in this process, and is not asked again
+    has_failed : it is given up in this process, as numba fails or takes too long
     """
 
     def __init__(
@@ -137,8 +137,7 @@ class Kernel:
             try:
                 self.load(stop)
             except CompilingError as error:
-                self.has_failed = True
-                _log.warning("%s is not compiled, and takes longer: %s", self.name, error)
+                self._fail(str(error))
         return self.is_loaded
 
     def _repays(self, work: float) -> bool:
@@ -152,10 +151,23 @@ class Kernel:
         if self._is_missing and stop is None:  # known, and asked at every step of a sweep
             return
         if stop is not None:
-            self.takes_over(stop)
+            self._take_over_within(work, stop)
             return
         with self._lock:
             self._is_missing = not (self.is_loaded or self._load_kept())
+
+    def _take_over_within(self, work: float, stop: Stop) -> None:
+        """Does as `takes_over` does, but waits no longer than the work (s) takes without it."""
+        try:
+            self.takes_over(FirstOf(stop, TimeLimit(work)))
+        except LimitReached:
+            stop.check()
+            self._fail("compiling takes long here; `cocap-opt compile` does it ahead")
+
+    def _fail(self, words: str) -> None:
+        """Gives it up in this process."""
+        self.has_failed = True
+        _log.warning("%s is not compiled, and takes longer: %s", self.name, words)
 
     def _load_kept(self) -> bool:
         """Loads what is kept; returns False if nothing is, or nothing that can be used."""

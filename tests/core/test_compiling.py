@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from cocap_opt.compiling import Kernel, apart, functions, marks
+from cocap_opt.compiling import Kernel, apart, functions, kernel, marks
 from cocap_opt.compiling.functions import CompilingError
 from cocap_opt.stop import Interrupt, Limit, LimitReached, Stop, never
 
@@ -242,16 +242,36 @@ def test_processes_of_a_sweep_give_no_advice(
     assert not caplog.text
 
 
+def compiles_for_ever(use: Kernel, patch: pytest.MonkeyPatch) -> None:
+    """Lets a kernel wait for a limit."""
+    patch.setattr(functions, "is_there", lambda: True)
+    patch.setattr(marks, "is_marked", lambda module: False)
+    patch.setattr(kernel, "_LOADING", 0.0)
+
+    def compile_(stop: Stop) -> None:
+        while True:
+            stop.check()
+
+    patch.setattr(use, "_made", compile_)
+
+
+def test_who_has_waited_as_long_as_numpy_takes_waits_no_longer(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Other machines, and those with much else to do, compile several times as long."""
+    use = Kernel(MODULE, "value iteration", 0.0)
+    compiles_for_ever(use, monkeypatch)
+    with caplog.at_level(logging.WARNING):
+        for _ in range(2):
+            use.prepare(0.01, never)
+    assert use.has_failed and not use.is_loaded
+    assert caplog.text.count("compiling takes long here; `cocap-opt compile` does it ahead") == 1
+
+
 def test_an_interrupted_kernel_has_not_failed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C is passed on; what is compiled may be so another time."""
     use = Kernel(MODULE, "value iteration", 4.0)
-    monkeypatch.setattr(functions, "is_there", lambda: True)
-    monkeypatch.setattr(marks, "is_marked", lambda module: False)
-
-    def compile_(stop: Stop) -> None:
-        stop.check()
-
-    monkeypatch.setattr(use, "_made", compile_)
+    compiles_for_ever(use, monkeypatch)
     interrupt = Interrupt()
     interrupt.pressed = True
     with pytest.raises(LimitReached):
