@@ -3,6 +3,7 @@
 import logging
 from importlib import import_module
 from threading import Lock
+from typing import Any
 
 from cocap_opt.compiling import functions, marks
 from cocap_opt.compiling.functions import CompilingError
@@ -205,23 +206,26 @@ class Kernel:
         ours = functions.kept_functions(self.functions)
         if marks.is_damaged(self.functions):  # numba would load what can be read of it
             self._forget()
+            if functions.kept_files(ours):
+                raise CompilingError("what is kept is damaged, and cannot be removed")
         if functions.can_be_kept(ours):
-            try:
-                self._compile_apart(stop)
-            except CompilingError:
-                if not functions.kept_files(ours):
-                    raise
-                self._forget()  # what it has tried to load
-                self._compile_apart(stop)
+            self._compile_apart(ours, stop)
         import_module(self._module).call_once()
         if not self.is_kept:
             marks.mark(self.functions, functions.kept_files(ours))
 
-    def _compile_apart(self, stop: Stop) -> None:
+    def _compile_apart(self, ours: list[Any], stop: Stop) -> None:
+        """Compiles its functions in another process, where there can be one."""
         from cocap_opt.compiling.apart import compile_apart  # few processes compile
 
         try:
-            compile_apart(self._module, self.functions, stop)
+            try:
+                compile_apart(self._module, self.functions, stop)
+            except CompilingError:
+                if not functions.kept_files(ours):
+                    raise
+                self._forget()  # what it has tried to load
+                compile_apart(self._module, self.functions, stop)
         except OSError as error:  # then it is compiled here, where Ctrl-C waits for it
             _log.info("%s is compiled in this process: %s", self.name, error)
 

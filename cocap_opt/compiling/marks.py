@@ -103,10 +103,12 @@ def _processor() -> str:
     """Returns a description of this processor, which is read in no time."""
     try:
         first = _CPUINFO.read_text(encoding="utf-8", errors="replace").partition("\n\n")[0]
-    except OSError:  # where nothing tells its kind, another machine's may differ
-        return repr((platform.machine(), platform.node(), os.environ.get("PROCESSOR_IDENTIFIER")))
+    except OSError:
+        first = ""
     lines = [line.partition(":") for line in first.splitlines()]
     kept = [(name.strip(), value) for name, _, value in lines if name.strip() in _KINDS]
+    if not kept:  # where nothing tells its kind, another machine's may differ
+        kept = [(platform.node(), os.environ.get("PROCESSOR_IDENTIFIER", ""))]
     return repr((platform.machine(), kept))
 
 

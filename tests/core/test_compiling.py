@@ -52,7 +52,8 @@ class Kept:
     """
 
     def __init__(self, folder: Path, patch: pytest.MonkeyPatch) -> None:
-        pytest.importorskip("numba")
+        if not functions.is_there():
+            pytest.skip("needs the extra [fast]")
         self.folder, self.source = folder / "kept", folder / "kernel.py"
         self.code, self.index = folder / "kernel.f-1.1.nbc", folder / "kernel.f-1.nbi"
         for path in (self.source, self.code, self.index):
@@ -149,22 +150,20 @@ def test_marks_are_beside_the_source_where_no_folder_can_be_written(
     assert [*(kept.source.parent / "__pycache__").glob("kernel-*.kept")]
 
 
+@pytest.mark.slow
 def test_processes_know_without_numba_that_nothing_is_kept(tmp_path: Path) -> None:
     """Importing it takes half a second, and short runs have no use for it."""
     code = (
         "import sys; from cocap_opt.vision import views; views.KERNEL.spend(10.0); "
         "print(views.KERNEL.is_loaded, 'numba' in sys.modules)"
     )
-    for folder in (os.devnull, str(tmp_path)):
-        environment = {**os.environ, "NUMBA_CACHE_DIR": folder, "NUMBA_CPU_NAME": "none such"}
-        found = subprocess.run(
-            [sys.executable, "-c", code],
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )  # fmt: skip
-        assert found.stdout.split() == ["False", "False"]
+    environment = {
+        **os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_CPU_NAME": "none such",
+    }  # fmt: skip
+    found = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    assert found.stdout.split() == ["False", "False"]
 
 
 class Held(Stop):
@@ -207,7 +206,20 @@ def test_without_python_to_start_it_is_compiled_here(monkeypatch: pytest.MonkeyP
     """As where the program is one file that has Python in it."""
     monkeypatch.setattr(sys, "executable", "")
     use = Kernel(MODULE, "value iteration", 4.0)
-    use._compile_apart(never)
+    use._compile_apart([], never)
+
+
+def test_what_is_damaged_and_cannot_be_removed_is_not_used(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As in a folder that others have filled; numba would load what can be read of it."""
+    monkeypatch.setattr(functions, "kept_functions", lambda module: [])
+    monkeypatch.setattr(functions, "kept_files", lambda ours: [Path("any.nbc")])
+    monkeypatch.setattr(marks, "is_marked", lambda module: False)
+    monkeypatch.setattr(marks, "is_damaged", lambda module: True)
+    monkeypatch.setattr(marks, "unmark", lambda module: None)
+    with pytest.raises(CompilingError, match="cannot be removed"):
+        Kernel(MODULE, "value iteration", 4.0).load()
 
 
 @pytest.mark.parametrize(
