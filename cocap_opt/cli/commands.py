@@ -19,7 +19,7 @@ from cocap_opt.cli import (
     solver_commands,
     verify_command,
 )
-from cocap_opt.console.streams import one_line, say
+from cocap_opt.console.streams import say
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.sweeps.crew import ClusterError
 from cocap_opt.files.documents import FileError
@@ -126,15 +126,18 @@ class _Once(logging.Filter):
         return new
 
 
-class _OneLine(logging.Formatter):
-    """Writes a message on one line; some of it may come from files, as what is said may."""
+class _ToStderr(logging.Handler):
+    """Says messages where standard error leads now: above lines that change, if there are any."""
 
-    def format(self, record: logging.LogRecord) -> str:
-        return one_line(super().format(record))
+    def emit(self, record: logging.LogRecord) -> None:
+        try:
+            say(self.format(record))
+        except Exception:  # as handlers of `logging` do
+            self.handleError(record)
 
 
 def _log_to_stderr() -> None:
-    handler = logging.StreamHandler(sys.stderr)
+    handler = _ToStderr()
     handler.addFilter(_Once())
-    handler.setFormatter(_OneLine("cocap-opt: %(message)s"))
+    handler.setFormatter(logging.Formatter())  # else `basicConfig` puts names before it
     logging.basicConfig(handlers=[handler], level=logging.WARNING)

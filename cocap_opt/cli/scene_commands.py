@@ -6,10 +6,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.cli.options import FLAG, Json, Output, Scene, Seed, Whole, load
-from cocap_opt.compiling import CompilingError, is_there
+from cocap_opt.compiling import CompilingError, Kernel, is_there
 from cocap_opt.console.progress import Watch
 from cocap_opt.files.documents import SceneFile, encode, problem_digest
-from cocap_opt.graph import value_iteration
 from cocap_opt.output.files import check_output, save_bytes
 from cocap_opt.output.graphml import graphml
 from cocap_opt.output.known_scenes import known_scenes
@@ -18,7 +17,6 @@ from cocap_opt.problem import Problem
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios.hardware import with_cameras
 from cocap_opt.stop import Clock
-from cocap_opt.vision import views
 
 _GRAPH = ".graphml"
 
@@ -130,22 +128,34 @@ def _angles(option: str, text: str) -> tuple[float, ...]:
         raise UsageError(f"{option}: must be numbers such as 10,30,60, not {text!r}") from None
 
 
+def kernels() -> tuple[Kernel, ...]:
+    """Returns all kernels of this project."""
+    from cocap_opt.formulations.certificates.staged import compiled_search
+    from cocap_opt.formulations.column_generation.step_envelopes import known_states
+    from cocap_opt.graph import value_iteration
+    from cocap_opt.vision import views
+
+    return views.KERNEL, value_iteration.KERNEL, compiled_search.KERNEL, known_states.KERNEL
+
+
 def _compile() -> int:
-    """Compile coverage and value iteration ahead, so that no first run on a machine waits for it.
+    """Compile all that is compiled ahead, so that no first run on a machine waits for it.
+
+    It is coverage, value iteration, and the searches of the gap.
 
     Example: cocap-opt compile
     """
     if not is_there():
         raise UsageError("numba is not installed; `pip install -e '.[fast]'` installs it")
     clock = Clock()
-    with Watch.on_terminal("compiling, some 20 s, once on a machine"):
-        kernels = (views.KERNEL, value_iteration.KERNEL)
-        try:
-            for kernel in kernels:
+    with Watch.on_terminal("compiling, some 25 s, once on a machine") as watch:
+        for done, kernel in enumerate(kernels()):
+            watch.show(f"{kernel.name}, {done + 1} of {len(kernels())}")
+            try:
                 kernel.load()
-        except CompilingError as error:
-            raise UsageError(f"{error}; what it had kept is removed: try again") from error
-    if not all(kernel.is_kept for kernel in kernels):
+            except CompilingError as error:
+                raise UsageError(f"{error}; what it had kept is removed: try again") from error
+    if not all(kernel.is_kept for kernel in kernels()):
         raise UsageError(
             "nothing could be kept: set NUMBA_CACHE_DIR to a folder that can be written"
         )

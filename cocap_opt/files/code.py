@@ -56,6 +56,19 @@ def with_imports(*modules: str) -> frozenset[str]:
     return frozenset(found)
 
 
+def files_with_imports(module: str) -> tuple[Path, ...]:
+    """Returns the file of a module, and those of all from which it imports names to run.
+
+    Raises
+    ------
+    ValueError
+        If there is no such module.
+    """
+    (found,) = _modules(module)
+    others = sorted(name for name in _imports(found) if not name.endswith(".__init__"))
+    return tuple(_path(name) for name in (found, *others))
+
+
 def _imports(module: str) -> set[str]:
     """Returns the modules of this project that one imports, and the fronts of their rooms."""
     names = [name.split(".") for name in _imported_names(_text(module))]

@@ -5,7 +5,6 @@ the tests hold it to. Only imported where numba is.
 """
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -132,11 +131,6 @@ def best_of_moves(
         for q in range(ahead.shape[1]):
             _turn(ahead, h, q, turn, pitch_turn, turned[h, q])
             _move(turned[h, q], reaches, strides, places, heads, room[2:], best[h, q])
-
-
-def compiled_function() -> Any:
-    """Returns the kernel's compiled function."""
-    return sweep
 
 
 def call_once() -> None:

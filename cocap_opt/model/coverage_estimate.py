@@ -54,7 +54,7 @@ class CoverageEstimate(NamedTuple):
         total = int(sizes.sum())
         if not total:
             return cls()
-        views.prepare(total, 0.0)  # by compiled code, if that is kept and soon repaid
+        views.prepare(total)  # by compiled code, if that is kept and soon repaid
         most = min(int(max(_SHARE * total / _PARTS, _LEAST)), views.batch)
         large = _parts(n_places, reachable, most)
         views.seen(large[0][:1])  # what is made once, and kept, is no part of the rate

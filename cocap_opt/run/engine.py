@@ -130,6 +130,7 @@ def _cover(model: Model, method: Method[Any], stop: Stop, watch: Watch) -> None:
     Where the limit comes first, planners leave time for planning with what there is, and bounds
     for a bound.
     """
+    watch.show("coverage")  # before the first views, code may be compiled
     progress = watch.countdown("coverage")
     if method.bounds:
         with suppress(LimitReached):  # the method meets the limit as well

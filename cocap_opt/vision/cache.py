@@ -7,7 +7,6 @@ bytes are the digest of the rest, so that a damaged file is noticed and made aga
 import hashlib
 import io
 import logging
-import os
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -20,6 +19,7 @@ import numpy as np
 
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.code import code_digest, with_imports
+from cocap_opt.files.users_folder import users_folder
 from cocap_opt.vision.coverage import CoverageTable
 
 log = logging.getLogger(__name__)
@@ -39,7 +39,7 @@ class TableCache(NamedTuple):
 
         It has no folder if the user has no home.
         """
-        return cls(_users_folder())
+        return cls(users_folder())
 
     @staticmethod
     def key(maker: str, *parts: object) -> str:
@@ -73,18 +73,6 @@ class TableCache(NamedTuple):
 
     def _path(self, key: str) -> Path:
         return (self.folder or Path()) / f"{key}.coverage"
-
-
-def _users_folder() -> Path | None:
-    """Returns the folder of the user's cache; None if the user has no home."""
-    if folder := os.environ.get("COCAP_OPT_CACHE"):
-        return Path(folder)
-    if caches := os.environ.get("XDG_CACHE_HOME"):
-        return Path(caches) / "cocap-opt"
-    try:
-        return Path.home() / ".cache" / "cocap-opt"
-    except RuntimeError:  # no HOME, and the user is not in the password database
-        return None
 
 
 @cache

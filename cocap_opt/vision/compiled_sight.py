@@ -136,11 +136,6 @@ def _as_given(order: IntArray, counts: IntArray, columns: Sequence[NDArray[Any]]
     return np.repeat(np.arange(len(counts)), sizes), *(column[at] for column in columns)
 
 
-def compiled_function() -> Any:
-    """Returns the kernel's compiled function."""
-    return kernel.cover
-
-
 def call_once() -> None:
     """Calls the kernel for no eye at all, so that it is loaded, or compiled and kept."""
     robot, actor = Robot(start=State(0, 0)), Actor(poses=np.zeros((1, 4)))

@@ -13,7 +13,7 @@ import numpy as np
 
 from cocap_opt.arithmetic import spans
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.stop import Stop, never
+from cocap_opt.stop import Clock, Stop, never
 from cocap_opt.vision.viewpoints import Viewpoints
 from cocap_opt.vision.views import StateViews
 
@@ -108,8 +108,8 @@ class GrowingTable:
         sizes = np.count_nonzero(self._reachable, axis=1)
         sizes[: self._first_step] = 0
         done, total = int(sizes[: self.steps].sum()), int(sizes.sum())
-        self._views.prepare(total - done, stop.seconds_left)
-        pool = ThreadPoolExecutor(self._threads)
+        self._views.prepare(total - done, stop)
+        pool, clock = ThreadPoolExecutor(self._threads), Clock()
         try:
             for first, last in _groups(sizes, self.steps, self._views.batch, self._threads):
                 batches, found = self._batches(first, last), [_NO_ROWS]
@@ -127,6 +127,7 @@ class GrowingTable:
                 self.steps, done = last, done + sought
         finally:
             pool.shutdown(cancel_futures=True)
+            self._views.advise(clock.seconds)
 
     def _batches(self, first: int, last: int) -> list[Viewpoints]:
         """Returns the reachable states at steps first..last - 1 in batches."""

@@ -18,6 +18,7 @@ from cocap_opt.compiling import Kernel
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
+from cocap_opt.stop import Stop
 from cocap_opt.vision.faces import FaceGeometry, Faces
 from cocap_opt.vision.projection import Projection, dot, solid_angles
 from cocap_opt.vision.viewpoints import Viewpoints
@@ -26,7 +27,10 @@ from cocap_opt.vision.visibility import IN_ITS_PLANE, Sightings, Visibility
 if TYPE_CHECKING:
     from cocap_opt.vision.compiled_sight import CompiledSight
 
-KERNEL = Kernel("cocap_opt.vision.compiled_sight", "what finds coverage", compiling=13.0)
+KERNEL = Kernel(
+    "cocap_opt.vision.compiled_sight", "what finds coverage", compiling=13.0,
+    functions="cocap_opt.vision.view_kernel",
+)  # fmt: skip
 _EACH = 5e-7  # s, of NumPy's way for a view of a person: measured
 ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
 
@@ -412,8 +416,18 @@ class StateViews(ABC):
         return seconds
 
     @abstractmethod
-    def prepare(self, views: int, seconds: float) -> None:
-        """Makes ready for so many views, for which there are so many seconds."""
+    def prepare(self, views: int, stop: Stop | None = None) -> None:
+        """Makes ready for so many views, by what compiled code is kept, or with a stop by more.
+
+        Raises
+        ------
+        LimitReached
+            If a limit is reached before code is compiled.
+        """
+
+    @abstractmethod
+    def advise(self, seconds: float) -> None:
+        """Says how coverage that has taken so long is found faster, if it can be."""
 
     @abstractmethod
     def _seen(self, nodes: IntArray, steps: tuple[int, int] | None, people: bool) -> Seen:
@@ -498,10 +512,15 @@ class PinholeViews(StateViews):
         """Returns the seconds that views take once what finds them is compiled."""
         return KERNEL.expected(seconds) if self._pinhole.may_be_compiled else seconds
 
-    def prepare(self, views: int, seconds: float) -> None:
-        """Loads what finds many views, if that is soon repaid."""
+    def prepare(self, views: int, stop: Stop | None = None) -> None:
+        """Loads what finds many views, if that is soon repaid; with a stop compiles it, too."""
         if self._pinhole.may_be_compiled:
-            KERNEL.prepare(_EACH * views * len(self.problem.actors), seconds)
+            KERNEL.prepare(_EACH * views * len(self.problem.actors), stop)
+
+    def advise(self, seconds: float) -> None:
+        """Says, once, what compiled code would have saved of so many seconds."""
+        if self._pinhole.may_be_compiled:
+            KERNEL.advise("coverage", seconds)
 
     def _seen(self, nodes: IntArray, steps: tuple[int, int] | None, people: bool) -> Seen:
         if not self.n_faces or not len(nodes):
@@ -528,8 +547,11 @@ class ConeViews(StateViews):
         super().__init__(geometry, problem, graph)
         self.sight = ConeSight(geometry, problem, cone)
 
-    def prepare(self, views: int, seconds: float) -> None:
+    def prepare(self, views: int, stop: Stop | None = None) -> None:
         """Does nothing: no view takes long."""
+
+    def advise(self, seconds: float) -> None:
+        """Says nothing: no view is compiled."""
 
     @property
     def batch(self) -> int:

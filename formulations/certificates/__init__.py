@@ -41,16 +41,19 @@ Below both, the trusted core, about 4,600 lines:
 Importing the room loads these as well, on which no number depends:
 
 - `model`: `coverage_estimate`; what coverage will cost.
-- `files`: `atomic_write`, `messages`; how files are written, and errors worded.
+- `files`: `atomic_write`, `messages`, `users_folder`; how and where files are written, and errors
+  worded.
 - `formulations`, `method`; names of methods, none of which is imported.
 - `memory`, `stop`, `text`; refusals of what is too large, limits, and words.
-- `compiling`; when compiled code finds coverage: not in a model that checks.
+- `compiling`: `functions`, `kernel`, `marks`; when compiled code finds coverage: not in a model
+  that checks.
 
 What it may import but does not load at once:
 
 - `vision.surfaces`; rays, where a scene has meshes that are not convex: trusted for these scenes.
 - `problem.pictures`; for `Problem.plot`. `verify` draws nothing.
 - `vision.cache`, `files.code`; the cache of coverage. `verify` makes a model without it.
+- `compiling.apart`; compiling in another process.
 - `vision.compiled_sight`, `vision.view_kernel`; coverage by compiled code. `verify` makes a model
   without it.
 

@@ -12,11 +12,12 @@ from strategies import examples
 from test_culling import all_states, close_ups, graph_of, hills, rough_maps
 
 from cocap_opt import compiling
-from cocap_opt.compiling import Kernel
+from cocap_opt.compiling import Kernel, functions, marks
 from cocap_opt.data import IntArray
 from cocap_opt.model import Model
 from cocap_opt.problem import Prism, Problem
 from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import Stop, TimeLimit, never
 from cocap_opt.vision import views
 from cocap_opt.vision.coverage import CoverageTable
 from cocap_opt.vision.faces import FaceGeometry
@@ -113,6 +114,20 @@ def test_plain_views_use_no_compiled_code(kernel: Kernel, monkeypatch: pytest.Mo
         Model(problem, use_cache=False).prepare_all()
 
 
+def loads_or_compiles(use: Kernel, kept: bool, patch: pytest.MonkeyPatch) -> None:
+    """Lets a kernel do neither really."""
+
+    def load() -> bool:
+        use.is_loaded = kept
+        return kept
+
+    def compile_(stop: Stop) -> None:
+        use.is_loaded = True
+
+    patch.setattr(use, "_load_kept", load)
+    patch.setattr(use, "_made", compile_)
+
+
 @pytest.mark.parametrize(
     ("work", "left", "kept", "loaded", "told"),
     [
@@ -127,11 +142,11 @@ def test_the_kernel_is_loaded_or_compiled_where_that_is_repaid(
 ) -> None:  # fmt: skip
     """Little work stays with NumPy; compiling, which takes long, is said, and kept to a limit."""
 
-    monkeypatch.setattr(Kernel, "is_kept", kept)
     use = of_views()
-    monkeypatch.setattr(use, "load", lambda: setattr(use, "is_loaded", True))
+    loads_or_compiles(use, kept, monkeypatch)
+    stop = TimeLimit(left) if left < np.inf else never
     with caplog.at_level(logging.WARNING):
-        use.prepare(work, left)
+        use.prepare(work, stop)
     assert use.is_loaded == loaded
     assert ("compiled" in caplog.text) == told
 
@@ -140,9 +155,8 @@ def test_many_small_views_load_the_kernel_too(monkeypatch: pytest.MonkeyPatch) -
     """But never compile it: nobody knows whether there will be more."""
 
     for kept in (False, True):
-        monkeypatch.setattr(Kernel, "is_kept", kept)
         use = of_views()
-        monkeypatch.setattr(use, "load", lambda use=use: setattr(use, "is_loaded", True))
+        loads_or_compiles(use, kept, monkeypatch)
         for _ in range(100):
             use.spend(0.02)
         assert use.is_loaded == kept
@@ -150,9 +164,9 @@ def test_many_small_views_load_the_kernel_too(monkeypatch: pytest.MonkeyPatch) -
 
 def test_without_numba_nothing_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
     """NumPy's way is there everywhere."""
-    monkeypatch.setattr(compiling, "is_there", lambda: False)
+    monkeypatch.setattr(functions, "is_there", lambda: False)
     use = of_views()
-    use.prepare(1e9, np.inf)
+    use.prepare(1e9, never)
     assert not use.is_loaded
 
 
@@ -185,18 +199,17 @@ def test_numba_that_fails_leaves_it_to_numpy(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Said once; and nobody tries again in this process."""
-    from cocap_opt.vision import compiled_sight
 
-    def fails() -> None:
+    def fails(module: str) -> None:
         raise ImportError("numba needs NumPy 1.26 or less")
 
     monkeypatch.setattr(Kernel, "is_kept", True)
-    monkeypatch.setattr(compiled_sight, "call_once", fails)
-    monkeypatch.setattr(compiling, "_forget", lambda _: None)
+    monkeypatch.setattr(functions, "kept_functions", fails)
+    monkeypatch.setattr(marks, "unmark", lambda _: None)
     use = of_views()
     with caplog.at_level(logging.WARNING):
         for _ in range(2):
-            use.prepare(100.0, np.inf)
+            use.prepare(100.0, never)
     assert not use.is_loaded
     assert caplog.text.count("takes longer: numba fails (ImportError: numba needs NumPy") == 1
 

@@ -21,7 +21,7 @@ from strategies import Calls, examples, tiny
 import cocap_opt as co
 import cocap_opt.formulations.certificates.staged.stages as checker
 import cocap_opt.formulations.column_generation.step_envelopes.envelopes as envelopes
-from cocap_opt.compiling import is_there
+from cocap_opt.compiling import functions, is_there
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import (
     CertificateError,
@@ -64,6 +64,9 @@ from cocap_opt.formulations.column_generation.step_envelopes.counting import (
     states_left,
 )
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
+from cocap_opt.formulations.column_generation.step_envelopes.known_states import (
+    KERNEL as LOCAL_SEARCH,
+)
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import (
     Known,
     _local_optima,
@@ -373,6 +376,26 @@ def test_the_compiled_search_finds_the_same() -> None:
         assert compiled_.nodes == plain.nodes
         if plain.positions:
             assert joint.reduced_profit(compiled_.positions) == pytest.approx(plain.profit)
+
+
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
+@pytest.mark.long
+def test_searches_take_what_they_are_compiled_for_ahead() -> None:
+    """Other types or layouts of their arrays would compile them once more, in silence."""
+    every: list[object] = []
+    for kernel in (compiled_search.KERNEL, LOCAL_SEARCH):
+        kernel.load()
+        every += functions.kept_functions(kernel.functions)
+    rng, narrowing = np.random.default_rng(0), open_narrowing(1)
+    with functions.nothing_compiled(every), pytest.MonkeyPatch.context() as patch:
+        for _ in range(5):
+            joint = with_ceilings(random_joint_states(rng), rng)
+            plain_search._run_compiled(joint, 0.0, 10**6, never)
+            _local_optima(joint, [], is_compiled=True)
+        patch.setattr(joint_paths, "PLAIN_NODES", -1)
+        patch.setattr(joint_paths, "_NODES_AT_ONCE", 500)
+        with pytest.raises(LimitReached):
+            best_plan(narrowing, 10**9, Calls(5))
 
 
 @pytest.mark.parametrize("is_compiled", [False, True])

@@ -1,18 +1,20 @@
 """Kernels for tests: in a process that has done nothing yet, or in which none is ever loaded."""
 
 from cocap_opt.compiling import Kernel
+from cocap_opt.stop import Stop
 
 
 class NotLoaded(Kernel):
     """One that is never loaded."""
 
-    def _load(self, work: float, may_compile: bool) -> None:
+    def _load_where_worth_it(self, work: float, stop: Stop | None) -> None:
         pass
 
 
 def of_views(kind: type[Kernel] = Kernel) -> Kernel:
     """That of views."""
-    return kind("cocap_opt.vision.compiled_sight", "what finds coverage", 13.0)
+    functions = "cocap_opt.vision.view_kernel"
+    return kind("cocap_opt.vision.compiled_sight", "what finds coverage", 13.0, functions)
 
 
 def of_sweeps(kind: type[Kernel] = Kernel) -> Kernel:

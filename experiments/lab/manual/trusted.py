@@ -17,8 +17,8 @@ COMPILED = frozenset(f"{UPPER}.{name}" for name in ("compiled_search", "search_k
 UNUSED = frozenset(
     f"cocap_opt.{name}"
     for name in (
-        "problem.pictures", "vision.cache", "files.code", "vision.compiled_sight",
-        "vision.view_kernel",
+        "problem.pictures", "vision.cache", "files.code", "compiling.apart",
+        "vision.compiled_sight", "vision.view_kernel",
     )
 )  # fmt: skip
 _DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef

@@ -5,20 +5,32 @@ twenty times as fast, and can be interrupted; the tests hold them to it. Without
 runs.
 """
 
-import sys
-
-from cocap_opt.compiling import is_there
+from cocap_opt.compiling import Kernel, is_there
 from cocap_opt.stop import Stop
 
-_KERNEL = "cocap_opt.formulations.certificates.staged.search_kernel"
 _COMPILING = 5.0  # seconds that the first compiled search of a machine may take
+KERNEL = Kernel(
+    "cocap_opt.formulations.certificates.staged.search_kernel", "the search of joint states",
+    compiling=_COMPILING,
+)  # fmt: skip
 
 
 def is_loaded() -> bool:
     """Returns True if the compiled search has been used, so that it is loaded."""
-    return _KERNEL in sys.modules
+    return KERNEL.is_loaded
 
 
 def may_take_over(stop: Stop) -> bool:
     """Returns True if numba is installed, and a limit of time leaves enough to compile."""
-    return is_there() and stop.seconds_left > _COMPILING
+    return is_there() and not KERNEL.has_failed and stop.seconds_left > _COMPILING
+
+
+def takes_over(stop: Stop) -> bool:
+    """Returns True once the compiled search is loaded; False if numba fails.
+
+    Raises
+    ------
+    LimitReached
+        If a limit is reached while it is compiled.
+    """
+    return KERNEL.takes_over(stop)

@@ -169,9 +169,9 @@ class _Following:
         try:
             collected, nodes = all_that_count(joint, min(most, self.nodes_left), stop)
         except NotEndedError:
-            if may_compile:
-                return None
-            raise
+            if not may_compile:
+                raise
+            return None if compiled_search.takes_over(stop) else self._plain(joint, stop)
         self._spend(nodes, len(collected))
         self._plain_nodes += nodes
         return collected

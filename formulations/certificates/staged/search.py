@@ -116,7 +116,10 @@ def _searched(
     except NotEndedError:
         if not is_long:
             raise
-        return _run_compiled(joint, least, most_nodes, stop)
+        if compiled_search.takes_over(stop):
+            return _run_compiled(joint, least, most_nodes, stop)
+        search = _PlainSearch(joint, least, most_nodes)
+        search.run(stop)
     return search
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.compiling import compiled, tell_of_compiling
+from cocap_opt.compiling import compiled
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
 
@@ -68,10 +68,10 @@ class _MoveLists(NamedTuple):
 
 
 # Into the callers: calls that hand over all arrays took half as long again.
-_compiled = partial(compiled, forceinline=True)
+_inlined = partial(compiled, kept=False, forceinline=True)
 
 
-@_compiled
+@_inlined
 def _end(memory: _Memory, depth: int, best: float) -> float:
     """Takes down a joint state that is complete; returns the largest profit so far."""
     if len(memory.collected):
@@ -85,7 +85,7 @@ def _end(memory: _Memory, depth: int, best: float) -> float:
     return best
 
 
-@_compiled
+@_inlined
 def _at_most(so_far: float, data: _Inputs, depth: int, largest: FloatArray, row: int) -> float:
     """Returns an upper bound, by which each robot that is left adds its class's largest gain."""
     for c in range(data.counts.shape[1]):
@@ -94,7 +94,7 @@ def _at_most(so_far: float, data: _Inputs, depth: int, largest: FloatArray, row:
     return so_far
 
 
-@_compiled
+@_inlined
 def _keep_within_bounds(
     data: _Inputs, memory: _Memory, depth: int, least: float, floor: float
 ) -> None:
@@ -118,7 +118,7 @@ def _keep_within_bounds(
         memory.numbers[depth, 0] = kept
 
 
-@_compiled
+@_inlined
 def _gain(data: _Inputs, memory: _Memory, depth: int) -> None:
     """Computes what each state would gain here, and the largest of each class."""
     values, seen, largest = memory.values, memory.seen, memory.largest
@@ -138,7 +138,7 @@ def _gain(data: _Inputs, memory: _Memory, depth: int) -> None:
             largest[row, c] = max(largest[row, c], values[row, depth, i])
 
 
-@_compiled
+@_inlined
 def _keep_high(data: _Inputs, memory: _Memory, depth: int, least: float, floor: float) -> None:
     """Drops states that reach too little with the largest gains of the robots that are left."""
     states, values, largest = memory.states, memory.values, memory.largest
@@ -161,7 +161,7 @@ def _keep_high(data: _Inputs, memory: _Memory, depth: int, least: float, floor: 
     memory.numbers[depth, 0], memory.numbers[depth, 1] = kept, same
 
 
-@_compiled
+@_inlined
 def _begin_with_highest(memory: _Memory, depth: int) -> None:
     """Sorts the states of the next robot's class by their gains, and begins with the first.
 
@@ -180,7 +180,7 @@ def _begin_with_highest(memory: _Memory, depth: int) -> None:
     memory.child[depth] = 0
 
 
-@_compiled
+@_inlined
 def _is_exhausted(data: _Inputs, memory: _Memory, depth: int, least: float) -> bool:
     """Returns True if no child that is left reaches more than the least wanted."""
     i, values = memory.child[depth], memory.values
@@ -191,7 +191,7 @@ def _is_exhausted(data: _Inputs, memory: _Memory, depth: int, least: float) -> b
     return bool(values[MOST, depth, i] - others * fallen <= least)
 
 
-@_compiled
+@_inlined
 def _descend(data: _Inputs, memory: _Memory, depth: int, least: float) -> None:
     """Takes the next child's state and goes down: what is seen and priced there."""
     i, seen, profits = memory.child[depth], memory.seen, memory.profits
@@ -212,7 +212,7 @@ def _descend(data: _Inputs, memory: _Memory, depth: int, least: float) -> None:
     _hand_down(data, memory, depth, i, least)
 
 
-@_compiled
+@_inlined
 def _hand_down(data: _Inputs, memory: _Memory, depth: int, taken: int, least: float) -> None:
     """Hands down the states that do not conflict with the one taken and do not come before it."""
     states, values = memory.states, memory.values
@@ -232,7 +232,7 @@ def _hand_down(data: _Inputs, memory: _Memory, depth: int, taken: int, least: fl
     memory.numbers[depth + 1, 0] = kept
 
 
-@_compiled
+@partial(compiled, forceinline=True)
 def _advance(data: _Inputs, memory: _Memory, best: float, floor: float, nodes: int) -> float:
     """Goes on with a search for so many nodes; returns the largest profit so far."""
     depth = memory.progress[DEPTH]
@@ -260,7 +260,7 @@ def _advance(data: _Inputs, memory: _Memory, best: float, floor: float, nodes: i
     return best
 
 
-@_compiled
+@_inlined
 def _begin_with_choices(memory: _Memory, choices: _MoveLists, tail: int) -> None:
     """Begins a search among the states that may be taken from a joint state before."""
     n = 0
@@ -415,4 +415,14 @@ def _beginning(data: _Inputs, profits: FloatArray, most_found: int) -> _Memory:
     )
 
 
-tell_of_compiling("the search of joint states", _advance, 5.0)
+def call_once() -> None:
+    """Searches among one state, so that the kernel is loaded, or compiled and kept."""
+    none, single = np.zeros(1, dtype=np.int64), np.ones(1)
+    joint = JointStates(
+        t=0, sizes=(1,), class_of=none, states=none, pixels=np.ones((1, 1)), weights=single,
+        price=single, charge=single, floor=0.0,
+        conflict_of=lambda: np.zeros((1, 1), dtype=np.bool_),
+    )  # fmt: skip
+    CompiledSearch.of(joint, 0.0).advance(1)
+    choices = np.array([0, 1]), none, none.reshape(1, 1)
+    CompiledSearch.of(joint, 0.0, 1).follow(choices, single, (0, 1), 1)

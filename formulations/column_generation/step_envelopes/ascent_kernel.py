@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.compiling import compiled, tell_of_compiling
+from cocap_opt.compiling import compiled
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 
 _MOST_SWEEPS = 50  # over all robots, of one start
@@ -85,4 +85,11 @@ def ascend(views: AscentViews, floor: float, teams: IntArray) -> None:
             before = height
 
 
-tell_of_compiling("local search", ascend, 3.0)
+def call_once() -> None:
+    """Searches for no team at all, so that the kernel is loaded, or compiled and kept."""
+    none, single = np.zeros(1, dtype=np.int64), np.ones(1)
+    views = AscentViews(
+        np.array([0, 1]), none, single, single, single, single, np.array([[0, 1]]),
+        np.zeros((1, 1), dtype=np.bool_),
+    )  # fmt: skip
+    ascend(views, 0.0, np.zeros((0, 1), dtype=np.int64))

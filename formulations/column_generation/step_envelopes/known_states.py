@@ -5,18 +5,24 @@ compiled (`ascent_kernel`), so that it begins at more joint states in less time.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from cocap_opt.compiling import Kernel
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.staged import JointStates, compiled_search
 from cocap_opt.formulations.certificates.staged.search import plain_nodes
 from cocap_opt.formulations.column_generation.parameters import BundleParameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.model import Path
-from cocap_opt.stop import Stop
+from cocap_opt.stop import LimitReached, Stop
 
+KERNEL = Kernel(
+    "cocap_opt.formulations.column_generation.step_envelopes.ascent_kernel", "local search",
+    compiling=3.0,
+)  # fmt: skip
 _GAIN = 1e-9  # relative, from which on a height counts as higher
 
 _JointKey = tuple[tuple[int, int], ...]  # class and state number of each robot, sorted
@@ -70,7 +76,7 @@ class Known:
     def note(self, nodes: int, joint: JointStates, stop: Stop) -> None:
         """Takes down how many nodes a search took; raises no limit."""
         if nodes > plain_nodes(joint):
-            self.is_thorough |= compiled_search.may_take_over(stop)
+            self.is_thorough |= _may_be_compiled(stop)
 
     def at(self, joint: JointStates) -> list[list[int]]:
         """Returns the positions of the joint states that are known and still count."""
@@ -107,6 +113,13 @@ class Known:
     def highest(self, joint: JointStates) -> float:
         """Returns the largest height that local search finds."""
         return max((joint.reduced_profit(found) for found in self.ascended(joint)), default=-np.inf)
+
+
+def _may_be_compiled(stop: Stop) -> bool:
+    """Returns True if local search is compiled; no limit is raised, but ends compiling."""
+    with suppress(LimitReached):
+        return compiled_search.may_take_over(stop) and KERNEL.takes_over(stop)
+    return False
 
 
 def _named(classes: IntArray, states: IntArray) -> Iterator[tuple[int, int]]:

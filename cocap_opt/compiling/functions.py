@@ -1,0 +1,137 @@
+"""Functions that numba compiles, and the files in which it keeps them."""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+_kept: defaultdict[str, list[Any]] = defaultdict(list)  # compiled functions, by their modules
+
+
+class CompilingError(RuntimeError):
+    """numba is installed, and does not compile."""
+
+
+class NotKeptError(Exception):
+    """Nothing is kept of a compiled function that numba takes, and it may not be compiled."""
+
+
+@cache
+def is_there() -> bool:
+    """Returns True if numba is installed."""
+    return find_spec("numba") is not None
+
+
+def compiled(function: Callable[..., Any], kept: bool = True, **options: Any) -> Any:
+    """Returns a compiled function, kept on disk where there is a folder for it.
+
+    Parameters
+    ----------
+    kept : False for one that is compiled into its callers, and kept with them
+    options : of `numba.njit`, such as forceinline, which compiles it into its callers
+    """
+    import numba  # a second, where it is installed
+
+    if not kept:
+        return numba.njit(**options)(function)
+    try:
+        found = numba.njit(cache=True, **options)(function)
+    except RuntimeError:  # no folder can be written
+        found = numba.njit(**options)(function)
+    if (folder := _folder_of(found)) is not None:
+        _forget_what_is_older(folder, function, sources_of(function.__module__))
+    _kept[function.__module__].append(found)
+    return found
+
+
+def kept_functions(module: str) -> list[Any]:
+    """Returns the compiled functions of a module that are kept where they can be."""
+    import_module(module)
+    return _kept[module]
+
+
+def can_be_kept(functions: Sequence[Any]) -> bool:
+    """Returns True if there are folders in which numba keeps these functions."""
+    return all(_folder_of(function) is not None for function in functions)
+
+
+def kept_files(functions: Sequence[Any]) -> list[Path]:
+    """Returns the files in which numba keeps compiled functions; none if one is not kept."""
+    files = [_files_of(_folder_of(function), function) for function in functions]
+    return [file for part in files for file in part] if all(files) else []
+
+
+def forget(functions: Sequence[Any]) -> None:
+    """Removes all that numba has kept of some functions."""
+    for function in functions:
+        for file in _files_of(_folder_of(function), function):
+            with suppress(OSError):
+                file.unlink(missing_ok=True)
+
+
+@contextmanager
+def nothing_compiled(functions: Sequence[Any]) -> Iterator[None]:
+    """Lets none of these functions be compiled inside, only loaded.
+
+    Raises
+    ------
+    NotKeptError
+        Where one had to be compiled: what is kept is of another processor, or of another source.
+    """
+    event = import_module("numba.core.event")
+
+    class Refusal(event.Listener):  # type: ignore[name-defined,misc]
+        """Ends compiling as it begins."""
+
+        def on_start(self, event: Any) -> None:
+            if any(event.data["dispatcher"] is function for function in functions):
+                raise NotKeptError
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    with event.install_listener("numba:compile", Refusal()):
+        yield
+
+
+@cache
+def sources_of(module: str) -> tuple[Path, ...]:
+    """Returns the files of a module and of all those of this project from which it imports names.
+
+    Their constants are compiled in.
+    """
+    from cocap_opt.files.code import files_with_imports  # not where nothing is compiled
+
+    return files_with_imports(module)
+
+
+def _folder_of(function: Any) -> Path | None:
+    # Where NUMBA_DISABLE_JIT is set, it is the function itself, without `stats`.
+    path = getattr(getattr(function, "stats", None), "cache_path", None)
+    return None if path is None else Path(path)
+
+
+def _files_of(folder: Path | None, function: Callable[..., Any]) -> list[Path]:
+    if folder is None:
+        return []
+    stem = function.__module__.rpartition(".")[2]
+    return sorted(folder.glob(f"{stem}.{function.__qualname__}-*.nb[ci]"))
+
+
+def _forget_what_is_older(
+    folder: Path, function: Callable[..., Any], sources: Sequence[Path]
+) -> None:
+    """Removes what was kept of earlier sources, which may name what is no longer there.
+
+    numba compares times as well, but only that of the function's file, not of those whose
+    constants are compiled in, and only once it has read what was kept, which may fail.
+    """
+    with suppress(OSError):
+        changed = max(source.stat().st_mtime for source in sources)
+        for file in _files_of(folder, function):
+            if file.stat().st_mtime < changed:
+                file.unlink(missing_ok=True)
