@@ -309,6 +309,10 @@ class Views(ABC):
         """Makes ready for so many views, for which there are so many seconds."""
 
     @abstractmethod
+    def make_ready(self, step: int) -> None:
+        """Makes what all views of a step need, which several threads would make several times."""
+
+    @abstractmethod
     def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
         """Returns the faces that nodes [n], increasing, see; node t S + s is state s at step t.
 
@@ -380,6 +384,10 @@ class PinholeViews(Views):
         if self._pinhole.may_be_compiled:
             KERNEL.prepare(_EACH * views * len(self.problem.actors), seconds)
 
+    def make_ready(self, step: int) -> None:
+        """Makes the geometry of a step, which several threads would make several times."""
+        self.geometry.at(step)
+
     def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenFaces:
         """Returns the faces that nodes [n] see; node t S + s is state s at step t."""
         if not self.n_faces or not len(nodes):
@@ -407,6 +415,9 @@ class ConeViews(Views):
 
     def prepare(self, views: int, seconds: float) -> None:
         """Does nothing: no view takes long."""
+
+    def make_ready(self, step: int) -> None:
+        """Does nothing: what all views of a step need is made at once."""
 
     def coverage(self, t: int, states: IntArray) -> FloatArray:
         """Returns the coverage [n, F] in 1/m2 of every face from the states [n] at step t."""
