@@ -11,6 +11,11 @@ _USABLE = 0.9  # of the memory that is free: other programs need some, too
 _GIGABYTE = 1e9
 
 
+def fits(needed: float) -> bool:
+    """Returns True if so many bytes are free, and some for other programs."""
+    return needed <= _USABLE * psutil.virtual_memory().available
+
+
 def require_memory(
     needed: float, what: str, cells: tuple[int, int], border: int, counts: Mapping[str, int]
 ) -> None:

@@ -1,6 +1,7 @@
 """Progress on standard error: two lines that change, or a plain one now and then."""
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event, Thread
@@ -95,18 +96,17 @@ class Watch:
         return lambda done, total: self.show(f"{noun} {done}/{total}")
 
     def countdown(self, noun: str) -> Callable[[int, int], None]:
-        """Returns a function that shows a share done, and the seconds that are left at this pace.
+        """Returns a function that shows a share done, and the seconds that are left.
 
-        It is told how many of some things of equal weight are done, and of how many.
+        It is told how many of some things of about equal weight are done, and of how many; where
+        they are no more than before, other things begin.
         """
-        clock = Clock()
+        pace = _Pace()
 
         def show(done: int, total: int) -> None:
             words = f"{noun} {100 * done / max(total, 1):.0f} %"
-            if clock.seconds >= _SECONDS_TO_A_PACE and 0 < done < total:
-                left = clock.seconds / done * (total - done)
-                words += f", about {left:.0f} s left"
-            self.show(words)
+            left = pace.left(done, total)
+            self.show(words if left is None else f"{words}, about {left:.0f} s left")
 
         return show
 
@@ -132,6 +132,29 @@ class Watch:
             return words
         left = passed / self._finished * (self._parts - self._finished)
         return f"{words}, about {left:.0f} s left"
+
+
+class _Pace:
+    """The pace of the last half of the time: things that come first may take longer than most."""
+
+    def __init__(self) -> None:
+        self._begin_with(0)
+
+    def _begin_with(self, done: int) -> None:
+        self._clock, self._marks = Clock(), deque([(0.0, done)])
+
+    def left(self, done: int, total: int) -> float | None:
+        """Returns the seconds (s) that are left; None while there is no pace yet."""
+        if done <= self._marks[-1][1]:
+            self._begin_with(done)
+        now, marks = self._clock.seconds, self._marks
+        marks.append((now, done))
+        while len(marks) > 1 and marks[1][0] <= now / 2:
+            marks.popleft()
+        before, fewer = marks[0]
+        if now < _SECONDS_TO_A_PACE or done in (fewer, total):
+            return None
+        return (now - before) / (done - fewer) * (total - done)
 
 
 def _words(snapshot: Snapshot) -> str:

@@ -13,8 +13,12 @@ from cocap_opt.stop import Interrupt
 UNFINISHED = ".cocap-opt-"  # what names of temporary files begin with
 
 
-def write_atomically(contents: Mapping[Path, bytes]) -> None:
+def write_atomically(
+    contents: Mapping[Path, bytes] | Mapping[Path, tuple[bytes | memoryview, ...]],
+) -> None:
     """Writes files whole or not at all; none takes its name before all are written.
+
+    A file's content is given whole, or in parts that are written one after the other.
 
     Each is written to a temporary file beside it, which is then renamed. Ctrl-C before that leaves
     no file, and later all of them.
@@ -35,7 +39,7 @@ def write_atomically(contents: Mapping[Path, bytes]) -> None:
                 handle, name = tempfile.mkstemp(dir=target.parent, prefix=UNFINISHED)
                 written.append((name, target))
             with os.fdopen(handle, "wb") as file:
-                file.write(content)
+                file.writelines(content if isinstance(content, tuple) else (content,))
             # mkstemp makes private files; give it the mode any other new file would get.
             umask = os.umask(0)
             os.umask(umask)

@@ -10,8 +10,8 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, read_only
 from cocap_opt.graph.motion import People, Window
 from cocap_opt.graph.timegraph import TimeGraph
-from cocap_opt.memory import require_memory
-from cocap_opt.model.coverage_estimate import CoverageEstimate
+from cocap_opt.memory import fits, require_memory
+from cocap_opt.model.coverage_estimate import BYTES_PER_ENTRY, CoverageEstimate
 from cocap_opt.problem import AnyCamera, Motion, Problem, Robot
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable, Progress
@@ -30,9 +30,9 @@ Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on besides i
 # measured, and rounded up.
 SWEEPING, _BOUNDING = 6e-8, 4e-8
 
-# Bytes of a state at a step, in the arrays of value iteration, and of a face seen from one, in the
-# table while it is made, where few of the faces are seen: measured.
-_BYTES_PER_STATE, _BYTES_PER_FACE = 33, 2
+# Bytes of a state at a step in the arrays of value iteration, and in that of reachable states:
+# measured, see `study memory`.
+_BYTES_PER_STATE = 18
 _KEPT_SUMS = 128  # paths whose view sums are kept: planners let the same robots stay
 
 
@@ -57,6 +57,7 @@ class CoverageTables:
         self._tables: dict[Sight, CoverageTable] = {}
         self._reachable: dict[Sight, BoolArray] = {}
         self._growing: dict[Sight, GrowingTable] = {}
+        self._estimates: dict[tuple[Sight, int], CoverageEstimate] = {}  # from a step on
         self._spent: dict[Sight, float] = {}  # s, in which each table was computed
         # The stop that has ended coverage early, and by which limit.
         self._ended: tuple[Stop, Limit] | None = None
@@ -95,29 +96,50 @@ class CoverageTables:
             self.prepare(spec, never, tell_nobody, 0.0)
         return self._tables[_sight(spec)]
 
-    def require_memory(self, spec: Robot) -> None:
-        """Refuse coverage and sweeps that are larger than the memory."""
-        graph, problem = graph_of(self.problem, spec), self.problem
-        steps, faces = problem.horizon + 1, len(problem.face_weights)
-        radius, starts = spec.motion.radius, len(self._starts(spec))
+    def require_memory(self, spec: Robot, table: float = 0.0) -> None:
+        """Refuse coverage and sweeps that are larger than the memory.
+
+        Parameters
+        ----------
+        table : bytes of the tables, as they are estimated; without them what is certain counts
+        """
+        graph = graph_of(self.problem, spec)
+        steps, faces = self.problem.horizon + 1, len(self.problem.face_weights)
         width, depth = graph.window.shape
-        reached = sum(
-            min(width, 2 * radius * t + 1) * min(depth, 2 * radius * t + 1) for t in range(steps)
-        )
-        reached = min(reached * starts, steps * width * depth)
-        nodes = reached * len(spec.motion.layers) * graph.n_orientations
         require_memory(
-            steps * graph.n_states * _BYTES_PER_STATE + nodes * faces * _BYTES_PER_FACE,
+            table + self._sweeps(spec),
             f"coverage and value iteration of {width} x {depth} cells in {len(spec.motion.layers)} "
             f"layers, {graph.n_orientations} orientations, {steps} steps and {faces} faces",
             (width, depth),
-            radius,
+            spec.motion.radius,
             {
                 "layers": len(spec.motion.layers),
                 "orientations (headings times pitches)": graph.n_orientations,
                 "steps, the start included": steps,
             },
         )
+
+    def _sweeps(self, spec: Robot) -> float:
+        """Bytes of value iteration."""
+        states = (self.problem.horizon + 1) * graph_of(self.problem, spec).n_states
+        return states * _BYTES_PER_STATE
+
+    def _require_room(self, spec: Robot) -> None:
+        """Refuse a table that is larger than the memory; it is sampled if it may be."""
+        views = int(np.count_nonzero(self.reachable(spec)[self.steps(spec) :]))
+        most = views * self.problem.step_width * BYTES_PER_ENTRY
+        if not fits(most + self._sweeps(spec)):
+            self.require_memory(spec, self._sampled(spec).memory)
+
+    def _sampled(self, spec: Robot) -> CoverageEstimate:
+        """Returns the estimate of the part of a table that is not there, made once."""
+        key = _sight(spec), self.steps(spec)
+        if key not in self._estimates:
+            reachable = self.reachable(spec).copy()
+            reachable[: self.steps(spec)] = False
+            n_places = graph_of(self.problem, spec).n_places
+            self._estimates[key] = CoverageEstimate.of(self.views(spec), n_places, reachable)
+        return self._estimates[key]
 
     def prepare(self, spec: Robot, stop: Stop, progress: Progress, reserve: float) -> None:
         """Make the table of this robot's motion and camera; LimitReached if there is no time.
@@ -160,25 +182,24 @@ class CoverageTables:
         Raises
         ------
         ProblemError
-            If coverage and sweeps are certainly larger than the memory.
+            If coverage and sweeps are larger than the memory, for certain or by the sample.
         """
-        total, steps = CoverageEstimate(), self.problem.horizon + 1
+        total, tables = CoverageEstimate(), 0.0
         for spec in {_sight(robot): robot for robot in self.problem.robots}.values():
             if self.is_there(spec):
                 continue
             self.require_memory(spec)
-            graph = graph_of(self.problem, spec)
-            reachable = self.reachable(spec).copy()
-            reachable[: self.steps(spec)] = False
-            found = CoverageEstimate.of(self.views(spec), graph.n_places, reachable)
-            sweeps = steps * graph.n_states * _BYTES_PER_STATE
-            total += found._replace(memory=found.memory + sweeps)
+            found = self._sampled(spec)
+            tables += found.memory
+            self.require_memory(spec, tables)
+            total += found._replace(memory=found.memory + self._sweeps(spec))
         return total
 
     def _made(
         self, spec: Robot, kept: "_Kept | None", stop: Stop, progress: Progress
     ) -> CoverageTable:
         def make() -> tuple[CoverageTable, float]:
+            self._require_room(spec)
             table, clock, before = self._table_of(spec), Clock(), self._spent.get(_sight(spec), 0.0)
             try:
                 table.grow(stop, progress)

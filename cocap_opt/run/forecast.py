@@ -6,8 +6,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
-import psutil
-
 from cocap_opt.console.streams import without_warnings
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import problem_digest
@@ -25,7 +23,6 @@ _log = logging.getLogger(__name__)
 
 _PRICING = 2e-7  # s, of a state at a step in the search of a certificate's best paths: measured
 _GIGABYTE = 1e9
-_USABLE = 0.9  # of the memory that is free
 # Times an estimate: what a limit must allow so that nothing is said, and so that it is advised.
 _ENOUGH, _AMPLE = 1.2, 1.7
 _TRIES = 3  # changes of a kind that are tried
@@ -53,23 +50,18 @@ class Forecast(NamedTuple):
         Raises
         ------
         ProblemError
-            If coverage is certainly larger than the memory.
+            If coverage is larger than the memory.
         """
         return cls(model.tables.estimate(), model.planning_seconds)
 
     def fits(self, seconds: float, margin: float = _ENOUGH) -> bool:
         """Returns True if a limit leaves time for each drone's plan after all coverage."""
-        return margin * self.coverage.seconds + self.planning <= seconds and self.has_memory
+        return margin * self.coverage.seconds + self.planning <= seconds
 
     @property
     def seconds(self) -> float:
         """Seconds of both."""
         return self.coverage.seconds + self.planning
-
-    @property
-    def has_memory(self) -> bool:
-        """There is as much memory as it needs."""
-        return self.coverage.memory <= _USABLE * _GIGABYTE * _free()
 
     @property
     def ample(self) -> float:
@@ -99,21 +91,12 @@ class Forecast(NamedTuple):
         """
         if self.fits(seconds):
             return ""
-        if not self.has_memory:
-            problem, ways = f"of which {_free():.1f} GB are free", []
-        else:
-            limit = duration(seconds) if seconds >= 1 else f"{seconds:.2g} s"
-            problem = f"too much for a limit of {limit}: drones may stay at their starts"
-            ways = [f"{option} {self.ample:g}"]
+        limit = duration(seconds) if seconds >= 1 else f"{seconds:.2g} s"
+        problem = f"too much for a limit of {limit}: drones may stay at their starts"
+        ways = [f"{option} {self.ample:g}"]
         changes = () if recipe is None else recipe.that_fit(self, _NEAR * seconds)
         ways += [f"{change.words} ({about(found.seconds)})" for change, found in changes]
-        way_out = f"; what would do: {'; or '.join(ways)}" if ways else ""
-        return f"{self.words}, {problem}{way_out}"
-
-
-def _free() -> float:
-    """Returns the memory that is free, in GB."""
-    return float(psutil.virtual_memory().available / _GIGABYTE)
+        return f"{self.words}, {problem}; what would do: {'; or '.join(ways)}"
 
 
 def duration(seconds: float) -> str:
@@ -210,11 +193,7 @@ def warn_of_checking(
     states = sum(c.graph.n_states for c in model.classes) * (model.problem.horizon + 1)
     leaves = sum(map(_leaves, files))
     forecast = Forecast(coverage, leaves * states * _PRICING)
-    if not forecast.has_memory:
-        _log.warning(
-            "%s: %s, of which %.1f GB are free", model.problem.name, forecast.words, _free()
-        )
-    elif not forecast.fits(seconds):
+    if not forecast.fits(seconds):
         _log.warning(
             "%s: to check takes %s, coverage %s of it; the limit is %s; what would do: "
             "--time-limit %g",
@@ -271,19 +250,19 @@ def warn_before_limits(
     ----------
     cell_limit : s, after which a worker gives up
     cores : as many that are used here, for each that a worker has
+
+    Raises
+    ------
+    ProblemError
+        If coverage is larger than the memory.
     """
     model = compiled(problem)
     if _is_little(model, _LONG):
         return
-    try:
-        coverage = model.tables.estimate()
-    except ProblemError:  # it does not fit into the memory: the cells say so themselves
-        return
+    coverage = model.tables.estimate()
     forecast = Forecast(coverage._replace(seconds=cores * coverage.seconds))
     words = f"{problem.name}, seed {seed}: {forecast.words}"
-    if not forecast.has_memory:
-        _log.warning("%s, of which %.1f GB are free", words, _free())
-    elif not forecast.fits(cell_limit):
+    if not forecast.fits(cell_limit):
         _log.warning(
             "%s; a worker gives up after %s; what would do: --cell-limit %g",
             words, duration(cell_limit), cell_limit + forecast.ample,

@@ -18,5 +18,6 @@ __all__ = [
     "render",
     "shadows",
     "unhidden",
+    "viewpoints",
     "views",
 ]

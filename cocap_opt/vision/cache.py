@@ -91,10 +91,10 @@ def _read(path: Path) -> _Computed | None:
     try:
         if not path.is_file():  # opening a pipe would wait for someone to write into it
             return None
-        content = path.read_bytes()
+        with path.open("rb") as file:
+            digest, body = file.read(_DIGEST_BYTES), file.read()
     except OSError:
         return None
-    digest, body = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
     if hashlib.sha256(body).digest() == digest:
         # NumPy names no set of errors for files of other kinds.
         with suppress(Exception), np.load(io.BytesIO(body), allow_pickle=False) as arrays:
@@ -107,9 +107,9 @@ def _read(path: Path) -> _Computed | None:
 def _write(path: Path, computed: _Computed) -> None:
     (table, seconds), body = computed, io.BytesIO()
     np.savez(body, seconds=np.float64(seconds), **table._asdict())
-    content = hashlib.sha256(body.getvalue()).digest() + body.getvalue()
+    content = body.getbuffer()  # tables are large: it is not copied
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically({path: content})
+        write_atomically({path: (hashlib.sha256(content).digest(), content)})
     except OSError as error:  # a full or read-only disk costs speed, not the run
         log.warning("cannot write cache file %s: %s", path, error)

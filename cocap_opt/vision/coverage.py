@@ -4,12 +4,14 @@ Most states see nothing.
 """
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cocap_opt.arithmetic import spans
 from cocap_opt.data import BoolArray, FloatArray, IntArray
@@ -19,7 +21,8 @@ from cocap_opt.vision.views import StateViews
 
 _NONE = np.zeros(0, dtype=np.int64)
 
-Progress = Callable[[int, int], None]  # told how many views are done, and of how many
+# Told how many positions, places at steps, are done, and of how many.
+Progress = Callable[[int, int], None]
 
 
 class CoverageTable(NamedTuple):
@@ -66,11 +69,15 @@ class CoverageTable(NamedTuple):
 class GrowingTable:
     """A coverage table that is computed step after step, as far as limits allow.
 
+    It has a row for every state in `reachable` that sees anything, and each row depends on its
+    state alone. So with a part of the states the table has the same rows of these, to the last
+    bit, and nothing is computed of others: not of steps without any, nor of places.
+
     Parameters
     ----------
     views : the source of coverage
     n_places : number of places, each of which has all orientations
-    reachable : [T+1, S] true where a state can be reached
+    reachable : [T+1, S] true where a state can be reached, or for some of those states
     first_step : first step whose views count
     threads : number of threads, all usable cores if not given; the table does not depend on it
 
@@ -89,7 +96,7 @@ class GrowingTable:
     ) -> None:
         self._views, self._n_places, self._reachable = views, n_places, reachable
         self._threads = threads or usable_cores()
-        self._parts = [_NO_ROWS]
+        self._rows = [_Column(part) for part in _NO_ROWS]
         self._first_step = self.steps = first_step
 
     def grow(self, stop: Stop = never, progress: Progress = lambda done, total: None) -> None:
@@ -98,55 +105,87 @@ class GrowingTable:
         Parameters
         ----------
         stop : stopping criterion, checked after every batch
-        progress : told now and then how many views, of states at steps, of how many are done
+        progress : told at first and then now and then how many positions, places at steps, of how
+            many are done: what is visible from a place takes nearly all time, in whatever
+            directions a drone looks from there
 
         Raises
         ------
         LimitReached
             If a limit is reached before the table is whole. It can grow further later.
         """
-        sizes = np.count_nonzero(self._reachable, axis=1)
-        sizes[: self._first_step] = 0
-        done, total = int(sizes[: self.steps].sum()), int(sizes.sum())
-        self._views.prepare(total - done, stop)
-        pool, clock = ThreadPoolExecutor(self._threads), Clock()
+        positions = positions_of(self._reachable, self._n_places)
+        positions[: self._first_step] = 0
+        done, total = int(positions[: self.steps].sum()), int(positions.sum())
+        sizes = self._sizes()
+        self._views.prepare(int(sizes.sum()), stop)
+        progress(done, total)
+        stop.check()
+        pool, clock, found = ThreadPoolExecutor(self._threads), Clock(), [_NO_ROWS]
         try:
-            for first, last in _groups(sizes, self.steps, self._views.batch, self._threads):
-                batches, found = self._batches(first, last), [_NO_ROWS]
-                stop.check()
-                sought = 0
-                for batch, rows in zip(
-                    batches, pool.map(partial(_seen_by, self._views), batches), strict=True
-                ):
-                    found.append(rows)
-                    sought += len(batch.looks)
-                    progress(done + sought, total)
-                    if len(found) <= len(batches):  # else these steps are whole
-                        stop.check()
-                self._parts.append(_in_order(_joined(found)))
-                self.steps, done = last, done + sought
+            for batch, rows in _in_turn(
+                pool, partial(_seen_by, self._views), self._batches(sizes), self._threads
+            ):
+                found.append(rows)
+                done += len(batch.at.places)
+                if batch.steps:
+                    self._keep(found, batch.steps)
+                    found = [_NO_ROWS]
+                progress(done, total)
+                if done < total:
+                    stop.check()
         finally:
             pool.shutdown(cancel_futures=True)
             self._views.advise(clock.seconds)
+        self.steps = len(sizes)
 
-    def _batches(self, first: int, last: int) -> list[Viewpoints]:
-        """Returns the reachable states at steps first..last - 1 in batches."""
-        at = Viewpoints.joined([
-            Viewpoints.reachable(step, self._reachable[step], self._n_places)
-            for step in range(first, last)
-        ])  # fmt: skip
-        return [*at.split(self._views.batch)]
+    def _sizes(self) -> IntArray:
+        """Returns the number of views at each step that is not done."""
+        sizes = np.count_nonzero(self._reachable, axis=1)
+        sizes[: self.steps] = 0
+        return np.asarray(sizes)
+
+    def _batches(self, sizes: IntArray) -> "Iterator[_Batch]":
+        """Yields the reachable states of the steps that are left in batches."""
+        for steps in _groups(sizes, self._views.batch):
+            if len(steps) == 1:  # else each batch has steps of its own
+                self._views.make_ready(steps[0])
+            at = Viewpoints.joined([
+                Viewpoints.reachable(step, self._reachable[step], self._n_places) for step in steps
+            ])  # fmt: skip
+            *others, last = at.split(self._views.batch)
+            for part in others:
+                yield _Batch(part)
+            yield _Batch(last, steps[-1] + 1)
+
+    def _keep(self, found: "list[_SeenRows]", steps: int) -> None:
+        """Takes up the rows of all batches of some steps, and counts the steps as done."""
+        for column, part in zip(self._rows, _in_order(_joined(found)), strict=True):
+            column.append(part)
+        self.steps = steps
 
     def table(self) -> CoverageTable:
         """Returns the table of the steps that are done."""
-        nodes, counts, view_sums, pixels = _joined(self._parts)
+        nodes, counts, view_sums, pixels = (column.given() for column in self._rows)
         indptr = np.concatenate([[0], np.cumsum(counts)])
         return CoverageTable(nodes=nodes, indptr=indptr, view_sums=view_sums, pixels=pixels)
 
 
-def group_sizes(sizes: IntArray, first_step: int, batch: int, threads: int) -> list[int]:
-    """Returns the numbers of nodes that are computed together, in batches, of steps' numbers."""
-    return [int(sizes[a:b].sum()) for a, b in _groups(sizes, first_step, batch, threads)]
+def positions_of(reachable: BoolArray, n_places: int) -> IntArray:
+    """Returns the number [T+1] of places, at each step, that states [T+1, S] have there."""
+    orientations = reachable.shape[1] // max(n_places, 1)
+    return np.array(
+        [
+            np.count_nonzero(states.reshape(orientations, n_places).any(axis=0))
+            for states in reachable
+        ],
+        dtype=np.int64,
+    )
+
+
+def batches_of(sizes: IntArray, batch: int) -> int:
+    """Returns the number of batches in which so many views at each step are computed."""
+    return sum(-(-int(sizes[steps].sum()) // batch) for steps in _groups(sizes, batch))
 
 
 def usable_cores() -> int:
@@ -159,23 +198,71 @@ def usable_cores() -> int:
 # A few rows of a table: nodes [n], the number of entries of each [n], and view sums and coverage
 # (px/m2) of all entries [nnz].
 _SeenRows = tuple[IntArray, IntArray, IntArray, FloatArray]
-_AT_ONCE = 2  # batches of each thread
+_AHEAD = 2  # batches of each thread that are begun before the first of them is taken
 _NO_ROWS: _SeenRows = (_NONE, _NONE, _NONE, np.zeros(0))
 
 
-def _groups(
-    sizes: IntArray, first_step: int, batch: int, threads: int
-) -> Iterator[tuple[int, int]]:
-    """Yields spans first..last - 1 of steps that have some batches for each thread.
+class _Batch(NamedTuple):
+    """Views that are computed together."""
 
-    A limit loses at most what these take. The last may have fewer.
+    at: Viewpoints
+    steps: int = 0  # that are done, from 0 on, with this batch; 0 where others of them follow
+
+
+class _Column:
+    """A column of a table that grows where it is: joined parts would take memory twice."""
+
+    def __init__(self, empty: NDArray[Any]) -> None:
+        self._values, self._is_given = empty.copy(), False
+
+    def append(self, part: NDArray[Any]) -> None:
+        """Appends a part."""
+        n = len(self._values)
+        if self._is_given:  # and stays as it is
+            self._values, self._is_given = np.concatenate([self._values, part]), False
+        else:  # nobody else knows the array; a system moves large ones without copying them
+            self._values.resize(n + len(part), refcheck=False)
+            self._values[n:] = part
+
+    def given(self) -> NDArray[Any]:
+        """Returns the column as it is now."""
+        self._is_given = True
+        return self._values
+
+
+def _groups(sizes: IntArray, batch: int) -> Iterator[list[int]]:
+    """Yields steps that follow on each other and whose views make a batch or more together.
+
+    A limit loses what of a group is done. Those before steps without any view may have fewer.
     """
-    first, n, most = first_step, 0, _AT_ONCE * threads * batch
-    for t in range(first_step, len(sizes)):
-        n += int(sizes[t])
-        if n >= most or t == len(sizes) - 1:
-            yield first, t + 1
-            first, n = t + 1, 0
+    group, n = list[int](), 0
+    for step, size in enumerate(sizes.tolist()):
+        if size:
+            group.append(step)
+            n += size
+        if group and (n >= batch or not size):
+            yield group
+            group, n = [], 0
+    if group:
+        yield group
+
+
+def _in_turn(
+    pool: ThreadPoolExecutor,
+    find: Callable[[Viewpoints], _SeenRows],
+    batches: Iterator[_Batch],
+    threads: int,
+) -> Iterator[tuple[_Batch, _SeenRows]]:
+    """Yields batches with their rows, while the pool is busy with those that follow."""
+    begun = deque[tuple[_Batch, Future[_SeenRows]]]()
+    for batch in batches:
+        begun.append((batch, pool.submit(find, batch.at)))
+        if len(begun) > _AHEAD * threads:
+            first, rows = begun.popleft()
+            yield first, rows.result()
+    while begun:
+        first, rows = begun.popleft()
+        yield first, rows.result()
 
 
 def _seen_by(views: StateViews, at: Viewpoints) -> _SeenRows:

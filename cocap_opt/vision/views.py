@@ -426,6 +426,10 @@ class StateViews(ABC):
         """
 
     @abstractmethod
+    def make_ready(self, step: int) -> None:
+        """Makes what all views of a step need, which several threads would make several times."""
+
+    @abstractmethod
     def advise(self, seconds: float) -> None:
         """Says how coverage that has taken so long is found faster, if it can be."""
 
@@ -517,6 +521,10 @@ class PinholeViews(StateViews):
         if self._pinhole.may_be_compiled:
             KERNEL.prepare(_EACH * views * len(self.problem.actors), stop)
 
+    def make_ready(self, step: int) -> None:
+        """Makes the geometry of a step, which several threads would make several times."""
+        self.geometry.at(step)
+
     def advise(self, seconds: float) -> None:
         """Says, once, what compiled code would have saved of so many seconds."""
         if self._pinhole.may_be_compiled:
@@ -552,6 +560,9 @@ class ConeViews(StateViews):
 
     def advise(self, seconds: float) -> None:
         """Says nothing: no view is compiled."""
+
+    def make_ready(self, step: int) -> None:
+        """Does nothing: what all views of a step need is made at once."""
 
     @property
     def batch(self) -> int:

@@ -1,6 +1,8 @@
 """The compiled kernel finds what NumPy's way finds, which is the oracle here."""
 
 import logging
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,14 +15,15 @@ from test_culling import all_states, close_ups, graph_of, hills, rough_maps
 
 from cocap_opt import compiling
 from cocap_opt.compiling import Kernel, functions, marks
-from cocap_opt.data import IntArray
+from cocap_opt.data import BoolArray, IntArray
 from cocap_opt.model import Model
 from cocap_opt.problem import Prism, Problem
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Stop, TimeLimit, never
 from cocap_opt.vision import views
-from cocap_opt.vision.coverage import CoverageTable
+from cocap_opt.vision.coverage import CoverageTable, GrowingTable
 from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.viewpoints import Viewpoints
 from cocap_opt.vision.views import SeenFaces, SeenPeople, StateViews
 
 pytestmark = [
@@ -70,6 +73,57 @@ def test_the_kernel_sees_what_numpy_sees(
     steps = data.draw(st.lists(st.integers(0, problem.horizon), min_size=1, max_size=2))
     nodes = np.sort([t * graph.n_states + s for t in steps for s in states])
     assert_same(problem, nodes, kernel)
+
+
+@examples(40)
+@given(ANY, st.data())
+def test_rows_of_a_part_are_those_of_the_whole_table(
+    kernel: Kernel, problem: Problem, data: st.DataObject
+) -> None:
+    """With states of some steps and places only, by the kernel and without it, bit by bit.
+
+    Nothing is looked at of others.
+    """
+    graph = graph_of(problem)
+    states, steps = all_states(problem), problem.horizon + 1
+    whole = np.zeros((steps, graph.n_states), dtype=bool)
+    whole[:, states] = True
+    part = np.zeros_like(whole)
+    for step in data.draw(st.sets(st.integers(0, problem.horizon))):
+        kept = data.draw(st.one_of(st.just(states.tolist()), st.sets(st.sampled_from(states))))
+        part[step, list(kept)] = True
+    part[-1] &= data.draw(st.booleans())
+    for use in (kernel, of_views(NotLoaded)):
+        found = StateViews.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(views, "KERNEL", use)
+            table = grown(found, whole)
+            looked = list[Viewpoints]()
+            patch.setattr(found, "look", partial(noted, looked, found.look))
+            rows = grown(found, part)
+        asked = [at.nodes(np.arange(len(at.looks)), graph.n_places, len(whole[0])) for at in looked]
+        wanted = np.flatnonzero(part)
+        np.testing.assert_array_equal(np.sort(np.concatenate([wanted[:0], *asked])), wanted)
+        np.testing.assert_array_equal(rows.nodes, np.intersect1d(table.nodes, wanted))
+        for node in rows.nodes.tolist():
+            for ours, theirs in zip(rows.row(node), table.row(node), strict=True):
+                assert ours.tobytes() == theirs.tobytes()
+
+
+def grown(views: StateViews, reachable: BoolArray) -> CoverageTable:
+    """The table of all these states, which counts as whole."""
+    table = GrowingTable(views, views.graph.n_places, reachable, 0, threads=2)
+    table.grow()
+    assert table.steps == len(reachable)
+    return table.table()
+
+
+def noted(
+    looked: list[Viewpoints], look: Callable[[Viewpoints], SeenFaces], at: Viewpoints
+) -> SeenFaces:
+    """What views see, of which a list is kept."""
+    looked.append(at)
+    return look(at)
 
 
 @pytest.mark.parametrize("scene", ["corridor-tight", "bottleneck", "passage", "field", "bridge"])

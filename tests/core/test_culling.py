@@ -8,7 +8,7 @@ from exact_views import exact_coverage, exact_faces
 from hypothesis import given
 from hypothesis import strategies as st
 from pool import problems
-from strategies import WALL, examples, shapes
+from strategies import WALL, Calls, examples, shapes
 
 from cocap_opt.data import IntArray
 from cocap_opt.experiments.lab.studies.coverage.town import town
@@ -24,6 +24,7 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
+from cocap_opt.stop import LimitReached
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.candidates import Skyline
 from cocap_opt.vision.coverage import GrowingTable
@@ -394,6 +395,31 @@ def test_a_table_does_not_depend_on_the_number_of_threads(threads: int) -> None:
     assert len(tables[0].nodes)
     for one, other in zip(*tables, strict=True):
         assert one.tobytes() == other.tobytes()
+
+
+def test_a_table_that_was_given_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that a limit has ended is used, and grows on; progress is told in places at steps."""
+    problem = town(0, robots=2, actors=3, cells=30, steps=3, resolution=2.5)
+    model = Model(problem, use_cache=False, plain=True)
+    (robot_class,) = model.classes
+    views, n_places = model.views(robot_class), robot_class.graph.n_places
+    monkeypatch.setattr(type(views), "batch", 100)
+    reachable, told = model.reachable(robot_class), list[tuple[int, int]]()
+    growing = GrowingTable(views, n_places, reachable, 1, threads=1)
+    with pytest.raises(LimitReached):
+        growing.grow(Calls(3), lambda *numbers: told.append(numbers))
+    assert 1 < growing.steps < len(reachable)
+    early = growing.table()
+    before = [column.copy() for column in early]
+    growing.grow(progress=lambda *numbers: told.append(numbers))
+    whole = growing.table()
+    for column, copy, later in zip(early, before, whole, strict=True):
+        np.testing.assert_array_equal(column, copy)
+        np.testing.assert_array_equal(later[: len(copy)], copy)
+    assert len(whole.nodes) > len(early.nodes)
+    by_place = reachable[1:].reshape(len(reachable) - 1, -1, n_places)
+    positions = int(by_place.any(axis=1).sum())
+    assert told[0] == (0, positions) and told[-1] == (positions, positions)
 
 
 @examples(30)

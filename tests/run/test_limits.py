@@ -4,6 +4,8 @@ import json
 import logging
 import math
 import re
+import types
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +13,13 @@ import numpy as np
 import pytest
 
 import cocap_opt as co
+from cocap_opt import memory
 from cocap_opt.cli.main import main
+from cocap_opt.console import progress
 from cocap_opt.files.documents import PlanFile, problem_digest
-from cocap_opt.model import CoverageEstimate, Model
-from cocap_opt.model.coverage_tables import CoverageTables
+from cocap_opt.model import CoverageEstimate, Model, compiled, coverage_estimate, coverage_tables
+from cocap_opt.model.coverage_estimate import BYTES_PER_ENTRY
+from cocap_opt.model.coverage_tables import _BYTES_PER_STATE, CoverageTables
 from cocap_opt.player.player import Player
 from cocap_opt.problem import Ending, Plan
 from cocap_opt.run import forecast
@@ -22,6 +27,7 @@ from cocap_opt.run.forecast import Forecast, RecipeTrial, duration
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.recipe.lighter import lighter
 from cocap_opt.stop import Limit, Reason
+from cocap_opt.vision.coverage import GrowingTable
 
 RECIPE = """\
 steps = 7
@@ -82,7 +88,7 @@ def test_an_estimate_counts_all_views_and_meets_their_entries(scene: str) -> Non
     horizon = model.problem.horizon
     states = sum((horizon + 1) * c.graph.n_states for c in model.classes)
     entries = sum(len(table.pixels) for table in tables)
-    assert 0.5 < (found.memory - 33 * states) / (90 * entries) < 2
+    assert 0.5 < (found.memory - _BYTES_PER_STATE * states) / (BYTES_PER_ENTRY * entries) < 2
 
 
 def test_an_estimate_changes_no_number() -> None:
@@ -115,6 +121,33 @@ def test_an_estimate_counts_the_views_that_are_computed(scene: str) -> None:
     assert before == model.covered_views
 
 
+def test_the_time_left_follows_the_last_half(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What took long at first is no measure of the rest; a second class begins anew."""
+    now = types.SimpleNamespace(seconds=0.0)
+
+    class FakeClock:
+        def __init__(self) -> None:
+            self._begin = now.seconds
+
+        @property
+        def seconds(self) -> float:
+            return float(now.seconds - self._begin)
+
+    monkeypatch.setattr(progress, "Clock", FakeClock)
+    said, watch = list[str](), progress.Watch()
+    monkeypatch.setattr(watch, "show", said.append)
+    show = watch.countdown("coverage")
+    for _ in range(2):
+        now.seconds += 100.0  # of something else, such as compiling
+        for done in range(11):
+            show(done, 10)
+            now.seconds += 4.0 if done < 2 else 1.0
+    assert said[:11] == said[11:]
+    assert said[0] == "coverage 0 %" and said[10] == "coverage 100 %"
+    assert said[1] == "coverage 10 %, about 36 s left"
+    assert said[9] == "coverage 90 %, about 1 s left"
+
+
 # -- warnings and what would do ---------------------------------------------------------------
 
 
@@ -133,13 +166,6 @@ def test_a_limit_that_will_do_is_not_doubted() -> None:
     assert "coverage takes about 50 s" in words
     advised = float(words.rpartition("--time-limit ")[2])
     assert found.doubts(advised, "--time-limit", None) == ""
-
-
-def test_memory_that_is_not_there_is_said() -> None:
-    """A longer limit is no way out then."""
-    words = Forecast(CoverageEstimate(1, 1.0, 1e15)).doubts(60.0, "--time-limit", None)
-    assert "1000000.0 GB" in words
-    assert "--time-limit" not in words
 
 
 @pytest.mark.long(seconds=20)
@@ -459,16 +485,42 @@ def test_verify_has_a_limit_and_warns_if_it_will_not_do(
     assert run(capsys, "verify", "tiny-queue", proof, "--time-limit", "nan")[0] == 2
 
 
-def test_verify_warns_of_memory_and_not_of_time(
+@pytest.mark.parametrize("command", ["plan", "solve", "bound", "gap", "verify"])
+def test_a_table_larger_than_the_memory_is_refused_before_it_is_begun(
+    command: str,
     proof: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+    tmp_path: Path,
 ) -> None:
-    """No limit is too short for what the memory does not hold."""
-    monkeypatch.setattr(
-        CoverageTables, "estimate", lambda tables: CoverageEstimate(10, seconds=3.0, memory=1e15)
-    )
-    run(capsys, "verify", "tiny-queue", proof)
-    assert re.search("coverage takes about 3 s and 1000000.0 GB, of which .* are free", caplog.text)
-    assert "--time-limit" not in caplog.text
+    """By what a sample says of it, in one line: value iteration alone would fit.
+
+    What is a little smaller than the memory is computed.
+    """
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
+    for module in (coverage_estimate, coverage_tables):  # so that the table is what is large
+        monkeypatch.setattr(module, "BYTES_PER_ENTRY", 1e6)
+    needed = Model(load_scene("tiny-queue"), use_cache=False).tables.estimate().memory
+    monkeypatch.setattr(forecast, "_SLOWEST", math.inf)  # as if it had many views
+    words = {"verify": ("tiny-queue", proof), "gap": ("tiny-queue", "--seeds", "0")}
+    grow = GrowingTable.grow
+    compiled.cache_clear()
+    for share, code in ((1.05, 2), (0.95, 0)):
+        free = types.SimpleNamespace(available=needed / share / 0.9)
+        monkeypatch.setattr(memory.psutil, "virtual_memory", partial(lambda free: free, free))
+        monkeypatch.setattr(GrowingTable, "grow", None if code else grow)
+        ended, _, err = run(capsys, command, *words.get(command, ("tiny-queue",)))
+        assert ended == code, err
+        if code:
+            line = err.strip().splitlines()[-1]
+            assert re.search("coverage and value iteration of .* needs about .* GB", line)
+            assert "use larger cells" in line
+    compiled.cache_clear()
+
+
+def test_sampling_is_left_where_any_table_would_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Coverage of all faces from everywhere fits into the memory: nothing is estimated."""
+    monkeypatch.setattr(CoverageEstimate, "of", None)
+    model = Model(load_scene("tiny-queue"), use_cache=False)
+    model.prepare_all()
+    assert model.covered_steps == model.problem.horizon + 1

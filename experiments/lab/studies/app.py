@@ -118,6 +118,11 @@ Measure the speed of coverage, planners and the command line.
 
 Example: cocap-opt study speed --out speed
 """),
+    "memory": Study("memory:memory", """\
+Measure the memory of coverage tables while they are made, and of planning with them.
+
+Example: cocap-opt study memory --scene field-large --out memory
+"""),
     "pictures": Study("drawings:pictures", """\
 Draw all pictures of README and pages; those of the player need Chromium.
 
