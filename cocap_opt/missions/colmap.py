@@ -1,8 +1,10 @@
 """Planned cameras for COLMAP (.colmap.zip): a model with poses and without points, as text.
 
 The zip has `cameras.txt`, `images.txt` and an empty `points3D.txt`, and beside them `times.csv`,
-which COLMAP leaves alone: the seconds of each frame. Frame k of drone 1 is the image
-`drone1/000123.jpg`, k = 123, of camera 2.
+which COLMAP leaves alone: the seconds of each frame. Frame 123 of drone 1 is the image
+`drone1/000123.jpg` of camera 2. Newer versions of COLMAP want the numbers of cameras and images to
+be those of the database of features, which numbers images by their names, so that names are in
+the order of the numbers, also of more than ten drones.
 
 Source: "Output Format" and "Reconstruct sparse/dense model from known camera poses",
 https://colmap.github.io/format.html, https://colmap.github.io/faq.html
@@ -16,8 +18,8 @@ from cocap_opt.missions.export import Export
 from cocap_opt.missions.planned_cameras import PlannedCameras
 
 _NOTE = (
-    "unzip it for `colmap point_triangulator --input_path`; images are to be named as in "
-    "images.txt, frame 0 of the first drone drone0/000000.jpg"
+    "unzip it for `colmap point_triangulator --input_path`; images are to be named, and they and "
+    "cameras numbered in the database, as in images.txt and cameras.txt"
 )
 
 
@@ -48,10 +50,11 @@ def _cameras(planned: PlannedCameras) -> Iterator[str]:
 
 def _images(planned: PlannedCameras) -> Iterator[str]:
     """Yields two lines per drone and moment: a pose, and no points."""
+    digits = len(str(len(planned.cameras) - 1))
     for i, camera in enumerate(planned.cameras):
         rows = zip(camera.quaternions.tolist(), camera.translations.tolist(), strict=True)
         for k, (turn, translation) in enumerate(rows):
             numbers = " ".join(map(repr, [*turn, *translation]))
             number = i * len(planned.times) + k + 1
-            yield f"{number} {numbers} {i + 1} {camera.name}/{k:06d}.jpg"
+            yield f"{number} {numbers} {i + 1} drone{i:0{digits}d}/{k:06d}.jpg"
             yield ""

@@ -11,6 +11,7 @@ import pytest
 from camera_files import CENTRE, READERS, Pose
 from hypothesis import given
 from hypothesis import strategies as st
+from pages import DOCS, blocks
 from strategies import examples
 from test_cli import Run
 
@@ -163,6 +164,17 @@ def test_a_file_has_the_same_bytes_each_time(ending: str) -> None:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             content = archive.read("images.txt")
     assert b"-0.0," not in content and b" -0.0 " not in content and b"-0.0]" not in content
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_teams_of_more_than_ten_keep_their_order(ending: str) -> None:
+    """Names are sorted as the readers sort them, by letters or by their last numbers."""
+    problem, plan = turning()
+    problem = problem.replace(robots=(*problem.robots,) * 6, rules=co.NO_RULES)
+    plan = co.Plan(paths=plan.paths * 6)
+    straight = Trajectory.straight(problem, plan)
+    found = written(ending, BASE._replace(flown=straight, straight=straight, plan=plan))
+    assert [poses[0].size[0] for poses in found.poses] == [4000, 1920] * 6
 
 
 def test_notes_say_the_world_and_the_moments() -> None:
@@ -340,6 +352,26 @@ def test_opencv_reads_and_triangulates_the_cameras(
             matrices.append(K @ np.column_stack([cv2.Rodrigues(turns[t])[0], ways[t]]))
         found = cv2.triangulatePoints(*matrices, *(place[:, None] for place in pixels)).ravel()
         assert np.abs(found[:3] / found[3] - middle).max() < 1e-3
+
+
+@pytest.mark.slow
+def test_the_page_s_example_finds_people(
+    film: tuple[co.Problem, Flight, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the page on planned cameras shows of OpenCV triangulates from that folder's file."""
+    pytest.importorskip("cv2", reason="needs opencv-python-headless")
+    problem, flight, _ = film
+    files = FORMATS[".opencv.json"].writer()(flight, None).files
+    (tmp_path / "film.opencv.json").write_bytes(files[""])
+    monkeypatch.chdir(tmp_path)
+    page = (DOCS / "how-to" / "planned-cameras.md").read_text(encoding="utf-8")
+    (example,) = (text for language, text in blocks(page) if language == "py")
+    names: dict[str, Any] = {}
+    exec(compile(example, "page", "exec"), names)
+    for t, j, drones, pixels in pairs(problem, flight):
+        seen = dict(zip(drones, [place - CENTRE for place in pixels], strict=True))
+        found = names["triangulate"](t, seen)
+        assert np.abs(found - problem.actors[j].middles[t]).max() < 1e-3
 
 
 @pytest.mark.slow

@@ -128,13 +128,18 @@ def _colmap(content: bytes) -> Cameras:
     rows = [line for line in files["images.txt"] if not line.startswith("#")]
     assert not any(rows[1::2])  # no points
     poses: list[list[Pose]] = [[] for _ in lenses]
+    names: list[str] = []
     for k, line in enumerate(rows[::2]):
         number, *words, lens, name = line.split()
         w, x, y, z, *t = map(float, words)
         assert int(number) == k + 1
         drone = int(lens) - 1
-        assert name == f"drone{drone}/{len(poses[drone]):06d}.jpg"
+        folder, frame, _ = re.split(r"[/.]", name)
+        assert int(folder.removeprefix("drone")) == drone
+        assert int(frame) == len(poses[drone])
+        names.append(name)
         poses[drone].append(Pose(*lenses[lens], from_quaternion(w, x, y, z), np.array(t)))
+    assert names == sorted(set(names))  # as COLMAP numbers them
     head, *lines = files["times.csv"]
     assert head == "frame,t"
     times = [float(line.split(",")[1]) for line in lines]
