@@ -167,6 +167,25 @@ def test_a_file_has_the_same_bytes_each_time(ending: str) -> None:
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("tilt", [-math.pi / 2, math.pi / 2])
+def test_cameras_may_look_straight_up_and_down(ending: str, tilt: float) -> None:
+    """All rotations are there, those by nothing and by half a turn included."""
+    lens = co.Camera(width=400, height=300, focal=200.0, tilts=(tilt,))
+    motion = co.Motion(headings=8)
+    path = tuple(co.State(1, 1, 0, k) for k in range(8))
+    problem = co.Problem(
+        name="up and down", height_map=co.HeightMap(heights=np.zeros((3, 3))), actors=(),
+        robots=(co.Robot(start=path[0], motion=motion, camera=lens),), horizon=7, step=1.0,
+    )  # fmt: skip
+    (poses,) = written(ending, Flight.of(problem, co.Plan(paths=(path,)), False)).poses
+    for pose, axes in zip(poses, Projection(lens).axes(8), strict=True):
+        np.testing.assert_allclose(pose.R, axes * [[1], [-1], [1]], atol=1e-12)
+    turned = [np.trace(pose.R) for pose in poses]
+    assert max(turned) == pytest.approx(3 if tilt < 0 else -1)
+    assert min(turned) == pytest.approx(-1)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
 def test_teams_of_more_than_ten_keep_their_order(ending: str) -> None:
     """Names are sorted as the readers sort them, by letters or by their last numbers."""
     problem, plan = turning()

@@ -57,6 +57,8 @@ def read(ending: str, content: bytes) -> Cameras:
 def from_vector(vector: Array) -> Array:
     """Rodrigues' formula: the rotation by the length of a vector about its direction."""
     angle = float(np.linalg.norm(vector))
+    if not angle:  # of a camera that looks straight up, its image's lower side along y
+        return np.eye(3)
     x, y, z = vector / angle
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
