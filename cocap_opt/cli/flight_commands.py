@@ -188,6 +188,10 @@ def _fly(
     --autopilot) and .waypoints (for ArduPilot). Each is for the autopilot in its name only. By one
     clock fly .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).
 
+    Cameras, to triangulate what was filmed: .opencv.json, .colmap.zip and .pose2sim.toml have the
+    intrinsics of each drone's camera, and its pose at each row's moment; --every 0.04 gives those
+    of a video of 25 frames a second. Cones, which have no image, are refused.
+
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """
     suffix = Option("-o").ending(output, tuple(FORMATS))
@@ -302,7 +306,7 @@ def _in_words(
     field = error.field if isinstance(error, FieldError) else None
     if field in _OPTIONS or (field == "step" and by_option):
         return UsageError(f"--{error}")
-    if field in ("earth", "step"):
+    if field in ("earth", "step") or (field or "").startswith("robots["):
         return FileError(f"{scene}: {error}")
     if field == "crs":  # something of the scene is where its system is not defined
         return FileError(f"{scene}: earth.{error}")

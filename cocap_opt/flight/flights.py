@@ -14,7 +14,7 @@ from cocap_opt.flight.pace import Demand
 from cocap_opt.flight.safety import Danger, Nearest, dangers
 from cocap_opt.flight.smooth import Smooth, spare
 from cocap_opt.flight.strain import steep_ground, sufficient_step
-from cocap_opt.flight.trajectory import Trajectory
+from cocap_opt.flight.trajectory import Samples, Trajectory
 from cocap_opt.problem import Airspace, Plan, Problem
 from cocap_opt.referee import Verdict, check
 
@@ -111,7 +111,7 @@ class Flight(NamedTuple):
         every : s between rows; None: a row at each step, and ten a step of smooth flights
         """
         problem = self.flown.problem
-        found = self.flown.at(self._moments(every))
+        found = self.samples(every)
         x, y, z = found.place.T
         columns = {
             "drone": found.drone, "t": found.t, "x": x, "y": y, "z": z,
@@ -127,6 +127,10 @@ class Flight(NamedTuple):
         if problem.earth is not None and problem.earth.heights is not None:
             columns[f"above_{problem.earth.heights}"] = z + problem.earth.base
         return columns
+
+    def samples(self, every: float | None = None) -> Samples:
+        """Returns the drones' places and angles at the moments of `columns`."""
+        return self.flown.at(self._moments(every))
 
     def off_between_rows(self, every: float | None) -> float:
         """Returns the largest distance (m) of the flight from straight lines between rows."""

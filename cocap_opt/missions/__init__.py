@@ -59,4 +59,7 @@ FORMATS: dict[str, MissionFormat] = {  # by the ending of their names
     ".waypoints": MissionFormat(".waypoint_list", on_earth=True, autopilots=("ardupilot",)),
     ".skyc": MissionFormat(".skybrush"),
     ".crazyflie.csv": MissionFormat(".crazyflie"),
+    ".opencv.json": MissionFormat(".opencv"),
+    ".colmap.zip": MissionFormat(".colmap"),
+    ".pose2sim.toml": MissionFormat(".pose2sim"),
 }

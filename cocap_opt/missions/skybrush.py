@@ -15,12 +15,10 @@ Sources: `@skybrush/show-format` (types and player) in https://github.com/skybru
 https://doc.collmot.com/public/skybrush-studio-for-blender/latest/concepts.html
 """
 
-import io
 import json
 import math
 from collections.abc import Callable, Iterator
 from typing import Any
-from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 
@@ -28,6 +26,7 @@ from cocap_opt.data import FieldError, FloatArray
 from cocap_opt.flight.bernstein import Peak, elevated, parted, squared_length
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.trajectory import DEGREE, YAW, Trajectory
+from cocap_opt.missions.archive import zipped
 from cocap_opt.missions.export import Export, require_nothing_else
 from cocap_opt.problem import Problem
 
@@ -57,7 +56,10 @@ def write(flight: Flight, every: float | None) -> Export:
         "settings": _settings(problem),
         "swarm": {"drones": drones},
     }
-    return Export({"": _zipped(json.dumps(show, allow_nan=False))}, tuple(_notes(flight, grounds)))
+    return Export(
+        {"": zipped({"show.json": json.dumps(show, allow_nan=False)})},
+        tuple(_notes(flight, grounds)),
+    )
 
 
 def _settings(problem: Problem) -> dict[str, Any]:
@@ -144,14 +146,6 @@ def _ms(seconds: float) -> float:
 
 def _rounded(point: FloatArray) -> list[float]:
     return [round(value + 0.0, _DIGITS) for value in point.tolist()]
-
-
-def _zipped(text: str) -> bytes:
-    """Returns a zip file with the show, the same bytes each time."""
-    content = io.BytesIO()
-    with ZipFile(content, "w", ZIP_DEFLATED) as archive:
-        archive.writestr(ZipInfo("show.json"), text, ZIP_DEFLATED)
-    return content.getvalue()
 
 
 def _notes(flight: Flight, grounds: list[float]) -> Iterator[str]:

@@ -333,7 +333,7 @@ def test_missions_are_written_whole_or_not_at_all(
             "^cocap-opt: --local: must be left out for .plan",
         ),
         ((nowhere, tmp_path / "there.json", "-o", "f.plan"), "b.toml: earth: must .* x = y = 0$"),
-        ((scene, plan, "-o", ".plan"), "^cocap-opt: -o: name a file that ends in .*.skyc or"),
+        ((scene, plan, "-o", ".plan"), "^cocap-opt: -o: name a file that ends in .*.skyc, .* or"),
     ):
         words = [tmp_path / w if isinstance(w, str) and w[0] in "f." else w for w in words]
         run = Run(capsys, "fly", *words)
@@ -344,6 +344,7 @@ def test_missions_are_written_whole_or_not_at_all(
     for words, names in (
         (["f.plan"], [f"f.px4.no-common-clock.drone{i}.plan" for i in (0, 1)]),
         (["f.SKYC"], ["f.SKYC"]),
+        (["f.colmap.zip"], ["f.colmap.zip"]),
         (["g.crazyflie.csv", "--smooth"], [f"g.drone{i}.crazyflie.csv" for i in (0, 1)]),
     ):
         words += ["--hovering", "--json"]
