@@ -37,10 +37,8 @@ class Poses(NamedTuple):
         ValueError
             If the plan has not a path of T+1 states for each robot.
         """
-        lengths, steps = [len(path) for path in plan.paths], problem.horizon + 1
-        if lengths != [steps] * len(problem.robots):
-            words = f"plan: must have {len(problem.robots)} paths of {steps} states, not {lengths}"
-            raise ValueError(words)
+        require_paths(problem, plan)
+        steps = problem.horizon + 1
         points = waypoints(problem, plan).swapaxes(0, 1)
         yaw, pitch = points[..., 3], points[..., 4]
         axes = Projection.axes_towards(yaw.ravel(), -pitch.ravel())
@@ -69,3 +67,11 @@ class Poses(NamedTuple):
         """Returns ways [T+1, R, n, 3] from the cameras as each has them: right, up, forward (m)."""
         result: FloatArray = np.einsum("trkx,trnx->trnk", self.axes, ways)
         return result
+
+
+def require_paths(problem: Problem, plan: Plan) -> None:
+    """Refuses a plan that has not a path of T+1 states for each robot."""
+    lengths, steps = [len(path) for path in plan.paths], problem.horizon + 1
+    if lengths != [steps] * len(problem.robots):
+        words = f"plan: must have {len(problem.robots)} paths of {steps} states, not {lengths}"
+        raise ValueError(words)

@@ -18,6 +18,7 @@ from cocap_opt.quality.intruders import drones_in_pictures
 from cocap_opt.quality.moments import APART, worst_moments
 from cocap_opt.quality.poses import Poses
 from cocap_opt.quality.rays import widest_angle
+from cocap_opt.quality.shares import visible_shares
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -133,7 +134,7 @@ class Quality:
         cls,
         problem: Problem,
         plan: Plan,
-        shares: FloatArray,
+        shares: FloatArray | None = None,
         assumptions: Assumptions = Assumptions(),  # noqa: B008  # it is frozen
     ) -> Self:
         """Returns the quality of a plan.
@@ -141,7 +142,7 @@ class Quality:
         Parameters
         ----------
         shares : [T+1, R, A] of the solid angle that each person has from each drone with nothing in
-            the way, the part that is visible in its picture, 0 to 1
+            the way, the part that is visible in its picture, 0 to 1; computed if not given
 
         Raises
         ------
@@ -149,6 +150,8 @@ class Quality:
             If the plan or the shares are of other sizes than the problem, or a share is none.
         """
         poses = Poses.of(problem, plan)
+        if shares is None:
+            shares = visible_shares(problem, plan)
         seen = _seen(shares, poses.rays.shape[:3], assumptions.at_least)
         focal = np.array([_focal(robot.camera) for robot in problem.robots])
         return cls(
