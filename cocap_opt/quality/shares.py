@@ -23,10 +23,13 @@ def visible_shares(problem: Problem, plan: Plan) -> FloatArray:
         If the plan has not a path of T+1 states for each robot.
     """
     require_paths(problem, plan)
+    steps = np.arange(problem.horizon + 1)
+    shares = np.zeros((len(steps), len(problem.robots), len(problem.actors)))
+    if not problem.actors:
+        return shares
     cells = [(state.x, state.y) for path in plan.paths for state in path]
     window = Window.around(cells, 0, problem.workspace)
-    geometry, steps = FaceGeometry(problem), np.arange(problem.horizon + 1)
-    shares = np.zeros((len(steps), len(problem.robots), len(problem.actors)))
+    geometry = FaceGeometry(problem)
     for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
         pitches = len(robot.camera.tilts)
         graph = TimeGraph.of(problem.workspace, robot.motion, pitches, window)

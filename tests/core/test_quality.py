@@ -206,8 +206,9 @@ def test_who_counts() -> None:
 def test_a_scene_without_people_has_a_quality() -> None:
     """Nothing is counted, and words say so."""
     problem, plan = scene((WEST, WEST), (SOUTH, SOUTH))
-    problem = problem.replace(actors=())
-    found = Quality.of(problem, plan, all_visible(problem))
+    robots = (problem.robots[0], problem.robots[1].replace(camera=Cone()))
+    problem = problem.replace(actors=(), robots=robots)
+    found = Quality.of(problem, plan)
     assert found.summary.person_steps == len(found.table) == 0
     assert math.isnan(found.summary.by_two) and math.isnan(found.summary.median)
     assert "nobody" in str(found)
