@@ -8,8 +8,8 @@ that can be made of all measurements has the covariance
 where J_i is the 2 x 3 derivative of the projection by the point: the inverse of the Fisher
 information, which is the Cramer-Rao bound, and what least squares reach for small errors. (Hartley
 and Zisserman, Multiple View Geometry in Computer Vision, 2nd ed. 2004: section 5.2 on covariances
-that are carried back, section 12.5 on triangulation; Kay, Estimation Theory, 1993, chapter 3.) Its
-root mean square is sqrt(trace Sigma).
+that are carried back, chapter 12 on triangulation; Kay, Fundamentals of Statistical Signal
+Processing: Estimation Theory, 1993, chapter 3.) The root mean square error is sqrt(trace Sigma).
 """
 
 import numpy as np
