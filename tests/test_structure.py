@@ -36,7 +36,8 @@ ORDER = {
     "core": (
         "text", "data", "arithmetic", "memory", "stop", "returns", "world", "problem", "result",
         "files", "compiling",
-        "graph", "plausibility", "vision", "referee", "flight", "model", "timing", "objective",
+        "graph", "plausibility", "vision", "referee", "flight", "quality", "model", "timing",
+        "objective",
         "coordination", "method", "planners",
     ),
     "formulations": (
@@ -172,7 +173,7 @@ def test_nothing_imports_the_face() -> None:
     assert [m for m in sources() if m != CORE and CORE in imports(m)] == []
 
 
-@pytest.mark.parametrize("room", ["flight", "graph"])
+@pytest.mark.parametrize("room", ["flight", "graph", "quality"])
 def test_a_front_names_all_of_its_modules(room: str) -> None:
     """Whoever reads what a room has finds each of its files there."""
     front = sources()[f"{CORE}.{room}"]

@@ -17,6 +17,7 @@ __all__ = [
     "projection",
     "render",
     "shadows",
+    "surfaces",
     "unhidden",
     "viewpoints",
     "views",

@@ -1,0 +1,81 @@
+"""The worst moments of a plan, in words: who is seen by no camera, or by one, and when."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+
+APART = 30.0  # degrees, between two rays that are called well apart
+NO_CAMERA, ONE_CAMERA, NARROW, GOOD = range(4)  # from the worst on
+
+
+class Moment(NamedTuple):
+    """Consecutive steps at which something is wrong with how a person is filmed.
+
+    Attributes
+    ----------
+    person : number of the person
+    first, last : steps
+    kind : NO_CAMERA, ONE_CAMERA or NARROW
+    angle : degrees, the widest between two rays at any of these steps; nan where there is none
+    """
+
+    person: int
+    first: int
+    last: int
+    kind: int
+    angle: float
+
+    def told(self, name: str, times: FloatArray | None) -> str:
+        """Says it in words.
+
+        Parameters
+        ----------
+        times : [T+1] s, of the steps; None where steps have no seconds
+        """
+        what = {
+            NO_CAMERA: "no camera",
+            ONE_CAMERA: "one camera",
+            NARROW: f"cameras at most {self.angle:.0f} degrees apart",
+        }[self.kind]
+        return f"{name}: {what} {self._when(times)}"
+
+    def _when(self, times: FloatArray | None) -> str:
+        """Says from when to when."""
+        if times is None:
+            one_step = self.first == self.last
+            return f"at step {self.first}" if one_step else f"at steps {self.first} to {self.last}"
+        begin, end = (f"{float(times[t]):.6g}" for t in (self.first, self.last))
+        return f"at {begin} s" if begin == end else f"from {begin} to {end} s"
+
+
+def worst_moments(views: IntArray, angles: FloatArray, counts: BoolArray) -> list[Moment]:
+    """Returns all moments at which somebody is not filmed well, the worst first.
+
+    Moments without a camera come before those with one, and these before those with several that
+    are less than 30 degrees apart; of each kind the longest first.
+
+    Parameters
+    ----------
+    views : [T+1, A] number of drones that see each person
+    angles : [T+1, A] degrees, the widest between two rays
+    counts : [T+1, A] true for the person-steps that count
+    """
+    kinds = np.where(views >= 2, np.where(angles < APART, NARROW, GOOD), np.minimum(views, 1))
+    kinds = np.where(counts, kinds, GOOD)
+    found = [
+        Moment(person, first, last, kind, float(angles[first : last + 1, person].max()))
+        for person in range(views.shape[1])
+        for first, last, kind in _runs(kinds[:, person])
+        if kind != GOOD
+    ]
+    return sorted(found, key=lambda m: (m.kind, m.first - m.last, m.first, m.person))
+
+
+def _runs(kinds: IntArray) -> Iterator[tuple[int, int, int]]:
+    """Yields first and last steps of equal kinds [T+1], and the kind."""
+    starts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist()]
+    for first, following in zip(starts, [*starts[1:], len(kinds)], strict=True):
+        yield first, following - 1, int(kinds[first])

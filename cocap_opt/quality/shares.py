@@ -1,0 +1,42 @@
+"""The share of each person that is visible in the drones' pictures along a plan."""
+
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.graph import TimeGraph
+from cocap_opt.graph.motion import Window
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.quality.poses import require_paths
+from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.views import StateViews
+
+
+def visible_shares(problem: Problem, plan: Plan) -> FloatArray:
+    """Returns the shares [T+1, R, A] of people, 0 to 1, that are visible to each drone.
+
+    Shares are of solid angles: of what is visible in the picture, and of the whole person with
+    nothing in the way. A `Cone` sees all of a person, or nothing.
+
+    Raises
+    ------
+    ValueError
+        If the plan has not a path of T+1 states for each robot.
+    """
+    require_paths(problem, plan)
+    steps = np.arange(problem.horizon + 1)
+    shares = np.zeros((len(steps), len(problem.robots), len(problem.actors)))
+    if not problem.actors:
+        return shares
+    cells = [(state.x, state.y) for path in plan.paths for state in path]
+    window = Window.around(cells, 0, problem.workspace)
+    geometry = FaceGeometry(problem)
+    for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
+        pitches = len(robot.camera.tilts)
+        graph = TimeGraph.of(problem.workspace, robot.motion, pitches, window)
+        views = StateViews.of(geometry, problem, graph, robot.camera)
+        states = np.array([graph.index(state) for state in path])
+        found = views.people(steps * graph.n_states + states)
+        # From inside of a body none of its faces is turned to the drone.
+        whole = np.where(found.unhidden > 0, found.unhidden, np.inf)
+        shares[found.rows, i, found.people] = np.minimum(found.visible / whole, 1.0)
+    return shares
