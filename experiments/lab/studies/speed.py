@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
@@ -20,7 +21,6 @@ from typing import NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from cocap_opt.compiling import compiled as compiled_by_numba
 from cocap_opt.experiments.lab.results import Results, in_unit, markdown, stored_rows
 from cocap_opt.experiments.lab.studies.options import Out
 from cocap_opt.experiments.lab.studies.runs import TimedRun, processor_seconds
@@ -139,7 +139,7 @@ def _coverage() -> list[_Speed]:
 
 def _operations_per_second() -> float:
     """Returns the sums and products a second that this processor does, one by one."""
-    spin = compiled_by_numba(_spin, kept=False)
+    spin = import_module("numba").njit(_spin)
     spin(1)
     return 16 * _SPINS / _seconds(partial(spin, _SPINS), 5)
 
