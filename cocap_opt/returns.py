@@ -65,7 +65,9 @@ class Returns(NamedTuple):
             found[..., self.n_roots :] = amounts[..., self.n_roots :] < self.caps
         return found
 
-    def kappas(self, alpha: FloatArray, beta: FloatArray, rest: float = 1.0) -> FloatArray:
+    def kappas(
+        self, alpha: FloatArray, beta: FloatArray, rest: FloatArray | float = 1.0
+    ) -> FloatArray:
         """Returns kappa [Z] of alpha and beta [Z], with `rest` in place of 1.
 
         It is infinite for roots with alpha < 1 and beta = 0; for counts it never is.

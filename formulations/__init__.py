@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 __all__ = ["BOUNDS", "EXACT"]
 
 
-def _bound(call: str, made_of: str, scenes: str, promises: str = "") -> "Method[CertifiedResult]":
+def _bound(
+    call: str, made_of: str, scenes: str, promises: str = "", pixels_only: bool = True
+) -> "Method[CertifiedResult]":
     return Method(
         f"cocap_opt.formulations.{call}",
         made_of,
@@ -24,7 +26,7 @@ def _bound(call: str, made_of: str, scenes: str, promises: str = "") -> "Method[
         START_AND_REPORT,
         bounds=True,
         certified=True,
-        pixels_only=True,
+        pixels_only=pixels_only,
     )
 
 
@@ -52,8 +54,15 @@ _INTEGER = "an integer program, refined until its plan's true J meets the bound,
 
 BOUNDS: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
     {
-        "alone": _bound("simple_bounds:alone", "every drone as if it were alone", _ANY),
-        "online": _bound("simple_bounds:online", "J of a plan and what each drone could add", _ANY),
+        "alone": _bound(
+            "simple_bounds:alone", "every drone as if it were alone", _ANY, pixels_only=False
+        ),
+        "online": _bound(
+            "simple_bounds:online",
+            "J of a plan and what each drone could add",
+            _ANY,
+            pixels_only=False,
+        ),
         "concave": _bound(
             "relaxations.cone_program:concave", "concave relaxation over the aggregated flow", _FEW
         ),

@@ -5,6 +5,7 @@ moves, and pay_i what robot i is paid for a view sum. For a plan P and a certifi
 
     B - J(P) = sum over robots and steps of V_t(x_t) - r_t(x_t) - V_t+1(x_t+1)        path
              + sum over view sums of w (constant + sum_i pay_i(c_i) - sqrt(sum_i c_i))   face
+             + the same of people who count, with min(sum_i c_i, k) for the root        views
              + sum over conflict rows of mu (1 - used)                                    row
              + sum over decisions of +-nu (k - used)                                 decision
              + the largest bound of a proof's leaves - that of the plan's own leaf     leaves
@@ -46,7 +47,7 @@ from cocap_opt.model import Model, Path
 from cocap_opt.problem import Objective, Plan, State
 
 _NOTHING = 1e-9  # bound of a scene in which there is nothing to be had, but for rounding
-Kind = Literal["path", "face", "row", "decision", "leaves", "stages", "claim", "rounding"]
+Kind = Literal["path", "face", "views", "row", "decision", "leaves", "stages", "claim", "rounding"]
 
 
 class Term(NamedTuple):
@@ -54,7 +55,8 @@ class Term(NamedTuple):
 
     A path's term is what a robot loses by the move that it makes from `step` on. A face's term is
     what the certificate pays for a block, which is a face of an actor at a step, beyond what the
-    robots together get for it; where pixels add up over time it has no step. What the stages of a
+    robots together get for it; where pixels add up over time it has no step. A term of views is
+    of a person whom `robots` robots see, where these count. What the stages of a
     certificate, and the paths that were tried, take off the bound of its multipliers again is a
     term < 0.
     """
@@ -67,7 +69,7 @@ class Term(NamedTuple):
     face: int | None = None  # number among the actor's own
     resource: Resource | None = None  # of a row or a decision
     sense: Literal["at most", "at least"] | None = None
-    robots: int | None = None  # at most, or at least, so many may use the resource
+    robots: int | None = None  # at most, or at least, so many may use the resource; or see it
     price: float | None = None  # mu or nu
     users: tuple[int, ...] | None = None  # robots that use it
 
@@ -166,7 +168,7 @@ def explain(
     largest = pricing.bound if is_lone else file.proved if proved is None else proved
     terms = (
         *_path_terms(prices, plan, paths),
-        *_face_terms(prices, paths),
+        *_view_terms(prices, paths),
         *_row_terms(model, certificate, decisions, passed),
         *([] if node is None else [Term("leaves", largest - pricing.bound)]),
         *([Term("stages", largest - pricing.bound)] if is_staged else []),
@@ -254,11 +256,11 @@ def reward_of_move(objective: Objective, a: State, b: State) -> float:
     )
 
 
-# -- faces --------------------------------------------------------------------------------
+# -- faces and people ---------------------------------------------------------------------
 
 
-def _face_terms(prices: CertificatePrices, paths: Sequence[Path]) -> Iterator[Term]:
-    """Yields what the certificate pays for each face at each step beyond the reward for it."""
+def _view_terms(prices: CertificatePrices, paths: Sequence[Path]) -> Iterator[Term]:
+    """Yields terms of faces, and of people who count: pay beyond the reward, at each step."""
     model, problem = prices.model, prices.model.problem
     weights, paid = problem.view_sum_weights, prices.pixels.constants.copy()
     seen = problem.no_pixels()
@@ -272,9 +274,16 @@ def _face_terms(prices: CertificatePrices, paths: Sequence[Path]) -> Iterator[Te
             paid, view_sums, weights[view_sums] * prices.pixels.paid(number, view_sums, pixels)
         )
         np.add.at(seen, view_sums, pixels)
-    slack = paid - weights * np.sqrt(seen)
+    slack = paid - weights * problem.returns.values(seen)
     first = np.searchsorted(problem.face_owner, problem.face_owner)  # face of the same actor
     for view_sum in np.flatnonzero(slack).tolist():
+        if view_sum >= problem.returns.n_roots:
+            step, person = divmod(view_sum - problem.returns.n_roots, len(problem.actors))
+            yield Term(
+                "views", float(slack[view_sum]), step=step, actor=person,
+                robots=round(seen[view_sum]),
+            )  # fmt: skip
+            continue
         step, face = divmod(view_sum, model.n_faces)
         yield Term(
             "face",

@@ -157,7 +157,15 @@ class _Prices:
         ]
         numbers = {kind: number for number, kind in enumerate(dict.fromkeys(kinds))}
         self._classes = [numbers[kind] for kind in kinds]  # [R] number of each robot's class
-        self._weights = problem.view_sum_weights.reshape(problem.view_sum_steps, -1).tolist()
+        faces = problem.view_sum_weights[: problem.view_sum_steps * len(problem.face_weights)]
+        self._weights = faces.reshape(problem.view_sum_steps, -1).tolist()
+        views = problem.objective.views
+        self._cap = 0 if views is None else views.cameras
+        # Of a drone that sees a person at a step that counts.
+        self._worth = [
+            row if t >= problem.first_step else [0.0] * len(row)
+            for t, row in enumerate(problem.count_weights.tolist())
+        ]
 
     def of(self, leaves: Sequence[_Leaf], progress: Callable[[int, int], None]) -> list[_Worth]:
         """Returns the bounds that some leaves prove.
@@ -186,8 +194,14 @@ class _Prices:
             for sight in sights.values() for (_, t), faces in sight.seen.items()
             for face, _ in faces
         }  # fmt: skip
+        noticed = {
+            (t, person)
+            for sight in sights.values() for (_, t), people in sight.people.items()
+            for person in people
+        }  # fmt: skip
         for constants, (certificate, _) in zip(terms, leaves, strict=True):
             constants += self._kappas(certificate, visible)
+            constants += self._count_kappas(certificate, noticed)
         return [
             (
                 math.fsum(constants) + math.fsum(value for value, _ in best),
@@ -209,6 +223,10 @@ class _Prices:
             for node in graph
             if node in sight.seen
         }
+        for node in graph:
+            if people := sight.people.get(node):
+                counted = (self._count_payment(certificate, node[1], j) for j in people)
+                paid[node] = math.fsum([paid.get(node, 0.0), *counted])
         uses = _uses_of(certificate, decisions, number)
         return _longest_path(self._problem, robot, graph, paid, uses)
 
@@ -223,6 +241,8 @@ class _Prices:
         if isinstance(certificate, ReferencePixels):
             for weights, pixels in zip(self._weights, certificate.pixels, strict=True):
                 yield from (w * math.sqrt(z) for w, z in zip(weights, pixels, strict=True))
+            for weights, drones in zip(self._worth, certificate.views, strict=False):
+                yield from (w * min(n, self._cap) for w, n in zip(weights, drones, strict=True))
             return
         sizes = tuple(map(self._classes.count, range(max(self._classes) + 1)))
         for cut in certificate.cuts:
@@ -247,6 +267,24 @@ class _Prices:
             rest = 1 - math.fsum(shares.get((row, face), []))
             if self._weights[row][face] > 0 and alpha < rest:
                 yield self._weights[row][face] * (rest - alpha) ** 2 / (4 * beta)
+
+    def _count_kappas(
+        self, certificate: Certificate, noticed: Iterable[tuple[int, int]]
+    ) -> Iterator[float]:
+        """Yields what is to be added for each step and person whom somebody can see."""
+        if isinstance(certificate, ReferencePixels):
+            return
+        for t, person in noticed:
+            left = max(1 - certificate.views[t][person], 0.0)
+            yield self._worth[t][person] * self._cap * left
+
+    def _count_payment(self, certificate: Certificate, t: int, person: int) -> float:
+        """Returns the pay for seeing a person at a step."""
+        weight = self._worth[t][person]
+        if isinstance(certificate, ReferencePixels):
+            drones = certificate.views[t][person]
+            return weight * (min(drones + 1, self._cap) - min(drones, self._cap))
+        return weight * certificate.views[t][person]
 
     def _payment(self, certificate: Certificate, number: int) -> Callable[[int, int, float], float]:
         """Returns the function that pays a class for pixels of a face in a row, before weights."""
@@ -329,10 +367,12 @@ class _Sight:
     Attributes
     ----------
     seen : the faces that nodes see, and their px/m2; nodes that see nothing are left out
+    people : the people who count that nodes see; nodes that see nobody are left out
     """
 
     def __init__(self, problem: Problem, spec: Robot) -> None:
         self.seen: dict[Node, list[tuple[int, float]]] = {}
+        self.people: dict[Node, list[int]] = {}
         self._looked: set[Node] = set()
         self._steps = range(problem.first_step, problem.horizon + 1)
         alike = [
@@ -356,9 +396,14 @@ class _Sight:
             ordered = np.sort(np.array(states, dtype=np.int64))
             for part in np.array_split(ordered, len(ordered) // self._views.batch + 1):
                 coverage = self._views.coverage(t, part)
-                for row, face in np.argwhere(coverage > 0).tolist():
+                for row, column in np.argwhere(coverage > 0).tolist():
                     node = self._graph.state(int(part[row])), t
-                    self.seen.setdefault(node, []).append((face, float(coverage[row, face])))
+                    if column < self._views.n_faces:
+                        amount = float(coverage[row, column])
+                        self.seen.setdefault(node, []).append((column, amount))
+                    else:
+                        person = column - self._views.n_faces
+                        self.people.setdefault(node, []).append(person)
 
 
 # -- uses that are charged: being in cells and states, and moves -------------------------------

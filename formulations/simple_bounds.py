@@ -9,12 +9,15 @@ coverage is not known, every drone counts as if nothing hid anybody: an upper bo
 bound that is claimed. All faces of a step share one multiplier, of two kinds
 (`certificates.pricing` has the inequality): each drone as if it were alone, alpha = 1; or a tangent
 of the root at z pixels, alpha = 0 and beta = 1 / (2 sqrt z), where z is a share of what all drones
-could see of a face at the step if they all stood where one of them sees most.
+could see of a face at the step if they all stood where one of them sees most. Where the drones that
+see people are counted, each is paid all of it, gamma = 1, or nothing, gamma = 0, where so large a
+share of all drones would be more than count.
 """
 
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import UNSET
@@ -26,7 +29,7 @@ from cocap_opt.formulations.certificates import (
     Multipliers,
     ReferencePixels,
 )
-from cocap_opt.formulations.certificates.format import OPTIMISTIC
+from cocap_opt.formulations.certificates.format import OPTIMISTIC, tables_of
 from cocap_opt.formulations.certificates.sweep import reward_of_staying
 from cocap_opt.formulations.result import (
     CertifiedResult,
@@ -76,12 +79,17 @@ def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
 
 
 # The most that states of a robot class see, added up over the faces with their weights: roots
-# w sqrt(px/m2) and pixels w px/m2 [T+1, S]. Where there are too many states for value iteration S
-# is 1: the most that any of them sees.
-_Sums = tuple[FloatArray, FloatArray]
+# w sqrt(px/m2) and pixels w px/m2 [T+1, S]; and over the people who count. Where there are too many
+# states for value iteration S is 1: the most that any of them sees.
+_Sums = tuple[FloatArray, FloatArray, FloatArray]
 
-# One alpha and one beta for all faces of each step [T+1], or for all steps together [1].
-_Steps = tuple[FloatArray, FloatArray]
+
+class _Steps(NamedTuple):
+    """Multipliers of steps."""
+
+    alpha: FloatArray  # of all faces of each step [T+1], or of all steps together [1]
+    beta: FloatArray  # the same
+    gamma: FloatArray  # [T+1] of all people who count
 
 
 class _StepMultipliers:
@@ -93,28 +101,38 @@ class _StepMultipliers:
         collect = _most if _states(model) > _TOO_MANY else _sums
         self._sums = [collect(model, k, visible) for k in range(len(model.classes))]
         self._digest = problem_digest(problem)
-        weights = np.where(visible, problem.view_sum_weights, 0.0)
-        self._weights = weights.reshape(problem.view_sum_steps, -1).sum(axis=1)
+        weights, n = np.where(visible, problem.view_sum_weights, 0.0), problem.returns.n_roots
+        self._weights = weights[:n].reshape(problem.view_sum_steps, -1).sum(axis=1)
+        people = (weights[n:] * problem.returns.caps).reshape(problem.count_weights.shape)
+        self._counts = people.sum(axis=1)  # [T+1] the most that counts bring
 
     def alone(self) -> _Steps:
         """Returns the multipliers of drones that are alone."""
         steps = self._model.problem.view_sum_steps
-        return np.ones(steps), np.zeros(steps)
+        return _Steps(np.ones(steps), np.zeros(steps), np.ones(self._model.problem.horizon + 1))
 
     def tangents(self) -> Iterator[_Steps]:
         """Yields tangents at ever fewer pixels."""
-        most = np.max([pixels.max(axis=1) for _, pixels in self._sums], axis=0)  # [T+1]
+        most = np.max([pixels.max(axis=1) for _, pixels, _ in self._sums], axis=0)  # [T+1]
         problem = self._model.problem
         if problem.objective.over_time:
             most = most.sum(keepdims=True)
         seen = (most > 0) & (self._weights > 0)
         full = len(problem.robots) * most[seen] / self._weights[seen]
-        share = 1.0
-        while seen.any() and share > 1 / (4 * len(problem.robots)):
-            alpha, beta = self.alone()
-            alpha[seen], beta[seen] = 0.0, 1 / (2 * np.sqrt(share * full))
-            yield alpha, beta
+        share, cameras = 1.0, self._cameras
+        while (seen.any() or cameras) and share > 1 / (4 * len(problem.robots)):
+            steps = self.alone()
+            steps.alpha[seen], steps.beta[seen] = 0.0, 1 / (2 * np.sqrt(share * full))
+            if cameras and share * len(problem.robots) > cameras:
+                steps.gamma[:] = 0.0
+            yield steps
             share *= _STEP_DOWN
+
+    @property
+    def _cameras(self) -> int:
+        """Number of drones from which on more that see a person do not count; 0: none do."""
+        views = self._model.problem.objective.views
+        return 0 if views is None else views.cameras
 
     @property
     def are_dear(self) -> bool:
@@ -151,19 +169,19 @@ class _StepMultipliers:
         moves = len(problem.robots) * problem.horizon
         total = self._constants(steps) + moves * reward_of_staying(problem.objective)
         for robot_class, sums in zip(self._model.classes, self._sums, strict=True):
-            alpha, beta = (np.broadcast_to(x, len(sums[0])) for x in steps)
+            each = (np.broadcast_to(x, len(sums[0])) for x in steps)
             total += len(robot_class.robots) * sum(
-                float((a * roots if not b else a * roots + b * pixels).max())
-                for roots, pixels, a, b in zip(*sums, alpha, beta, strict=True)
+                float(_paid(*row).max()) for row in zip(*sums, *each, strict=True)
             )
         return total
 
     def _constants(self, steps: _Steps) -> float:
         """Returns the part of the bound that no drone decides."""
-        alpha, beta = steps
+        alpha, beta, gamma = steps
         tangent = beta > 0
         constants = (1 - alpha[tangent]) ** 2 / (4 * beta[tangent])
-        return float(self._weights[tangent] @ constants)
+        total = float(self._weights[tangent] @ constants)
+        return total + float(self._counts @ (1 - gamma)) if self._cameras else total
 
     def file(self, steps: _Steps, bound: float | None = None) -> CertificateFile:
         """Returns the certificate of multipliers, with the bound that they prove.
@@ -173,7 +191,11 @@ class _StepMultipliers:
         bound : if it is known; at least what they prove
         """
         problem, faces = self._model.problem, self._model.n_faces
-        alpha, beta = (tuple((x,) * faces for x in values.tolist()) for values in steps)
+        people = int(problem.count_weights.shape[1])
+        alpha, beta, gamma = (
+            tuple((x,) * n for x in values.tolist())
+            for n, values in zip((faces, faces, people), steps, strict=True)
+        )
         bound = self._bound(steps) if bound is None else bound
         return CertificateFile(
             scene=problem.name,
@@ -182,7 +204,7 @@ class _StepMultipliers:
             method=METHOD,
             coverage=OPTIMISTIC if self._model.covered_steps <= problem.horizon else UNSET,
             bound=None if bound == -math.inf else bound,
-            certificate=Multipliers(alpha=alpha, beta=beta),
+            certificate=Multipliers(alpha=alpha, beta=beta, views=gamma if people else ()),
         )
 
     def _bound(self, steps: _Steps) -> float:
@@ -192,14 +214,20 @@ class _StepMultipliers:
             reward = robot_class.graph.no_reward(self._model.problem.horizon)
             steps_of = np.broadcast_arrays(reward[:, 0], *steps)[1:]
             # Step by step: arrays of all states at all steps are large.
-            for gained, roots, pixels, alpha, beta in zip(reward, *sums, *steps_of, strict=True):
-                if alpha:
-                    gained += alpha * roots
-                if beta:
-                    gained += beta * pixels
+            for gained, *row in zip(reward, *sums, *steps_of, strict=True):
+                gained += _paid(*row)
             value = backward_sweep(robot_class.graph, reward, bonuses, goal=robot_class.goal)
             total += float(value[0, list(robot_class.starts)].sum())
         return total if total == -math.inf else _rounded_up(total)
+
+
+def _paid(
+    roots: FloatArray, pixels: FloatArray, counts: FloatArray,
+    alpha: float, beta: float, gamma: float,
+) -> FloatArray:  # fmt: skip
+    """Returns the pay [S] of a step's states; what is not paid for may be infinite."""
+    parts = ((alpha, roots), (beta, pixels), (gamma, counts))
+    return np.asarray(sum((price * part for price, part in parts if price), 0.0 * counts))
 
 
 def _rounded_up(bound: float) -> float:
@@ -215,7 +243,7 @@ def _states(model: Model) -> int:
 def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
     """Returns the sums of a class, and marks what it may see in `visible` [Z]."""
     graph = model.classes[number].graph
-    sums = np.zeros((2, model.problem.horizon + 1, graph.n_states))
+    sums = np.zeros((3, model.problem.horizon + 1, graph.n_states))
     nodes, known = _known(model, number, visible)
     for whole, values in zip(sums, known, strict=True):
         whole.reshape(-1)[nodes] = values
@@ -223,34 +251,37 @@ def _sums(model: Model, number: int, visible: BoolArray) -> _Sums:
     for t, places, *most in _ceilings(model, number, visible):
         for whole, values in zip(sums, most, strict=True):
             whole[t].reshape(shape)[:, places] = values
-    return sums[0], sums[1]
+    return sums[0], sums[1], sums[2]
 
 
 def _most(model: Model, number: int, visible: BoolArray) -> _Sums:
     """Returns the most of a class at each step, and marks what it may see in `visible` [Z]."""
-    sums = np.zeros((2, model.problem.horizon + 1, 1))
+    sums = np.zeros((3, model.problem.horizon + 1, 1))
     nodes, known = _known(model, number, visible)
     for whole, values in zip(sums, known, strict=True):
         np.maximum.at(whole[:, 0], nodes // model.classes[number].graph.n_states, values)
     for t, _, *most in _ceilings(model, number, visible):
         for whole, values in zip(sums, most, strict=True):
             whole[t] = max(whole[t, 0], values.max())
-    return sums[0], sums[1]
+    return sums[0], sums[1], sums[2]
 
 
 def _known(model: Model, number: int, visible: BoolArray) -> tuple[IntArray, _Sums]:
-    """Returns nodes [n] of a class whose coverage is known, and their roots and pixels [n]."""
+    """Returns nodes [n] of a class whose coverage is known, and their sums [n]."""
     table, _ = model.coverage_so_far(model.classes[number])
     visible[table.view_sums] = True
     weights = model.problem.view_sum_weights[table.view_sums]
+    of_counts = np.zeros(len(weights))
+    of_counts[table.counts] = weights[table.counts]
+    weights[table.counts] = 0.0
     roots, pixels = (table.row_sums(x * weights) for x in (np.sqrt(table.pixels), table.pixels))
-    return table.nodes, (roots, pixels)
+    return table.nodes, (roots, pixels, table.row_sums(of_counts))
 
 
 def _ceilings(
     model: Model, number: int, visible: BoolArray
-) -> Iterator[tuple[int, IntArray, FloatArray, FloatArray]]:
-    """Yields steps that are not known, places [n] that are reached then, roots and pixels [O, n].
+) -> Iterator[tuple[int, IntArray, FloatArray, FloatArray, FloatArray]]:
+    """Yields steps that are not known, places [n] that are reached then, and sums [O, n].
 
     They are in parts of a size that the processor's cache holds.
     """
@@ -263,9 +294,9 @@ def _ceilings(
         at, places = problem.view_sums_at(t), np.flatnonzero(reached)
         parts = -(-len(places) * graph.n_orientations // _AT_ONCE)
         for chunk in np.array_split(places, parts) if parts else []:
-            roots, pixels, seen = ceiling(views, t, chunk, weights[at])
-            visible[at] |= seen
-            yield t, chunk, roots, pixels
+            most = ceiling(views, t, chunk, weights[at])
+            visible[at] |= most.visible
+            yield t, chunk, most.roots, most.pixels, most.people
 
 
 @timed
@@ -318,6 +349,5 @@ def _pixels_of(model: Model, plan: Plan) -> FloatArray:
 
 def _at_pixels(model: Model, pixels: FloatArray, method: str) -> CertificateFile:
     """Returns the certificate of the marginal gains at reference pixels [Z]."""
-    table = np.reshape(pixels, (model.problem.view_sum_steps, -1)).tolist()
-    certificate = ReferencePixels(tuple(tuple(row) for row in table))
+    certificate = ReferencePixels(*tables_of(model.problem, pixels))
     return certify(model.problem, model, method, certificate)

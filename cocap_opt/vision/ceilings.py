@@ -5,6 +5,7 @@ They bound what coverage that a limit cut short leaves open; coverage itself use
 
 import math
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,34 +17,34 @@ _AT_ONCE = 200_000  # orientations times places times actors, for the processor'
 _SLACK = 1e-7  # m, much more than the rounding of coordinates
 
 
-_Ceiling = tuple[FloatArray, FloatArray, BoolArray]  # as `ceiling` returns it
+class Ceiling(NamedTuple):
+    """Upper bounds on what all states at places see, added up with their weights."""
+
+    roots: FloatArray  # [O, n] of all faces' roots of px/m2
+    pixels: FloatArray  # [O, n] of all faces' px/m2
+    people: FloatArray  # [O, n] of people who count
+    visible: BoolArray  # [W] true where one of the states may see the face or person
 
 
-def ceiling(views: StateViews, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
+def ceiling(views: StateViews, t: int, places: IntArray, weights: FloatArray) -> Ceiling:
     """Returns an upper bound on what all states at places [n] see at step t.
 
     It costs much less than coverage, since nothing is clipped.
 
     Parameters
     ----------
-    weights : [F] of the faces
-
-    Returns
-    -------
-    roots, pixels : [O, n] of the sums over all faces, each with its weight, of the roots of what
-        is seen of them (px/m2), and of that itself
-    visible : [F] true where one of the states may see the face
+    weights : [W] of the faces, and of the people who count
     """
     if not views.n_faces or not len(places):
         none = np.zeros((views.graph.n_orientations, len(places)))
-        return none, none, np.zeros(views.n_faces, dtype=bool)
+        return Ceiling(none, none, none, np.zeros(views.width, dtype=bool))
     if isinstance(views, PinholeViews):
         return _of_pinhole(views, t, places, weights)
     assert isinstance(views, ConeViews)
     return _of_cone(views, t, places, weights)
 
 
-def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
+def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArray) -> Ceiling:
     """Returns an upper bound on what all states at places [n] see at step t.
 
     The image of a face of area A, whose plane the eye is h before, has
@@ -54,6 +55,7 @@ def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArr
     its sphere less its reach, in depth and, by the angle of the image's corners, in distance.
     """
     camera, planes, owners = views.camera, views.geometry.planes(t), views.problem.face_owner
+    weights, of_people = np.split(weights, [views.n_faces])
     slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
     cosine_at_corner = 1 / math.hypot(1.0, *slopes)
     right, up, forward = np.moveaxis(views.axes, 1, 0)  # [O, 3] each
@@ -86,20 +88,21 @@ def _of_pinhole(views: PinholeViews, t: int, places: IntArray, weights: FloatArr
         roots = np.sqrt(pixels * of_actors[actor])
         at, size = orientation * len(chunk) + place, (len(views.axes), len(chunk))
         visible = in_view.any(axis=0)[:, owners] & turned
-        parts.append((
+        parts.append(Ceiling(
             np.bincount(at, roots, math.prod(size)).reshape(size).astype(np.float64),
             np.bincount(at, pixels, math.prod(size)).reshape(size).astype(np.float64),
-            visible.any(axis=0),
+            *_people(in_view, of_people, visible),
         ))  # fmt: skip
     return _joined(parts)
 
 
-def _of_cone(views: ConeViews, t: int, places: IntArray, weights: FloatArray) -> _Ceiling:
+def _of_cone(views: ConeViews, t: int, places: IntArray, weights: FloatArray) -> Ceiling:
     """Returns an upper bound on what all states at places [n] see at step t.
 
     All of the level way to a face counts as ahead.
     """
     headings, owners = views.graph.motion.headings, views.problem.face_owner
+    weights, of_people = np.split(weights, [views.n_faces])
     first = np.searchsorted(owners, np.arange(len(views.problem.actors)))
     parts = []
     for chunk in _chunks(places, headings * len(first)):
@@ -115,15 +118,33 @@ def _of_cone(views: ConeViews, t: int, places: IntArray, weights: FloatArray) ->
             for values in (np.sqrt(seen) * weights, seen * weights)
         )
         noticed = np.asarray(detected.any(axis=0))
-        visible = np.any(noticed[:, owners] & (seen > 0), axis=0)
-        parts.append((roots, pixels, visible))
+        visible = noticed[:, owners] & (seen > 0)
+        parts.append(Ceiling(roots, pixels, *_people(detected, of_people, visible)))
     return _joined(parts)
 
 
-def _joined(parts: list[_Ceiling]) -> _Ceiling:
+def _people(
+    in_view: BoolArray, weights: FloatArray, visible: BoolArray
+) -> tuple[FloatArray, BoolArray]:
+    """Returns the sums [O, n] of people in view [O, n, A], and which columns [W] may be seen.
+
+    Parameters
+    ----------
+    weights : [A] of the people, or none if they do not count
+    visible : [n, F] true where a face may be seen from a place
+    """
+    faces = np.asarray(visible.any(axis=0))
+    if not len(weights):
+        return np.zeros(in_view.shape[:2], dtype=np.float64), faces
+    sums: FloatArray = in_view @ weights
+    return sums, np.concatenate([faces, in_view.any(axis=(0, 1))])
+
+
+def _joined(parts: list[Ceiling]) -> Ceiling:
     """Returns the ceiling of all places from those of some each."""
-    roots, pixels, visible = zip(*parts, strict=True)
-    return np.concatenate(roots, axis=1), np.concatenate(pixels, axis=1), np.any(visible, axis=0)
+    *sums, visible = zip(*parts, strict=True)
+    roots, pixels, people = (np.concatenate(part, axis=1) for part in sums)
+    return Ceiling(roots, pixels, people, np.any(visible, axis=0))
 
 
 def _by_actor(values: FloatArray, owners: IntArray, n_actors: int) -> FloatArray:

@@ -15,11 +15,12 @@ import msgspec
 import numpy as np
 from msgspec import UNSET, UnsetType
 
+from cocap_opt.data import FloatArray
 from cocap_opt.files.documents import SAMPLED, Document
 from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.model import Model
-from cocap_opt.problem import State
+from cocap_opt.problem import Problem, State
 from cocap_opt.stop import Stop, never
 
 MOST_NODES = 1_000_000
@@ -30,7 +31,8 @@ LARGEST_ROOT = 1e50  # of a curve, far beyond any camera's, and its square is fi
 # The numbers of classes in a file count the classes of robots that differ only in their start
 # ("alike"), or robots, each of which is a class of its own ("single").
 Classes = Literal["alike", "single"]
-Table = tuple[tuple[float, ...], ...]  # [T+1][F], or [1][F] where pixels add up over time
+# [T+1][F], or [1][F] where pixels add up over time; of people who count [T+1][A].
+Table = tuple[tuple[float, ...], ...]
 
 
 class CertificateError(ValueError):
@@ -168,6 +170,8 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     decisions : nu >= 0, one per decision on the way from the root of a proof down to the leaf; "at
         most n" adds nu n to the bound and charges each user nu, "at least n" takes nu n off and
         pays each user nu; of "at most 0" it is not used
+    views : [T+1][A] >= 0, price of a drone that sees a person, before its weight; only in scenes
+        that count them
     """
 
     alpha: Table
@@ -175,6 +179,7 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
     rows: tuple[Row, ...] = ()
     cuts: tuple[EnvelopeCut, ...] = ()
     decisions: tuple[float, ...] = ()
+    views: Table = ()
 
     def usable_cuts(self, model: Model, stop: Stop = never) -> list[tuple[Cut, float]]:
         """Returns the cuts with the constants that make them valid, and their shares.
@@ -196,16 +201,31 @@ class Multipliers(_Part, frozen=True, tag="multipliers", omit_defaults=True):
         return found
 
 
-class ReferencePixels(_Part, frozen=True, tag="reference"):
+class ReferencePixels(_Part, frozen=True, tag="reference", omit_defaults=True):
     """Pixels at which marginal gains are taken; those of a plan give the online bound.
 
     Attributes
     ----------
     type : `reference`
     pixels : [T+1][F] px/m2, steps and faces as those of alpha
+    views : [T+1][A] >= 0, drones that see each person; only in scenes that count them
     """
 
     pixels: Table
+    views: Table = ()
+
+
+def tables_of(problem: Problem, values: FloatArray) -> tuple[Table, Table]:
+    """Returns numbers of view sums [Z] as files have them: of faces, and of people who count."""
+    n = problem.returns.n_roots
+    faces = _table(values[:n].reshape(problem.view_sum_steps, -1))
+    if len(values) == n:
+        return faces, ()
+    return faces, _table(values[n:].reshape(problem.horizon + 1, -1))
+
+
+def _table(values: FloatArray) -> Table:
+    return tuple(map(tuple, values.tolist()))
 
 
 class StepPrices(_Part, frozen=True, omit_defaults=True):

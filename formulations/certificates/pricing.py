@@ -15,6 +15,10 @@ A share theta of a view sum's root may be bounded by an envelope cut instead (`e
 r <= constant + sum phi_k(i)(sqrt(c_i)), with one phi_k per class k of robots. Then only
 rho = 1 - sum theta is left for alpha and beta, and kappa = max(0, rho - alpha)^2 / (4 beta).
 
+Where the drones that see a person are counted, min(sum c_i, k) takes the root's place, c_i is 0 or
+1, and one number gamma that of (alpha, beta): the part of w that each drone is paid. Then kappa is
+k max(0, 1 - gamma) (`returns`), and there are no cuts: these are of roots alone.
+
 Decisions "at most k" or "at least k robots use this" of a branch-and-price tree are rows as
 well; multipliers nu >= 0 make them +nu k or -nu k, and a charge or a reward on the use.
 "At most none" closes the resource.
@@ -170,8 +174,6 @@ class CertificatePrices(NamedTuple):
         stop: Stop = never,
     ) -> "CertificatePrices":
         """Returns the prices of a certificate; raises what `Pricing.of` does."""
-        if model.problem.objective.views is not None:
-            raise CertificateError("no bound takes a scene with [objective] views yet")
         if isinstance(certificate, Multipliers):
             pixels = _prices_by_multipliers(model, certificate, stop)
             return cls(model, pixels, *_resource_prices(model, certificate, decisions))
@@ -193,11 +195,11 @@ class CertificatePrices(NamedTuple):
         error is below gamma_n times the sum of absolute values (Higham, Accuracy and Stability of
         Numerical Algorithms, 2002, section 3.1), doubled for safety. Marginal gains at reference
         pixels z are differences of roots up to sqrt(z + c); the constant holds w sqrt(z), so that
-        what cancels is counted too. A step adds a term for each face, and up to four rewards for
-        its move.
+        what cancels is counted too. A step adds a term for each face and each person who counts,
+        and up to four rewards for its move.
         """
         problem = self.model.problem
-        terms = (problem.horizon + 1) * (self.model.n_faces + 5) + len(self.costs)
+        terms = (problem.horizon + 1) * (problem.step_width + 5) + len(self.costs)
         terms += 8 * len(problem.robots) + 64 + 2 * self.pixels.cuts
         return 2 * terms * UNIT_ROUNDOFF / (1 - terms * UNIT_ROUNDOFF)
 
@@ -217,17 +219,19 @@ class _PixelPrices(NamedTuple):
 
 
 def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -> _PixelPrices:
-    alpha = _array(model, certificate.alpha, "certificate.alpha")
-    beta = _array(model, certificate.beta, "certificate.beta")
-    weights = model.problem.view_sum_weights
+    alpha = _array(model, certificate.alpha, certificate.views, "certificate.alpha")
+    beta = _array(model, certificate.beta, _nothing(certificate.views), "certificate.beta")
+    weights, returns = model.problem.view_sum_weights, model.problem.returns
     cuts = certificate.usable_cuts(model, stop)
+    if any(cut.view_sum >= returns.n_roots for cut, _ in cuts):
+        raise CertificateError("certificate.cuts: only roots of pixels have cuts")
     rest = _left_by(cuts, len(alpha))
     needed = np.flatnonzero((_visible_view_sums(model) > 0) & (alpha < rest))
-    if (beta[needed] == 0).any():
+    if (beta[needed[needed < returns.n_roots]] == 0).any():
         raise CertificateError("certificate.beta: must be > 0 where alpha < 1")
+    kappa = returns.kappas(alpha, beta, rest)[needed]
     with np.errstate(over="ignore"):  # what is infinite is refused later
-        kappa = (rest[needed] - alpha[needed]) ** 2 / (4 * beta[needed])
-    terms = (weights[needed] * kappa).tolist()
+        terms = (weights[needed] * kappa).tolist()
     terms += [float(weights[cut.view_sum]) * share * cut.constant for cut, share in cuts]
     constants = np.zeros(len(weights))
     owners = np.array([*needed.tolist(), *(cut.view_sum for cut, _ in cuts)], dtype=np.int64)
@@ -245,7 +249,7 @@ def _prices_by_multipliers(model: Model, certificate: Multipliers, stop: Stop) -
         by_view_sum.setdefault(cut.view_sum, []).append((cut, share))
 
     def paid(number: int, view_sums: IntArray, pixels: FloatArray) -> FloatArray:
-        roots = np.sqrt(pixels)
+        roots = returns.values_at(view_sums, pixels)
         brought: FloatArray = alpha[view_sums] * roots + beta[view_sums] * pixels
         order = np.argsort(view_sums, kind="stable")
         bounds = np.searchsorted(view_sums[order], np.arange(len(alpha) + 1))
@@ -271,24 +275,24 @@ def _left_by(cuts: list[tuple[Cut, float]], n_view_sums: int) -> FloatArray:
 
 def _visible_view_sums(model: Model) -> FloatArray:
     """Returns 1.0 for view sums that some robot can see and that count; others add nothing [Z]."""
-    visible = np.zeros(model.problem.view_sum_steps * model.n_faces)
+    visible = np.zeros(len(model.problem.view_sum_weights))
     for robot_class in model.classes:
         visible[model.coverage(robot_class).view_sums] = 1.0
     return np.where(model.problem.view_sum_weights > 0, visible, 0.0)
 
 
 def _prices_by_reference(model: Model, certificate: ReferencePixels) -> _PixelPrices:
-    pixels = _array(model, certificate.pixels, "certificate.pixels")
-    roots = model.problem.view_sum_weights * np.sqrt(pixels)
-    constant = exact_sum(roots.tolist())
-    # Every gain is a difference of roots that may be as large as the constant's.
+    pixels = _array(model, certificate.pixels, certificate.views, "certificate.pixels")
+    values = model.problem.view_sum_weights * model.problem.returns.values(pixels)
+    constant = exact_sum(values.tolist())
+    # Every gain is a difference of values that may be as large as the constant's.
     gains = len(model.problem.robots)
     gains *= model.problem.horizon + 1 if model.problem.objective.over_time else 1
 
     def paid(number: int, view_sums: IntArray, seen: FloatArray) -> FloatArray:
         return marginal_gain(model.problem, view_sums, pixels[view_sums], seen)
 
-    return _PixelPrices(constant, roots, (gains + 1) * constant, paid)
+    return _PixelPrices(constant, values, (gains + 1) * constant, paid)
 
 
 def _node_rewards(model: Model, number: int, prices: _PixelPrices) -> FloatArray:
@@ -310,15 +314,34 @@ def _node_rewards(model: Model, number: int, prices: _PixelPrices) -> FloatArray
     return rewards
 
 
-def _array(model: Model, values: Table, field: str) -> FloatArray:
-    """Returns numbers >= 0 from a file, one per view sum [Z]."""
-    shape = (model.problem.view_sum_steps, model.n_faces)
+def _array(model: Model, faces: Table, people: Table, field: str) -> FloatArray:
+    """Returns numbers >= 0 from a file, one per view sum [Z].
+
+    Parameters
+    ----------
+    people : of those who count, in the field `views`
+    field : name of that of the faces
+    """
+    counted = model.problem.count_weights.shape
+    return np.concatenate([
+        _checked(faces, (model.problem.view_sum_steps, model.n_faces), field),
+        _checked(people, counted if counted[1] else (0, 0), "certificate.views"),
+    ])  # fmt: skip
+
+
+def _checked(values: Table, shape: tuple[int, int], field: str) -> FloatArray:
+    """Returns a table of one shape, row by row."""
     if len(values) != shape[0] or any(len(row) != shape[1] for row in values):
         raise CertificateError(f"{field}: must hold {shape[0]} rows of {shape[1]} numbers")
     array = np.array(values, dtype=np.float64).reshape(-1)
     if not np.isfinite(array).all() or (array < 0).any():
         raise CertificateError(f"{field}: must be finite and >= 0")
     return array
+
+
+def _nothing(table: Table) -> Table:
+    """Returns a table of zeros of the same shape."""
+    return tuple((0.0,) * len(row) for row in table)
 
 
 # -- prices of resources -----------------------------------------------------------------------

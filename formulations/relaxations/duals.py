@@ -9,6 +9,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import ClassCurve, EnvelopeCut, Multipliers, Row
 from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.certificates.format import tables_of
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
@@ -58,13 +59,17 @@ class Duals:
 
     def certificate(self, model: Model) -> Multipliers:
         """Returns the multipliers as they stand in a certificate."""
-        steps = model.problem.view_sum_steps
+        alpha, _ = tables_of(model.problem, self.alpha)
+        beta, _ = tables_of(model.problem, self.beta)
+        # Of people who count, alpha and beta do the same.
+        _, views = tables_of(model.problem, self.alpha + self.beta)
         return Multipliers(
-            alpha=tuple(map(tuple, self.alpha.reshape(steps, -1).tolist())),
-            beta=tuple(map(tuple, self.beta.reshape(steps, -1).tolist())),
+            alpha=alpha,
+            beta=beta,
             rows=tuple(Row(resource, mu) for resource, mu in self.rows if mu > 0),
             cuts=tuple(_written(model, cut, share) for cut, share in self.cuts if share > 0),
             decisions=tuple(self.decisions.tolist()),
+            views=views,
         )
 
 

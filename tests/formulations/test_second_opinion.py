@@ -4,10 +4,16 @@ import math
 
 import numpy as np
 import pytest
+from counting import either
 from hypothesis import given
 from hypothesis import strategies as st
 from pool import problems
-from random_certificates import as_rows, random_multipliers, random_proof, some_model
+from random_certificates import (
+    random_multipliers,
+    random_proof,
+    random_reference,
+    some_model,
+)
 from strategies import examples, tiny
 
 from cocap_opt.formulations.certificates import (
@@ -15,7 +21,6 @@ from cocap_opt.formulations.certificates import (
     CertificateFile,
     Pricing,
     ProofFile,
-    ReferencePixels,
     pricing,
 )
 from cocap_opt.formulations.result import certify
@@ -37,20 +42,19 @@ def assert_same(problem: Problem, file: CertificateFile | ProofFile, swept: Pric
 
 
 @examples(8)
-@given(problem=problems(over_time=True), seed=st.integers(0, 1000))
+@given(problem=either(problems(over_time=True)), seed=st.integers(0, 1000))
 def test_networkx_prices_certificates_as_the_sweep_does(problem: Problem, seed: int) -> None:
     """Rows of cells, swaps and moves, cuts, rewards for moves, goals and people in the way."""
     rng = np.random.default_rng(seed)
     model = some_model(problem, rng)
-    shape = (problem.view_sum_steps, len(problem.face_weights))
-    reference = ReferencePixels(as_rows(rng.choice([0.0, 10.0, 1e4], size=shape)))
+    reference = random_reference(problem, rng)
     for certificate in (random_multipliers(model, rng), reference):
         file = certify(problem, model, "test", certificate)
         assert_same(problem, file, Pricing.of(model, certificate))
 
 
 @examples(8)
-@given(problem=problems(over_time=True), seed=st.integers(0, 1000))
+@given(problem=either(problems(over_time=True)), seed=st.integers(0, 1000))
 def test_networkx_prices_every_leaf_of_a_proof(problem: Problem, seed: int) -> None:
     """Decisions close, charge or reward what robots use; the worst leaf's bound is the proof's."""
     rng = np.random.default_rng(seed)

@@ -18,3 +18,8 @@ def counting(draw: st.DrawFn, drawn: st.SearchStrategy[Problem]) -> Problem:
     )
     pixels = draw(st.sampled_from([1.0, 1.0, 0.0, 0.01]))
     return problem.replace(objective=problem.objective.replace(views=views, pixels=pixels))
+
+
+def either(drawn: st.SearchStrategy[Problem]) -> st.SearchStrategy[Problem]:
+    """Problems as `drawn`, in which people count or do not."""
+    return st.one_of(drawn, counting(drawn))

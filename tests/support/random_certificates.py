@@ -13,6 +13,7 @@ from cocap_opt.formulations.certificates import (
     Leaf,
     Multipliers,
     ProofFile,
+    ReferencePixels,
     Row,
 )
 from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Resource, Swap, Visit
@@ -87,7 +88,8 @@ def random_cuts(model: Model, rng: np.random.Generator) -> list[EnvelopeCut]:
     """Envelope cuts of some view sums, with random values and shares."""
     if model.problem.objective.over_time:
         return []
-    largest = model.largest_roots().max(axis=0).reshape(model.problem.horizon + 1, -1)
+    largest = model.largest_roots().max(axis=0)[: model.problem.returns.n_roots]
+    largest = largest.reshape(model.problem.horizon + 1, -1)
     cuts = []
     for t, face in np.argwhere(largest > 0).tolist():
         for _ in range(int(rng.integers(3))):
@@ -124,7 +126,22 @@ def random_multipliers(model: Model, rng: np.random.Generator, decisions: int = 
         rows=tuple(random_rows(problem, rng)),
         cuts=tuple(random_cuts(model, rng)),
         decisions=tuple(rng.choice([0.0, 0.5, 30.0], size=decisions).tolist()),
+        views=random_views(problem, rng, [0.0, 0.3, 1.0, 2.0]),
     )
+
+
+def random_views(problem: Problem, rng: np.random.Generator, among: list[float]) -> Rows:
+    """A number for each step and person, if people count."""
+    if not problem.count_weights.size:
+        return ()
+    return as_rows(rng.choice(among, size=problem.count_weights.shape))
+
+
+def random_reference(problem: Problem, rng: np.random.Generator) -> ReferencePixels:
+    """Pixels and numbers of drones at which gains are taken."""
+    shape = (problem.view_sum_steps, len(problem.face_weights))
+    pixels = as_rows(rng.choice([0.0, 10.0, 1e4], size=shape))
+    return ReferencePixels(pixels, random_views(problem, rng, [0.0, 0.7, 1.0, 2.0, 5.0]))
 
 
 def random_decisions(model: Model, rng: np.random.Generator) -> tuple[Decision, ...]:
