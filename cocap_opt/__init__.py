@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from cocap_opt.api.explaining import explain, replans
     from cocap_opt.api.files import load, read, save
     from cocap_opt.api.flying import robustness, trajectory
+    from cocap_opt.api.fronts import front
     from cocap_opt.api.judging import check, verify
     from cocap_opt.api.measuring import gap
     from cocap_opt.api.methods import bound, plan, solve
@@ -78,6 +79,7 @@ _MODULES = {
     "cocap_opt.run.verified": ("Verified",),
     "cocap_opt.api.covering": ("coverage", "coverage_digest"),
     "cocap_opt.api.explaining": ("explain", "replans"),
+    "cocap_opt.api.fronts": ("front",),
     "cocap_opt.api.files": ("load", "read", "save"),
     "cocap_opt.api.flying": ("robustness", "trajectory"),
     "cocap_opt.api.judging": ("check", "verify"),
@@ -116,8 +118,8 @@ __all__ = [
     "Result",
     "Robot", "Snapshot", "State", "Stop", "SwapConflict", "TimeLimit", "TriangulatedCuboid",
     "UnsupportedError", "Verdict", "Verified", "VertexConflict", "WorkLimit",
-    "bound", "check", "coverage", "coverage_digest", "explain", "gap", "load", "never", "plan",
-    "read", "replans", "robustness", "save", "show", "show_versions", "solve", "trajectory",
+    "bound", "check", "coverage", "coverage_digest", "explain", "front", "gap", "load", "never",
+    "plan", "read", "replans", "robustness", "save", "show", "show_versions", "solve", "trajectory",
     "verify",
 ]  # fmt: skip
 

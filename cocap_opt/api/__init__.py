@@ -2,8 +2,8 @@
 
 `methods` has those that plan, bound and solve; `judging` those that check and verify, `explaining`
 those that tell what a gap is made of; `covering` has what drones see, `measuring` the gap table,
-`flying` the flights of plans, `showing` the player, and `files` what is read and written.
-`arguments` judges what they are given.
+`fronts` trade-offs, `flying` the flights of plans, `showing` the player, and `files` what is read
+and written. `arguments` judges what they are given.
 """
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "explaining",
     "files",
     "flying",
+    "fronts",
     "judging",
     "measuring",
     "methods",

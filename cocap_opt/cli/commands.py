@@ -12,6 +12,7 @@ from cyclopts import App, CoercionError, CycloptsError, Parameter
 
 from cocap_opt.cli import (
     flight_commands,
+    front_command,
     gap_command,
     picture_commands,
     result_commands,
@@ -52,7 +53,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 for _family in (
-    scene_commands, solver_commands, verify_command, gap_command, result_commands,
+    scene_commands, solver_commands, verify_command, gap_command, front_command, result_commands,
     picture_commands, flight_commands,
 ):  # fmt: skip
     for _name, _command in _family.COMMANDS.items():

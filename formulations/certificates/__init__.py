@@ -25,7 +25,7 @@ The upper storey, the folder `staged`, checks staged certificates by searches, i
 and 300 more that are compiled. It is loaded only where one of these is checked or made. `checking`
 opens it, in one place.
 
-Below both, the trusted core, about 4,600 lines:
+Below both, the trusted core, about 5,400 lines:
 
 - `problem`: `actor`, `airspace`, `camera`, `checks`, `motion`, `objective`, `plan`, `problem`,
   `robot`, `rules`, `scene`, `shapes`; the scene, and which conflicts it forbids.

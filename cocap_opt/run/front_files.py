@@ -1,0 +1,110 @@
+"""The folder of a trade-off: plans, and scenes with the bounds that prove its half-planes.
+
+Each direction is a scene of its own, so that `cocap-opt verify` checks its bound. What is read is
+checked again: a bound by its certificate, a plan by the referee.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from cocap_opt.files.documents import (
+    FileError,
+    PlanFile,
+    SceneFile,
+    decode_document,
+    encode,
+    problem_digest,
+    read_bytes,
+)
+from cocap_opt.formulations.certificates import (
+    CertificateError,
+    CertificateFile,
+    ProofFile,
+    verify,
+)
+from cocap_opt.output.files import make_folder, save_csv, save_files
+from cocap_opt.problem import COVERAGE_VERSION, Problem
+from cocap_opt.run.front import Direction, Front, HalfPlane, as_rows
+from cocap_opt.stop import Stop, never
+
+_SCENE, _BOUND, _PLAN = "direction-{}.scene.json", "direction-{}.bound.json", "plan-{}.json"
+TABLE = "front.csv"
+
+
+def save(front: Front, folder: Path) -> None:
+    """Writes a trade-off's files; those of more plans than there are now are removed."""
+    make_folder(folder)
+    contents: dict[Path, bytes] = {}
+    for n, plane in enumerate(front.half_planes, 1):
+        if plane.file is not None:
+            scene = SceneFile.of(front.scene(plane.direction))
+            contents[folder / _SCENE.format(n)] = encode(scene)
+            contents[folder / _BOUND.format(n)] = encode(plane.file)
+    digest = problem_digest(front.problem)
+    for n, point in enumerate(front.plans, 1):
+        file = PlanFile(
+            scene=front.problem.name, digest=digest, planner="front", reward=point.reward,
+            plan=point.plan, coverage_version=COVERAGE_VERSION,
+        )  # fmt: skip
+        contents[folder / _PLAN.format(n)] = encode(file)
+    save_files(contents)
+    for old in _numbered(folder, _PLAN):
+        if old not in contents:
+            old.unlink()
+    rows = as_rows(front)
+    keys = list(dict.fromkeys(key for row in rows for key in row))
+    save_csv(folder / TABLE, [{key: row.get(key, "") for key in keys} for row in rows])
+
+
+def read(front: Front, folder: Path, stop: Stop = never) -> Front:
+    """Returns a trade-off with all that its folder holds; with nothing more if there is none.
+
+    Raises
+    ------
+    FileError
+        If a file is damaged, of another scene, or its bound is not proved.
+    LimitReached
+        At a limit.
+    """
+    planes = []
+    for path in _numbered(folder, _SCENE):
+        scene = decode_document(read_bytes(path), str(path), SceneFile).problem
+        direction = _direction(front, scene, path)
+        where = path.with_name(path.name.replace(".scene.", ".bound."))
+        file = decode_document(read_bytes(where), str(where), CertificateFile, ProofFile)
+        assert isinstance(file, CertificateFile | ProofFile)
+        try:
+            bound = verify(scene, file, stop=stop).bound
+        except CertificateError as error:
+            raise FileError(f"{where}: {error}") from error
+        planes.append(HalfPlane(direction, bound * (direction.reward or 1.0), file))
+    plans = []
+    for path in _numbered(folder, _PLAN):
+        found = decode_document(read_bytes(path), str(path), PlanFile)
+        if found.digest != problem_digest(front.problem):
+            raise FileError(f"{path}: is a plan for another scene")
+        plans.append(found.plan)
+    return replace(front, half_planes=(*front.half_planes, *planes)).with_plans(plans)
+
+
+def _direction(front: Front, scene: Problem, path: Path) -> Direction:
+    """Returns the direction that a scene is of."""
+    views = scene.objective.views
+    if views is None or isinstance(views.weight, tuple):
+        raise FileError(f"{path}: must be a direction of the trade-off")
+    direction = Direction(1.0 if scene.objective.pixels else 0.0, views.weight)
+    if problem_digest(front.scene(direction)) != problem_digest(scene):
+        raise FileError(f"{path}: is a direction of another scene, number of cameras or share")
+    return direction
+
+
+def _numbered(folder: Path, name: str) -> Iterator[Path]:
+    """Yields the files of a name in the order of their numbers."""
+    before, _, after = name.partition("{}")
+    found = {}
+    for path in folder.glob(name.format("*")):
+        number = path.name.removeprefix(before).removesuffix(after)
+        if number.isdecimal():
+            found[int(number)] = path
+    yield from (found[number] for number in sorted(found))
