@@ -315,7 +315,8 @@ def test_a_mixture_is_split_by_view_sum() -> None:
     columns = obeying(compiled(problem))
     mixture = np.array([0.25, 0.75])
     parts = {
-        view_sum: (seen.roots, seen.amounts) for view_sum, seen in Mixture(columns, mixture).seen()
+        view_sum: (seen.roots, seen.amounts)
+        for view_sum, seen in Mixture(columns, mixture).seen(problem.returns.n_roots)
     }
     assert set(parts) == {int(g) for c in columns for g in c.view_sums}
     for robot_class, (roots, amounts) in parts.items():
@@ -324,7 +325,7 @@ def test_a_mixture_is_split_by_view_sum() -> None:
             for c, weight in zip(columns, mixture.tolist(), strict=True)
         )
         assert float(roots @ amounts) == pytest.approx(total)
-    assert Mixture(columns, np.zeros(2)).seen() == []
+    assert Mixture(columns, np.zeros(2)).seen(problem.returns.n_roots) == []
 
 
 @pytest.mark.parametrize("units", [0, 1, pytest.param(5, marks=pytest.mark.slow)])

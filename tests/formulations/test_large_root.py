@@ -36,6 +36,7 @@ from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
+from cocap_opt.returns import Returns
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, LimitReached, never
 
@@ -93,7 +94,7 @@ def test_a_root_far_below_others_has_no_beta() -> None:
     roots = np.array([[1.0], [1.0], [100.0]])
     base = SimpleNamespace(
         roots=sparse.csr_array(roots), pixels=sparse.csr_array(roots**2), weights=np.ones(1),
-        bonus=np.zeros(3),
+        bonus=np.zeros(3), returns=Returns(1, np.zeros(0)),
     )  # fmt: skip
     cut = Cut(0, {0: Curve(np.array([1.0, 100.0]), np.array([0.5, 99.5]))}, 0.5)
     program = RuledProgram(
