@@ -7,6 +7,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from brute_force import optimum
+from counting import either
 from hypothesis import given
 from pool import meetings, problems
 from scipy import sparse
@@ -42,7 +43,7 @@ from cocap_opt.stop import Limit, LimitReached, never
 
 AS_LARGE = Parameters(large_root=LargeRootParameters(many_robot_steps=0))  # no masters
 
-some_problems = st.one_of(meetings(), problems(robots=[1, 2, 3]))
+some_problems = either(st.one_of(meetings(), problems(robots=[1, 2, 3])))
 numbers = st.floats(0.05, 1.0)
 OPTIMA = {"corridor": 15159.036848877447, "bottleneck": 54899.771720915975}  # of seed 0
 
