@@ -31,7 +31,12 @@ def _bound(
 
 
 def _exact(
-    call: str, made_of: str, scenes: str, promises: str, certified: bool = True
+    call: str,
+    made_of: str,
+    scenes: str,
+    promises: str,
+    certified: bool = True,
+    pixels_only: bool = True,
 ) -> "Method[CertifiedResult]":
     return Method(
         f"cocap_opt.formulations.{call}",
@@ -44,7 +49,7 @@ def _exact(
         complete=True,
         optimal=True,
         certified=certified,
-        pixels_only=certified,
+        pixels_only=pixels_only,
     )
 
 
@@ -79,6 +84,7 @@ BOUNDS: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
             "relaxation over paths with all cuts and step envelopes",
             _ANY,
             "and a plan",
+            pixels_only=False,
         ),
     }
 )
@@ -91,12 +97,14 @@ EXACT: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
             _TINY,
             "the optimum, without a certificate",
             certified=False,
+            pixels_only=False,
         ),
         "branch-and-price": _exact(
             "column_generation.branch_and_price:branch_and_price",
             "a tree over column generation",
             _ANY,
             "the optimum, with a proof",
+            pixels_only=False,
         ),
         "highs": _exact("integer_programs.mathopt:highs", f"{_INTEGER} HiGHS", _FEW, _BY_ITS_WORD),
         "scip": _exact("integer_programs.mathopt:scip", f"{_INTEGER} SCIP", _FEW, _BY_ITS_WORD),

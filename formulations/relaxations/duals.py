@@ -100,6 +100,7 @@ def repaired_roots(
     u^2 <= z, where u is a root in units of `scale` and z the pixels in units of scale^2. Cuts share
     at most the whole root; for a root r that they leave `rest` of, the best beta is
     (rest - alpha) / (2 r), and no root is larger than if all robots had the best view at all steps.
+    Counts have no beta: u <= number of drones and u <= k.
 
     Parameters
     ----------
@@ -107,7 +108,7 @@ def repaired_roots(
     scale : [z] px^0.5/m
     weights : [z]
     single_view : [z] multipliers of u <= sum of roots of pixels
-    pixels : [z] multipliers of z <= sum of pixels
+    pixels : [z] multipliers of z <= sum of pixels; those of counts are not used
     cut_at : [k] position of each cut's view sum among `view_sums`
     cuts : [k] multipliers of the cuts
 
@@ -123,7 +124,9 @@ def repaired_roots(
     own_alpha = np.clip(np.nan_to_num(single_view / weights), 0.0, rest)
     own_beta = np.nan_to_num(pixels / (weights * scale))
     own_beta = np.maximum(own_beta, (rest - own_alpha) / (2 * largest))
-    nearly = rest - own_alpha < 1e-9
+    counts = view_sums >= problem.returns.n_roots
+    own_beta[counts] = 0.0
+    nearly = (rest - own_alpha < 1e-9) & ~counts
     alpha, beta = problem.no_pixels() + 1.0, problem.no_pixels()
     # A little more than the rest, so that no rounding makes it less.
     alpha[view_sums] = np.where(nearly, rest + 1e-12, own_alpha)

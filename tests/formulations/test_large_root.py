@@ -7,6 +7,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from brute_force import optimum
+from counting import either
 from hypothesis import given
 from pool import meetings, problems
 from scipy import sparse
@@ -36,12 +37,13 @@ from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
+from cocap_opt.returns import Returns
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, LimitReached, never
 
 AS_LARGE = Parameters(large_root=LargeRootParameters(many_robot_steps=0))  # no masters
 
-some_problems = st.one_of(meetings(), problems(robots=[1, 2, 3]))
+some_problems = either(st.one_of(meetings(), problems(robots=[1, 2, 3])))
 numbers = st.floats(0.05, 1.0)
 OPTIMA = {"corridor": 15159.036848877447, "bottleneck": 54899.771720915975}  # of seed 0
 
@@ -93,7 +95,7 @@ def test_a_root_far_below_others_has_no_beta() -> None:
     roots = np.array([[1.0], [1.0], [100.0]])
     base = SimpleNamespace(
         roots=sparse.csr_array(roots), pixels=sparse.csr_array(roots**2), weights=np.ones(1),
-        bonus=np.zeros(3),
+        bonus=np.zeros(3), returns=Returns(1, np.zeros(0)),
     )  # fmt: skip
     cut = Cut(0, {0: Curve(np.array([1.0, 100.0]), np.array([0.5, 99.5]))}, 0.5)
     program = RuledProgram(

@@ -6,6 +6,10 @@ It maximises rewards for moves + sum w u - penalty * slack, where the root u of 
     u <= sum of roots of pixels              (single-view row: the root is subadditive)
     u <= constant + sum of phi(roots)        (envelope cuts, `certificates.envelope`)
 
+the value u of a count, of which k drones are the most that pay,
+
+    u <= number of drones,  u <= k           (the first is its single-view row)
+
 and so many robots use a resource (conflict rows, decisions). Roots are in units of the largest
 that an arc has of the view sum.
 """
@@ -180,6 +184,7 @@ class MasterProgram:
         np.maximum.at(best, self._at, pixels)
         self._scale = np.sqrt(best)  # [z] largest root of each, px^0.5/m
         self._roots = np.sqrt(pixels) / self._scale[self._at]
+        self._returns = self._model.problem.returns.part(self._view_sums)
 
     def _entries_of_class(self, number: int) -> tuple[IntArray, IntArray, FloatArray]:
         """Returns the arcs of a class, entry by entry, with view sums and pixels."""
@@ -217,8 +222,11 @@ class MasterProgram:
         -------
         The solution, and the flow on each arc [n].
         """
-        n_rows, n_roots = len(self._rows) + len(self._decisions), len(self._weights)
-        sizes = {"flow": len(self._arcs), "slack": n_rows, "roots": n_roots, "pixels": n_roots}
+        n_rows, n_roots = len(self._rows) + len(self._decisions), self._returns.n_roots
+        sizes = {
+            "flow": len(self._arcs), "slack": n_rows,
+            "roots": len(self._weights), "pixels": n_roots,
+        }  # fmt: skip
         program = _ConicProgram(sizes)
         self._add_conservation(program)
         self._add_resources(program)
@@ -278,15 +286,19 @@ class MasterProgram:
             first += len(limit)
 
     def _add_roots(self, program: _ConicProgram) -> None:
-        """Adds the rows that bound the roots; see the module's docstring."""
-        n = len(self._weights)
-        program.add_rows("single view", np.zeros(n))
+        """Adds the rows that bound roots and counts; see the module's docstring."""
+        n, of_root = self._returns.n_roots, self._at < self._returns.n_roots
+        program.add_rows("single view", np.zeros(len(self._weights)))
         program.put("single view", "flow", self._at, self._seeing, -self._roots)
         program.put_diagonal("single view", "roots", 1.0)
         self._add_cuts(program)
+        program.add_rows("caps", self._returns.caps / self._scale[n:])
+        counts = np.arange(len(self._returns.caps))
+        program.put("caps", "roots", counts, n + counts, np.ones(len(counts)))
         # z <= pixels; a variable of its own keeps the cones small.
         program.add_rows("pixels", np.zeros(n))
-        program.put("pixels", "flow", self._at, self._seeing, -(self._roots**2))
+        pixels = -(self._roots[of_root] ** 2)
+        program.put("pixels", "flow", self._at[of_root], self._seeing[of_root], pixels)
         program.put_diagonal("pixels", "pixels", 1.0)
         # Per view sum the cone (1 + z, 2 u, z - 1): u^2 <= z.
         program.add_rows("cones", np.tile([1.0, 0.0, -1.0], n), clarabel.SecondOrderConeT)
@@ -319,13 +331,15 @@ class MasterProgram:
         Decisions that close a resource need none.
         """
         seen, shares = self._is_seen, np.zeros(len(self._cuts))
+        pixels = np.zeros(len(self._weights))
+        pixels[: self._returns.n_roots] = multipliers["pixels"]
         alpha, beta, shares[seen] = repaired_roots(
             self._model.problem,
             view_sums=self._view_sums,
             scale=self._scale,
             weights=self._weights / self._unit,
             single_view=multipliers["single view"],
-            pixels=multipliers["pixels"],
+            pixels=pixels,
             cut_at=self._cut_at[seen],
             cuts=multipliers["cuts"][seen],
         )

@@ -92,8 +92,13 @@ class Mixture(NamedTuple):
         for n in np.flatnonzero(self.amounts > least).tolist():
             yield self.columns[n], float(self.amounts[n])
 
-    def seen(self) -> list[tuple[int, Seen]]:
-        """Returns the view sums that the mixture sees, each with the roots that it has there."""
+    def seen(self, n_roots: int) -> list[tuple[int, Seen]]:
+        """Returns the view sums that the mixture sees, each with the roots that it has there.
+
+        Parameters
+        ----------
+        n_roots : view sums from this number on are left out: envelope cuts are of roots alone
+        """
         used = np.flatnonzero(self.amounts > _LEAST_SEEN).tolist()
         columns = [self.columns[n] for n in used]
         view_sums = [np.zeros(0, dtype=np.int64), *(column.view_sums for column in columns)]
@@ -110,6 +115,7 @@ class Mixture(NamedTuple):
         return [
             (view_sum, Seen(classes[p], roots[p], amounts[p]))
             for view_sum, p in zip(distinct.tolist(), parts, strict=True)
+            if view_sum < n_roots
         ]
 
     def violated_rows(self, model: Model, tolerance: float) -> list[Cells | Swap | Moves]:

@@ -6,6 +6,8 @@ fully corrective Frank-Wolfe. The root of a view sum is a smooth minimum of two 
     u = (R^-k + S^-k)^(-1/k),  R = sum of roots,  S = sqrt(sum of pixels)    (both of the mixture)
 
 which is concave, homogeneous, and less than the smaller one by a factor of at most 2^(-1/k).
+Where drones that see a person are counted, S is the number from which on more add nothing: u is
+concave in R alone, and beta is 0.
 How it depends on R and S gives alpha and beta. Each amount is multiplied by a power of its
 column's gradient, which raises such functions on simplices (Cover 1984). All of it is a few
 products of sparse matrices, where a master takes seconds for dozens of robots.
@@ -31,6 +33,7 @@ from cocap_opt.formulations.column_generation.parameters import AscentParameters
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.relaxations.separation import phi_of
 from cocap_opt.model import Model
+from cocap_opt.returns import Returns
 from cocap_opt.stop import Stop
 
 _SHARPNESS = 64  # k
@@ -75,7 +78,7 @@ class MixtureProgram:
     """The amounts of some columns, and what mixtures of them see."""
 
     def __init__(self, model: Model, columns: list[Column]) -> None:
-        self.weights = model.problem.view_sum_weights
+        self.weights, self.returns = model.problem.view_sum_weights, model.problem.returns
         pixels = np.concatenate([column.pixels for column in columns])
         view_sums = np.concatenate([column.view_sums for column in columns])
         ends = np.cumsum([0, *(len(column.pixels) for column in columns)])
@@ -88,12 +91,14 @@ class MixtureProgram:
     def judged(self, amounts: FloatArray) -> tuple[float, Duals]:
         """Returns the value of a mixture, and the multipliers of its view sums."""
         pixels, alone = amounts @ self.pixels, amounts @ self.roots
-        together, seen = np.sqrt(pixels), pixels > _NOTHING
+        together, seen = _together(self.returns, pixels), pixels > _NOTHING
         ratio = np.divide(alone, together, out=np.zeros_like(alone), where=seen)
         alpha = 1 / (1 + ratio ** (_SHARPNESS + 1))
         beta = np.divide(1 - alpha, 2 * together, out=np.zeros_like(alpha), where=seen)
+        beta = np.maximum(beta, (1 - alpha) * _NOTHING)
+        beta[self.returns.n_roots :] = 0.0
         value = self.weights @ np.minimum(alone, together) + amounts @ self.bonus
-        return float(value), Duals(alpha, np.maximum(beta, (1 - alpha) * _NOTHING))
+        return float(value), Duals(alpha, beta)
 
     def gradient(self, amounts: FloatArray) -> FloatArray:
         """Returns the payment for each column by the multipliers of a mixture [n]."""
@@ -104,6 +109,13 @@ class MixtureProgram:
         """Returns the price of the pixels of each column, with its rewards for moves [n]."""
         price = self.roots @ (self.weights * alpha)
         return np.asarray(price + self.pixels @ (self.weights * beta) + self.bonus)
+
+
+def _together(returns: Returns, pixels: FloatArray) -> FloatArray:
+    """Returns S of each view sum [Z]: the root of its pixels; what a count is at most."""
+    together: FloatArray = np.sqrt(pixels)
+    together[returns.n_roots :] = returns.caps
+    return together
 
 
 def raised(
@@ -169,7 +181,8 @@ class RuledProgram:
 
     def _bounds(self, amounts: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Returns the bounds on the roots of view sums: R, S and H, and the least of them."""
-        alone, together = amounts @ self._base.roots, np.sqrt(amounts @ self._base.pixels)
+        alone = amounts @ self._base.roots
+        together = _together(self._base.returns, amounts @ self._base.pixels)
         heights = self._constants + amounts @ self._heights
         least = np.minimum(alone, together)
         np.minimum.at(least, self._at, heights)
@@ -200,6 +213,7 @@ class RuledProgram:
         nearly = share < self._least_share
         alpha = np.where(seen, of_alone / total + np.where(nearly, share + 1e-12, 0.0), 1.0)
         beta = np.where(seen & ~nearly, share / (2 * np.maximum(together, _DARK)), 0.0)
+        beta[self._base.returns.n_roots :] = 0.0
         charges = self._charges + self._steepness * (amounts @ self._uses - 1)
         shares = np.where(seen[at], of_cuts / total[at], 0.0)
         return alpha, beta, shares, np.maximum(charges, 0.0)

@@ -80,9 +80,11 @@ class Pricer:
         for cut, share in duals.cuts:
             rest[cut.view_sum] -= share
             total += float(self._weights[cut.view_sum]) * share * cut.constant
-        left = np.maximum(rest - duals.alpha, 0.0)
-        beta = np.where(duals.beta > 0, duals.beta, 1.0)
-        total += float((self._weights * left**2 / (4 * beta)).sum())
+        returns, left = self.model.problem.returns, np.maximum(rest - duals.alpha, 0.0)
+        beta, n_roots = np.where(duals.beta > 0, duals.beta, 1.0), returns.n_roots
+        total += float((self._weights * left**2 / (4 * beta))[:n_roots].sum())
+        kappas = returns.kappas(duals.alpha, duals.beta, rest)[n_roots:]
+        total += float((self._weights[n_roots:] * kappas).sum())
         total += exact_sum(mu for _, mu in duals.rows)
         for decision, nu in zip(decisions, duals.decisions.tolist(), strict=True):
             if not decision.closes:

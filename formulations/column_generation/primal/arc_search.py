@@ -20,6 +20,7 @@ from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, Path
+from cocap_opt.objective import marginal_gain
 from cocap_opt.stop import Stop
 
 _GAIN = 1e-9  # relative, from which on a path counts as better
@@ -133,13 +134,14 @@ class ArcSearch:
 
     def _gain(self, column: Column) -> float:
         """Returns the gain of a column beside the pixels that are seen."""
-        seen = self._seen[column.view_sums]
-        gains = np.sqrt(seen + column.pixels) - np.sqrt(seen)
+        seen, problem = self._seen[column.view_sums], self._model.problem
+        gains = marginal_gain(problem, column.view_sums, seen, column.pixels)
         return float(gains @ self._weights[column.view_sums]) + column.bonus(self._model)
 
     def _value(self) -> float:
         """Returns J of the plan as it is now."""
-        return float(self._weights @ np.sqrt(self._seen)) + sum(
+        values = self._model.problem.returns.values(self._seen)
+        return float(self._weights @ values) + sum(
             column.bonus(self._model) for column in self.columns
         )
 
@@ -263,8 +265,8 @@ class _ArcGraph:
 
     def _values(self, pixels: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
         """Returns the values of the arcs and of the nodes of each step, by value iteration."""
-        roots = np.sqrt(pixels)
-        gains = np.sqrt(pixels[self._view_sums] + self._pixels) - roots[self._view_sums]
+        at, returns = self._view_sums, self._model.problem.returns
+        gains = returns.values_at(at, pixels[at] + self._pixels) - returns.values(pixels)[at]
         n_nodes = int(self._first_node[-1])
         rewards = np.zeros(n_nodes)
         rewards += np.bincount(self._seeing, gains * self._weights, minlength=n_nodes)

@@ -15,6 +15,8 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.model import Model, Path
+from cocap_opt.objective import marginal_gain
+from cocap_opt.problem import Problem
 
 LEAST_AMOUNT = 1e-3  # of a robot, with which every column is drawn now and then
 _GAIN = 1e-9  # relative, from which on a column counts as better
@@ -34,6 +36,7 @@ class _Choice(NamedTuple):
     for all columns. Where pixels add up over time, a column has only one part: all of it.
     """
 
+    problem: Problem
     columns: list[Column]
     number_of: dict[Path, int]
     amounts: FloatArray  # [n] how much of the robot takes each column, at least LEAST_AMOUNT
@@ -50,13 +53,12 @@ class _Choice(NamedTuple):
         numbers = {path: k for k, path in enumerate(columns)}
         over_time = model.problem.objective.over_time
         parts, entries = (_whole if over_time else _states)(model, choices)
-        return cls(choices, numbers, shares, bonus, parts, entries)
+        return cls(model.problem, choices, numbers, shares, bonus, parts, entries)
 
     def worth(self, seen: FloatArray) -> FloatArray:
         """Returns the gain of each column [n] beside the pixels [Z] that others have."""
         of, view_sums, pixels, weights = self.entries
-        others = seen[view_sums]
-        gains = weights * (np.sqrt(others + pixels) - np.sqrt(others))
+        gains = weights * marginal_gain(self.problem, view_sums, seen[view_sums], pixels)
         by_part = np.bincount(of, gains, minlength=int(self.parts.max()) + 1)
         worth: FloatArray = by_part[self.parts].sum(axis=1) + self.bonus
         return worth
@@ -157,7 +159,7 @@ class ColumnPool:
             seen[best.view_sums] += best.pixels
             columns[robot] = best
         bonus = sum(column.bonus(self.model) for column in columns)
-        return float(weights @ np.sqrt(seen)) + bonus, tuple(columns)
+        return float(weights @ problem.returns.values(seen)) + bonus, tuple(columns)
 
     def _best_column(
         self, choice: _Choice, columns: Sequence[Column], seen: FloatArray, before: Column

@@ -359,13 +359,15 @@ class _ArcPair(PairIteration):
     def reward(self, t: int) -> FloatArray:
         """Returns the reward of all pairs of states at a step; CLOSED where the two conflict."""
         model, (a, b) = self._model, self._sides
-        faces = slice(t * model.n_faces, (t + 1) * model.n_faces)
-        weights = model.problem.view_sum_weights[faces]
+        view_sums, returns = model.problem.step_view_sums[t], model.problem.returns
+        weights = model.problem.view_sum_weights[view_sums]
         of_a, of_b = (model.coverage_at(s.robot_class, t, s.states[t]) for s in (a, b))
         used = np.flatnonzero((weights > 0) & (of_a.any(axis=0) | of_b.any(axis=0)))
-        base = self._seen[faces][used]
+        view_sums = view_sums[used]
+        base = self._seen[view_sums]
         pixels = base + of_a[:, None, used] + of_b[None, :, used]
-        reward: FloatArray = (np.sqrt(pixels) - np.sqrt(base)) @ weights[used]
+        gains = returns.values_at(view_sums, pixels) - returns.values_at(view_sums, base)
+        reward: FloatArray = gains @ weights[used]
         places = [s.states[t] % s.robot_class.graph.n_places for s in (a, b)]
         classes = a.robot_class, b.robot_class
         reward[model.places.conflict_matrix(classes, (places[0], places[1]))] = CLOSED

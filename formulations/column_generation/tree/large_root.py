@@ -150,7 +150,7 @@ class _RuledAscent:
 
         It raises LimitReached between two of them.
         """
-        for view_sum, seen in self.mixture.seen():
+        for view_sum, seen in self.mixture.seen(self._search.model.problem.returns.n_roots):
             self._search.stop.check()
             if seen.classes.min() == seen.classes.max():
                 yield view_sum, seen

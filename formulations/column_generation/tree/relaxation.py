@@ -207,14 +207,15 @@ class Relaxation:
         LimitReached
             Between two cuts.
         """
-        search, found = self.search, False
-        if search.model.problem.objective.over_time:  # a robot sees a view sum more than once
+        search, found, problem = self.search, False, self.search.model.problem
+        if problem.objective.over_time:  # a robot sees a view sum more than once
             return False
         used = [cut for cut, share in solution.duals.cuts if share > _LEAST_SHARE]
         self.master.cuts = used
         loose = loose_view_sums(
-            solution.mixture.seen(), self.master.cuts, search.weights, search.model.class_sizes,
-            self._parameters.least_cut * abs(self.best.bound), search.stop,
+            solution.mixture.seen(problem.returns.n_roots), self.master.cuts, search.weights,
+            search.model.class_sizes, self._parameters.least_cut * abs(self.best.bound),
+            search.stop,
         )  # fmt: skip
         for candidate in loose[: self._parameters.most_cuts]:
             search.stop.check()
