@@ -17,6 +17,7 @@ Of a count, each drone adds c = 0 or 1, so that phi(c) = c: alpha and beta do th
 their sum matters. Envelope cuts and what leans on phi(a z) = sqrt(a) phi(z) hold for roots alone.
 """
 
+import math
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -84,3 +85,11 @@ class Returns(NamedTuple):
         """Returns the returns of some view sums [m], increasing."""
         n_roots = int(np.searchsorted(view_sums, self.n_roots))
         return type(self)(n_roots, self.caps[view_sums[n_roots:] - self.n_roots])
+
+
+def return_of(n_roots: int, caps: FloatArray, view_sum: int, amount: float) -> float:
+    """Returns phi of an amount of one view sum, as `Returns` does; to be compiled, too."""
+    if view_sum < n_roots:
+        return math.sqrt(amount)
+    cap: float = caps[view_sum - n_roots]
+    return min(amount, cap)

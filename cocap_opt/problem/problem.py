@@ -191,10 +191,10 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     def by_step(self, values: FloatArray) -> FloatArray:
         """Returns the sums [T+1] over each step's view sums of values [Z]; not if over time."""
-        n = self.returns.n_roots
-        sums: FloatArray = values[:n].reshape(self.horizon + 1, -1).sum(axis=1)
+        steps, n = self.horizon + 1, self.returns.n_roots
+        sums: FloatArray = values[:n].reshape(steps, len(self.face_weights)).sum(axis=1)
         if len(values) > n:
-            sums = sums + values[n:].reshape(self.horizon + 1, -1).sum(axis=1)
+            sums = sums + values[n:].reshape(steps, -1).sum(axis=1)
         return sums
 
     def no_pixels(self) -> FloatArray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from brute_force import objective_from_scratch, optimum
-from counting import counting
+from counting import counting, either
 from hypothesis import given
 from hypothesis import strategies as st
 from pool import problems
@@ -51,6 +51,17 @@ def test_tables_have_faces_then_people(problem: Problem) -> None:
             assert dense[:faces].sum() == pytest.approx(
                 pixels[sums < problem.returns.n_roots].sum()
             )
+
+
+@examples(20)
+@given(either(problems()), st.integers(0, 10**6))
+def test_sums_of_a_step_are_those_of_its_view_sums(problem: Problem, seed: int) -> None:
+    """Of its faces and of its people."""
+    values = np.random.default_rng(seed).normal(size=len(problem.view_sum_weights))
+    expected = [values[view_sums].sum() for view_sums in problem.step_view_sums]
+    assert problem.by_step(values) == pytest.approx(expected)
+    nobody = problem.replace(actors=(), objective=Objective())
+    assert nobody.by_step(nobody.no_pixels()).tolist() == [0.0] * (problem.horizon + 1)
 
 
 @examples(100)

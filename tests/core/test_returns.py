@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import examples
 
-from cocap_opt.returns import Returns
+from cocap_opt.returns import Returns, return_of
 
 ROOT = Returns(1, np.zeros(0))
 AMOUNT = st.one_of(st.floats(0, 1e6), st.sampled_from([0.0, 1.0, 2.0, 3.0]))
@@ -41,6 +41,15 @@ def test_a_row_of_view_sums_has_its_roots_first() -> None:
     assert part.n_roots == 1 and part.caps.tolist() == [3]
     assert returns.slopes(amounts).tolist() == [0.25, 1 / 6, 0, 0]
     assert Returns(4, np.zeros(0)).values_at(slice(1, 3), amounts[:2]).tolist() == [2, 3]
+
+
+@examples(200)
+@given(st.lists(AMOUNT, min_size=5, max_size=5))
+def test_one_view_sum_has_the_value_that_it_has_among_all(amounts: list[float]) -> None:
+    """To the last bit: kernels take them one by one."""
+    returns = Returns(3, np.array([1.0, 3.0]))
+    values = [return_of(*returns, k, amount) for k, amount in enumerate(amounts)]
+    assert values == returns.values(np.array(amounts)).tolist()
 
 
 @examples(200)

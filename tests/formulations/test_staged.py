@@ -11,7 +11,8 @@ from types import SimpleNamespace
 import msgspec
 import numpy as np
 import pytest
-from brute_force import all_paths, objective_from_scratch, optimum
+from brute_force import all_paths, bonus_of, objective_from_scratch, optimum
+from counting import counting, either
 from hypothesis import given
 from hypothesis import strategies as st
 from pool import meetings, problems
@@ -78,14 +79,22 @@ from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import OPTIMALITY, certify
 from cocap_opt.formulations.second_opinion import TooLargeError, require_small
 from cocap_opt.model import Model, compiled
-from cocap_opt.problem import Objective, Plan, Problem
+from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.referee import check
+from cocap_opt.returns import Returns
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 
 ONLY_LISTS = EnvelopeParameters(most_states_left=0, few_states_left=0)
 
 seeds = st.integers(0, 10**9)
+any_problem = either(st.one_of(problems(), meetings(), meetings(team=3)))
+
+
+def without_rewards(problem: Problem) -> Problem:
+    """The same problem, whose moves are worth nothing."""
+    objective = Objective(pixels=problem.objective.pixels, views=problem.objective.views)
+    return problem.replace(objective=objective)
 
 
 def random_prices(model: Model, rng: np.random.Generator) -> tuple[StepPrices, ...]:
@@ -123,7 +132,7 @@ def random_staged(model: Model, target: float, rng: np.random.Generator) -> Stag
 
 @pytest.mark.slow
 @examples(20)
-@given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
+@given(any_problem, seeds)
 def test_no_plan_is_worth_more_than_any_staged_certificate_proves(
     problem: Problem, seed: int
 ) -> None:
@@ -144,7 +153,7 @@ def test_the_searches_of_a_file_share_one_amount_of_work(monkeypatch: pytest.Mon
     """A file that needs more is not verified, which does not make it false."""
     model, steps = compiled(tiny()), list[int]()
 
-    def counting(
+    def noted(
         joint: JointStates, least: float, most_nodes: int, stop: Stop, plain: bool
     ) -> MostProfitable:
         assert most_nodes == checker.MOST_NODES - sum(steps)
@@ -158,7 +167,7 @@ def test_the_searches_of_a_file_share_one_amount_of_work(monkeypatch: pytest.Mon
         steps.append(found.nodes)
         return found
 
-    monkeypatch.setattr(checker, "most_profitable", counting)
+    monkeypatch.setattr(checker, "most_profitable", noted)
     monkeypatch.setattr(checker, "best_plan", trying)
     stage = Stage((), tuple(StepConstant(t, -100.0) for t in (1, 2)))
     multipliers = random_multipliers(model, np.random.default_rng(0))
@@ -187,7 +196,7 @@ def test_a_limit_of_time_leaves_a_file_unverified(calls: int) -> None:
 
 @pytest.mark.slow
 @examples(12)
-@given(problems(most_plans=60), seeds, st.floats(0, 1))
+@given(either(problems(most_plans=60)), seeds, st.floats(0, 1))
 def test_plans_above_the_target_visit_only_states_that_are_left(
     problem: Problem, seed: int, share: float
 ) -> None:
@@ -226,15 +235,19 @@ def does_count(joint: JointStates, chosen: Sequence[int]) -> bool:
 
 
 def random_joint_states(rng: np.random.Generator) -> JointStates:
-    """Joint states of one to three classes of robots."""
+    """Joint states of one to three classes of robots; the last of the faces may be counts."""
     sizes = tuple(rng.integers(1, 4, size=rng.integers(1, 4)).tolist())
     counts = rng.integers(1, 6, size=len(sizes))
     n, faces = int(counts.sum()), int(rng.integers(1, 6))
     pixels = rng.uniform(0, 50, (n, faces)) * (rng.random((n, faces)) < 0.6)
+    n_roots = int(rng.integers(faces + 1)) if rng.integers(2) else faces
+    pixels[:, n_roots:] = pixels[:, n_roots:] > 0
+    caps = rng.integers(1, 4, faces - n_roots).astype(np.float64)
     conflict = rng.random((n, n)) < 0.15
     return JointStates(
         1, sizes, np.repeat(np.arange(len(sizes)), counts), np.arange(n), pixels,
-        rng.uniform(0.5, 2, faces), rng.uniform(-1, 8, n), rng.uniform(-1, 8, n),
+        rng.uniform(0.5, 2, faces), Returns(n_roots, caps),
+        rng.uniform(-1, 8, n), rng.uniform(-1, 8, n),
         float(rng.choice([-np.inf, -5.0, 0.0, 4.0])), lambda: conflict | conflict.T,
     )  # fmt: skip
 
@@ -250,6 +263,45 @@ def joint_by_enumeration(joint: JointStates) -> list[tuple[int, ...]]:
         for some in product(*parts)
         if does_count(joint, chosen := tuple(sorted(k for part in some for k in part)))
     )
+
+
+@examples(20)
+@given(counting(problems()), seeds)
+def test_joint_states_are_worth_what_plans_are(problem: Problem, seed: int) -> None:
+    """Faces and people whom drones see, at all steps, and the moves: together they are J."""
+    rng, plan = np.random.default_rng(seed), optimum(problem).plan
+    if plan is None:
+        return
+    model = some_model(problem, rng)
+    narrowing = Narrowing.of(model, random_multipliers(model, rng), -1.0)
+    numbers = {robot: k for k, robots in enumerate(model.classes) for robot in robots.robots}
+    worth = sum(bonus_of(problem, path) for path in plan.paths)
+    for t in range(problem.horizon + 1):
+        joint = narrowing.joint_states(t)
+        at = list(zip(joint.class_of.tolist(), joint.states.tolist(), strict=True))
+        chosen = [at.index((numbers[i], path[t])) for i, path in enumerate(model.paths(plan))]
+        worth += joint.worth(chosen)
+        assert joint.worths(np.array([chosen])) == pytest.approx(joint.worth(chosen))
+    assert worth == pytest.approx(objective_from_scratch(problem, plan), rel=1e-9, abs=1e-9)
+
+
+@examples(20)
+@given(any_problem, seeds)
+def test_constants_of_multipliers_bound_the_most_profit(problem: Problem, seed: int) -> None:
+    """At each step, of the faces and the people together; a search of some states agrees."""
+    rng = np.random.default_rng(seed)
+    model = some_model(problem, rng)
+    narrowing = Narrowing.of(model, random_multipliers(model, rng), -1.0)
+    for t in range(problem.first_step, problem.horizon + 1):
+        joint = narrowing.joint_states(t)
+        some = np.sort(rng.permutation(len(joint.states))[:12])
+        joint = replace(joint.part(some, -np.inf), ceilings=(), limits=())
+        if any(not (joint.class_of == c).any() for c in range(len(joint.sizes))):
+            continue
+        every = [joint.reduced_profit(chosen) for chosen in joint_by_enumeration(joint)]
+        highest = max(every, default=-np.inf)
+        assert most_profitable(joint, -np.inf, 10**6).profit == pytest.approx(highest)
+        assert highest <= narrowing.ceiling(t)
 
 
 @examples(30)
@@ -273,6 +325,7 @@ def part_of(joint: JointStates, listed: IntArray) -> JointStates:
     return replace(
         joint, class_of=joint.class_of[listed], states=joint.states[listed],
         pixels=joint.pixels[np.ix_(listed, seen)], weights=joint.weights[seen],
+        returns=joint.returns.part(np.flatnonzero(seen)),
         price=joint.price[listed], charge=joint.charge[listed], conflict_of=lambda: conflict,
     )  # fmt: skip
 
@@ -301,7 +354,8 @@ def test_a_part_of_the_states_has_no_joint_state_above_the_highest_of_all(seed: 
     price = 10 * (1 + rng.integers(-3, 4, n) * 2.0**-52)
     joint = JointStates(
         1, (int(rng.integers(2, 5)),), np.zeros(n, dtype=np.int64), np.arange(n), around,
-        np.ones(n), price, np.zeros(n), -np.inf, lambda: np.eye(n, dtype=np.bool_),
+        np.ones(n), Returns(n, np.zeros(0)), price, np.zeros(n), -np.inf,
+        lambda: np.eye(n, dtype=np.bool_),
     )  # fmt: skip
     most = most_profitable(joint, -np.inf, 10**6).profit
     for _ in range(10):
@@ -423,7 +477,7 @@ def test_local_search_finds_joint_states_that_count_and_are_high(
 
 @pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 @examples(5)
-@given(st.one_of(meetings(), meetings(team=3)), seeds)
+@given(either(st.one_of(meetings(), meetings(team=3))), seeds)
 def test_plain_verification_compiles_nothing_and_finds_the_same(
     problem: Problem, seed: int
 ) -> None:
@@ -539,11 +593,11 @@ def test_a_search_that_is_too_long_says_so() -> None:
 
 @pytest.mark.slow
 @examples(30)
-@given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
+@given(any_problem, seeds)
 def test_joint_value_iteration_finds_the_best_plan(problem: Problem, seed: int) -> None:
     """With a low target, it is the optimum, by a plan that obeys the rules."""
     rng = np.random.default_rng(seed)
-    problem = problem.replace(objective=Objective())
+    problem = without_rewards(problem)
     best = optimum(problem)
     if best.plan is None:
         return
@@ -562,14 +616,11 @@ def test_joint_value_iteration_finds_the_best_plan(problem: Problem, seed: int) 
 
 
 @examples(20)
-@given(
-    st.one_of(problems(), meetings(), meetings(team=3)), seeds,
-    st.sampled_from([0.0, 0.5, 0.95, 1.05]),
-)  # fmt: skip
+@given(any_problem, seeds, st.sampled_from([0.0, 0.5, 0.95, 1.05]))
 def test_plans_above_a_higher_target_are_tried(problem: Problem, seed: int, share: float) -> None:
     """If there is one, the best is found; if not, the bound is the target."""
     rng = np.random.default_rng(seed)
-    problem = problem.replace(objective=Objective())
+    problem = without_rewards(problem)
     best = optimum(problem)
     if best.plan is None:
         return
@@ -625,11 +676,11 @@ def test_a_stage_proves_no_more_than_its_constants_and_searches() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 @examples(20)
-@given(st.one_of(problems(), meetings(), meetings(team=3)), seeds)
+@given(any_problem, seeds)
 def test_compiled_searches_reach_the_same(problem: Problem, seed: int) -> None:
     """The same plan after as many nodes, wherever compiled searches take over."""
     rng = np.random.default_rng(seed)
-    model = some_model(problem.replace(objective=Objective()), rng)
+    model = some_model(without_rewards(problem), rng)
     value = optimum(problem).value
     narrowing = random_narrowing(model, 0.5 * max(value, 0.0) - 1, rng)
     found = []
@@ -663,6 +714,7 @@ def test_one_long_search_for_what_follows_looks_at_limits(monkeypatch: pytest.Mo
     """However many nodes the first joint state takes, limits are looked at between some of them."""
     from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
 
+    compiled_search.KERNEL.load()  # which follows once
     follow, nodes = CompiledSearch.follow, list[int]()
 
     def noted(self: CompiledSearch, *arguments: object) -> object:
@@ -730,19 +782,15 @@ def test_what_rounding_may_have_made_too_low_is_followed(
 
 
 @cache
-def staged_result() -> tuple[Problem, CertificateFile]:
-    """A tiny scene with a staged certificate of all kinds of stages."""
+def staged_result(counted: bool = False) -> tuple[Problem, CertificateFile]:
+    """A tiny scene with a staged certificate of all kinds of stages; its person may be counted."""
     problem, rng = tiny(), np.random.default_rng(3)
+    if counted:
+        problem = problem.replace(objective=Objective(views=Views(weight=40.0)))
     model = compiled(problem)
-    best = optimum_of_tiny()
+    best = optimum(problem).value
     staged = replace_stages(random_staged(model, best, rng), model, rng)
     return problem, certify(problem, model, "step-envelopes", staged)
-
-
-@cache
-def optimum_of_tiny() -> float:
-    """The best J of the tiny scene."""
-    return optimum(tiny()).value
 
 
 @pytest.mark.slow
@@ -777,9 +825,10 @@ def replace_stages(staged: Staged, model: Model, rng: np.random.Generator) -> St
     return msgspec.structs.replace(staged, stages=stages, paths_above=staged.target)
 
 
-def test_staged_files_are_read_back_and_verified() -> None:
+@pytest.mark.parametrize("counted", [False, True])
+def test_staged_files_are_read_back_and_verified(counted: bool) -> None:
     """What is written is read back, and proves what it claims."""
-    problem, file = staged_result()
+    problem, file = staged_result(counted)
     content = msgspec.json.encode(file)
     again = msgspec.json.decode(content, type=CertificateFile)
     assert again == file
@@ -821,13 +870,42 @@ def test_altered_staged_files_are_refused_in_words(change: dict, words: str) -> 
         verify(problem, msgspec.convert(plain, CertificateFile))
 
 
+@pytest.mark.parametrize("views", [(), ((0.5,),), ((0.5, 0.5),) * 3, ((0.5,), (-0.5,), (0.5,))])
+@pytest.mark.parametrize("counted", [False, True])
+def test_stages_need_prices_of_just_those_who_count(
+    counted: bool, views: tuple[tuple[float, ...], ...]
+) -> None:
+    """A price for each person at each step, at which each drone that sees them is paid."""
+    problem, file = staged_result(counted)
+    staged = file.certificate
+    multipliers = msgspec.structs.replace(staged.multipliers, views=views)
+    forged = msgspec.structs.replace(
+        file, certificate=msgspec.structs.replace(staged, multipliers=multipliers)
+    )
+    if not (counted or views):
+        assert verify(problem, forged).bound == file.bound
+        return
+    with pytest.raises(CertificateError, match=r"certificate\.views: must"):
+        verify(problem, forged)
+
+
+def test_stages_of_pixels_over_time_are_refused() -> None:
+    """Also where people are counted, at each step."""
+    for views in (None, Views()):
+        model = compiled(tiny().replace(objective=Objective(over_time=True, views=views)))
+        multipliers = random_multipliers(model, np.random.default_rng(0))
+        with pytest.raises(CertificateError, match="there are no steps"):
+            price_staged(model, Staged(multipliers, -1.0, ()))
+
+
+@pytest.mark.parametrize("counted", [False, True])
 @examples(20)
 @given(seeds)
-def test_altered_staged_files_prove_nothing_false(seed: int) -> None:
+def test_altered_staged_files_prove_nothing_false(counted: bool, seed: int) -> None:
     """Numbers changed anywhere are refused, or still prove a bound."""
     rng = np.random.default_rng(seed)
-    problem, file = staged_result()
-    best = optimum_of_tiny()
+    problem, file = staged_result(counted)
+    best = optimum(problem).value
     plain = json.loads(msgspec.json.encode(file))
     places = list(numbers(plain["certificate"]))
     for _ in range(int(rng.integers(1, 4))):

@@ -1,9 +1,13 @@
 """The joint states of a team at one step, and what they are worth.
 
-A joint state is one state for each robot. It is worth the weighted roots of what its robots see
+A joint state is one state for each robot. It is worth the weighted returns of what its robots see
 together; each state has a price. Its reduced profit is the difference of the two,
 
-    F(s) - sum_i price(s_i),     F(s) = sum_f w_f sqrt(sum_i c_f(s_i)).
+    F(s) - sum_i price(s_i),     F(s) = sum_f w_f phi_f(sum_i c_f(s_i)).
+
+The return phi_f of a face is the root. Where drones that see people are counted, each person is one
+more face here, of c = 0 or 1 and phi = min(., k): prices pay for these as well, so that F would be
+too low without them.
 
 Robots of one class are alike, so that joint states are multisets; two robots whose states conflict
 are no joint state. Only such joint states count as some plan above a target may visit: their worth
@@ -25,6 +29,7 @@ from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.pricing import UNIT_ROUNDOFF
 from cocap_opt.model import Model
+from cocap_opt.returns import Returns
 
 _ROWS = 500  # of a table of conflicts, for which distances are computed at once
 
@@ -44,8 +49,10 @@ class JointStates:
     sizes : number of robots of each class
     class_of : [n] number of each state's class, not decreasing
     states : [n] number of each state in the graph of its class
-    pixels : [n, F] coverage of the faces that any of the states sees, px/m2
-    weights : [F] of these faces, > 0
+    pixels : [n, F] coverage of the faces that any of the states sees, px/m2; then of the people
+        whose drones are counted, 1 where a state sees the person
+    weights : [F] of all of these, > 0
+    returns : of all of these: roots, then counts
     price : [n] of each state, in units of J
     charge : [n] of each state; a joint state counts if its worth less its charges is >= `floor`
     floor : in units of J
@@ -60,6 +67,7 @@ class JointStates:
     states: IntArray
     pixels: FloatArray
     weights: FloatArray
+    returns: Returns
     price: FloatArray
     charge: FloatArray
     floor: float
@@ -97,7 +105,8 @@ class JointStates:
             model.coverage_at(model.classes[c], t, states)
             for c, states in zip(numbers, left, strict=True)
         ])  # fmt: skip
-        weights = model.problem.view_sum_weights[t * model.n_faces : (t + 1) * model.n_faces]
+        view_sums = model.problem.step_view_sums[t]
+        weights = model.problem.view_sum_weights[view_sums]
         seen = (pixels > 0).any(axis=0) & (weights > 0)
         at = np.concatenate([
             model.places.positions[c][states % model.classes[c].graph.n_places]
@@ -116,6 +125,7 @@ class JointStates:
 
         return cls(
             t, sizes, class_of, np.concatenate(left), pixels[:, seen], weights[seen],
+            model.problem.returns.part(view_sums[seen]),
             np.concatenate(price), np.concatenate(charge), floor,
             cache(conflict), ceilings, limits,
         )  # fmt: skip
@@ -139,7 +149,7 @@ class JointStates:
         changes it by at most an eighth of this.
         """
         robots = sum(self.sizes)
-        most = self.weights @ np.sqrt(robots * self.pixels.max(axis=0, initial=0.0))
+        most = self.weights @ self.returns.values(robots * self.pixels.max(axis=0, initial=0.0))
         most += robots * np.abs(self.price).max(initial=0.0)
         most += robots * np.abs(self.charge).max(initial=0.0)
         return float(16 * robots * (len(self.weights) + robots + 4) * UNIT_ROUNDOFF * most)
@@ -180,7 +190,7 @@ class JointStates:
         seen = np.zeros((len(chosen), len(self.weights)))
         for k in range(chosen.shape[1]):
             seen += self.pixels[chosen[:, k]]
-        worths: FloatArray = (np.sqrt(seen) * self.weights).sum(axis=1)
+        worths: FloatArray = (self.returns.values(seen) * self.weights).sum(axis=1)
         return worths
 
     def reduced_profit(self, chosen: Sequence[int]) -> float:
@@ -190,7 +200,7 @@ class JointStates:
     def _worths(self, chosen: Sequence[int]) -> list[float]:
         """Returns the worth of each face [F] in a joint state."""
         pixels = [math.fsum(seen) for seen in self.pixels[list(chosen)].T.tolist()]
-        worths: list[float] = (self.weights * np.sqrt(pixels)).tolist()
+        worths: list[float] = (self.weights * self.returns.values(np.array(pixels))).tolist()
         return worths
 
     @cached_property

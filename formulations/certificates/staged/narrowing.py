@@ -169,16 +169,16 @@ class Narrowing:
         if not math.isfinite(target):
             raise CertificateError("certificate.target: must be finite")
         prices = CertificatePrices.of(model, multipliers, stop=stop)
-        constants = prices.pixels.constants.reshape(model.problem.horizon + 1, model.n_faces)
+        constants = model.problem.by_step(prices.pixels.constants)
         classes = range(len(model.classes))
         rewards = [prices.rewards(number) for number in classes]
         charges = [prices.charges(number) for number in classes]
         everywhere = [np.ones(reward.shape, dtype=np.bool_) for reward in rewards]
         sweeps = _Sweeps.of(model, charges, rewards, everywhere)
         first = cls(
-            model, target, constants.sum(axis=1), rewards, charges,
+            model, target, constants, rewards, charges,
             tuple((row.resource.t, row.multiplier) for row in multipliers.rows), prices, sweeps,
-            _Closing(constants.sum(axis=1), constants, [], []), ((),) * len(constants),
+            _Closing(constants, constants, [], []), ((),) * len(constants),
         )  # fmt: skip
         first._require_finite()
         return replace(first, _closing=first._closed_now(np.full(len(constants), -np.inf)))

@@ -2,9 +2,9 @@
 
 It goes through the tree of partial joint states in depth. A partial one of pixels z can be
 completed to at most F(z) - prices so far + sum over the robots left of the largest gain, since
-gains only shrink as more is seen (F is submodular): what cannot exceed the least profit wanted
-is left out, for the whole subtree. A ceiling of earlier prices leaves out more: where no joint
-state had more profit than V' at price',
+gains only shrink as more is seen (returns are concave, so that F is submodular): what cannot exceed
+the least profit wanted is left out, for the whole subtree. A ceiling of earlier prices leaves out
+more: where no joint state had more profit than V' at price',
 
     F(s) - sum_i price(s_i) <= V' - sum_i [price(s_i) - price'(s_i)].
 
@@ -225,8 +225,8 @@ class _PlainSearch:
     def _children(self, node: _Partial, robot_class: int) -> _Children:
         """Returns the states that may be taken next, by a robot of this class first."""
         joint, states, counts = self._joint, node.states, node.counts
-        worth = np.sqrt(node.pixels) @ joint.weights
-        gains = np.sqrt(node.pixels + joint.pixels[states]) @ joint.weights - worth
+        worth = joint.returns.values(node.pixels) @ joint.weights
+        gains = joint.returns.values(node.pixels + joint.pixels[states]) @ joint.weights - worth
         low = gains - joint.charge[states]
         gains -= joint.price[states]
         classes = joint.class_of[states]

@@ -14,6 +14,7 @@ import numpy as np
 from cocap_opt.compiling import compiled
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
+from cocap_opt.returns import Returns, return_of
 
 # What each entry of `_Memory.progress` is; the depth is -1 where no search is going on.
 DEPTH, IS_NEW, IS_DONE, FOUND, NODES = range(5)
@@ -22,7 +23,7 @@ DEPTH, IS_NEW, IS_DONE, FOUND, NODES = range(5)
 PRICED, CHARGED, MOST = range(3)
 
 # The rows of `_Memory.seen`.
-PIXELS, ROOTS = range(2)
+PIXELS, VALUES = range(2)
 
 
 class _Inputs(NamedTuple):
@@ -32,6 +33,8 @@ class _Inputs(NamedTuple):
     faces: IntArray  # of each entry
     pixels: FloatArray  # of each entry
     weights: FloatArray  # [F]
+    n_roots: int  # faces before those that count drones
+    caps: FloatArray  # [F - n_roots] k of those
     price: FloatArray  # [n]
     charge: FloatArray  # [n]
     class_of: IntArray  # [n], not decreasing
@@ -50,7 +53,7 @@ class _Memory(NamedTuple):
     numbers: IntArray  # [R+1, 2] how many, and how many of them of the next robot's class
     child: IntArray  # [R+1] the next one
     values: FloatArray  # [3, R+1, n] gains less prices, less charges, and the most reached
-    seen: FloatArray  # [2, R+1, F] pixels so far, and their roots
+    seen: FloatArray  # [2, R+1, F] pixels so far, and their returns
     profits: FloatArray  # [2, R+1] worth so far less prices, and less charges
     below: FloatArray  # [R+1, B] ceilings and limits, less what is raised so far
     largest: FloatArray  # [2, C] of a node's values, by class
@@ -69,6 +72,7 @@ class _MoveLists(NamedTuple):
 
 # Into the callers: calls that hand over all arrays took half as long again.
 _inlined = partial(compiled, kept=False, forceinline=True)
+_return_of = _inlined(return_of)
 
 
 @_inlined
@@ -129,8 +133,9 @@ def _gain(data: _Inputs, memory: _Memory, depth: int) -> None:
         gain = 0.0
         for e in range(data.first[s], data.first[s + 1]):
             f = data.faces[e]
-            root = np.sqrt(seen[PIXELS, depth, f] + data.pixels[e])
-            gain += data.weights[f] * (root - seen[ROOTS, depth, f])
+            amount = seen[PIXELS, depth, f] + data.pixels[e]
+            value = _return_of(data.n_roots, data.caps, f, amount)
+            gain += data.weights[f] * (value - seen[VALUES, depth, f])
         values[PRICED, depth, i] = gain - data.price[s]
         values[CHARGED, depth, i] = gain - data.charge[s]
         c = data.class_of[s]
@@ -200,11 +205,12 @@ def _descend(data: _Inputs, memory: _Memory, depth: int, least: float) -> None:
     memory.chosen[0, depth] = s
     for f in range(len(data.weights)):
         seen[PIXELS, depth + 1, f] = seen[PIXELS, depth, f]
-        seen[ROOTS, depth + 1, f] = seen[ROOTS, depth, f]
+        seen[VALUES, depth + 1, f] = seen[VALUES, depth, f]
     for e in range(data.first[s], data.first[s + 1]):
         f = data.faces[e]
         seen[PIXELS, depth + 1, f] += data.pixels[e]
-        seen[ROOTS, depth + 1, f] = np.sqrt(seen[PIXELS, depth + 1, f])
+        amount = seen[PIXELS, depth + 1, f]
+        seen[VALUES, depth + 1, f] = _return_of(data.n_roots, data.caps, f, amount)
     for row in (PRICED, CHARGED):
         profits[row, depth + 1] = profits[row, depth] + memory.values[row, depth, i]
     for k in range(len(data.raised)):
@@ -332,6 +338,7 @@ class CompiledSearch:
         data = _Inputs(
             *joint.sparse,
             joint.weights,
+            *joint.returns,
             joint.price,
             joint.charge,
             joint.class_of,
@@ -420,7 +427,7 @@ def call_once() -> None:
     none, single = np.zeros(1, dtype=np.int64), np.ones(1)
     joint = JointStates(
         t=0, sizes=(1,), class_of=none, states=none, pixels=np.ones((1, 1)), weights=single,
-        price=single, charge=single, floor=0.0,
+        returns=Returns(1, np.zeros(0)), price=single, charge=single, floor=0.0,
         conflict_of=lambda: np.zeros((1, 1), dtype=np.bool_),
     )  # fmt: skip
     CompiledSearch.of(joint, 0.0).advance(1)

@@ -1,11 +1,13 @@
 """Local search for high joint states, compiled; only imported where numba is installed."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from cocap_opt.compiling import compiled
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.returns import return_of
 
 _MOST_SWEEPS = 50  # over all robots, of one start
 _GAIN = 1e-9  # relative, from which on a height counts as higher
@@ -18,10 +20,15 @@ class AscentViews(NamedTuple):
     faces: IntArray  # of each entry
     pixels: FloatArray  # of each entry
     weights: FloatArray  # [F]
+    n_roots: int  # faces before those that count drones
+    caps: FloatArray  # [F - n_roots] k of those
     price: FloatArray  # [n]
     charge: FloatArray  # [n]
     ranges: IntArray  # [R, 2] first state of each robot's class, and the first of the next class
     conflict: BoolArray  # [n, n]
+
+
+_return_of = partial(compiled, kept=False, forceinline=True)(return_of)
 
 
 @compiled
@@ -33,7 +40,7 @@ def ascend(views: AscentViews, floor: float, teams: IntArray) -> None:
     nearest. Robots at -1 are nowhere yet.
     """
     robots = teams.shape[1]
-    seen, roots = np.zeros(len(views.weights)), np.zeros(len(views.weights))
+    seen, values = np.zeros(len(views.weights)), np.zeros(len(views.weights))
     for team in range(len(teams)):
         before = -np.inf
         for _ in range(_MOST_SWEEPS):
@@ -51,14 +58,16 @@ def ascend(views: AscentViews, floor: float, teams: IntArray) -> None:
                     for e in range(views.first[s], views.first[s + 1]):
                         seen[views.faces[e]] += views.pixels[e]
                 for f in range(len(seen)):
-                    roots[f] = np.sqrt(seen[f])
-                    worth += views.weights[f] * roots[f]
+                    values[f] = _return_of(views.n_roots, views.caps, f, seen[f])
+                    worth += views.weights[f] * values[f]
                 best, best_height, best_low, best_counts = -1, -np.inf, -np.inf, False
                 for s in range(views.ranges[robot, 0], views.ranges[robot, 1]):
                     gain = 0.0
                     for e in range(views.first[s], views.first[s + 1]):
                         f = views.faces[e]
-                        gain += views.weights[f] * (np.sqrt(seen[f] + views.pixels[e]) - roots[f])
+                        amount = seen[f] + views.pixels[e]
+                        value = _return_of(views.n_roots, views.caps, f, amount)
+                        gain += views.weights[f] * (value - values[f])
                     now = worth + gain - paid - views.price[s]
                     low = worth + gain - charged - views.charge[s]
                     counts = low >= floor
@@ -89,7 +98,7 @@ def call_once() -> None:
     """Searches for no team at all, so that the kernel is loaded, or compiled and kept."""
     none, single = np.zeros(1, dtype=np.int64), np.ones(1)
     views = AscentViews(
-        np.array([0, 1]), none, single, single, single, single, np.array([[0, 1]]),
-        np.zeros((1, 1), dtype=np.bool_),
+        np.array([0, 1]), none, single, single, 1, np.zeros(0), single, single,
+        np.array([[0, 1]]), np.zeros((1, 1), dtype=np.bool_),
     )  # fmt: skip
     ascend(views, 0.0, np.zeros((0, 1), dtype=np.int64))

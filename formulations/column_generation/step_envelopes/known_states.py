@@ -183,8 +183,9 @@ def _compiled(joint: JointStates, starts: Sequence[Sequence[int]]) -> IntArray:
     ends = np.searchsorted(joint.class_of, np.arange(len(joint.sizes) + 1))
     ranges = np.repeat(np.column_stack([ends[:-1], ends[1:]]), joint.sizes, axis=0)
     views = AscentViews(
-        *joint.sparse, joint.weights, joint.price, joint.charge, ranges, joint.conflict
-    )
+        *joint.sparse, joint.weights, *joint.returns, joint.price, joint.charge, ranges,
+        joint.conflict,
+    )  # fmt: skip
     ascend(views, joint.floor - joint.margin, teams)
     return teams[(teams >= 0).all(axis=1)]
 
@@ -225,7 +226,8 @@ def _best(joint: JointStates, number: int, others: Sequence[int]) -> int | None:
     """Returns the best state of a class beside the states of others; None if all conflict."""
     first, end = np.searchsorted(joint.class_of, [number, number + 1])
     seen = joint.pixels[list(others)].sum(axis=0)
-    gains = np.sqrt(seen + joint.pixels[first:end]) @ joint.weights - joint.price[first:end]
+    values = joint.returns.values(seen + joint.pixels[first:end])
+    gains = values @ joint.weights - joint.price[first:end]
     gains[joint.conflict[list(others), first:end].any(axis=0)] = -np.inf
     if not len(gains) or gains.max() == -np.inf:
         return None
