@@ -124,6 +124,27 @@ def test_how_it_scales(shape: Shape, camera: Camera, times: float, turns: int) -
     assert ends[-1] == 0  # the top, from a camera that is level with the middle
 
 
+def test_the_numbers_of_the_page() -> None:
+    """A box of the built-in scenes: one side from 4 m, or two sides, whose edge is nearest."""
+    problem = co.load("bottleneck")
+    (first, *_), (found, *others) = (
+        problem.robots,
+        default_weights(problem.actors, problem.robots),
+    )
+    assert isinstance(first.camera, Camera) and problem.actors[0].shape == Cuboid()
+    focal, far, half = first.camera.focal, 4.5, 0.5
+    # The image of a side over the corner: a trapezoid between depths of its two edges.
+    near, rear = far - math.sqrt(half), far
+    width = focal * math.sqrt(half) / rear
+    heights = focal * 1.8 / near + focal * 1.8 / rear
+    two = 2 * math.sqrt(width * heights / 2 / 1.8)
+    assert focal / (far - half) == 625
+    assert round(two) == 977
+    assert found == pytest.approx((625 + two) / 4, rel=DIGITS)
+    assert (round((625 + two) / 2), round(found)) == (801, 400)
+    assert set(others) == {found}
+
+
 def test_symmetric_faces_count_alike() -> None:
     """Each side of a cube has the same part, and turning faces' weights around changes nothing."""
     camera = Camera()
