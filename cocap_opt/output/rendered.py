@@ -63,14 +63,8 @@ class FaceView(NamedTuple):
             rendered = renderer.pixels(robot, pose.t, pose.state)
             unhidden = renderer.unhidden(robot, pose.t, pose.state)
             for f in np.flatnonzero((planned > 0) | (rendered > 0)).tolist():
-                yield cls(
-                    pose,
-                    f,
-                    float(areas[f]),
-                    float(planned[f]),
-                    float(rendered[f]),
-                    float(unhidden[f]),
-                )
+                area = float(areas[f])
+                yield cls(pose, f, area, float(planned[f]), float(rendered[f]), float(unhidden[f]))
             progress(done + 1, len(poses))
 
     @property
