@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from cocap_opt.api.measuring import gap
     from cocap_opt.api.methods import bound, plan, solve
     from cocap_opt.api.showing import show
+    from cocap_opt.api.variants import with_views
     from cocap_opt.console.versions import show_versions
     from cocap_opt.data import ProblemError
     from cocap_opt.files.documents import FileError
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
         SwapConflict,
         TriangulatedCuboid,
         VertexConflict,
+        Views,
     )
     from cocap_opt.referee import Verdict
     from cocap_opt.result import Reason, Result, UnsupportedError
@@ -86,6 +88,7 @@ _MODULES = {
     "cocap_opt.api.measuring": ("gap",),
     "cocap_opt.api.methods": ("bound", "plan", "solve"),
     "cocap_opt.api.showing": ("show",),
+    "cocap_opt.api.variants": ("with_views",),
     "cocap_opt.console.versions": ("show_versions",),
     "cocap_opt.player.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),
@@ -99,7 +102,7 @@ _MODULES = {
         "COVERAGE_VERSION", "NO_RULES", "VERTEX_ONLY", "Actor", "Airspace", "Camera",
         "CollisionRules", "Cone", "Cuboid", "Earth", "Limits", "Motion", "Objective",
         "PassConflict", "Plan", "Prism", "Problem", "Robot", "State", "SwapConflict",
-        "TriangulatedCuboid", "VertexConflict",
+        "TriangulatedCuboid", "VertexConflict", "Views",
     ),
     "cocap_opt.result": ("Reason", "Result", "UnsupportedError"),
     "cocap_opt.scenarios": ("FORMATS", "SCENES"),
@@ -117,10 +120,10 @@ __all__ = [
     "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Reason", "RefereeError",
     "Result",
     "Robot", "Snapshot", "State", "Stop", "SwapConflict", "TimeLimit", "TriangulatedCuboid",
-    "UnsupportedError", "Verdict", "Verified", "VertexConflict", "WorkLimit",
+    "UnsupportedError", "Verdict", "Verified", "VertexConflict", "Views", "WorkLimit",
     "bound", "check", "coverage", "coverage_digest", "explain", "front", "gap", "load", "never",
     "plan", "read", "replans", "robustness", "save", "show", "show_versions", "solve", "trajectory",
-    "verify",
+    "verify", "with_views",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # or any misspelt name would be one for type checkers

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from cocap_opt.data import LARGEST, SMALLEST
+from cocap_opt.data import LARGEST, MOST_WEIGHT, SMALLEST
 
 Flight = Literal["above-ground", "above-sea"]
 Unit = Literal["m", "cm", "mm", "ft", "us-ft"]
@@ -17,6 +17,7 @@ PER_SECOND: dict[str, int] = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]  # m, or degrees
 Length = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]  # m
 Size = Annotated[float, Meta(ge=0, le=LARGEST)]  # m, or m/s
+Factor = Annotated[float, Meta(ge=0, le=MOST_WEIGHT)]
 Count = Annotated[int, Meta(ge=1, le=1000)]
 Heading = Annotated[float, Meta(ge=-360, le=360)]  # degrees from +x, counter-clockwise
 Point = tuple[Coordinate, Coordinate]

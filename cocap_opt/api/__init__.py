@@ -2,8 +2,8 @@
 
 `methods` has those that plan, bound and solve; `judging` those that check and verify, `explaining`
 those that tell what a gap is made of; `covering` has what drones see, `measuring` the gap table,
-`fronts` trade-offs, `flying` the flights of plans, `showing` the player, and `files` what is read
-and written. `arguments` judges what they are given.
+`fronts` trade-offs, `flying` the flights of plans, `showing` the player, `variants` problems that
+ask for more, and `files` what is read and written. `arguments` judges what they are given.
 """
 
 __all__ = [
@@ -16,4 +16,5 @@ __all__ = [
     "measuring",
     "methods",
     "showing",
+    "variants",
 ]

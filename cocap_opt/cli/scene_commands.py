@@ -8,6 +8,7 @@ from cyclopts import Parameter
 from cocap_opt.cli.options import FLAG, Json, Output, Scene, Seed, Whole, load
 from cocap_opt.compiling import CompilingError, Kernel, is_there
 from cocap_opt.console.progress import Watch
+from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import SceneFile, encode, problem_digest
 from cocap_opt.output.files import check_output, save_bytes
 from cocap_opt.output.graphml import graphml
@@ -17,6 +18,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios.hardware import with_cameras
 from cocap_opt.stop import Clock
+from cocap_opt.vision.default_weights import with_views
 
 _GRAPH = ".graphml"
 
@@ -62,6 +64,17 @@ def _export(
         bool,
         FLAG(help="pixels add up over time as well as over drones"),
     ] = False,
+    views: Annotated[
+        Whole | None,
+        Parameter(help="so many drones, such as 2, are to see each person, besides pixels"),
+    ] = None,
+    views_weight: Annotated[
+        float | None,
+        Parameter(
+            help="px^0.5/m, of a drone that sees a person at a step; if not given, half of what "
+            "a view pays from where the person fills a third of the image's height"
+        ),
+    ] = None,
     camera: Annotated[
         str | None, Parameter(help="another camera on all drones; `cocap-opt scenes` lists them")
     ] = None,
@@ -95,12 +108,13 @@ def _export(
     if drone is not None and not as_graph:
         raise UsageError(f"--drone: is for a file whose name ends with {_GRAPH}")
     problem = load(scene, seed, Option("--option").values(option or []))
-    if over_time:
-        objective = problem.objective.replace(over_time=True)
-        problem = problem.replace(name=f"{problem.name}-over-time", objective=objective)
     if camera is not None or tilts is not None:
         degrees = None if tilts is None else _angles("--tilts", tilts)
         problem = with_cameras(problem, camera, degrees)
+    if over_time:
+        objective = problem.objective.replace(over_time=True)
+        problem = problem.replace(name=f"{problem.name}-over-time", objective=objective)
+    problem = _counting(problem, views, views_weight)  # by default of the cameras, so after these
     answer: Record = {"scene": problem.name, "seed": seed, "digest": problem_digest(problem)}
     if as_graph:
         answer["drone"] = _drone(drone or 0, problem)
@@ -111,6 +125,21 @@ def _export(
         save_bytes(output, encode(SceneFile.of(problem)))
     print_result({**answer, "file": output}, json)
     return 0
+
+
+def _counting(problem: Problem, cameras: int | None, weight: float | None) -> Problem:
+    """Returns the problem as `--views` and `--views-weight` ask for it; its name tells it."""
+    if cameras is None and weight is not None:
+        raise UsageError("--views-weight: is for a scene with --views")
+    if cameras is None:
+        return problem
+    try:
+        found = with_views(problem, cameras, weight)
+    except ProblemError as error:
+        field, _, words = str(error).partition(": ")
+        option = "--views" if field == "cameras" else "--views-weight"
+        raise UsageError(f"{option}: {words}") from error
+    return found.replace(name=f"{problem.name}-views{cameras}")
 
 
 def _drone(number: int, problem: Problem) -> int:

@@ -45,8 +45,9 @@ def graphml(problem: Problem, robot: int, counter: Counter = _uncounted) -> byte
 
     A node has the attributes step (0..T), x, y and z (m), heading and tilt (rad, from +x
     counter-clockwise and below the horizon), and reward: the weighted roots of the pixels per m2
-    that the robot alone has there. The reward of an edge is that for the move. A node's id is
-    step/x/y/layer/heading/pitch, in the indices that plans have.
+    that the robot alone has there, and what it gets for people whom it sees. The reward of an edge
+    is that for the move. A node's id is step/x/y/layer/heading/pitch, in the indices that plans
+    have.
 
     Parameters
     ----------

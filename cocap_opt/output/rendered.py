@@ -57,11 +57,13 @@ class FaceView(NamedTuple):
         for done, pose in enumerate(poses):
             robot, robot_class = problem.robots[pose.robot], model.class_of[pose.robot]
             state = np.array([robot_class.graph.index(pose.state)])
-            planned = model.views(robot_class).coverage(pose.t, state)[0] * renderer.areas(pose.t)
+            areas = renderer.areas(pose.t)
+            coverage = model.views(robot_class).coverage(pose.t, state)[0, : len(areas)]
+            planned = coverage * areas  # of faces; people whom drones count come after these
             rendered = renderer.pixels(robot, pose.t, pose.state)
             unhidden = renderer.unhidden(robot, pose.t, pose.state)
             for f in np.flatnonzero((planned > 0) | (rendered > 0)).tolist():
-                area = float(renderer.areas(pose.t)[f])
+                area = float(areas[f])
                 yield cls(pose, f, area, float(planned[f]), float(rendered[f]), float(unhidden[f]))
             progress(done + 1, len(poses))
 

@@ -45,13 +45,18 @@ class PlayerPlan:
         self._plan, self._gap = plan, gap
 
     @cached_property
-    def own_pixels(self) -> FloatArray:
-        """The coverage [R, T+1, F] (px/m2; 1/m2 for cones) that each drone has."""
+    def _own_coverage(self) -> FloatArray:
+        """The coverage [R, T+1, W] of faces, then of people whom drones count, by each drone."""
         model = compiled(self._problem)
         return np.array([
             model.views(model.class_of[i]).along(0, np.array(path))
             for i, path in enumerate(model.paths(self._plan))
         ])  # fmt: skip
+
+    @property
+    def own_pixels(self) -> FloatArray:
+        """The coverage [R, T+1, F] (px/m2; 1/m2 for cones) that each drone has."""
+        return self._own_coverage[..., : len(self._problem.face_weights)]
 
     @cached_property
     def seen(self) -> FloatArray:
@@ -132,6 +137,12 @@ class PlayerPlan:
         others = np.maximum(self.seen - self.own_pixels, 0.0)
         roots = np.sqrt(self.seen) - np.sqrt(others)
         adds: FloatArray = (problem.step_weights * roots).sum(axis=2)
+        if problem.objective.views is not None:
+            cameras = problem.objective.views.cameras
+            counts = self._own_coverage[..., len(problem.face_weights) :]
+            total = counts.sum(axis=0)
+            lost = np.minimum(total, cameras) - np.minimum(total - counts, cameras)
+            adds += (problem.count_weights * lost).sum(axis=2)
         adds[:, : problem.first_step] = 0.0
         return adds
 

@@ -4,8 +4,8 @@ The modules build on one another in this order: projection, bodies, candidates, 
 shadows, visibility, viewpoints, views, coverage, cache; `render` is the slow reference that they
 are tested against. `view_kernel` finds what `views` finds, compiled and ten times as fast:
 `compiled_sight` hands it the arrays. `unhidden` and `ceilings` bound coverage before it is
-computed; nothing else here uses them. The modules are imported one by one, since `surfaces` loads
-Embree.
+computed, and `default_weights` makes the weight by which a drone that sees somebody counts; nothing
+else here uses them. The modules are imported one by one, since `surfaces` loads Embree.
 """
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "cache",
     "ceilings",
     "coverage",
+    "default_weights",
     "faces",
     "projection",
     "render",

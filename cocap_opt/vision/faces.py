@@ -84,7 +84,7 @@ class FaceGeometry:
         convex = [solid for solid in solids if solid is not None]
         self.columns = Bodies.of_columns(problem.height_map, self.origin)
         self.fixed = Bodies.joined([self.columns, *convex])
-        self._shapes = [_local(actor.shape) for actor in problem.actors]
+        self._shapes = [local_faces(actor.shape) for actor in problem.actors]
         layers = sorted({height for robot in problem.robots for height in robot.motion.layers})
         lowest = problem.height_map.altitudes((layers[0],)).min()
         lowest = float(lowest) if lowest_eye is None else min(float(lowest), lowest_eye)
@@ -183,7 +183,7 @@ def _surface(triangles: FloatArray) -> "Surface":
     return Surface(triangles)
 
 
-class _Local(NamedTuple):
+class LocalFaces(NamedTuple):
     """One actor's shape around its foot point."""
 
     polygons: FloatArray  # [F, V, 3] m
@@ -201,7 +201,7 @@ class _Local(NamedTuple):
 
 
 @lru_cache(maxsize=_KEPT)
-def _local(shape: Shape) -> _Local:
+def local_faces(shape: Shape) -> LocalFaces:
     """Returns a shape around its foot point, computed once for all actors that have it."""
     faces = shape.faces()
     doubled = np.array([_doubled_area(face) for face in faces])
@@ -213,7 +213,7 @@ def _local(shape: Shape) -> _Local:
     centres = np.array([_centroid(face) for face in faces])
     points = np.concatenate([corners, centres])
     size = max(map(len, faces))
-    return _Local(
+    return LocalFaces(
         np.array([_padded(face[None], size)[0] for face in faces]),
         doubled / lengths[:, None],
         np.array([len(face) for face in faces]),

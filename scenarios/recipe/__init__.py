@@ -17,13 +17,14 @@ from msgspec import Meta
 
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.files.messages import in_words
-from cocap_opt.problem import Actor, Earth, Objective, Problem, Robot
+from cocap_opt.problem import Actor, Earth, Problem, Robot
 from cocap_opt.scenarios.earth.place import EarthTable, MapProjection, require_likely
 from cocap_opt.scenarios.kinds import JSON
 from cocap_opt.scenarios.maps.terrain import MapTable, Terrain
 from cocap_opt.scenarios.maps.walls import WallsTable
 from cocap_opt.scenarios.meshes import MeshTable
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings, say_moved
+from cocap_opt.scenarios.recipe.objective import ObjectiveTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import AirspaceTable, NoFlyTable, RulesTable
 from cocap_opt.scenarios.tables import Flight, Table
@@ -92,6 +93,7 @@ at = [40, 20]               # added to their points
 delimiter = " "             # left out: what the first row looks like
 still = 0.1                 # m/s; people who are slower keep their heading
 shape = { type = "prism", sides = 6, apothem = 0.25 }
+views_weight = 0.5          # times the weight of views in [objective]; left out: 1
 
 [[walk]]
 points = [[20, 20], [60, 22]]
@@ -100,6 +102,7 @@ speed = 1.2
 first = 0.5                 # m of the way that are walked before step 0
 # heading = 90              # where the person looks all the time, from x to y; left out: ahead
 shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
+views_weight = 2.0          # likewise: Ada is to be seen by two rather than the others
 
 [[drones]]
 count = 3                   # in random cells, chosen by the seed, within 15 m of someone; other
@@ -157,7 +160,20 @@ separation = 2.0            # m between drones at every moment; left out: 2, and
 vertical = 0.0              # m in height that suffice as well; 0: only the distance counts
 
 [objective]
-stationarity = 0.0
+pixels = 1.0                # weight of all pixels; 0: they do not count
+stationarity = 0.0          # of a drone that stays in its state for a step
+keep_cell = 0.0             # or in its cell
+keep_heading = 0.0          # or keeps its heading
+balanced = 0.0              # or moves by as many cells along x as against y, or not at all
+count_start = false         # true: what is seen at step 0 counts too
+over_time = false           # true: pixels add up over the steps before the root is taken
+
+[objective.views]           # drones that see a person count, too; left out: they do not
+cameras = 2                 # from so many on, more add nothing
+# weight = 250.0            # px^0.5/m, of a drone that sees a person at a step; or a list, a number
+                            # for each person; left out: half of what a view of the person pays from
+                            # where the person fills a third of the image's height
+at_least = 0.3              # share that must be visible of all that a person shows in a direction
 """
 
 
@@ -177,7 +193,7 @@ class Recipe(Table):
     no_fly: tuple[NoFlyTable, ...] = ()
     airspace: AirspaceTable = msgspec.field(default_factory=AirspaceTable)
     rules: RulesTable = msgspec.field(default_factory=RulesTable)
-    objective: Objective = Objective()
+    objective: ObjectiveTable = msgspec.field(default_factory=ObjectiveTable)
     face_samples: int = 3
     earth: EarthTable | None = None
 
@@ -209,7 +225,8 @@ def read(
         earth = _earth(recipe, terrain)
         projection = MapProjection(earth, terrain.height_map.centre(0, 0))
         solid = tuple(_meshes(recipe, path.parent, terrain, projection))
-        actors = tuple(_actors(recipe, path.parent, terrain, projection))
+        people = list(_people(recipe, path.parent, terrain, projection))
+        actors = tuple(actor for actor, _ in people)
         with naming("rules"):
             rules = recipe.rules.rules()
         if recipe.earth is not None and earth is not None and terrain.crs is None:
@@ -222,6 +239,9 @@ def read(
         workspace = Workspace(terrain.height_map, solid, airspace.no_fly, airspace.ceiling)
         around = Surroundings(workspace, actors, recipe.steps, rules, airspace)
         team = _team(recipe, around, np.random.default_rng(seed))
+        with naming("objective"):
+            factors = [factor for _, factor in people]
+            objective = recipe.objective.objective(actors, factors, team)
         return _problem(
             recipe,
             name=recipe.name or path.stem,
@@ -232,7 +252,7 @@ def read(
             horizon=recipe.steps,
             rules=rules,
             airspace=airspace,
-            objective=recipe.objective,
+            objective=objective,
             face_samples=recipe.face_samples,
             step=recipe.step,
             earth=earth,
@@ -344,18 +364,27 @@ def _say_moments(begins: dict[int, Epoch]) -> None:
             )  # fmt: skip
 
 
-def _actors(
+def _people(
     recipe: Recipe, folder: Path, terrain: Terrain, projection: MapProjection
-) -> Iterator[Actor]:
+) -> Iterator[tuple[Actor, float | None]]:
+    """Yields the people, and the factor of each one's weight in the objective's views."""
     begins: dict[int, Epoch] = {}
     for k, given in enumerate(recipe.tracks):
         with naming(f"tracks[{k}]"):
+            _require_views(recipe, given)
             actors, begin = given.actors(folder, terrain, recipe.step, recipe.steps, projection)
         if begin is not None:
             begins[k] = begin
-        yield from actors
+        yield from ((actor, given.views_weight) for actor in actors)
     _say_moments(begins)
     for k, walk in enumerate(recipe.walk):
         with naming(f"walk[{k}]"):
+            _require_views(recipe, walk)
             actor = walk.actor(terrain, recipe.step, recipe.steps)
-        yield actor
+        yield actor, walk.views_weight
+
+
+def _require_views(recipe: Recipe, table: TracksTable | WalkTable) -> None:
+    """Raises a ProblemError if people have a factor for views that nobody counts."""
+    if table.views_weight is not None and recipe.objective.views is None:
+        raise ProblemError("views_weight: must be left out where [objective] has no views")

@@ -15,6 +15,7 @@ from cocap_opt.scenarios.earth.place import MapProjection
 from cocap_opt.scenarios.maps.terrain import Terrain
 from cocap_opt.scenarios.tables import (
     Count,
+    Factor,
     Heading,
     Point,
     Size,
@@ -50,6 +51,7 @@ class TracksTable(Table):
     count: Count | None = None
     at: Point = (0.0, 0.0)
     shape: Shape = BODY
+    views_weight: Factor | None = None
     still: Size = STILL
 
     def actors(
@@ -224,6 +226,7 @@ class WalkTable(Table):
     first: Size = 0.0
     heading: Heading | None = None
     shape: Shape = BODY
+    views_weight: Factor | None = None
 
     def actor(self, terrain: Terrain, step: float, steps: int) -> Actor:
         """Returns a person who walks along the legs, and stands where they end.

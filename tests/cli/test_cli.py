@@ -943,6 +943,12 @@ WRONG = [
     (["plan", "corridor", "--colour", "red"], "--colour"),
     (["plan", "corridor", "-o", "no/such/folder/plan.json"], "no/such/folder"),
     (["plan", "corridor", "-o", "x" * 300], "x" * 300 + ": cannot be written"),
+    (["export", "corridor", "--views", "0", "-o", "x.json"], "--views: must be 1..64, not 0"),
+    (["export", "corridor", "--views-weight", "2", "-o", "x.json"], "is for a scene with --views"),
+    (
+        ["export", "corridor", "--views", "2", "--views-weight", "-2", "-o", "x.json"],
+        "--views-weight: must be 0..1e+12, not -2.0",
+    ),
     (["export", "corridor", "-o", "/dev/null"], "/dev/null: cannot be written"),
     (["export", "corridor", "-o", "scene.yaml"], "-o: name a file that ends in .json or .graphml"),
     (["plan", "corridor", "-o", "plan.xyz"], "-o: name a file that ends in .json"),

@@ -32,6 +32,7 @@ from cocap_opt.problem import (
 from cocap_opt.referee import check
 from cocap_opt.run.explained import gaps_of
 from cocap_opt.scenarios import load_scene
+from cocap_opt.vision.default_weights import with_views
 from cocap_opt.world.workspace import HeightMap
 
 SCENES = ["bottleneck", "bridge", "tiny-give-way", "tiny-hover"]
@@ -65,10 +66,13 @@ def test_what_is_seen_makes_the_reward(scene: str) -> None:
     assert exact[1:] == pytest.approx(shown["rewards"][1:], rel=1e-9)
 
 
+@pytest.mark.parametrize("cameras", [0, 2])
 @pytest.mark.parametrize("scene", ["bottleneck", "bridge", "tiny-give-way"])
-def test_what_a_drone_adds_is_what_the_referee_misses_without_it(scene: str) -> None:
+def test_what_a_drone_adds_is_what_the_referee_misses_without_it(scene: str, cameras: int) -> None:
     """Each step's reward less that of the other drones alone, by `check`."""
     problem = load_scene(scene, 0)
+    if cameras:
+        problem = with_views(problem, cameras)
     ((title, plan),) = planned(problem, "greedy")
     (shown,) = Player(problem, [(title, plan)]).data()["plans"]
     for i, adds in enumerate(shown["adds"]):

@@ -17,6 +17,7 @@ from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.hardware import CAMERAS, with_cameras
 from cocap_opt.stop import never
+from cocap_opt.vision.default_weights import default_weights
 
 
 def test_angles_of_view_are_those_of_the_makers() -> None:
@@ -84,6 +85,7 @@ def test_export_exchanges_cameras(tmp_path: Path, capsys: pytest.CaptureFixture[
     """The scene file has the camera and the pitches that were asked for."""
     path = tmp_path / "scene.json"
     words = ["export", "tiny-share", "--camera", "skydio-2", "--tilts", "0,20,40", "-o", str(path)]
+    plain = load_scene("tiny-share")
     assert run(words) == 0
     camera = load_scene(str(path)).robots[0].camera
     assert isinstance(camera, Camera)
@@ -92,5 +94,10 @@ def test_export_exchanges_cameras(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert run([*words[:2], "--tilts", "steep", "-o", str(path)]) == 2
     assert run([*words[:2], "--camera", "kodak", "-o", str(path)]) == 2
     assert "kodak" in capsys.readouterr().err
+    assert run(["export", "tiny-share", "--views", "2", *words[2:]]) == 0
+    views = load_scene(str(path)).objective.views
+    assert views is not None
+    # by the camera that the drones then have: those of the scene have 60 px
+    assert views.weights(2)[0] > 50 * default_weights(plain.actors, plain.robots)[0] > 0
     assert run(["scenes"]) == 0
     assert "dji-mavic-pro" in capsys.readouterr().out

@@ -17,6 +17,7 @@ from strategies import examples, standing
 
 import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations import EXACT
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.plausibility import narrow_way, warnings
@@ -38,8 +39,10 @@ from cocap_opt.scenarios.maps.walls import WallsTable
 from cocap_opt.scenarios.meshes import MeshTable
 from cocap_opt.scenarios.recipe import EXAMPLE, read
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings
+from cocap_opt.scenarios.recipe.objective import ObjectiveTable, ViewsTable
 from cocap_opt.scenarios.tables import Table
 from cocap_opt.stop import never
+from cocap_opt.vision.default_weights import default_weights
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 EAST, NORTH = 500600.988, 4794197.109  # m, corner of the rasters below
@@ -134,12 +137,16 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
     assert problem.robots[3].limits is None
     assert problem.earth is not None
     assert (problem.earth.heights, problem.earth.base) == ("sea", 20.0)
+    views = problem.objective.views
+    assert views is not None and (views.cameras, views.at_least) == (2, 0.3)
+    by_default = default_weights(problem.actors, problem.robots)
+    assert views.weight == tuple(w * f for w, f in zip(by_default, (0.5, 0.5, 0.5, 2), strict=True))
 
 
 def test_the_example_has_every_field() -> None:
     """Whoever reads the example knows all that a recipe can say."""
     tables = Table.__subclasses__()
-    assert len(tables) == 13
+    assert len(tables) == 15
     for table in tables:
         for field in table.__struct_fields__:
             assert f"{field} =" in EXAMPLE or f"{field}]" in EXAMPLE, field
@@ -351,6 +358,32 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("speed = 1.5", "first = 11"), r"walk\[0\]: first: must be at most 10 m, the length of"),
         (("[15, 6]]\nspeed = 1.5", "[900, 6]]\nspeed = 150"),
          r"walk\[0\]: speed: must be at most 100 m/s, not 150"),
+        (("steps = 4", "steps = 4\nobjective = { balanced = -1 }"),
+         "scene.toml: objective: balanced: must be 0..1e.12, not -1.0"),
+        (("steps = 4", "steps = 4\nobjective = { pixel = 0 }"),
+         "objective: must have no unknown field `pixel`; did you mean pixels.; known are pix"),
+        (("steps = 4", "steps = 4\nobjective = { pixels = true }"),
+         "objective.pixels: must be a number, not true or false"),
+        (("steps = 4", "steps = 4\nobjective.views = 2"),
+         "objective.views: must be an object with fields, not a whole number"),
+        (("steps = 4", "steps = 4\nobjective.views = { camera = 2 }"),
+         "objective.views: .* `camera`; did you mean cameras.; known are cameras, w"),
+        (("steps = 4", "steps = 4\nobjective.views = { cameras = 0 }"),
+         "scene.toml: objective: views: cameras: must be 1..64, not 0"),
+        (("steps = 4", "steps = 4\nobjective.views = { cameras = 1.5 }"),
+         "objective.views.cameras: must be a whole number, not a number with decimals"),
+        (("steps = 4", "steps = 4\nobjective.views = { weight = 'much' }"),
+         "objective.views.weight: must be a number or a list, not text"),
+        (("steps = 4", "steps = 4\nobjective.views = { weight = -1 }"),
+         "objective: views: weight: must be 0..1e.12, not -1.0"),
+        (("steps = 4", "steps = 4\nobjective.views = { weight = [1, 2] }"),
+         "objective: views: weight: must be one number, or one for each of the 1 people, not 2"),
+        (("steps = 4", "steps = 4\nobjective.views = { at_least = 0 }"),
+         "objective: views: at_least: must be > 0, or all drones see everybody"),
+        (("speed = 1.5", "views_weight = 2"),
+         r"walk\[0\]: views_weight: must be left out where \[objective\] has no views"),
+        (("speed = 1.5", "views_weight = -2\n[objective.views]"),
+         r"walk\[0\].views_weight: must be a number >= 0"),
     ],
 )  # fmt: skip
 def test_mistakes_are_named(tmp_path: Path, change: tuple[str, str], message: str) -> None:
@@ -360,6 +393,63 @@ def test_mistakes_are_named(tmp_path: Path, change: tuple[str, str], message: st
     with pytest.raises(ProblemError, match=message) as error:
         read(write(tmp_path, text.replace(*change)))
     assert "\n" not in str(error.value)
+
+
+def test_the_objective_of_a_recipe_is_that_of_problems(tmp_path: Path) -> None:
+    """Each of its fields arrives, and one that is left out is as in Python."""
+    names = co.Objective.__struct_fields__
+    assert set(ObjectiveTable.__struct_fields__) == set(names)
+    assert set(ViewsTable.__struct_fields__) == set(co.Views.__struct_fields__)
+    assert read(write(tmp_path, FLAT + DRONE)).objective == co.Objective()
+    fields = {
+        name: True if name in ("count_start", "over_time") else k + 2.5
+        for k, name in enumerate(names)
+        if name != "views"
+    }
+    text = "".join(f"{name} = {json.dumps(value)}\n" for name, value in fields.items())
+    assert read(write(tmp_path, FLAT + DRONE + "[objective]\n" + text)).objective == co.Objective(
+        **fields
+    )
+
+
+def test_views_of_a_recipe_are_numbers(tmp_path: Path) -> None:
+    """A weight that is left out is the default; people may have a factor of it."""
+    walks = "[[walk]]\npoints = [[5, 2]]\nviews_weight = 3.0\nshape = { type = 'prism' }\n"
+    plain = FLAT + "[[walk]]\npoints = [[9, 2]]\nviews_weight = 0\n" + walks + DRONE
+
+    def views_of(fields: str) -> co.Views:
+        """Returns the views of a recipe that has such a table."""
+        views = read(
+            write(tmp_path, f"{plain}[objective]\nviews = {{ {fields} }}\n")
+        ).objective.views
+        assert views is not None
+        return views
+
+    usual = views_of("")
+    person, nobody, prism = usual.weights(3)
+    assert (usual.cameras, usual.at_least, nobody) == (2, 0.3, 0.0)
+    problem = read(write(tmp_path, f"{plain}[objective.views]"))
+    assert (person, prism / 3) == pytest.approx(
+        tuple(default_weights(problem.actors, problem.robots)[k] for k in (0, 2))
+    )
+    assert views_of("cameras = 3, weight = 7, at_least = 1") == co.Views(
+        cameras=3, weight=(7.0, 0.0, 21.0), at_least=1.0
+    )
+    assert views_of("weight = [1, 2, 3.5]").weight == (1.0, 0.0, 10.5)
+
+
+def test_views_of_a_recipe_survive_a_file(tmp_path: Path) -> None:
+    """The scene's file holds numbers, and the same digest; without views it is what it was."""
+    plain = read(write(tmp_path, FLAT + DRONE))
+    asked = read(write(tmp_path, FLAT + DRONE + "[objective]\npixels = 0\nviews = {}\n"))
+    assert co.with_views(plain).objective == asked.objective.replace(pixels=1.0)
+    assert problem_digest(asked.replace(objective=co.Objective())) == problem_digest(plain)
+    co.save(tmp_path / "scene.json", asked)
+    again = co.read(tmp_path / "scene.json", Problem)
+    assert again.objective == asked.objective
+    assert problem_digest(again) == problem_digest(asked) != problem_digest(plain)
+    written = json.loads((tmp_path / "scene.json").read_text())["problem"]["objective"]
+    assert written["pixels"] == 0.0 and isinstance(written["views"]["weight"][0], float)
 
 
 def test_people_off_the_map_are_the_cause(tmp_path: Path) -> None:

@@ -1,0 +1,57 @@
+"""The face's variants of problems: what else is to be planned for."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cocap_opt.api.arguments import require, require_number, require_problem
+from cocap_opt.problem import Problem
+from cocap_opt.vision import default_weights
+
+
+def with_views(
+    problem: Problem,
+    cameras: int = 2,
+    weight: float | Sequence[float] | None = None,
+    at_least: float = 0.3,
+) -> Problem:
+    """Ask for several drones that see each person, besides pixels.
+
+    J then has a part more: for each person and step the number of drones that see the person, of
+    which at most `cameras` count, times `weight` and the person's importance. `Views` says when a
+    drone sees a person.
+
+    Parameters
+    ----------
+    problem : the problem; what it counted before is replaced
+    cameras : from so many drones on, more add nothing
+    weight : of one drone that sees a person at one step, in px^0.5/m; one number for all people or
+        one for each. None: half of what one unhidden view of the person pays from where the person
+        fills a third of the image's height, the mean over eight directions around the person and
+        over the drones' cameras
+    at_least : share of the solid angle that the person has from a drone, with nothing in the way,
+        that is to be visible in its image
+
+    Returns
+    -------
+    Problem
+        The problem with `objective.views`, in which weights are numbers.
+
+    Raises
+    ------
+    ProblemError
+        If a number is out of range, or no drone has a camera with an image, by which a weight could
+        be found; one line names the field.
+
+    Examples
+    --------
+    >>> twice = co.with_views(problem, cameras=2)
+    >>> co.plan(twice, "cocap", time_limit=10).value
+    """
+    require_problem(problem)
+    require(cameras, "cameras", "a whole number", int, np.integer)
+    require_number(at_least, "at_least")
+    if weight is not None and not isinstance(weight, Sequence | np.ndarray):
+        require_number(weight, "weight")
+    given = tuple(weight) if isinstance(weight, Sequence | np.ndarray) else weight
+    return default_weights.with_views(problem, cameras, given, at_least)

@@ -1,0 +1,109 @@
+"""The weight by which a drone that sees a person counts, where nobody states it.
+
+It is half of what a single view of the person pays from where the person fills a third of the
+image's height, so that nobody needs to know what px/m2 are worth. It follows from shapes, weights
+of faces and cameras alone: it is the same wherever drones start, whatever hides people, and for a
+part of the steps.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, ProblemError, read_only
+from cocap_opt.problem import Actor, Camera, Problem, Robot, Shape, Views
+from cocap_opt.vision.faces import local_faces
+from cocap_opt.vision.projection import Projection, dot
+
+_DIRECTIONS = 8  # around the person, one of them ahead
+_IMAGES = 3.0  # the image is so many times as high as the person in it
+_SHARE_OF_A_VIEW = 0.5
+_DIGITS = 9  # of a weight, so that it is the same where the last bits of sines are others
+_KEPT = 256  # shapes before cameras
+
+
+def default_weights(actors: Sequence[Actor], robots: Sequence[Robot]) -> tuple[float, ...]:
+    """Returns the weight [A] in px^0.5/m of a drone that sees each person.
+
+    The person stands alone on flat ground. The camera is level with the person's middle, looks at
+    it, and is as far away as the image is three times as high as the person, or farther, so that
+    all of the person is in the image. The view pays the sum of the faces' weights, each times the
+    root of its px/m2. Half of the mean over eight directions and all robots' cameras is the weight;
+    a `Cone` has no image, and is left out.
+
+    Raises
+    ------
+    ProblemError
+        If no robot has a camera that makes images; it names the field `weight`.
+    """
+    cameras = [_level(robot.camera) for robot in robots if isinstance(robot.camera, Camera)]
+    if not cameras:
+        raise ProblemError(
+            "weight: must be given where no drone has a pinhole camera, whose images make a default"
+        )
+    return tuple(_default_weight(actor, cameras) for actor in actors)
+
+
+def with_views(
+    problem: Problem,
+    cameras: int = 2,
+    weight: float | tuple[float, ...] | None = None,
+    at_least: float = 0.3,
+) -> Problem:
+    """Returns the problem with an objective that counts the drones that see each person.
+
+    Parameters
+    ----------
+    problem : the problem; what it counted before is replaced
+    cameras, weight, at_least : as in `Views`; without a weight each person's default
+
+    Raises
+    ------
+    ProblemError
+        If a number is out of range, or there is no default; it names the field.
+    """
+    if weight is None:
+        weight = default_weights(problem.actors, problem.robots)
+    views = Views(cameras=cameras, weight=weight, at_least=at_least)
+    return problem.replace(objective=problem.objective.replace(views=views))
+
+
+def _level(camera: Camera) -> Camera:
+    """Returns a camera without its tilts, which have no part in the weight."""
+    return camera.replace(tilts=(0.0,))
+
+
+def _default_weight(actor: Actor, cameras: Sequence[Camera]) -> float:
+    """Returns the weight of one person, the mean over the cameras."""
+    paid = [
+        w * root
+        for camera in cameras
+        for w, root in zip(actor.face_weights, _mean_roots(actor.shape, camera), strict=True)
+    ]
+    return float(f"{_SHARE_OF_A_VIEW * math.fsum(paid) / len(cameras):.{_DIGITS}g}")
+
+
+@lru_cache(maxsize=_KEPT)
+def _mean_roots(shape: Shape, camera: Camera) -> FloatArray:
+    """Returns the roots [F] of the px/m2 of each face, their mean over all directions."""
+    faces, projection = local_faces(shape), Projection(camera)
+    around = 2 * math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    axes = projection.axes_towards(around, np.zeros(_DIRECTIONS))
+    roots = np.zeros(len(faces.areas))
+    middle, distance = np.array([0.0, 0.0, shape.height / 2]), _distance(shape, camera)
+    for right_up_forward in axes:
+        eye = middle - distance * right_up_forward[2]
+        seen = np.flatnonzero(dot(faces.normals, faces.centres - eye) < 0)  # none hides another
+        ways = faces.polygons[seen] - eye
+        pixels = projection.area(dot(ways[:, :, None], right_up_forward))
+        roots[seen] += np.sqrt(pixels / faces.areas[seen])
+    return read_only(roots / _DIRECTIONS)
+
+
+def _distance(shape: Shape, camera: Camera) -> float:
+    """Returns the distance (m) of the camera from the person's middle."""
+    radius = float(np.hypot(*local_faces(shape).corners[:, :2].T).max())  # of an upright cylinder
+    as_high = shape.height * camera.focal / camera.height  # from where it is as high as the image
+    return max(_IMAGES * as_high, radius + as_high, radius / math.sin(camera.half_angle))
