@@ -10,6 +10,11 @@ from pool import problems
 from strategies import examples
 
 from cocap_opt.data import BoolArray, FloatArray, ProblemError
+from cocap_opt.footage.intruders import drones_in_pictures
+from cocap_opt.footage.moments import NARROW, NO_CAMERA, ONE_CAMERA, Moment, worst_moments
+from cocap_opt.footage.poses import Poses
+from cocap_opt.footage.quality import Assumptions, Quality, person_steps
+from cocap_opt.footage.shares import visible_shares
 from cocap_opt.problem import (
     NO_RULES,
     Actor,
@@ -22,11 +27,6 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
-from cocap_opt.quality.intruders import drones_in_pictures
-from cocap_opt.quality.moments import NARROW, NO_CAMERA, ONE_CAMERA, Moment, worst_moments
-from cocap_opt.quality.poses import Poses
-from cocap_opt.quality.quality import Assumptions, Quality, person_steps
-from cocap_opt.quality.shares import visible_shares
 from cocap_opt.world.workspace import HeightMap, Mesh
 
 SIZE = 41  # cells of 1 m; the person stands in the middle, at (20.5, 20.5)

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from cocap_opt.data import LARGEST, MOST_PIXELS, BoolArray, Data, FloatArray, IntArray, within
+from cocap_opt.footage.accuracy import information, jacobians, pixel_covariances, rms_errors
+from cocap_opt.footage.blur import blur
+from cocap_opt.footage.intruders import drones_in_pictures
+from cocap_opt.footage.moments import APART, worst_moments
+from cocap_opt.footage.poses import Poses
+from cocap_opt.footage.rays import widest_angle
+from cocap_opt.footage.shares import visible_shares
 from cocap_opt.problem import Camera, Plan, Problem
-from cocap_opt.quality.accuracy import information, jacobians, pixel_covariances, rms_errors
-from cocap_opt.quality.blur import blur
-from cocap_opt.quality.intruders import drones_in_pictures
-from cocap_opt.quality.moments import APART, worst_moments
-from cocap_opt.quality.poses import Poses
-from cocap_opt.quality.rays import widest_angle
-from cocap_opt.quality.shares import visible_shares
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -3,8 +3,8 @@
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.footage.poses import Poses
 from cocap_opt.problem import Camera, Problem
-from cocap_opt.quality.poses import Poses
 from cocap_opt.vision.projection import Projection
 
 
