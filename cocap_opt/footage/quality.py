@@ -44,6 +44,9 @@ class Assumptions(Data, frozen=True):
     position_error : m, standard deviation of a drone's place along each axis
     attitude_error : rad, standard deviation of a camera's attitude about each axis
     exposure : s for which the shutter is open
+    drone_size : m, of a drone from side to side
+    drone_pixels : px across the picture, of a drone that is in the way in the picture of another;
+        those that are farther away and smaller do not count
 
     Raises
     ------
@@ -56,6 +59,8 @@ class Assumptions(Data, frozen=True):
     position_error: float = 0.0
     attitude_error: float = 0.0
     exposure: float = 1 / 500
+    drone_size: float = 0.4
+    drone_pixels: float = 100.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -64,6 +69,8 @@ class Assumptions(Data, frozen=True):
         within(self.position_error, 0, LARGEST, "position_error", "m")
         within(self.attitude_error, 0, math.pi, "attitude_error", "rad")
         within(self.exposure, 0, 3600, "exposure", "s")
+        within(self.drone_size, 0, LARGEST, "drone_size", "m")
+        within(self.drone_pixels, 0, MOST_PIXELS, "drone_pixels", "px")
 
 
 class Summary(NamedTuple):
@@ -79,7 +86,10 @@ class Summary(NamedTuple):
     infinite : share whose error is infinite
     median, most_of_them : mm, errors that half and nine tenths of them do not exceed. They are
         errors of single person-steps, not in between, so that infinite ones count as such
-    in_pictures : number of drones in the pictures of others, over all steps that count
+    in_pictures : number of drones in the pictures of others, over all steps that count; those that
+        are large enough, as `Assumptions` say
+    disturbed : share of these pictures, one of each drone with pictures at each step, that have
+        another drone in them; nan where no drone has pictures
     """
 
     person_steps: int
@@ -90,6 +100,7 @@ class Summary(NamedTuple):
     median: float
     most_of_them: float
     in_pictures: int
+    disturbed: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -111,7 +122,7 @@ class Quality:
         nan where it takes them to see the person twice, or no drone has pictures
     blur : [T+1, R, A] px of each person in each picture; nan where the drone does not see the
         person or has no picture. None where nobody says how long a step lasts
-    drones_seen : [T+1, R, R] true where the second drone is in the first one's picture
+    drones_seen : [T+1, R, R] true where the second drone is in the first one's picture, and large
     has_pictures : [R] true for the drones with a pinhole camera
     assumptions : that it was measured with
     times : [T+1] s since step 0; None where nobody says how long a step lasts
@@ -162,7 +173,9 @@ class Quality:
             angles=widest_angle(poses.rays, seen),
             errors=_errors(poses, seen, focal, assumptions),
             blur=_blur(problem, poses, seen, focal, assumptions),
-            drones_seen=drones_in_pictures(problem, poses),
+            drones_seen=drones_in_pictures(
+                problem, poses, assumptions.drone_size, assumptions.drone_pixels
+            ),
             has_pictures=~np.isnan(focal),
             assumptions=assumptions,
             times=None if problem.step is None else np.arange(float(len(seen))) * problem.step,
@@ -191,6 +204,7 @@ class Quality:
         """The shares, errors and counts of all person-steps that count."""
         views, angles = self.views[self.counts], self.angles[self.counts]
         errors = self.errors[self.counts]
+        disturbed = self.drones_seen.any(axis=2)[self.first_step :, self.has_pictures]
         return Summary(
             person_steps=len(views),
             by_two=_share(views >= 2),
@@ -200,6 +214,7 @@ class Quality:
             median=_not_exceeded(errors, 0.5),
             most_of_them=_not_exceeded(errors, 0.9),
             in_pictures=int(self.intruders[self.first_step :].sum()),
+            disturbed=_share(disturbed.ravel()),
         )
 
     @property
@@ -248,7 +263,7 @@ class Quality:
             _line(f"by two, {APART:g} degrees apart", _percent(found.apart)),
             _line("error of a point, RMS", self._told_errors()),
             _line("blur", self._told_blur()),
-            _line("drones in others' pictures", str(found.in_pictures)),
+            _line("drones in others' pictures", self._told_intruders()),
             *(_line("" if k else "worst moments", words) for k, words in enumerate(self.worst)),
             *(textwrap.fill(words, _WIDTH) for words in self._notes()),
         ]
@@ -288,6 +303,13 @@ class Quality:
             f"above {_SHARP:g}: {_percent(_share(counted > _SHARP))}"
         )
 
+    def _told_intruders(self) -> str:
+        """Says how many drones are large in the pictures of others."""
+        found = self.summary
+        if not found.in_pictures:
+            return "none" if self.has_pictures.any() else "none: no pictures"
+        return f"{found.in_pictures}, in {_percent(found.disturbed)} of all pictures"
+
     def _notes(self) -> Iterator[str]:
         """Yields what the numbers assume."""
         had = self.assumptions
@@ -302,7 +324,8 @@ class Quality:
             f"With {had.pixel_error:g} px of error in a picture, {pose}{exposure}. A drone sees a "
             f"person if at least {100 * had.at_least:g} % of the solid angle that they have with "
             "nothing in the way is in its picture. An error is infinite where fewer than two "
-            "drones see the person, or all of them along one line."
+            "drones see the person, or all of them along one line. A drone is in the picture of "
+            f"another if {had.drone_size:g} m of it cover {had.drone_pixels:g} px there or more."
         )
         if not self.has_pictures.all():
             yield (

@@ -15,6 +15,7 @@ from cocap_opt.footage.moments import NARROW, NO_CAMERA, ONE_CAMERA, Moment, wor
 from cocap_opt.footage.poses import Poses
 from cocap_opt.footage.quality import Assumptions, Quality, person_steps
 from cocap_opt.footage.shares import visible_shares
+from cocap_opt.graph import TimeGraph
 from cocap_opt.problem import (
     NO_RULES,
     Actor,
@@ -27,6 +28,8 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
+from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.views import StateViews
 from cocap_opt.world.workspace import HeightMap, Mesh
 
 SIZE = 41  # cells of 1 m; the person stands in the middle, at (20.5, 20.5)
@@ -77,7 +80,7 @@ def test_two_drones_at_a_right_angle() -> None:
     np.testing.assert_allclose(found.errors, 20 * math.sqrt(2.5))
     assert (found.times, found.blur, found.worst_blur) == (None, None, None)
     assert found.counts.tolist() == [[False], [True]]
-    assert found.summary._replace(median=0, most_of_them=0) == (1, 1, 0, 1, 0, 0, 0, 0)
+    assert found.summary._replace(median=0, most_of_them=0) == (1, 1, 0, 1, 0, 0, 0, 0, 0)
     assert found.summary.median == found.summary.most_of_them == pytest.approx(31.6228)
     assert found.worst == []
 
@@ -214,17 +217,35 @@ def test_a_scene_without_people_has_a_quality() -> None:
     assert "nobody" in str(found)
 
 
+def test_a_cone_with_nobody_to_see() -> None:
+    """It sees no face and no person, from any state."""
+    problem, _ = scene((WEST, WEST))
+    robot = problem.robots[0].replace(camera=Cone())
+    problem = problem.replace(actors=(), robots=(robot,))
+    graph = TimeGraph.of(problem.workspace, robot.motion, 1)
+    views = StateViews.of(FaceGeometry(problem), problem, graph, robot.camera)
+    states = np.arange(5)
+    assert len(views.people(states).people) == len(views.seen(states).columns) == 0
+
+
 def test_drones_in_each_others_pictures() -> None:
     """Who looks at the other sees it, walls, bridges and the edges of the picture permitting."""
     problem, plan = scene((WEST, WEST), (EAST, EAST), (SOUTH, SOUTH))
 
-    def found(problem: Problem) -> list[list[int]]:
+    def found(problem: Problem, size: float = 0.4) -> list[list[int]]:
         poses = Poses.of(problem, plan)
-        return np.argwhere(drones_in_pictures(problem, poses)[0]).tolist()
+        return np.argwhere(drones_in_pictures(problem, poses, size, 20.0)[0]).tolist()
 
     # The third one looks north; it is 45 degrees off the others' axes, pictures end at 38.7.
     assert found(problem) == [[0, 1], [1, 0]]
-    assert Quality.of(problem, plan, all_visible(problem)).intruders.tolist() == [2, 2]
+    # 20 m away 0.16 m cover 20 px.
+    assert found(problem, 0.16) == [[0, 1], [1, 0]] and found(problem, 0.159) == []
+    asked = Assumptions(drone_pixels=50)
+    near = Quality.of(problem, plan, all_visible(problem), asked)
+    assert near.intruders.tolist() == [2, 2]
+    assert near.summary.disturbed == 2 / 3
+    assert "2, in 66.7 % of all pictures" in str(near)
+    assert Quality.of(problem, plan, all_visible(problem)).intruders.tolist() == [0, 0]
     wide = Camera(tilts=(0.0,), focal=1900.0)
     robots = tuple(robot.replace(camera=wide) for robot in problem.robots)
     assert found(problem.replace(robots=robots)) == [
