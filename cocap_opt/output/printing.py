@@ -22,6 +22,7 @@ from cocap_opt.text import printable, shortened
 
 Record = dict[str, Any]  # a row of a small table, or the answer of a command
 
+_WRAPPED = ("scene", "about", "message", "worst moment")  # columns of small tables
 _FOLDED = 16  # least width, in characters, of text that goes on in the next line
 _UNBOUNDED = 10_000  # characters of a line that is measured only
 _WIDE = 200  # characters of a line that goes to a file or a pipe
@@ -240,7 +241,7 @@ class Listing(NamedTuple):
         table = Table(title=escape(printable(self.title)), title_justify="left", box=SIMPLE_HEAD,
                       pad_edge=False, collapse_padding=True)  # fmt: skip
         for key, value in self.rows[0].items() if self.rows else ():
-            wraps, widest = key in ("scene", "about", "message"), self._widest(key)
+            wraps, widest = key in _WRAPPED, self._widest(key)
             table.add_column(key, justify="left" if _is_name(value) else "right",
                              no_wrap=not wraps, overflow="fold",
                              min_width=min(_FOLDED, widest) if wraps else widest)  # fmt: skip

@@ -325,8 +325,8 @@ def test_a_long_list_of_moments_is_cut() -> None:
         (1, 0, 0, NO_CAMERA), (0, 1, 1, ONE_CAMERA), (1, 2, 2, ONE_CAMERA), (0, 0, 0, NARROW)
     ]  # fmt: skip
     assert worst_moments(views, angles, np.zeros((3, 2), dtype=bool)) == []
-    words = Moment(0, 1, 2, NARROW, 12.4).told("Ada", None)
-    assert words == "Ada: cameras at most 12 degrees apart at steps 1 to 2"
+    words = Moment(0, 1, 2, NARROW, 12.4).words(None)
+    assert words == "cameras at most 12 degrees apart at steps 1 to 2"
     people = tuple(person((0.0, 0.0), (0.0, 0.0), name=name) for name in "ABCDEFG")
     problem, plan = scene((WEST, WEST), actors=people)
     assert len(Quality.of(problem, plan, all_visible(problem)).worst) == 5
