@@ -110,7 +110,7 @@ def cameras_line(by_two: float | None, by_three: float | None, median: float | N
     """
     if by_two is None or by_three is None or math.isnan(by_two):
         return ""
-    words = f"two see {whole_percent(by_two)} of person-steps, three see {whole_percent(by_three)}"
+    words = f"two see {whole_percent(by_two)} of person-steps, three {whole_percent(by_three)}"
     known = median is not None and math.isfinite(median)
     return f"{words}; half within {median:,.0f} mm" if known else words
 

@@ -72,7 +72,7 @@ _SERIES = {"reward_per_step": ("step", 1), "reward_per_person": ("person", 0)}
 _FEW = 12  # rewards that are listed; of more there is a summary, and JSON has them
 # Values that say nothing, by their keys; JSON has them.
 _SILENT = {"limit": NO_LIMIT, "evaluated": 0, "reward_at_start": 0.0, "late": 0.0}
-_ONLY_JSON = ("digest",)
+_ONLY_JSON = ("digest", "seen_by_two", "seen_by_three", "median_error")
 _SHARES = ("gap", "gap_free", "largest gap", "largest gap_free")  # printed in %
 
 

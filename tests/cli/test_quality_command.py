@@ -123,10 +123,28 @@ def test_each_person_has_a_summary(plan: Path) -> None:
 
 def test_a_plan_in_a_line() -> None:
     """Whole per cents, of which 0 and 100 are none and all; no error where none is finite."""
-    words = "two see 84 % of person-steps, three see 55 %"
+    words = "two see 84 % of person-steps, three 55 %"
     assert cameras_line(0.84, 0.55, 21.4) == f"{words}; half within 21 mm"
     for unknown in (None, math.inf, math.nan):
         assert cameras_line(0.84, 0.55, unknown) == words
     assert cameras_line(None, None, None) == cameras_line(math.nan, math.nan, math.nan) == ""
     told = [whole_percent(part) for part in (0.0, 0.001, 0.5, 0.999, 1.0)]
     assert told == ["0 %", "under 1 %", "50 %", "over 99 %", "100 %"]
+
+
+def test_plan_and_verify_say_it_in_a_line(
+    plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The line stands in a terminal; JSON has the numbers too. A bound alone has none."""
+    found = co.quality(co.load(SCENE), co.read(plan, co.Plan)).summary
+    for words in (("plan", SCENE, "--planner", "sequential"), ("verify", SCENE, plan)):
+        told = Run(capsys, *words, "--json").json
+        assert told["cameras"] == found.line != ""
+        assert (told["seen_by_two"], told["seen_by_three"]) == (found.by_two, found.by_three)
+        assert told["median_error"] == (found.median if math.isfinite(found.median) else None)
+        lines = [" ".join(line.split()) for line in Run(capsys, *words).out.splitlines()]
+        assert f"cameras {found.line}" in lines
+        assert not any("seen_by" in line or "median_error" in line for line in lines)
+    certificate = tmp_path / "certificate.json"
+    Run(capsys, "bound", SCENE, "-o", certificate)
+    assert "cameras" not in Run(capsys, "verify", SCENE, certificate, "--json").json
