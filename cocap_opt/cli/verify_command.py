@@ -252,7 +252,7 @@ class _Claims(NamedTuple):
         return {"reward_per_face": None, "reward_per_person": tuple(rewards.tolist())}
 
     def _filmed(self) -> Record:
-        """Returns how many drones see people, and how accurately, of a plan that can be flown."""
+        """Returns the quality of a plan that can be flown, as `plan` and `solve` tell it."""
         assert self.plan is not None
         found = Quality.of(self.problem, self.plan).summary
         return {

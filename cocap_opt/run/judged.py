@@ -166,7 +166,7 @@ class Judged(NamedTuple, Generic[_R_co]):
             _log.warning("%s, seed %s, %s: %s", problem.name, seed, name, words, extra=once)
 
     def filmed(self, problem: Problem) -> Summary | None:
-        """Returns how well the plan films people; None without one that can be flown."""
+        """Returns the quality of the plan; None without one that can be flown."""
         if self.result.plan is None or self.verdict is None or self.verdict.violations:
             return None
         return Quality.of(problem, self.result.plan).summary

@@ -210,7 +210,7 @@ def _means(rows: Sequence[GapRow]) -> list[Record]:
 
 
 def _cameras(rows: Sequence[GapRow]) -> list[Record]:
-    """Returns how well people are filmed by the plans of each scene and planner that has some."""
+    """Returns means of the quality of plans, of each scene and planner that has any."""
     table = []
     for (scene, planner), group in GapRow.grouped(rows, "scene", "planner").items():
         filmed = [row for row in group if row.valid and row.seen_by_two is not None]

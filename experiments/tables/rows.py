@@ -174,7 +174,7 @@ class PlanRow:
 
     @property
     def cameras(self) -> str:
-        """How many drones see people, in a line; empty where nothing is known of it."""
+        """The line on cameras that see people; empty where nothing is known of them."""
         return cameras_line(self.seen_by_two, self.seen_by_three, self.median_error)
 
     @property
