@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from cocap_opt.api.covering import coverage, coverage_digest
     from cocap_opt.api.explaining import explain, replans
     from cocap_opt.api.files import load, read, save
+    from cocap_opt.api.filming import quality
     from cocap_opt.api.flying import robustness, trajectory
     from cocap_opt.api.fronts import front
     from cocap_opt.api.judging import check, verify
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from cocap_opt.console.versions import show_versions
     from cocap_opt.data import ProblemError
     from cocap_opt.files.documents import FileError
+    from cocap_opt.footage.quality import Quality
     from cocap_opt.formulations import BOUNDS, EXACT
     from cocap_opt.formulations.certificates.format import (
         CertificateError,
@@ -83,6 +85,7 @@ _MODULES = {
     "cocap_opt.api.explaining": ("explain", "replans"),
     "cocap_opt.api.fronts": ("front",),
     "cocap_opt.api.files": ("load", "read", "save"),
+    "cocap_opt.api.filming": ("quality",),
     "cocap_opt.api.flying": ("robustness", "trajectory"),
     "cocap_opt.api.judging": ("check", "verify"),
     "cocap_opt.api.measuring": ("gap",),
@@ -92,6 +95,7 @@ _MODULES = {
     "cocap_opt.console.versions": ("show_versions",),
     "cocap_opt.player.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),
+    "cocap_opt.footage.quality": ("Quality",),
     "cocap_opt.formulations": ("BOUNDS", "EXACT"),
     "cocap_opt.formulations.certificates.format": (
         "CertificateError", "CertificateFile", "ProofFile",
@@ -117,13 +121,13 @@ __all__ = [
     "VERTEX_ONLY", "Actor", "Airspace", "Camera", "CertificateError", "CertificateFile",
     "CertifiedResult", "CollisionRules", "Cone", "Cuboid", "Earth", "FileError", "FirstOf",
     "HeightMap", "Limit", "Limits", "Mesh", "Motion", "Objective", "PassConflict", "Plan",
-    "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Reason", "RefereeError",
-    "Result",
-    "Robot", "Snapshot", "State", "Stop", "SwapConflict", "TimeLimit", "TriangulatedCuboid",
-    "UnsupportedError", "Verdict", "Verified", "VertexConflict", "Views", "WorkLimit",
+    "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Quality", "Reason",
+    "RefereeError", "Result", "Robot", "Snapshot", "State", "Stop", "SwapConflict", "TimeLimit",
+    "TriangulatedCuboid", "UnsupportedError", "Verdict", "Verified", "VertexConflict", "Views",
+    "WorkLimit",
     "bound", "check", "coverage", "coverage_digest", "explain", "front", "gap", "load", "never",
-    "plan", "read", "replans", "robustness", "save", "show", "show_versions", "solve", "trajectory",
-    "verify", "with_views",
+    "plan", "quality", "read", "replans", "robustness", "save", "show", "show_versions", "solve",
+    "trajectory", "verify", "with_views",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # or any misspelt name would be one for type checkers

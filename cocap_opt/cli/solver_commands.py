@@ -103,7 +103,7 @@ def _plan(
         if not judged.valid:
             say_narrow_way(scene, seed, problem)
         judged.warn(problem, seed, planner)
-        answer = asdict(PlanRow.of(problem, seed, planner, judged)) | task.about
+        answer = _record(PlanRow.of(problem, seed, planner, judged)) | task.about
         _save(answer, "plan", {"file": (output, judged.plan_file(problem, planner, allowance))})
     answer |= judged.result.statistics
     if judged.verdict:
@@ -202,6 +202,16 @@ def _in_order(answer: Record, has_plan: bool = True) -> Record:
     return {key: answer[key] for key in first} | answer
 
 
+def _record(row: PlanRow) -> Record:
+    """Returns the columns of a row, and behind those that it sums up how people are seen."""
+    record: Record = {}
+    for key, value in asdict(row).items():
+        record[key] = value
+        if key == "median_error":
+            record["cameras"] = row.cameras
+    return record
+
+
 def _motion(problem: Problem) -> str:
     """Says how far drones may move in a step, and how fast that is where steps have a duration."""
     edge = problem.height_map.resolution
@@ -274,7 +284,7 @@ class _Task(NamedTuple):
         """Returns the record that the command prints."""
         judged.warn(self.problem, self.seed, method)
         row = PlanRow.certified(self.problem, self.seed, method, judged)
-        record: Record = asdict(row) | self.about
+        record = _record(row) | self.about
         is_open = OPTIMALITY < judged.result.gap < math.inf
         may_have = method in _WITH_STEP_ENVELOPES and not self.problem.objective.over_time
         if is_open and may_have and find_spec("numba") is None:

@@ -22,6 +22,7 @@ from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError
 from cocap_opt.experiments.tables.rows import OWN_STARTS
 from cocap_opt.files.documents import FileError, PlanFile, other_coverage, problem_digest
+from cocap_opt.footage.quality import Quality
 from cocap_opt.formulations.certificates import CertificateError, CertificateFile, ProofFile
 from cocap_opt.formulations.second_opinion import TooLargeError
 from cocap_opt.model import Model
@@ -250,6 +251,17 @@ class _Claims(NamedTuple):
         rewards = np.bincount(self.problem.face_owner, weights=verdict.face_reward)
         return {"reward_per_face": None, "reward_per_person": tuple(rewards.tolist())}
 
+    def _filmed(self) -> Record:
+        """Returns the quality of a plan that can be flown, as `plan` and `solve` tell it."""
+        assert self.plan is not None
+        found = Quality.of(self.problem, self.plan).summary
+        return {
+            "seen_by_two": finite(found.by_two),
+            "seen_by_three": finite(found.by_three),
+            "median_error": finite(found.median),
+            "cameras": found.line,
+        }
+
     def _made_otherwise(self, verified: Verified) -> Iterator[str]:
         """Yields which files were made with another version of coverage, in words."""
         if self.plan_file and (words := other_coverage(self.plan_file.coverage_version)):
@@ -271,6 +283,7 @@ class _Claims(NamedTuple):
             }
             if known:
                 found |= Judged.parts_of(verdict) | {"reward_per_face": verdict.face_reward}
+                found |= self._filmed()
         if self.bounds:
             proved = math.isfinite(verified.bound)
             found |= {"method": verified.method, "bound": verified.bound if proved else None}

@@ -14,6 +14,8 @@ from cocap_opt.flight.changes import (
 )
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.safety import Nearest
+from cocap_opt.footage.quality import Quality
+from cocap_opt.footage.summary import whole_percent
 from cocap_opt.missions import FORMATS
 from cocap_opt.missions.autopilots import AUTOPILOTS
 from cocap_opt.missions.routes import (
@@ -27,10 +29,12 @@ from cocap_opt.missions.zones import Zone, zones
 from cocap_opt.output.heights import over_datum
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios.hardware import airframe_name, camera_name
+from cocap_opt.text import printable, shortened
 
 ROWS = 12  # of a drone's table, at most, where nobody asked for others
 _MOST_ROWS = 10_000
 _BLANK = "__________"
+_NAME = 24  # characters of a person's name in a table
 _UNCHECKED = (
     "wind, and how well drones keep to the flight: distances hold for flights flown exactly",
     "take-off and landing legs, against anything",
@@ -58,6 +62,7 @@ def briefing(flight: Flight, every: float | None) -> list[Section]:
         ("Drones", list(_drones(flight))),
         ("Distances and limits", [*_distances(flight), "", *_limits(flight)]),
         ("Late drones and people", list(_delays(flight))),
+        *_filmed(flight),
         ("Take-off and landing (a suggestion)", list(_legs(flight))),
         *_missions(flight),
         *_places(flight, every),
@@ -221,6 +226,37 @@ def _delays(flight: Flight) -> Iterator[str]:
         yield f"Between drones: {rules} is kept while none is {delay:.2f} s or more behind another."
     to_people = people_and_delay(flight, tolerated_delay_of_people(flight))
     yield from (f"{words[0].upper()}{words[1:]}." for words in to_people)
+
+
+def _filmed(flight: Flight) -> Iterator[Section]:
+    """Yields how well each person is filmed at the steps, where anybody counts."""
+    found = Quality.of(flight.flown.problem, flight.plan)
+    if not found.by_person:
+        return
+    had = found.assumptions
+    lines = [
+        f"Cameras: {found.summary.line}.",
+        f"Drones that are {had.drone_pixels:g} px wide or more in the picture of another: "
+        f"{found.summary.in_pictures}, counted at each step.",
+        "",
+        f"{'person':<{_NAME}}{'by two':>10}{'by three':>10}{'half within':>14}  worst moment",
+        *(
+            f"{shortened(printable(person.person), _NAME - 1):<{_NAME}}"
+            f"{whole_percent(person.by_two):>10}{whole_percent(person.by_three):>10}"
+            f"{_millimetres(person.median):>14}  {person.worst or 'none'}"
+            for person in found.by_person
+        ),
+        f"By two, by three: steps at which so many cameras or more see {100 * had.at_least:g} % of "
+        "the person, or more.",
+        "Half within: the error of a point in space at half of the steps, with "
+        f"{had.pixel_error:g} px of error in a picture.",
+    ]
+    yield ("How people are filmed", lines)
+
+
+def _millimetres(error: float) -> str:
+    """Returns an error as the table has it; one that is infinite or unknown is a stroke."""
+    return f"{error:,.0f} mm" if math.isfinite(error) else "-"
 
 
 def _limits(flight: Flight) -> Iterator[str]:

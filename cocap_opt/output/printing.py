@@ -22,6 +22,7 @@ from cocap_opt.text import printable, shortened
 
 Record = dict[str, Any]  # a row of a small table, or the answer of a command
 
+_WRAPPED = ("scene", "about", "message", "worst moment")  # columns of small tables
 _FOLDED = 16  # least width, in characters, of text that goes on in the next line
 _UNBOUNDED = 10_000  # characters of a line that is measured only
 _WIDE = 200  # characters of a line that goes to a file or a pipe
@@ -71,7 +72,7 @@ _SERIES = {"reward_per_step": ("step", 1), "reward_per_person": ("person", 0)}
 _FEW = 12  # rewards that are listed; of more there is a summary, and JSON has them
 # Values that say nothing, by their keys; JSON has them.
 _SILENT = {"limit": NO_LIMIT, "evaluated": 0, "reward_at_start": 0.0, "late": 0.0}
-_ONLY_JSON = ("digest",)
+_ONLY_JSON = ("digest", "seen_by_two", "seen_by_three", "median_error")
 _SHARES = ("gap", "gap_free", "largest gap", "largest gap_free")  # printed in %
 
 
@@ -240,7 +241,7 @@ class Listing(NamedTuple):
         table = Table(title=escape(printable(self.title)), title_justify="left", box=SIMPLE_HEAD,
                       pad_edge=False, collapse_padding=True)  # fmt: skip
         for key, value in self.rows[0].items() if self.rows else ():
-            wraps, widest = key in ("scene", "about", "message"), self._widest(key)
+            wraps, widest = key in _WRAPPED, self._widest(key)
             table.add_column(key, justify="left" if _is_name(value) else "right",
                              no_wrap=not wraps, overflow="fold",
                              min_width=min(_FOLDED, widest) if wraps else widest)  # fmt: skip

@@ -15,6 +15,7 @@ from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.output.files import save_bytes
 from cocap_opt.output.heights import over_datum
 from cocap_opt.player.pages import page_text
+from cocap_opt.player.player_filmed import filmed
 from cocap_opt.player.player_plan import PlayerPlan, digits
 from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.problem import Cone, Plan, Problem
@@ -22,7 +23,8 @@ from cocap_opt.problem import Cone, Plan, Problem
 _SCRIPTS = (
     "colours.js", "numbers.js", "geometry.js", "opening.js", "raster.js", "rays.js", "light.js",
     "world.js", "camera.js", "figures.js", "pen.js", "bodies.js", "sights.js", "labels.js",
-    "view.js", "eye.js", "chart.js", "panel.js", "steer.js", "keys.js", "legend.js", "player.js",
+    "view.js", "eye.js", "chart.js", "strip.js", "panel.js", "steer.js", "keys.js", "legend.js",
+    "player.js",
 )  # fmt: skip
 _FRAME_HEIGHT = 680  # px, in a notebook
 
@@ -85,12 +87,13 @@ class Player:
             for (_, plan), gap in zip(self._plans, self._gaps, strict=True)
         ]
         shown: list[Data] = [
-            {"title": title, "planner": planner, "waits": self._waits, "cutShort": cut_short}
+            {"title": title, "planner": planner, "waits": self._waits, "cutShort": cut_short,
+             "filmed": None if self._waits else filmed(problem, flown)}
             | plan.data()
-            for (title, _), planner, cut_short, plan in zip(
+            for (title, flown), planner, cut_short, plan in zip(
                 self._plans, self._planners, self._cut_short, plans, strict=True
             )
-        ]
+        ]  # fmt: skip
         return {
             "name": problem.name,
             "about": _about(problem),

@@ -6,6 +6,8 @@ from dataclasses import replace
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from cocap_opt.files.documents import PlanFile, problem_digest
+from cocap_opt.footage.quality import Quality
+from cocap_opt.footage.summary import Summary
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 from cocap_opt.referee import Verdict, check
@@ -162,6 +164,12 @@ class Judged(NamedTuple, Generic[_R_co]):
         if words := self.blind(problem):
             once = {"once": f"{problem.name}, blind"}
             _log.warning("%s, seed %s, %s: %s", problem.name, seed, name, words, extra=once)
+
+    def filmed(self, problem: Problem) -> Summary | None:
+        """Returns the quality of the plan; None without one that can be flown."""
+        if self.result.plan is None or self.verdict is None or self.verdict.violations:
+            return None
+        return Quality.of(problem, self.result.plan).summary
 
     def colliding(self, problem: Problem) -> int | None:
         """Returns the number of robots that take part in a conflict; None without a plan."""

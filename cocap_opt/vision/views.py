@@ -327,7 +327,7 @@ class ConeSight:
 
     def _feet(self, t: int) -> FloatArray:
         """Returns the actors' foot points [A, 3] m."""
-        feet = np.array([actor.poses[t, :3] for actor in self._problem.actors])
+        feet = np.array([actor.poses[t, :3] for actor in self._problem.actors]).reshape(-1, 3)
         return np.asarray(feet - self._geometry.origin)
 
     def _off(self, t: int, eyes: FloatArray, yaw: FloatArray) -> FloatArray:

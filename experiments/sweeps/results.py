@@ -152,7 +152,7 @@ def _memory() -> str:
 
 RESULTS = "results.csv"
 # Columns that tables of older versions do not have, and nobody misses.
-_NEWER = ("cut_short", "overrun")
+_NEWER = ("cut_short", "overrun", "seen_by_two", "seen_by_three", "median_error")
 
 
 def load_results(folder: Path) -> list[GapRow]:

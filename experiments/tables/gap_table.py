@@ -30,6 +30,10 @@ _SPARE = (
     "reward_rendered", "reward",
 )  # fmt: skip
 _SPARE_MEANS = ("gap_free", "seconds", "bound", "bounds proved", "reward")
+_SEEN = (
+    "By two, by three: share of person-steps at which so many drones or more see the person; "
+    "error: that of a point which half of them do not exceed. `cocap-opt quality` tells more.",
+)
 _MEANS = ("reward", "bound", "gap", "gap_free", "seconds")
 
 
@@ -39,6 +43,8 @@ def print_gap_table(rows: Sequence[GapRow]) -> None:
     means = _means(rows)
     if len(rows) > len(means):
         Listing("means over seeds", means).fitted(_SPARE_MEANS).print()
+    if cameras := _cameras(rows):
+        Listing("cameras on people: means of plans that obey the rules", cameras, _SEEN).print()
 
 
 def _print_rows(rows: Sequence[GapRow]) -> None:
@@ -201,6 +207,29 @@ def _means(rows: Sequence[GapRow]) -> list[Record]:
             }
         )
     return table
+
+
+def _cameras(rows: Sequence[GapRow]) -> list[Record]:
+    """Returns means of the quality of plans, of each scene and planner that has any."""
+    table = []
+    for (scene, planner), group in GapRow.grouped(rows, "scene", "planner").items():
+        filmed = [row for row in group if row.valid and row.seen_by_two is not None]
+        if filmed:
+            table.append(
+                {
+                    "scene": scene,
+                    "planner": planner,
+                    "plans": len(filmed),
+                    "by two (%)": _rounded(_mean(filmed, "seen_by_two"), 100),
+                    "by three (%)": _rounded(_mean(filmed, "seen_by_three"), 100),
+                    "error (mm)": _rounded(_mean(filmed, "median_error")),
+                }
+            )
+    return table
+
+
+def _rounded(value: float | None, factor: float = 1) -> str | None:
+    return None if value is None else f"{factor * value:,.0f}"
 
 
 def _mean(rows: Sequence[GapRow], key: str) -> float | None:

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 from msgspec import UNSET, UnsetType
 
 from cocap_opt.experiments.tables.columns import TableColumn
+from cocap_opt.footage.summary import cameras_line
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, relative_gap
@@ -30,6 +31,7 @@ _ANY = {"unit": _REWARD, "least": -(2**63 - 1)}  # a bound below 0 proves that t
 # Planners ask for the time every second or so, and may have to end what they are at. Who takes more
 # than a quarter above the limit and a second besides has not kept to it.
 _TOLERATED, _TOLERATED_SECONDS = 1.25, 1.0
+_PART = {"unit": "1", "most": 1}
 _SHARE = {"unit": "1", "least": -ROUNDING, "most": 1 + ROUNDING}
 
 _Bound = Annotated[
@@ -98,6 +100,21 @@ class PlanRow:
         ),
     ] = None
     conflicts: Annotated[_Count, TableColumn("Collision rules that the plan breaks.")]
+    seen_by_two: Annotated[
+        _Number,
+        TableColumn("Share of person-steps at which two drones or more see the person.", **_PART),
+    ] = None
+    seen_by_three: Annotated[_Number, TableColumn("Share at which three or more do.", **_PART)] = (
+        None
+    )
+    median_error: Annotated[
+        _Number,
+        TableColumn(
+            "RMS error of a point, by what all drones see of it, that half of all person-steps do "
+            "not exceed; empty where more of them have none that is finite.",
+            unit="mm",
+        ),
+    ] = None
     cut_short: Annotated[
         str,
         TableColumn(
@@ -114,7 +131,7 @@ class PlanRow:
         cls, problem: Problem, seed: int | None, planner: str | None, judged: Judged[Any]
     ) -> "PlanRow":
         """Returns the row of a plan, without a bound: only certified bounds are shown."""
-        result = judged.result
+        result, filmed = judged.result, judged.filmed(problem)
         return PlanRow(
             scene=problem.name,
             seed=seed,
@@ -127,6 +144,9 @@ class PlanRow:
             checking_seconds=judged.checking_seconds,
             views=judged.views,
             conflicts=judged.conflicts if judged.verdict else None,
+            seen_by_two=finite(filmed.by_two) if filmed else None,
+            seen_by_three=finite(filmed.by_three) if filmed else None,
+            median_error=finite(filmed.median) if filmed else None,
             cut_short=result.cut_short,
             message="; ".join(judged.remarks(problem)),
         )
@@ -151,6 +171,11 @@ class PlanRow:
             views=None,  # of all states
             message="; ".join(messages),
         )
+
+    @property
+    def cameras(self) -> str:
+        """The line on cameras that see people; empty where nothing is known of them."""
+        return cameras_line(self.seen_by_two, self.seen_by_three, self.median_error)
 
     @property
     def valid(self) -> bool:

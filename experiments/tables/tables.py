@@ -1,13 +1,14 @@
 """Tables of a sweep, as Markdown, LaTeX and HTML.
 
-They are of planners, differences between them, collision avoidance, and time. Each is a list of
+They are of planners, differences between them, collision avoidance, how people are filmed, and
+time. Each is a list of
 rows whose values are already text, so that all formats show the same.
 """
 
 import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from statistics import median
+from statistics import median, median_low
 from typing import TYPE_CHECKING
 
 from cocap_opt.experiments.tables.rows import GapRow
@@ -23,8 +24,8 @@ Table = list[dict[str, str]]
 _HEADING = 12  # characters of a line of a heading in LaTeX
 _LARGE = 1000  # rewards from which on no decimals are shown
 AGAINST = "sequential"  # what the paper compares itself with
-_PLANNERS, _DIFFERENCES, _PRICE, _TIME = (
-    "Planners", "Paired differences", "Price of collision avoidance", "Time",
+_PLANNERS, _DIFFERENCES, _PRICE, _CAMERAS, _TIME = (
+    "Planners", "Paired differences", "Price of collision avoidance", "Cameras on people", "Time",
 )  # fmt: skip
 # Columns that a narrow terminal does without, the least useful first.
 _SPARE = {
@@ -32,6 +33,7 @@ _SPARE = {
                "proved optimal", "mean reward", "largest gap (%)"),
     _DIFFERENCES: ("seeds", "equal", "worse", "better"),
     _PRICE: ("seeds", "largest (%)", "bound proved best"),
+    _CAMERAS: ("plans",),
     _TIME: ("runs", "longest (s)", "shifted geometric mean (s)", "no valid plan"),
 }  # fmt: skip
 
@@ -52,6 +54,7 @@ class Tables(dict[str, Table]):
             _PLANNERS: _planner_table(rows),
             _DIFFERENCES: _difference_table(rows, against) if against in planners else [],
             _PRICE: _price_table(rows),
+            _CAMERAS: _camera_table(rows),
             _TIME: _time_table(rows),
         }
         return cls({title: table for title, table in tables.items() if table})
@@ -203,6 +206,31 @@ def _price_table(rows: Sequence[GapRow]) -> Table:
                 "seeds": str(len(ends)),
             }
         )
+    return table
+
+
+def _camera_table(rows: Sequence[GapRow]) -> Table:
+    """Returns which share of person-steps several drones see, and how accurately, by planner.
+
+    Only plans that obey the rules count. The error is the median of those of plans; a plan's is
+    infinite where more than half of its person-steps have none that is finite.
+    """
+    table = []
+    for (scene, planner), group in GapRow.grouped(rows, "scene", "planner").items():
+        filmed = [row for row in group if row.valid and row.seen_by_two is not None]
+        errors = [math.inf if (e := row.median_error) is None else e for row in filmed]
+        if filmed:
+            error = median_low(errors)
+            table.append(
+                {
+                    "scene": scene,
+                    "planner": planner,
+                    "seen by two (%)": Mean.in_words(GapRow.percent(filmed, "seen_by_two")),
+                    "seen by three (%)": Mean.in_words(GapRow.percent(filmed, "seen_by_three")),
+                    "median error (mm)": f"{error:,.0f}" if error < math.inf else NONE,
+                    "plans": str(len(filmed)),
+                }
+            )
     return table
 
 

@@ -10,6 +10,12 @@ from pool import problems
 from strategies import examples
 
 from cocap_opt.data import BoolArray, FloatArray, ProblemError
+from cocap_opt.footage.intruders import drones_in_pictures
+from cocap_opt.footage.moments import NARROW, NO_CAMERA, ONE_CAMERA, Moment, worst_moments
+from cocap_opt.footage.poses import Poses
+from cocap_opt.footage.quality import Assumptions, Quality, person_steps
+from cocap_opt.footage.shares import visible_shares
+from cocap_opt.graph import TimeGraph
 from cocap_opt.problem import (
     NO_RULES,
     Actor,
@@ -22,11 +28,8 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
-from cocap_opt.quality.intruders import drones_in_pictures
-from cocap_opt.quality.moments import NARROW, NO_CAMERA, ONE_CAMERA, Moment, worst_moments
-from cocap_opt.quality.poses import Poses
-from cocap_opt.quality.quality import Assumptions, Quality, person_steps
-from cocap_opt.quality.shares import visible_shares
+from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.views import StateViews
 from cocap_opt.world.workspace import HeightMap, Mesh
 
 SIZE = 41  # cells of 1 m; the person stands in the middle, at (20.5, 20.5)
@@ -77,7 +80,7 @@ def test_two_drones_at_a_right_angle() -> None:
     np.testing.assert_allclose(found.errors, 20 * math.sqrt(2.5))
     assert (found.times, found.blur, found.worst_blur) == (None, None, None)
     assert found.counts.tolist() == [[False], [True]]
-    assert found.summary._replace(median=0, most_of_them=0) == (1, 1, 0, 1, 0, 0, 0, 0)
+    assert found.summary._replace(median=0, most_of_them=0) == (1, 1, 0, 1, 0, 0, 0, 0, 0)
     assert found.summary.median == found.summary.most_of_them == pytest.approx(31.6228)
     assert found.worst == []
 
@@ -214,17 +217,35 @@ def test_a_scene_without_people_has_a_quality() -> None:
     assert "nobody" in str(found)
 
 
+def test_a_cone_with_nobody_to_see() -> None:
+    """It sees no face and no person, from any state."""
+    problem, _ = scene((WEST, WEST))
+    robot = problem.robots[0].replace(camera=Cone())
+    problem = problem.replace(actors=(), robots=(robot,))
+    graph = TimeGraph.of(problem.workspace, robot.motion, 1)
+    views = StateViews.of(FaceGeometry(problem), problem, graph, robot.camera)
+    states = np.arange(5)
+    assert len(views.people(states).people) == len(views.seen(states).columns) == 0
+
+
 def test_drones_in_each_others_pictures() -> None:
     """Who looks at the other sees it, walls, bridges and the edges of the picture permitting."""
     problem, plan = scene((WEST, WEST), (EAST, EAST), (SOUTH, SOUTH))
 
-    def found(problem: Problem) -> list[list[int]]:
+    def found(problem: Problem, size: float = 0.4) -> list[list[int]]:
         poses = Poses.of(problem, plan)
-        return np.argwhere(drones_in_pictures(problem, poses)[0]).tolist()
+        return np.argwhere(drones_in_pictures(problem, poses, size, 20.0)[0]).tolist()
 
     # The third one looks north; it is 45 degrees off the others' axes, pictures end at 38.7.
     assert found(problem) == [[0, 1], [1, 0]]
-    assert Quality.of(problem, plan, all_visible(problem)).intruders.tolist() == [2, 2]
+    # 20 m away 0.16 m cover 20 px.
+    assert found(problem, 0.16) == [[0, 1], [1, 0]] and found(problem, 0.159) == []
+    asked = Assumptions(drone_pixels=50)
+    near = Quality.of(problem, plan, all_visible(problem), asked)
+    assert near.intruders.tolist() == [2, 2]
+    assert near.summary.disturbed == 2 / 3
+    assert "2, in 66.7 % of all pictures" in str(near)
+    assert Quality.of(problem, plan, all_visible(problem)).intruders.tolist() == [0, 0]
     wide = Camera(tilts=(0.0,), focal=1900.0)
     robots = tuple(robot.replace(camera=wide) for robot in problem.robots)
     assert found(problem.replace(robots=robots)) == [
@@ -304,8 +325,8 @@ def test_a_long_list_of_moments_is_cut() -> None:
         (1, 0, 0, NO_CAMERA), (0, 1, 1, ONE_CAMERA), (1, 2, 2, ONE_CAMERA), (0, 0, 0, NARROW)
     ]  # fmt: skip
     assert worst_moments(views, angles, np.zeros((3, 2), dtype=bool)) == []
-    words = Moment(0, 1, 2, NARROW, 12.4).told("Ada", None)
-    assert words == "Ada: cameras at most 12 degrees apart at steps 1 to 2"
+    words = Moment(0, 1, 2, NARROW, 12.4).words(None)
+    assert words == "cameras at most 12 degrees apart at steps 1 to 2"
     people = tuple(person((0.0, 0.0), (0.0, 0.0), name=name) for name in "ABCDEFG")
     problem, plan = scene((WEST, WEST), actors=people)
     assert len(Quality.of(problem, plan, all_visible(problem)).worst) == 5

@@ -8,15 +8,15 @@ from hypothesis import strategies as st
 from strategies import examples
 
 from cocap_opt.data import FloatArray
-from cocap_opt.quality.accuracy import (
+from cocap_opt.footage.accuracy import (
     information,
     jacobians,
     pixel_covariances,
     rms_errors,
     turning_jacobians,
 )
-from cocap_opt.quality.blur import blur
-from cocap_opt.quality.rays import between_lines, widest_angle
+from cocap_opt.footage.blur import blur
+from cocap_opt.footage.rays import between_lines, widest_angle
 from cocap_opt.vision.projection import Projection
 
 FOCAL, PIXEL = 2500.0, 5.0  # px

@@ -20,6 +20,7 @@ from strategies import examples
 from cocap_opt.cli import commands
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.experiments.tables.columns import TableColumn
+from cocap_opt.experiments.tables.gap_table import print_gap_table
 from cocap_opt.experiments.tables.rows import COLUMNS, GapRow, PlanRow
 from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.experiments.tables.tables import DOCUMENTS, Tables
@@ -228,6 +229,43 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def test_cameras_are_counted_of_plans_that_obey_the_rules() -> None:
+    """Shares are means; the error is that of the plan in the middle, infinite ones included."""
+    rows = [
+        row("a", 0, 80.0, seen_by_two=0.5, seen_by_three=0.25, median_error=20.0),
+        row("a", 1, 80.0, seen_by_two=0.7, seen_by_three=0.35, median_error=40.0),
+        row("a", 2, 80.0, seen_by_two=0.3, seen_by_three=0.0),
+        row("b", 0, 80.0, seen_by_two=1.0, seen_by_three=1.0, median_error=1.0, conflicts=1),
+        row("b", 1, 80.0, seen_by_two=0.4, seen_by_three=0.1),
+        row("b", 2, None), row("c", 0, 80.0),
+    ]  # fmt: skip
+    assert Tables.of(rows)["Cameras on people"] == [
+        {"scene": "a|b & c", "planner": "a", "seen by two (%)": "50.000",
+         "seen by three (%)": "20.000", "median error (mm)": "40", "plans": "3"},
+        {"scene": "a|b & c", "planner": "b", "seen by two (%)": "40.000",
+         "seen by three (%)": "10.000", "median error (mm)": "-", "plans": "1"},
+    ]  # fmt: skip
+    assert "Cameras on people" not in Tables.of(ROWS)
+    assert rows[0].cameras == "two see 50 % of person-steps, three 25 %; half within 20 mm"
+    assert (rows[2].cameras, rows[6].cameras) == ("two see 30 % of person-steps, three 0 %", "")
+
+
+def test_the_gap_table_has_a_second_one_of_cameras(capsys: pytest.CaptureFixture[str]) -> None:
+    """It fits a terminal; a mean of errors, one of which is infinite, is none."""
+    rows = [
+        row("a", 0, 80.0, seen_by_two=0.5, seen_by_three=0.25, median_error=20.0),
+        row("b", 0, 80.0, seen_by_two=0.5, seen_by_three=0.25, median_error=20.0),
+        row("b", 1, 80.0, seen_by_two=0.7, seen_by_three=0.35),
+    ]
+    print_gap_table(rows)
+    _, title, text = capsys.readouterr().out.rpartition("cameras on people")
+    assert title and max(len(line.rstrip()) for line in text.splitlines()) <= 80
+    lines = [line.split()[-5:] for line in text.splitlines() if "a|b & c" in line]
+    assert lines == [["a", "1", "50", "25", "20"], ["b", "2", "60", "30", "-"]]
+    print_gap_table(ROWS)
+    assert "cameras" not in capsys.readouterr().out
+
+
 def test_the_command_makes_tables(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """On standard output, as JSON, or in a file."""
     assert commands.run(["table", str(results)]) == 0
@@ -245,7 +283,7 @@ def test_the_command_makes_tables(results: Path, capsys: pytest.CaptureFixture[s
     assert "--scene: must be one of tiny-queue, tiny-share, not 'tiny'" in capsys.readouterr().err
     path = results / "tables.tex"
     assert commands.run(["table", str(results), "-o", str(path)]) == 0
-    assert path.read_text().count(r"\begin{tabular}") == 4
+    assert path.read_text().count(r"\begin{tabular}") == 5
     assert commands.run(["table", str(results), "-o", str(path.with_suffix(".doc"))]) == 2
     assert "-o: name a file that ends in .md, .txt, .tex or .html" in capsys.readouterr().err
     assert commands.run(["table", str(results), "--format", "html", "-o", str(path)]) == 2

@@ -306,7 +306,7 @@ def test_a_picked_drone_shows_what_it_sees_and_is_followed(player: Any) -> None:
         player.go_to(step)
         caption = value(player, "document.querySelector('figcaption').textContent")
         assert caption.startswith(f"adds {plan['adds'][2][step]:,.2f} ")
-        disc = value(player, COLOUR % (0.5, 0.5, -24))
+        disc = value(player, COLOUR % (0.5, 0.5, -26))
         assert "#{:02x}{:02x}{:02x}".format(*disc) == colour
     press(player, "\ue00c")
     assert value(player, hidden) == [True, True]
@@ -418,6 +418,48 @@ def test_people_are_figures_or_the_faces_that_count(player: Any) -> None:
     assert value(player, "document.getElementById('faces').checked")
     assert value(player, "document.querySelector('canvas.view').toDataURL()") != figures
     press(player, "b")
+
+
+@pytest.mark.slow
+def test_the_strip_tells_who_is_seen_by_how_many_cameras(player: Any) -> None:
+    """Keys pick a person and lead to bad moments; a pointer reads any cell, a press goes there."""
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.by import By
+
+    player.go_to(3)
+    strips = player.find_elements(By.CSS_SELECTOR, "canvas.strip")
+    rows = [plan["filmed"]["rows"] for plan in told(player.page_source)["plans"]]
+    assert len(strips) == len(rows) == 2
+    assert value(player, INKED % ("strip", 0)) > 0.5
+    words = "document.querySelector('.told').textContent"
+
+    def expected(row: dict[str, Any], step: int) -> str:
+        views = row["views"][step]
+        count = f"{views or 'no'} camera{'' if views == 1 else 's'}"
+        return f"person {row['person']}, step {step}: {count}"
+
+    press(player, "p")
+    press(player, "p")
+    wait_until(player, f"{words}.startsWith({json.dumps(expected(rows[0][1], 3))})")
+    press(player, "o")
+    wait_until(player, f"{words}.startsWith({json.dumps(expected(rows[0][0], 3))})")
+    bad = sorted(
+        step for plan in rows for row in plan
+        for step, views in enumerate(row["views"]) if views < 2 and row["counts"][step]
+    )  # fmt: skip
+    press(player, "w")
+    following = next((step for step in bad if step > 3), bad[0])
+    wait_until(player, f"{words}.includes('step {following}:')")
+    # The pointer at person 2 and step 7, from the strip's middle.
+    wide, high = strips[0].size["width"], strips[0].size["height"]
+    x = 46 + (7.5 / 12) * (wide - 56) - wide / 2
+    y = (2.5 / 4 - 0.5) * high
+    ActionChains(player).move_to_element_with_offset(strips[0], int(x), int(y)).perform()
+    wait_until(player, f"{words}.startsWith({json.dumps(expected(rows[0][2], 7))})")
+    angle = rows[0][2]["angles"][7]
+    assert angle is None or f", {angle:.0f}°" in value(player, words)
+    ActionChains(player).click().perform()
+    wait_until(player, "document.getElementById('step').textContent.startsWith('step 7 ')")
 
 
 @pytest.mark.slow

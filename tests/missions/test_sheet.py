@@ -62,6 +62,25 @@ def test_a_plan_that_was_cut_short_says_so_first() -> None:
     assert sum(words in line for _, lines in sections for line in lines) == 1
 
 
+def test_the_crew_is_told_who_is_filmed_badly() -> None:
+    """A line per person who counts, with the worst moment in seconds; nothing where nobody does."""
+    problem, plan = scene()
+    first, *others = problem.actors
+    people = (first.replace(name="A" + 60 * "x"), *others)
+    problem = problem.replace(actors=people)
+    flight = Flight.of(problem, plan, False)
+    lines = text_of(flight)["How people are filmed"]
+    found = co.quality(problem, plan)
+    assert lines[0] == f"Cameras: {found.summary.line}."
+    for person, line in zip(found.by_person, lines[4:], strict=False):
+        assert line.startswith(person.person[:5]) and line.endswith(person.worst or "none")
+        assert numbers(line[24:])[0] == pytest.approx(100 * person.by_two, abs=0.5)
+        assert len(line) <= 104
+    hidden = [actor.replace(importance=(0.0,) * len(actor.poses)) for actor in people]
+    nobody = Flight.of(problem.replace(actors=tuple(hidden)), plan, False)
+    assert "How people are filmed" not in text_of(nobody)
+
+
 def test_no_fly_zones_are_told_from_houses_on_the_map() -> None:
     """They have a colour of their own, which the map's title names."""
     problem, plan = scene()

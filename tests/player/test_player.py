@@ -13,6 +13,7 @@ from players import plans as plans
 from strategies import examples, tiny
 
 from cocap_opt.files.documents import PlanFile
+from cocap_opt.footage.quality import Quality
 from cocap_opt.formulations import BOUNDS
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.pictures.figures import robot_colour
@@ -252,6 +253,30 @@ def test_people_off_the_map_are_in_the_picture() -> None:
 
 
 # -- file ---------------------------------------------------------------------------------
+
+
+def test_who_is_seen_by_how_many_cameras_is_in_the_data() -> None:
+    """A row per person who counts, as the plan's quality has it; infinite errors are null."""
+    problem = load_scene("bottleneck", 0)
+    hidden = problem.actors[1].replace(importance=(0.0,) * len(problem.actors[1].poses))
+    problem = problem.replace(actors=(problem.actors[0], hidden, *problem.actors[2:]))
+    ((name, plan),) = planned(problem, "greedy")
+    (shown,) = Player(problem, [(name, plan)]).data()["plans"]
+    found, told = Quality.of(problem, plan), shown["filmed"]
+    assert [row["person"] for row in told["rows"]] == [0, 2, 3]
+    for row in told["rows"]:
+        j = row["person"]
+        assert row["views"] == found.views[:, j].tolist()
+        assert row["counts"] == found.counts[:, j].tolist()
+        for key, values in (("angles", found.angles), ("errors", found.errors)):
+            finite = np.isfinite(values[:, j])
+            assert [value is not None for value in row[key]] == finite.tolist()
+            known = [value for value in row[key] if value is not None]
+            assert known == pytest.approx(values[finite, j].tolist(), abs=0.051)
+    assert told["line"] == found.summary.line
+    assert Player(problem).data()["plans"][0]["filmed"] is None
+    nobody = problem.replace(actors=(hidden,))
+    assert Player(nobody, planned(nobody, "greedy")).data()["plans"][0]["filmed"] is None
 
 
 def test_the_page_asks_nobody() -> None:

@@ -26,7 +26,7 @@ function button(cls, text, title, press) {
 }
 
 class Panel {
-  // `actions` are what buttons do: jump(time), pick(drone), toggle(name).
+  // `actions` are what buttons do: jump(time), pick(drone), toggle(name), watch(step, person).
   constructor(data, plan, other, scene, camera, actions) {
     Object.assign(this, { data, plan, actions });
     this.root = make("section", "panel");
@@ -38,7 +38,8 @@ class Panel {
     this.view = new View(data, plan, scene, camera, this.canvas);
     const place = make("div", "place");
     place.append(this.canvas, this.words, this.inset(scene), this.tip);
-    this.root.append(this.head(), this.facts(), place, this.fleet(), bars);
+    this.strip = new Strip(data, plan, actions.watch);
+    this.root.append(this.head(), this.facts(), place, this.fleet(), this.strip.root, bars);
     this.chart = new Chart(data, plan, other, bars, actions.jump);
   }
 
@@ -163,6 +164,7 @@ class Panel {
 
   draw(time, options) {
     const { picked } = options;
+    this.strip.draw(time, options.person); // its height says how much the picture has
     this.view.draw(time, options);
     this.box.hidden = picked === undefined;
     if (picked !== undefined) this.eye.draw(time, picked, options.quality);

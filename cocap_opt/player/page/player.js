@@ -8,7 +8,7 @@ const state = {
 };
 const scene = { world: new World(data), rays: new Rays(data) };
 const camera = new Camera(data, scene.rays);
-const actions = { jump, next, pick, toggle, moved, fit };
+const actions = { jump, next, pick, toggle, moved, fit, watch };
 const panels = data.plans.map((plan, index) => {
   const other = data.plans.length === 2 ? data.plans[1 - index] : null;
   return new Panel(data, plan, other, scene, camera, actions);
@@ -59,9 +59,9 @@ function tick(now) {
 function draw(resting) {
   state.quality = resting || !state.slow ? FINE : state.follow ? ROUGH : COARSE;
   const checked = Object.fromEntries(SHOWN.map((name) => [name, find(name).checked]));
-  const { quality, picked, follow, alone } = state, begin = performance.now();
+  const { quality, picked, follow, alone, person } = state, begin = performance.now();
   const shown = panels.filter((panel) => panel.root.offsetParent);
-  for (const panel of shown) panel.draw(state.time, { ...checked, quality, picked, follow, alone });
+  for (const panel of shown) panel.draw(state.time, { ...checked, quality, picked, follow, alone, person });
   if (picked !== undefined) putInsets(shown);
   if (!resting) pace(performance.now() - begin);
   const step = Math.round(state.time);
@@ -91,6 +91,23 @@ function next(kind, plan) {
   const plans = plan ? [plan] : data.plans;
   const times = plans.flatMap(marksOf).filter((mark) => mark.kind === kind).map((mark) => mark.time).sort((a, b) => a - b);
   jump(times.find((time) => time > state.time + 1e-6) ?? times[0] ?? state.time);
+}
+
+// To the next step at which somebody is seen by fewer than two drones, in any plan.
+function nextBad() {
+  const steps = data.plans.flatMap(badSteps).sort((a, b) => a - b);
+  jump(steps.find((step) => step > state.time + 1e-6) ?? steps[0] ?? state.time);
+}
+
+// A person of the strips, who is in the same row of all plans, and a step.
+function watch(step, person) {
+  state.person = person;
+  jump(step);
+}
+
+function watchNext(way) {
+  const count = Math.max(...data.plans.map(({ filmed }) => filmed?.rows.length ?? 0));
+  if (count) watch(state.time, ((state.person ?? (way > 0 ? -1 : count)) + way + count) % count);
 }
 
 // -- what is looked at ---------------------------------------------------------------------
@@ -146,6 +163,9 @@ const KEYS = [
   ["c", "C", "next conflict", () => next("conflict")],
   ["n", "N", "next close approach", () => next("near")],
   ["m", "M", "next costly move", () => next("costly")],
+  ["w", "W", "next step at which somebody is seen by fewer than two drones", nextBad],
+  ["p", "P", "the next person in the strip of cameras", () => watchNext(1)],
+  ["o", "O", "the previous person there", () => watchNext(-1)],
   ["d", "D", "pick the next drone", () => pickNext(1)],
   ["e", "E", "pick the previous drone", () => pickNext(-1)],
   ["f", "F", "follow the picked drone", () => toggle("follow")],

@@ -3,32 +3,44 @@
 import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.footage.poses import Poses
 from cocap_opt.problem import Camera, Problem
-from cocap_opt.quality.poses import Poses
 from cocap_opt.vision.projection import Projection
 
 
-def drones_in_pictures(problem: Problem, poses: Poses) -> BoolArray:
+def drones_in_pictures(
+    problem: Problem, poses: Poses, size: float, least_pixels: float
+) -> BoolArray:
     """Returns an array [T+1, R, R], true where the second drone is in the first one's picture.
 
-    It is so if its middle is in the frustum, and the ground, the columns and the meshes leave the
-    line to it free. People hide no drone here. What has no picture, such as a `Cone`, has nobody
-    in it.
+    It is so if its middle is in the frustum, near enough to be large, and the ground, the columns
+    and the meshes leave the line to it free. People hide no drone here. What has no picture, such
+    as a `Cone`, has nobody in it.
+
+    Parameters
+    ----------
+    size : m, of a drone from side to side
+    least_pixels : px across the picture, of a drone that counts
     """
-    inside = in_frustums(problem, poses)
+    inside = in_frustums(problem, poses, size, least_pixels)
     t, i, k = np.nonzero(inside)
     inside[t, i, k] = _free_lines(problem, poses.places[t, i], poses.places[t, k])
     return inside
 
 
-def in_frustums(problem: Problem, poses: Poses) -> BoolArray:
-    """Returns an array [T+1, R, R], true where the second drone is in the first one's frustum."""
+def in_frustums(problem: Problem, poses: Poses, size: float, least_pixels: float) -> BoolArray:
+    """Returns an array [T+1, R, R], true where the second is in the first one's frustum, and large.
+
+    A drone at the depth z covers f size / z pixels of a picture, with a focal length of f.
+    """
     points = poses.seen_by_cameras(poses.ways_between)
     found = np.zeros(points.shape[:3], dtype=np.bool_)
     for i, robot in enumerate(problem.robots):
         if isinstance(robot.camera, Camera):
             sides = Projection(robot.camera).frustum_distances(points[:, i])
-            found[:, i] = (points[:, i, :, 2] > 0) & (sides >= 0).all(axis=-1)
+            depth = points[:, i, :, 2]
+            is_large = robot.camera.focal * size >= least_pixels * depth
+            found[:, i] = (depth > 0) & is_large & (sides >= 0).all(axis=-1)
     return found
 
 

@@ -28,8 +28,8 @@ class Moment(NamedTuple):
     kind: int
     angle: float
 
-    def told(self, name: str, times: FloatArray | None) -> str:
-        """Says it in words.
+    def words(self, times: FloatArray | None) -> str:
+        """Says it in words, such as "one camera from 1.25 to 1.5 s".
 
         Parameters
         ----------
@@ -40,7 +40,7 @@ class Moment(NamedTuple):
             ONE_CAMERA: "one camera",
             NARROW: f"cameras at most {self.angle:.0f} degrees apart",
         }[self.kind]
-        return f"{name}: {what} {self._when(times)}"
+        return f"{what} {self._when(times)}"
 
     def _when(self, times: FloatArray | None) -> str:
         """Says from when to when."""

@@ -3,10 +3,10 @@
 import numpy as np
 
 from cocap_opt.data import FloatArray
+from cocap_opt.footage.poses import require_paths
 from cocap_opt.graph import TimeGraph
 from cocap_opt.graph.motion import Window
 from cocap_opt.problem import Plan, Problem
-from cocap_opt.quality.poses import require_paths
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import StateViews
 

@@ -2,94 +2,30 @@
 
 import html
 import math
-import textwrap
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from cocap_opt.data import LARGEST, MOST_PIXELS, BoolArray, Data, FloatArray, IntArray, within
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.footage.accuracy import information, jacobians, pixel_covariances, rms_errors
+from cocap_opt.footage.assumptions import Assumptions as Assumptions
+from cocap_opt.footage.blur import blur
+from cocap_opt.footage.intruders import drones_in_pictures
+from cocap_opt.footage.moments import worst_moments
+from cocap_opt.footage.poses import Poses
+from cocap_opt.footage.rays import widest_angle
+from cocap_opt.footage.shares import visible_shares
+from cocap_opt.footage.summary import OfPerson, Summary
+from cocap_opt.footage.words import quality_words
 from cocap_opt.problem import Camera, Plan, Problem
-from cocap_opt.quality.accuracy import information, jacobians, pixel_covariances, rms_errors
-from cocap_opt.quality.blur import blur
-from cocap_opt.quality.intruders import drones_in_pictures
-from cocap_opt.quality.moments import APART, worst_moments
-from cocap_opt.quality.poses import Poses
-from cocap_opt.quality.rays import widest_angle
-from cocap_opt.quality.shares import visible_shares
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _ROUNDING = 1e-9  # by which a share may be rounded below the one that is asked for
 _MOST_MOMENTS = 5  # that are named
-_WIDTH = 80  # characters of a line
-_LABEL = 32  # characters before a number
-_SHARP = 0.5  # px of blur
-
-
-class Assumptions(Data, frozen=True):
-    """The numbers that quality is measured with.
-
-    Pixels are those of the scene's cameras: who films at a lower resolution than they have states
-    the error in their pixels.
-
-    Attributes
-    ----------
-    at_least : share of the solid angle that a person has with nothing in the way, from which on a
-        drone sees them
-    pixel_error : px, standard deviation with which a point is found in a picture, along each axis
-    position_error : m, standard deviation of a drone's place along each axis
-    attitude_error : rad, standard deviation of a camera's attitude about each axis
-    exposure : s for which the shutter is open
-
-    Raises
-    ------
-    ProblemError
-        If one of them is out of range.
-    """
-
-    at_least: float = 0.3
-    pixel_error: float = 5.0
-    position_error: float = 0.0
-    attitude_error: float = 0.0
-    exposure: float = 1 / 500
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        within(self.at_least, 1e-6, 1, "at_least")
-        within(self.pixel_error, 1e-6, MOST_PIXELS, "pixel_error", "px")
-        within(self.position_error, 0, LARGEST, "position_error", "m")
-        within(self.attitude_error, 0, math.pi, "attitude_error", "rad")
-        within(self.exposure, 0, 3600, "exposure", "s")
-
-
-class Summary(NamedTuple):
-    """The quality of a plan in a few numbers, over the person-steps that count.
-
-    Shares are nan where nothing counts; errors are nan where no drone has pictures.
-
-    Attributes
-    ----------
-    person_steps : number of them
-    by_two, by_three : shares that are seen by at least so many drones
-    apart : share that two drones see from at least 30 degrees apart
-    infinite : share whose error is infinite
-    median, most_of_them : mm, errors that half and nine tenths of them do not exceed. They are
-        errors of single person-steps, not in between, so that infinite ones count as such
-    in_pictures : number of drones in the pictures of others, over all steps that count
-    """
-
-    person_steps: int
-    by_two: float
-    by_three: float
-    apart: float
-    infinite: float
-    median: float
-    most_of_them: float
-    in_pictures: int
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -111,7 +47,7 @@ class Quality:
         nan where it takes them to see the person twice, or no drone has pictures
     blur : [T+1, R, A] px of each person in each picture; nan where the drone does not see the
         person or has no picture. None where nobody says how long a step lasts
-    drones_seen : [T+1, R, R] true where the second drone is in the first one's picture
+    drones_seen : [T+1, R, R] true where the second drone is in the first one's picture, and large
     has_pictures : [R] true for the drones with a pinhole camera
     assumptions : that it was measured with
     times : [T+1] s since step 0; None where nobody says how long a step lasts
@@ -162,7 +98,9 @@ class Quality:
             angles=widest_angle(poses.rays, seen),
             errors=_errors(poses, seen, focal, assumptions),
             blur=_blur(problem, poses, seen, focal, assumptions),
-            drones_seen=drones_in_pictures(problem, poses),
+            drones_seen=drones_in_pictures(
+                problem, poses, assumptions.drone_size, assumptions.drone_pixels
+            ),
             has_pictures=~np.isnan(focal),
             assumptions=assumptions,
             times=None if problem.step is None else np.arange(float(len(seen))) * problem.step,
@@ -189,24 +127,24 @@ class Quality:
     @property
     def summary(self) -> Summary:
         """The shares, errors and counts of all person-steps that count."""
-        views, angles = self.views[self.counts], self.angles[self.counts]
-        errors = self.errors[self.counts]
-        return Summary(
-            person_steps=len(views),
-            by_two=_share(views >= 2),
-            by_three=_share(views >= 3),
-            apart=_share(angles >= APART),
-            infinite=_share(np.isinf(errors)),
-            median=_not_exceeded(errors, 0.5),
-            most_of_them=_not_exceeded(errors, 0.9),
-            in_pictures=int(self.intruders[self.first_step :].sum()),
-        )
+        return self._summarized(slice(None))
+
+    @property
+    def by_person(self) -> list[OfPerson]:
+        """The same of each person of whom any step counts, with their worst moments."""
+        moments = worst_moments(self.views, self.angles, self.counts)
+        worst = {m.person: m.words(self.times) for m in reversed(moments)}
+        return [
+            OfPerson.of(name, j, self._summarized(slice(j, j + 1)), worst.get(j, ""))
+            for j, name in enumerate(self.people)
+            if self.counts[:, j].any()
+        ]
 
     @property
     def worst(self) -> list[str]:
         """A few of the worst moments in words, such as "Ada: one camera from 1.25 to 1.5 s"."""
         moments = worst_moments(self.views, self.angles, self.counts)[:_MOST_MOMENTS]
-        return [moment.told(self.people[moment.person], self.times) for moment in moments]
+        return [f"{self.people[m.person]}: {m.words(self.times)}" for m in moments]
 
     @property
     def table(self) -> "pd.DataFrame":
@@ -237,22 +175,8 @@ class Quality:
         return DataFrame(columns)
 
     def __str__(self) -> str:
-        found = self.summary
-        if not found.person_steps:
-            return "Quality of a plan: nobody has any weight, so that no person-step counts"
-        lines = [
-            f"Quality of a plan: {_counted(found.person_steps, 'person-step')} that count, "
-            f"{_counted(self.seen.shape[1], 'drone')}",
-            _line("seen by two drones or more", _percent(found.by_two)),
-            _line("seen by three or more", _percent(found.by_three)),
-            _line(f"by two, {APART:g} degrees apart", _percent(found.apart)),
-            _line("error of a point, RMS", self._told_errors()),
-            _line("blur", self._told_blur()),
-            _line("drones in others' pictures", str(found.in_pictures)),
-            *(_line("" if k else "worst moments", words) for k, words in enumerate(self.worst)),
-            *(textwrap.fill(words, _WIDTH) for words in self._notes()),
-        ]
-        return "\n".join(lines)
+        blurred = None if self.blur is None else self.blur.swapaxes(1, 2)[self.counts]
+        return quality_words(self.summary, self.worst, blurred, self.has_pictures, self.assumptions)
 
     def __repr__(self) -> str:
         return str(self)
@@ -261,54 +185,16 @@ class Quality:
         """Describes the quality in a notebook."""
         return f"<pre>{html.escape(str(self))}</pre>"
 
-    def _told_errors(self) -> str:
-        """Says how large errors are."""
-        found = self.summary
-        if math.isnan(found.median):
-            return "unknown: no pictures"
-        parts = [
-            f"{words} within {error:,.0f} mm"
-            for words, error in (("half", found.median), ("nine tenths", found.most_of_them))
-            if math.isfinite(error)
-        ]
-        if found.infinite:
-            parts.append(f"infinite at {_percent(found.infinite)}")
-        return ", ".join(parts)
-
-    def _told_blur(self) -> str:
-        """Says how large blur is, over the pictures of all person-steps that count."""
-        if self.blur is None:
-            return "unknown: nobody says how long a step lasts"
-        counted = self.blur.swapaxes(1, 2)[self.counts]
-        counted = counted[~np.isnan(counted)]
-        if not len(counted):
-            return "none: no pictures"
-        return (
-            f"{np.median(counted):.2g} px median, {counted.max():.2g} at most; "
-            f"above {_SHARP:g}: {_percent(_share(counted > _SHARP))}"
+    def _summarized(self, people: slice) -> Summary:
+        """Returns the summary of the person-steps of some people."""
+        counts = self.counts[:, people]
+        pictures = self.drones_seen[self.first_step :, self.has_pictures]
+        return Summary.of(
+            self.views[:, people][counts],
+            self.angles[:, people][counts],
+            self.errors[:, people][counts],
+            pictures.reshape(-1, pictures.shape[2]),
         )
-
-    def _notes(self) -> Iterator[str]:
-        """Yields what the numbers assume."""
-        had = self.assumptions
-        pose = (
-            f"poses known to {1000 * had.position_error:.3g} mm and "
-            f"{math.degrees(had.attitude_error):.3g} degrees"
-            if had.position_error or had.attitude_error
-            else "exactly known poses"
-        )
-        exposure = "" if self.blur is None else f", {_told_seconds(had.exposure)} of exposure"
-        yield (
-            f"With {had.pixel_error:g} px of error in a picture, {pose}{exposure}. A drone sees a "
-            f"person if at least {100 * had.at_least:g} % of the solid angle that they have with "
-            "nothing in the way is in its picture. An error is infinite where fewer than two "
-            "drones see the person, or all of them along one line."
-        )
-        if not self.has_pictures.all():
-            yield (
-                f"{int((~self.has_pictures).sum())} of {len(self.has_pictures)} drones have no "
-                "pictures: their views count, but have neither errors nor blur."
-            )
 
 
 def person_steps(problem: Problem) -> BoolArray:
@@ -378,37 +264,3 @@ def _names(problem: Problem) -> tuple[str, ...]:
         actor.name if actor.name and met[actor.name] == 1 else problem.person(j)
         for j, actor in enumerate(problem.actors)
     )
-
-
-def _share(held: BoolArray) -> float:
-    """Returns the share of values that are true; nan of none."""
-    return float(held.mean()) if len(held) else math.nan
-
-
-def _not_exceeded(values: FloatArray, share: float) -> float:
-    """Returns the least of some values [n] that so large a share of them does not exceed.
-
-    It is nan if all of them are; else those that are do not count.
-    """
-    known = np.sort(values[~np.isnan(values)])
-    return float(known[math.ceil(share * len(known)) - 1]) if len(known) else math.nan
-
-
-def _line(label: str, words: str) -> str:
-    """Returns a label and what it stands for, folded below each other."""
-    return textwrap.fill(
-        words, _WIDTH, initial_indent=f"{label:{_LABEL}}", subsequent_indent=" " * _LABEL
-    )
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.1f} %"
-
-
-def _told_seconds(exposure: float) -> str:
-    """Returns an exposure as cameras write it."""
-    return f"1/{1 / exposure:.0f} s" if 0 < exposure < 0.5 else f"{exposure:g} s"

@@ -4,6 +4,7 @@
 is visible of these in the pictures. `rays` says how far apart rays are; `accuracy` what error a
 point has that is triangulated from them, by the projection's derivatives; `blur` how far people
 move in the picture while it is taken; `intruders` which drones are in each other's pictures.
-`moments` names the worst moments in words. `quality` puts them together: the `Quality` of a plan,
-under `Assumptions`. It is no part of the objective, and planners do not know it.
+`moments` names the worst moments in words, `summary` has shares and errors of all people and of
+each. `quality` puts them together: the `Quality` of a plan, under `assumptions`, which `words`
+tells. It is no part of the objective, and planners do not know it.
 """

@@ -1,0 +1,68 @@
+"""The face's view of people: how well a plan films them."""
+
+from cocap_opt.api.arguments import plan_for, require_flown
+from cocap_opt.footage.quality import Assumptions, Quality
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import check as judge_plan
+from cocap_opt.result import Result
+
+
+def quality(
+    problem: Problem,
+    plan: Plan | Result | None,
+    *,
+    at_least: float = 0.3,
+    pixel_error: float = 5.0,
+    position_error: float = 0.0,
+    attitude_error: float = 0.0,
+    exposure: float = 1 / 500,
+    drone_size: float = 0.4,
+    drone_pixels: float = 100.0,
+) -> Quality:
+    """Tell how well a plan films people: by how many drones, how accurately, how sharply.
+
+    It is no part of J, and a plan may break collision rules. Pixels are those of the scene's
+    cameras.
+
+    Parameters
+    ----------
+    problem : that the plan is for
+    plan : a plan that can be flown, or a result that has one
+    at_least : share of the solid angle that a person has with nothing in the way, from which on a
+        drone sees them
+    pixel_error : px, standard deviation with which a point is found in a picture, along each axis
+    position_error : m, standard deviation of a drone's place along each axis
+    attitude_error : rad, standard deviation of a camera's attitude about each axis
+    exposure : s for which the shutter is open
+    drone_size : m, of a drone from side to side
+    drone_pixels : px across the picture, from which on a drone counts in the picture of another
+
+    Returns
+    -------
+    Quality
+        Printed it is a summary in words. `table` has a row per person and step, `summary` a few
+        numbers, `by_person` the same of each person, `worst` the worst moments in words.
+
+    Raises
+    ------
+    ValueError
+        If the plan cannot be flown in this problem, it is known to be for another, the result has
+        no plan, or a number is out of range; one line.
+
+    Examples
+    --------
+    >>> co.quality(problem, result).summary.by_two
+    >>> co.quality(problem, result, at_least=0.5, position_error=0.05).table
+    """
+    assumptions = Assumptions(
+        at_least=at_least,
+        pixel_error=pixel_error,
+        position_error=position_error,
+        attitude_error=attitude_error,
+        exposure=exposure,
+        drone_size=drone_size,
+        drone_pixels=drone_pixels,
+    )
+    filmed = plan_for(problem, plan, "measured")
+    require_flown("plan", judge_plan(problem, filmed))
+    return Quality.of(problem, filmed, assumptions=assumptions)

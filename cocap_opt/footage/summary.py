@@ -1,0 +1,136 @@
+"""The quality of a plan in a few numbers: of all people, and of each."""
+
+import math
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.footage.moments import APART
+
+
+class Summary(NamedTuple):
+    """The quality of a plan in a few numbers, over the person-steps that count.
+
+    Shares are nan where nothing counts; errors are nan where no drone has pictures.
+
+    Attributes
+    ----------
+    person_steps : number of them
+    by_two, by_three : shares that are seen by at least so many drones
+    apart : share that two drones see from at least 30 degrees apart
+    infinite : share whose error is infinite
+    median, most_of_them : mm, errors that half and nine tenths of them do not exceed. They are
+        errors of single person-steps, not in between, so that infinite ones count as such
+    in_pictures : number of drones in the pictures of others, over all steps that count; those that
+        are large enough, as `Assumptions` say
+    disturbed : share of these pictures, one of each drone with pictures at each step, that have
+        another drone in them; nan where no drone has pictures
+    """
+
+    person_steps: int
+    by_two: float
+    by_three: float
+    apart: float
+    infinite: float
+    median: float
+    most_of_them: float
+    in_pictures: int
+    disturbed: float
+
+    @classmethod
+    def of(
+        cls, views: IntArray, angles: FloatArray, errors: FloatArray, drones_seen: BoolArray
+    ) -> Self:
+        """Returns the summary of n person-steps.
+
+        Parameters
+        ----------
+        views : [n] number of drones that see the person
+        angles : [n] degrees, the widest between two rays; nan where there is none
+        errors : [n] mm
+        drones_seen : [m, R] true where a drone is in one of m pictures
+        """
+        return cls(
+            person_steps=len(views),
+            by_two=share(views >= 2),
+            by_three=share(views >= 3),
+            apart=share(angles >= APART),
+            infinite=share(np.isinf(errors)),
+            median=_not_exceeded(errors, 0.5),
+            most_of_them=_not_exceeded(errors, 0.9),
+            in_pictures=int(drones_seen.sum()),
+            disturbed=share(np.asarray(drones_seen.any(axis=1))),
+        )
+
+    @property
+    def line(self) -> str:
+        """The summary in a line; empty where nothing counts."""
+        return cameras_line(self.by_two, self.by_three, self.median)
+
+
+class OfPerson(NamedTuple):
+    """The quality of a plan for one person, over their steps that count, as in `Summary`.
+
+    Attributes
+    ----------
+    person : name
+    actor : number of the person
+    steps : number of steps that count
+    by_two, by_three : shares of these at which at least so many drones see the person
+    apart : share at which two drones do so from at least 30 degrees apart
+    median, most_of_them : mm, errors that half and nine tenths of these do not exceed
+    worst : the worst moment in words, such as "one camera from 1.25 to 1.5 s"; empty without one
+    """
+
+    person: str
+    actor: int
+    steps: int
+    by_two: float
+    by_three: float
+    apart: float
+    median: float
+    most_of_them: float
+    worst: str
+
+    @classmethod
+    def of(cls, person: str, actor: int, summary: Summary, worst: str) -> Self:
+        """Returns it, of the summary of the person's steps and the words for the worst moment."""
+        same = {name: getattr(summary, name) for name in cls._fields if name in Summary._fields}
+        return cls(person=person, actor=actor, steps=summary.person_steps, worst=worst, **same)
+
+
+def cameras_line(by_two: float | None, by_three: float | None, median: float | None) -> str:
+    """Returns words for the shares that two drones see, and three; empty where nothing counts.
+
+    Parameters
+    ----------
+    median : mm, the error that half of all person-steps do not exceed; nothing is said of one that
+        is None, infinite or unknown
+    """
+    if by_two is None or by_three is None or math.isnan(by_two):
+        return ""
+    words = f"two see {whole_percent(by_two)} of person-steps, three {whole_percent(by_three)}"
+    known = median is not None and math.isfinite(median)
+    return f"{words}; half within {median:,.0f} mm" if known else words
+
+
+def whole_percent(part: float) -> str:
+    """Returns a share in whole per cent; 0 and 100 % are none and all."""
+    if 0 < part < 0.01:
+        return "under 1 %"
+    return "over 99 %" if 0.99 < part < 1 else f"{100 * part:.0f} %"
+
+
+def share(held: BoolArray) -> float:
+    """Returns the share of values that are true; nan of none."""
+    return float(held.mean()) if len(held) else math.nan
+
+
+def _not_exceeded(values: FloatArray, part: float) -> float:
+    """Returns the least of some values [n] that so large a share of them does not exceed.
+
+    It is nan if all of them are; else those that are do not count.
+    """
+    known = np.sort(values[~np.isnan(values)])
+    return float(known[math.ceil(part * len(known)) - 1]) if len(known) else math.nan

@@ -1,0 +1,126 @@
+"""The quality of a plan in words, for a terminal and for a notebook."""
+
+import math
+import textwrap
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.footage.assumptions import Assumptions
+from cocap_opt.footage.moments import APART
+from cocap_opt.footage.summary import Summary, share
+
+_WIDTH = 80  # characters of a line
+_LABEL = 32  # characters before a number
+_SHARP = 0.5  # px of blur
+
+
+def quality_words(
+    found: Summary,
+    worst: Sequence[str],
+    blur: FloatArray | None,
+    has_pictures: BoolArray,
+    had: Assumptions,
+) -> str:
+    """Returns the summary of a plan's quality, its worst moments, and what was assumed.
+
+    Parameters
+    ----------
+    worst : the worst moments in words
+    blur : [n, R] px of the person-steps that count; nan where a drone does not see the person or
+        has no picture. None where nobody says how long a step lasts
+    has_pictures : [R] true for the drones with a pinhole camera
+    """
+    if not found.person_steps:
+        return "Quality of a plan: nobody has any weight, so that no person-step counts"
+    lines = [
+        f"Quality of a plan: {_counted(found.person_steps, 'person-step')} that count, "
+        f"{_counted(len(has_pictures), 'drone')}",
+        _line("seen by two drones or more", _percent(found.by_two)),
+        _line("seen by three or more", _percent(found.by_three)),
+        _line(f"by two, {APART:g} degrees apart", _percent(found.apart)),
+        _line("error of a point, RMS", _told_errors(found)),
+        _line("blur", _told_blur(blur)),
+        _line("drones in others' pictures", _told_intruders(found)),
+        *(_line("" if k else "worst moments", words) for k, words in enumerate(worst)),
+        *(textwrap.fill(words, _WIDTH) for words in _notes(had, blur is not None, has_pictures)),
+    ]
+    return "\n".join(lines)
+
+
+def _told_errors(found: Summary) -> str:
+    """Says how large errors are."""
+    if math.isnan(found.median):
+        return "unknown: no pictures"
+    parts = [
+        f"{words} within {error:,.0f} mm"
+        for words, error in (("half", found.median), ("nine tenths", found.most_of_them))
+        if math.isfinite(error)
+    ]
+    if found.infinite:
+        parts.append(f"infinite at {_percent(found.infinite)}")
+    return ", ".join(parts)
+
+
+def _told_blur(blur: FloatArray | None) -> str:
+    """Says how large blur is, over the pictures of all person-steps that count."""
+    if blur is None:
+        return "unknown: nobody says how long a step lasts"
+    known = blur[~np.isnan(blur)]
+    if not len(known):
+        return "none: no pictures"
+    return (
+        f"{np.median(known):.2g} px median, {known.max():.2g} at most; "
+        f"above {_SHARP:g}: {_percent(share(known > _SHARP))}"
+    )
+
+
+def _told_intruders(found: Summary) -> str:
+    """Says how many drones are large in the pictures of others."""
+    if not found.in_pictures:
+        return "none: no pictures" if math.isnan(found.disturbed) else "none"
+    return f"{found.in_pictures}, in {_percent(found.disturbed)} of all pictures"
+
+
+def _notes(had: Assumptions, is_timed: bool, has_pictures: BoolArray) -> Iterator[str]:
+    """Yields what the numbers assume."""
+    pose = (
+        f"poses known to {1000 * had.position_error:.3g} mm and "
+        f"{math.degrees(had.attitude_error):.3g} degrees"
+        if had.position_error or had.attitude_error
+        else "exactly known poses"
+    )
+    exposure = f", {_told_seconds(had.exposure)} of exposure" if is_timed else ""
+    yield (
+        f"With {had.pixel_error:g} px of error in a picture, {pose}{exposure}. A drone sees a "
+        f"person if at least {100 * had.at_least:g} % of the solid angle that they have with "
+        "nothing in the way is in its picture. An error is infinite where fewer than two "
+        "drones see the person, or all of them along one line. A drone is in the picture of "
+        f"another if {had.drone_size:g} m of it cover {had.drone_pixels:g} px there or more."
+    )
+    if not has_pictures.all():
+        yield (
+            f"{int((~has_pictures).sum())} of {len(has_pictures)} drones have no "
+            "pictures: their views count, but have neither errors nor blur."
+        )
+
+
+def _line(label: str, words: str) -> str:
+    """Returns a label and what it stands for, folded below each other."""
+    return textwrap.fill(
+        words, _WIDTH, initial_indent=f"{label:{_LABEL}}", subsequent_indent=" " * _LABEL
+    )
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def _percent(part: float) -> str:
+    return f"{100 * part:.1f} %"
+
+
+def _told_seconds(exposure: float) -> str:
+    """Returns an exposure as cameras write it."""
+    return f"1/{1 / exposure:.0f} s" if 0 < exposure < 0.5 else f"{exposure:g} s"

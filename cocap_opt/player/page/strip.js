@@ -1,0 +1,158 @@
+// By how many drones each person is seen: a strip of people and steps below the chart, with what is
+// known of a person at a step in words. A press goes to the step.
+
+const SEEN_BY = [ // none, one, two, three or more drones
+  { fill: "#b0122b", ink: "#ffffff", name: "0" },
+  { fill: "#f2a233", ink: "#20252d", name: "1" },
+  { fill: "#a5d3ea", ink: "#20252d", name: "2" },
+  { fill: "#1c5c9e", ink: "#ffffff", name: "3+" },
+];
+const ROWS_HIGH = [3, 14]; // px of a row, at least and at most
+const STRIP_HIGH = 84, PHONE_HIGH = 56; // px of all rows, where they are not at least as high as above
+const LETTER = 9; // px of a cell that has room for a number
+
+class Strip {
+  // `go(step, person)` is called by a press.
+  constructor(data, plan, go) {
+    Object.assign(this, { data, plan, rows: plan.filmed?.rows ?? [] });
+    this.root = make("div", "filmed");
+    this.root.hidden = !this.rows.length;
+    if (this.root.hidden) return;
+    this.canvas = make("canvas", "strip");
+    this.canvas.setAttribute("aria-label", `cameras that see each person: ${plan.filmed.line}`);
+    this.told = make("span", "told");
+    this.told.setAttribute("aria-live", "polite");
+    this.root.append(this.head(), this.canvas);
+    const press = (event) => {
+      if (event.buttons & 1) go(...this.cellAt(event));
+    };
+    const on = (name, act) => this.canvas.addEventListener(name, act);
+    on("pointerdown", (event) => {
+      this.canvas.setPointerCapture(event.pointerId);
+      press(event);
+    });
+    on("pointermove", (event) => {
+      this.under = this.cellAt(event);
+      this.tell();
+      press(event);
+    });
+    on("pointerleave", () => {
+      this.under = undefined;
+      this.tell();
+    });
+  }
+
+  head() {
+    const head = make("div", "about"), keys = make("span", "keys", "cameras");
+    const share = percent(this.plan.filmed.atLeast);
+    keys.title = `drones that see at least ${share} of the person; P and O pick a person, W goes to the next bad moment`;
+    for (const { fill, ink, name } of SEEN_BY) {
+      const box = make("b", "", name);
+      box.style.cssText = `background: ${fill}; color: ${ink}`;
+      keys.append(box);
+    }
+    head.append(keys, this.told);
+    return head;
+  }
+
+  get width() {
+    return this.canvas.clientWidth - MARGIN.left - MARGIN.right;
+  }
+
+  get high() {
+    const all = window.innerWidth < PHONE ? PHONE_HIGH : STRIP_HIGH;
+    return Math.min(Math.max(Math.floor(all / this.rows.length), ROWS_HIGH[0]), ROWS_HIGH[1]);
+  }
+
+  x(step) {
+    return MARGIN.left + (step / (this.data.steps + 1)) * this.width;
+  }
+
+  // Step and row under a pointer.
+  cellAt({ offsetX, offsetY }) {
+    const step = Math.floor(((offsetX - MARGIN.left) / this.width) * (this.data.steps + 1));
+    const row = Math.floor(offsetY / this.high);
+    return [Math.min(Math.max(step, 0), this.data.steps), Math.min(Math.max(row, 0), this.rows.length - 1)];
+  }
+
+  draw(time, picked) {
+    if (this.root.hidden) return;
+    Object.assign(this, { step: Math.round(time), picked: Math.min(picked ?? 0, this.rows.length - 1) });
+    const tall = this.high * this.rows.length, stamp = [this.step, this.picked, this.width, tall, night.matches].join();
+    if (stamp !== this.stamp) this.paint(tall);
+    this.stamp = stamp;
+    this.tell();
+  }
+
+  paint(tall) {
+    this.canvas.style.height = `${tall}px`;
+    const pixels = window.devicePixelRatio || 1, wide = this.canvas.clientWidth;
+    [this.canvas.width, this.canvas.height] = [Math.round(wide * pixels), Math.round(tall * pixels)];
+    const context = this.canvas.getContext("2d");
+    context.setTransform(pixels, 0, 0, pixels, 0, 0);
+    this.rows.forEach((row, k) => this.paintRow(context, row, k));
+    context.strokeStyle = words.ink;
+    context.lineWidth = 1.5;
+    context.strokeRect(this.x(this.step) + 0.5, 0.75, Math.max(this.x(1) - this.x(0) - 1, 1), tall - 1.5);
+  }
+
+  paintRow(context, row, k) {
+    const y = k * this.high, gap = this.high > 5 ? 1 : 0;
+    this.paintName(context, row, k);
+    row.views.forEach((views, step) => {
+      const kind = Math.min(views, 3), left = this.x(step), wide = this.x(step + 1) - left;
+      context.globalAlpha = row.counts[step] ? 1 : 0.25;
+      context.fillStyle = SEEN_BY[kind].fill;
+      context.fillRect(left, y, Math.max(wide - (wide > 4 ? 1 : 0), 1), this.high - gap);
+      if (wide >= LETTER && this.high >= LETTER) this.paintNumber(context, views, left + (wide - 1) / 2, y);
+      else if (kind < 2) this.hatch(context, kind, [left, y, wide, this.high - gap]);
+    });
+    context.globalAlpha = 1;
+  }
+
+  paintNumber(context, views, middle, y) {
+    context.font = `600 ${Math.min(this.high - 3, 10)}px ${FONT}`;
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.fillStyle = SEEN_BY[Math.min(views, 3)].ink;
+    context.fillText(String(views), middle, y + this.high / 2);
+  }
+
+  // Where there is no room for numbers, none has dark strokes, and one a light line.
+  hatch(context, kind, [left, y, wide, high]) {
+    context.fillStyle = kind ? "#ffffff" : "#20000a";
+    if (kind) context.fillRect(left, y + (high - 1) / 2, wide, 1);
+    else for (let x = left; x < left + wide; x += 3) context.fillRect(x, y, 1, high);
+  }
+
+  paintName(context, row, k) {
+    if (this.high < LETTER && k !== this.picked) return;
+    const name = [...labelOf(this.data.people[row.person])], room = MARGIN.left - 10;
+    context.font = `${k === this.picked ? "700 " : ""}10px ${FONT}`;
+    context.textAlign = "right";
+    context.textBaseline = "middle";
+    context.fillStyle = k === this.picked ? words.ink : words.soft;
+    let text = name.join("");
+    while (name.length > 1 && context.measureText(text).width > room) text = `${(name.pop(), name.join(""))}…`;
+    const half = Math.max(5 - this.high / 2, 0), middle = (k + 0.5) * this.high;
+    context.fillText(text, MARGIN.left - 6, Math.min(Math.max(middle, half + 5), this.high * this.rows.length - 5));
+  }
+
+  // Of the cell under the pointer, or of the picked person now.
+  tell() {
+    const [step, k] = this.under ?? [this.step, this.picked];
+    put(this.told, filmedWords(this.data, this.rows[k], step));
+  }
+}
+
+function filmedWords(data, row, step) {
+  const views = row.views[step], [angle, error] = [row.angles[step], row.errors[step]];
+  const who = `${data.people[row.person].called}, step ${step}: ${views || "no"} camera${views === 1 ? "" : "s"}`;
+  const apart = angle === null ? "" : `, ${digits(angle, 0)}° apart`;
+  const within = error === null ? (views < 2 ? "" : ": not measurable") : `, ${digits(error, error < 10 ? 1 : 0)} mm`;
+  return `${who}${apart}${within}${row.counts[step] ? "" : ", not counted"}`;
+}
+
+// Steps at which somebody who counts is seen by fewer than two drones.
+const badSteps = ({ filmed }) => (filmed?.rows ?? []).flatMap((row) =>
+  row.views.flatMap((views, step) => (views < 2 && row.counts[step] ? [step] : [])));

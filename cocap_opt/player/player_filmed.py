@@ -1,0 +1,43 @@
+"""The strip of the player: by how many cameras people are seen at each step."""
+
+import math
+from typing import Any
+
+from cocap_opt.data import FloatArray
+from cocap_opt.footage.quality import Quality
+from cocap_opt.problem import Plan, Problem
+
+Data = dict[str, Any]
+
+
+def filmed(problem: Problem, plan: Plan) -> Data | None:
+    """Returns the quality of a plan for each person at each step; None where nobody counts.
+
+    `rows` has the people of whom any step counts: the number of the `person`, and by steps
+    `counts`, `views` (drones that see the person), `angles` (degrees) and `errors` (mm), null where
+    there is none that is finite. `line` sums it up, `atLeast` is the share of a person that a drone
+    must see.
+    """
+    found = Quality.of(problem, plan)
+    if not found.summary.person_steps:
+        return None
+    angles, errors = _rounded(found.angles), _rounded(found.errors)
+    rows = [
+        {
+            "person": person.actor,
+            "counts": found.counts[:, person.actor].tolist(),
+            "views": found.views[:, person.actor].tolist(),
+            "angles": angles[person.actor],
+            "errors": errors[person.actor],
+        }
+        for person in found.by_person
+    ]
+    return {"rows": rows, "line": found.summary.line, "atLeast": found.assumptions.at_least}
+
+
+def _rounded(values: FloatArray) -> list[list[float | None]]:
+    """Returns numbers [A, T+1] of [T+1, A] with one decimal; None where they are not finite."""
+    return [
+        [round(value, 1) if math.isfinite(value) else None for value in row]
+        for row in values.T.tolist()
+    ]
