@@ -113,6 +113,14 @@ Compare coverage with the pixels that Greedy Perspectives' program rendered.
 
 Example: cocap-opt study peers seq.yaml peer_coverage.csv
 """),
+    "quality": Study("quality.quality:quality", """\
+Hold the predicted accuracy of plans to walkers that are triangulated, and quality to J.
+
+Joints of walking figures are projected into the planned cameras with noise, and found again by
+least squares and by a library (the extra `triangulation`). It takes three minutes.
+
+Example: cocap-opt study quality --scene corridor --seeds 0 --out quality
+"""),
     "speed": Study("speed:speed", """\
 Measure the speed of coverage, planners and the command line.
 

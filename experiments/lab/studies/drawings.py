@@ -29,6 +29,8 @@ from cocap_opt.experiments.lab.studies.paper.figures import (
 from cocap_opt.experiments.lab.studies.paper.giving_way import Encounter
 from cocap_opt.experiments.lab.studies.paper.measured import read_rows
 from cocap_opt.experiments.lab.studies.paper.reproduction import effects_of
+from cocap_opt.experiments.lab.studies.quality.figure import quality_figure
+from cocap_opt.experiments.lab.studies.quality.quality import stored_plans, stored_steps
 from cocap_opt.experiments.lab.studies.separation.figure import separation_figure
 from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
 from cocap_opt.experiments.report.charts import gaps_figure
@@ -73,6 +75,10 @@ def _separation() -> bytes:
 
 def _flight() -> bytes:
     return picture(flight_figure(stored_flights()), _SUFFIX)
+
+
+def _quality() -> bytes:
+    return picture(quality_figure(stored_steps(), stored_plans()), _SUFFIX)
 
 
 def _growth() -> bytes:
@@ -128,6 +134,7 @@ DRAWINGS: dict[str, Callable[[], bytes]] = {
     "separation": _separation,
     "flight": _flight,
     "growth": _growth,
+    "quality": _quality,
     "view": _view,
     "bridge": lambda: _top_view("bridge"),
     "bottleneck": lambda: _top_view("bottleneck", 0, 4, 8, 11),

@@ -35,6 +35,7 @@ from cocap_opt.experiments.lab.studies.paper.planner_table import (
     short_planners_in_markdown,
 )
 from cocap_opt.experiments.lab.studies.paper.reproduction import SCENES
+from cocap_opt.experiments.lab.studies.quality.quality import stored_accuracy, stored_agreement
 from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
 from cocap_opt.experiments.lab.studies.separation.tables import separation_in_markdown
 from cocap_opt.experiments.lab.studies.solvers.table import solvers_in_markdown
@@ -104,6 +105,8 @@ QUOTES: dict[str, Callable[[], str]] = {
     "views": views_in_markdown,
     "solver_figures": solvers_in_markdown,
     "speed": speed_in_markdown,
+    "quality_accuracy": stored_accuracy,
+    "quality_objective": stored_agreement,
     "paper_in_short": lambda: _listed(_paper().summary()),
     "paper_settings": _settings,
     "paper_lines": lines,
