@@ -145,8 +145,7 @@ class Search:
     def narrowing(self, duals: Duals) -> Narrowing | None:
         """Returns where better plans can be, by multipliers.
 
-        None without an incumbent, where pixels add up over time or people are counted, or with too
-        many states.
+        None without an incumbent, where pixels add up over time, or with too many states.
 
         Raises
         ------
@@ -157,8 +156,6 @@ class Search:
         states = sum(robot_class.graph.n_states for robot_class in model.classes)
         too_many = states * (model.problem.horizon + 1) > self.parameters.search.most_states
         if self.incumbent is None or model.problem.objective.over_time or too_many:
-            return None
-        if model.problem.objective.views is not None:  # joint states know roots alone
             return None
         return Narrowing.of(model, duals.certificate(model), self.value, self.stop).closed()
 

@@ -5,10 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cocap_opt.quality.accuracy import jacobians, turning_jacobians
-from cocap_opt.quality.poses import Poses
-from cocap_opt.quality.quality import Assumptions
-from cocap_opt.quality.shares import visible_shares
 from hypothesis import given
 from hypothesis import strategies as st
 from studies import rows_of, study
@@ -47,6 +43,10 @@ from cocap_opt.experiments.lab.studies.quality.triangulation import (
     nearest_to_rays,
 )
 from cocap_opt.experiments.lab.studies.quality.walker import JOINTS, joints_of
+from cocap_opt.footage.accuracy import jacobians, turning_jacobians
+from cocap_opt.footage.poses import Poses
+from cocap_opt.footage.quality import Assumptions
+from cocap_opt.footage.shares import visible_shares
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.problem import Actor
 from cocap_opt.problem.shapes import Cuboid, Prism, TriangulatedCuboid

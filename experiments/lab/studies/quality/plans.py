@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from cocap_opt.quality.quality import Quality
 
 from cocap_opt.experiments.lab.studies.quality.rows import PlanRow, rounded
+from cocap_opt.footage.quality import Quality
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS, RECOMMENDED

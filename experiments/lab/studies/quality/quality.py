@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Annotated
 
-from cocap_opt.quality.quality import Assumptions
 from cyclopts import Parameter
 
 from cocap_opt.console.streams import say
@@ -24,6 +23,7 @@ from cocap_opt.experiments.lab.studies.quality.tables import (
 )
 from cocap_opt.experiments.lab.studies.quality.trials import Trials, person_steps
 from cocap_opt.experiments.lab.studies.quality.triangulation import has_library
+from cocap_opt.footage.quality import Assumptions
 from cocap_opt.output.printing import Listing, print_texts
 from cocap_opt.problem import Camera, Problem
 from cocap_opt.run.options import Option, UsageError

@@ -4,9 +4,6 @@ from collections.abc import Iterator
 from typing import NamedTuple, Self
 
 import numpy as np
-from cocap_opt.quality.accuracy import information, jacobians, pixel_covariances, rms_errors
-from cocap_opt.quality.poses import Poses
-from cocap_opt.quality.quality import Assumptions
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.experiments.lab.studies.quality.cameras import Cameras
@@ -15,6 +12,9 @@ from cocap_opt.experiments.lab.studies.quality.plans import PlannedQuality
 from cocap_opt.experiments.lab.studies.quality.rows import PersonStep, rounded
 from cocap_opt.experiments.lab.studies.quality.triangulation import by_library, least_squares
 from cocap_opt.experiments.lab.studies.quality.walker import joints_of
+from cocap_opt.footage.accuracy import information, jacobians, pixel_covariances, rms_errors
+from cocap_opt.footage.poses import Poses
+from cocap_opt.footage.quality import Assumptions
 from cocap_opt.problem import Camera, Problem
 
 _NEAREST = 0.05  # m, that a joint must be ahead of a camera

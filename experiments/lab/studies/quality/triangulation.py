@@ -1,10 +1,10 @@
 """Points found from their images by several cameras: by least squares, and by a library."""
 
 import numpy as np
-from cocap_opt.quality.accuracy import jacobians
 
 from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.experiments.lab.studies.quality.cameras import Cameras
+from cocap_opt.footage.accuracy import jacobians
 
 _ROUNDS = 60
 _ARRIVED = 1e-7  # m, a step after which a point is found
