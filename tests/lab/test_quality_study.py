@@ -2,6 +2,7 @@ import math
 import re
 import sys
 from pathlib import Path
+from statistics import fmean
 
 import numpy as np
 import pytest
@@ -339,6 +340,17 @@ def test_the_words_for_and_against_the_objective_hold() -> None:
     beaten, of = map(int, re.findall(r"In (\d+) of (\d+) instances", against)[0])
     assert beaten > of / 2
     assert price.startswith("There it shows ")
+    shown = {
+        kind: {
+            scene: fmean(p.by_two for p in stored_plans() if p[:3:2] == (scene, kind))
+            for scene in SCENES
+            if not scene.startswith("tiny-")
+        }
+        for kind in ("formation", "cocap-lns")
+    }
+    assert {s for s, share in shown["formation"].items() if share >= shown["cocap-lns"][s]} == {
+        "bridge", "field-long",
+    }  # fmt: skip  # as the page says
     assert all(said.removeprefix("- ") in (for_, against, price)
                for said in stored_agreement().splitlines() if said.startswith("- "))  # fmt: skip
 

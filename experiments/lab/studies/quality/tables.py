@@ -177,8 +177,8 @@ def _on_objective(plans: Sequence[PlanRow]) -> list[str]:
     said = [
         f"For J: over all plans, bad ones included, ranks by J agree with those by two views "
         f"({every['two views']}), by two at 30 degrees ({every['two at 30 degrees']}) and by "
-        f"accuracy ({every['accuracy']}; 1 is the same order, 0 none). Who plans for J films "
-        "people from several sides far more often than who does not.",
+        f"accuracy ({every['accuracy']}; 1 is the same order, 0 none). Random and hovering "
+        "drones, which see hardly anybody, are much of that.",
         f"Against J: among plans that all look for the most J it is {among['two views']}, "
         f"{among['two at 30 degrees']} and {among['accuracy']}. In {len(beaten)} of "
         f"{len(choices)} instances another of them shows more person-steps to two drones than "
