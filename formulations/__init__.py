@@ -69,15 +69,22 @@ BOUNDS: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
             pixels_only=False,
         ),
         "concave": _bound(
-            "relaxations.cone_program:concave", "concave relaxation over the aggregated flow", _FEW
+            "relaxations.cone_program:concave",
+            "concave relaxation over the aggregated flow",
+            _FEW,
+            pixels_only=False,
         ),
         "single-view": _bound(
             "relaxations.cone_program:single_view",
             "concave relaxation with single-view cuts",
             _FEW,
+            pixels_only=False,
         ),
         "envelope": _bound(
-            "relaxations.cone_program:envelope", "concave relaxation with envelope cuts", _FEW
+            "relaxations.cone_program:envelope",
+            "concave relaxation with envelope cuts",
+            _FEW,
+            pixels_only=False,
         ),
         "column-generation": _bound(
             "column_generation.branch_and_price:column_generation",

@@ -6,6 +6,9 @@ A relaxation maximises sum w u + rewards for moves over flows, where the root u 
     single view    and u <= sum of roots of pixels      (the root is subadditive)
     envelope       and u <= constant + sum phi(root)    (`certificates.envelope`; in rounds)
 
+The number u of drones that see a person, as far as it counts, obeys u <= sum of counts and u <= k
+in all of them: no smaller concave function is above it.
+
 Modelled in cvxpy, solved by Clarabel on one thread; the multipliers become a certificate, and
 the bound is what that proves. For small scenes: column generation solves the same relaxations
 on paths and takes any size.
@@ -62,7 +65,7 @@ def _violated_cuts(flow: Flow, roots: Roots, x: FloatArray, u: FloatArray) -> li
     if flow.model.problem.objective.over_time:
         return []  # a robot sees a view sum more than once, and no cut for single views holds
     found, sizes = [], flow.model.class_sizes
-    for z, view_sum in enumerate(roots.used.tolist()):
+    for z, view_sum in enumerate(roots.used[: roots.returns.n_roots].tolist()):
         nodes, seen = roots.entries(z)
         amounts = x[nodes]
         used = amounts > 1e-7
@@ -204,8 +207,8 @@ class _CutRounds:
 class _ConeProgram:
     """The program max sum w u + rewards for moves, over flows, bounded roots and conflict rows.
 
-    Roots and pixels are in units of each view sum's best single view, and the objective in
-    units of its largest weight, for the solver's sake.
+    Counts of people come after the roots in u. Roots and pixels are in units of each view sum's
+    best single view, and the objective in units of its largest weight, for the solver's sake.
     """
 
     def __init__(
@@ -219,10 +222,11 @@ class _ConeProgram:
         self.x = cp.Variable(flow.n_nodes, nonneg=True)
         self.y = cp.Variable(flow.n_edges, nonneg=True)
         self.u = cp.Variable(len(roots.used))
-        self.z = cp.Variable(len(roots.used))
-        self._pixels = self.z <= roots.pixels @ self.x
-        self._single = self.u <= roots.seen @ self.x
-        self._single_view = single_view and len(roots.used) > 0
+        self._n_roots = roots.returns.n_roots
+        self.z = cp.Variable(self._n_roots)
+        self._pixels = self.z <= roots.pixels[: self._n_roots] @ self.x
+        self._first_single = 0 if single_view else self._n_roots
+        self._single = self.u[self._first_single :] <= roots.seen[self._first_single :] @ self.x
         usage = (conflicts.at_nodes, conflicts.crossing)
         self.n_rows = usage[0].shape[0] + usage[1].shape[0]
         self.slack = cp.Variable(self.n_rows, nonneg=True)
@@ -244,14 +248,21 @@ class _ConeProgram:
         return profit + roots.weights @ self.u if len(roots.used) else profit
 
     def _root_bounds(self) -> list[Any]:
-        """Returns the rows that bound the roots: u^2 <= z as the cone (1 + z, 2 u, z - 1)."""
+        """Returns the rows that bound the roots: u^2 <= z as the cone (1 + z, 2 u, z - 1).
+
+        After them come those of counts.
+        """
         import cvxpy as cp
 
-        if not len(self.roots.used):
-            return []
-        sides = cp.vstack([2 * self.u, self.z - 1])
-        cones = [self._pixels, cp.SOC(1 + self.z, sides, axis=0)]
-        return [*cones, self._single] if self._single_view else cones
+        rows: list[Any] = []
+        if self._n_roots:
+            sides = cp.vstack([2 * self.u[: self._n_roots], self.z - 1])
+            rows = [self._pixels, cp.SOC(1 + self.z, sides, axis=0)]
+        if self._single.size:
+            rows.append(self._single)
+        if len(caps := self.roots.returns.caps):
+            rows.append(self.u[self._n_roots :] <= caps)
+        return rows
 
     def _conservation(self) -> list[Any]:
         """Returns the rows: robots that enter a node are in it and leave it; starts are given."""
@@ -296,14 +307,16 @@ class _ConeProgram:
     def _duals(self, cuts: Sequence[Cut], at: IntArray, multipliers: FloatArray) -> Duals:
         """Returns the multipliers in px and metres, repaired where they are out of range."""
         problem, roots = self.flow.model.problem, self.roots
-        none = np.zeros(len(roots.used))
+        single_view = np.zeros(len(roots.used))
+        if self._single.size:
+            single_view[self._first_single :] = self._single.dual_value
         alpha, beta, shares = repaired_roots(
             problem,
             view_sums=roots.used,
             scale=roots.scale,
             weights=roots.weights / self._unit,
-            single_view=np.asarray(self._single.dual_value) if self._single_view else none,
-            pixels=np.asarray(self._pixels.dual_value) if len(none) else none,
+            single_view=single_view,
+            pixels=np.asarray(self._pixels.dual_value) if self._n_roots else np.zeros(0),
             cut_at=at,
             cuts=multipliers,
         )
@@ -320,13 +333,16 @@ class _ConeProgram:
 
     def _fix_start(self, alpha: FloatArray, beta: FloatArray) -> None:
         """Makes the tangents exact at step 0, where it counts: everything there is given."""
-        if self.flow.model.problem.objective.over_time:  # later steps add to the same view sums
-            return
-        pixels = self.roots.pixels @ (self.flow.supply * (self.flow.steps == 0))
-        pixels = pixels * self.roots.scale**2
+        roots = self.roots
+        pixels = roots.pixels @ (self.flow.supply * (self.flow.steps == 0))
+        pixels = pixels * roots.scale**2
+        if self.flow.model.problem.objective.over_time:  # later steps add to the same pixels
+            pixels[: self._n_roots] = 0.0
         known = np.flatnonzero(pixels > 0)
-        alpha[self.roots.used[known]] = 0.0
-        beta[self.roots.used[known]] = 0.5 / np.sqrt(pixels[known])
+        returns, view_sums = roots.returns.part(known), roots.used[known]
+        slopes, n = returns.slopes(pixels[known]), returns.n_roots
+        alpha[view_sums] = np.append(np.zeros(n), slopes[n:])
+        beta[view_sums] = np.append(slopes[:n], np.zeros(len(known) - n))
 
 
 def _clarabel(program: "cp.Problem", stop: Stop) -> bool:

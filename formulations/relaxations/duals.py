@@ -94,21 +94,21 @@ def repaired_roots(
     cut_at: IntArray,
     cuts: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Returns multipliers of roots in the range in which they prove a small bound.
+    """Returns multipliers of view sums in the range in which they prove a small bound.
 
     A solver's may be negative, too large or no numbers. Its program maximises sum weights u with
     u^2 <= z, where u is a root in units of `scale` and z the pixels in units of scale^2. Cuts share
     at most the whole root; for a root r that they leave `rest` of, the best beta is
     (rest - alpha) / (2 r), and no root is larger than if all robots had the best view at all steps.
-    Counts have no beta: u <= number of drones and u <= k.
+    Of people who count, u <= k takes the place of u^2 <= z, and alpha is all that there is.
 
     Parameters
     ----------
-    view_sums : [z] numbers of the view sums that the program has
+    view_sums : [z] numbers of the view sums that the program has, r of them with roots
     scale : [z] px^0.5/m
     weights : [z]
-    single_view : [z] multipliers of u <= sum of roots of pixels
-    pixels : [z] multipliers of z <= sum of pixels; those of counts are not used
+    single_view : [z] multipliers of u <= sum of roots of pixels, or <= sum of counts
+    pixels : [r] multipliers of z <= sum of pixels; others after these do not matter
     cut_at : [k] position of each cut's view sum among `view_sums`
     cuts : [k] multipliers of the cuts
 
@@ -120,15 +120,19 @@ def repaired_roots(
     taken = np.bincount(cut_at, shares, minlength=len(weights))
     shares = shares / np.maximum(taken, 1.0)[cut_at]
     rest = np.maximum(1 - taken, 0.0)
-    largest = np.sqrt(problem.most_views) * scale
     own_alpha = np.clip(np.nan_to_num(single_view / weights), 0.0, rest)
-    own_beta = np.nan_to_num(pixels / (weights * scale))
-    own_beta = np.maximum(own_beta, (rest - own_alpha) / (2 * largest))
-    counts = view_sums >= problem.returns.n_roots
-    own_beta[counts] = 0.0
-    nearly = (rest - own_alpha < 1e-9) & ~counts
+    returns = problem.returns.part(view_sums)
+    # A cap that no team reaches has no price.
+    own_alpha[returns.n_roots :][returns.caps >= len(problem.robots)] = 1.0
     alpha, beta = problem.no_pixels() + 1.0, problem.no_pixels()
+    alpha[view_sums] = own_alpha
+    n = returns.n_roots
+    rest, left, of_roots = rest[:n], (rest - own_alpha)[:n], view_sums[:n]
+    largest = np.sqrt(problem.most_views) * scale[:n]
+    own_beta = np.nan_to_num(pixels[:n] / (weights[:n] * scale[:n]))
+    own_beta = np.maximum(own_beta, left / (2 * largest))
+    nearly = left < 1e-9
     # A little more than the rest, so that no rounding makes it less.
-    alpha[view_sums] = np.where(nearly, rest + 1e-12, own_alpha)
-    beta[view_sums] = np.where(nearly, 0.0, own_beta)
+    alpha[of_roots[nearly]] = rest[nearly] + 1e-12
+    beta[of_roots] = np.where(nearly, 0.0, own_beta)
     return alpha, beta, shares

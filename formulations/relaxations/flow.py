@@ -30,6 +30,7 @@ from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.problem import Cell, Problem
 from cocap_opt.result import UnsupportedError
+from cocap_opt.returns import Returns
 from cocap_opt.stop import Stop, never
 
 MOST_EDGES = 400_000  # of the time-expanded graph
@@ -345,13 +346,18 @@ def _joined(parts: Sequence[IntArray]) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class Roots:
-    """The view sums that count and that somebody can see, in units of each one's best view."""
+    """The view sums that count and that somebody can see, in units of each one's best view.
+
+    Those with roots come first, then people who count, of whom the best view is one: there a root
+    is a count, as is a number of pixels.
+    """
 
     owner: IntArray  # [N] class of each node
     used: IntArray  # [z] view sums
+    returns: Returns  # of these
     scale: FloatArray  # [z] px^0.5/m, root of the best single view
     largest: FloatArray  # [C, z] px^0.5/m, of each class, views that lead nowhere as well
-    weights: FloatArray  # [z] of the root in these units
+    weights: FloatArray  # [z] of the root or the count in these units
     pixels: sparse.csr_array  # [z, N] in units of scale^2
     seen: sparse.csr_array  # [z, N] roots of pixels
 
@@ -365,7 +371,11 @@ class Roots:
         scale = np.sqrt(best[used])
         pixels = sparse.csr_array(sparse.diags_array(1 / scale**2) @ coverage[used])
         largest = flow.model.largest_roots()[:, used]
-        return cls(flow.owner, used, scale, largest, weights[used] * scale, pixels, pixels.sqrt())
+        return cls(
+            owner=flow.owner, used=used, returns=flow.model.problem.returns.part(used),
+            scale=scale, largest=largest, weights=weights[used] * scale,
+            pixels=pixels, seen=pixels.sqrt(),
+        )  # fmt: skip
 
     def entries(self, z: int) -> tuple[IntArray, FloatArray]:
         """Returns the nodes that see the view sum at position z, and their roots px^0.5/m."""
