@@ -4,7 +4,7 @@ import html
 import math
 from collections import Counter
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Self, overload
 
 import numpy as np
 
@@ -17,12 +17,16 @@ from cocap_opt.footage.moments import worst_moments
 from cocap_opt.footage.poses import Poses
 from cocap_opt.footage.rays import widest_angle
 from cocap_opt.footage.shares import visible_shares
+from cocap_opt.footage.strip import draw_strip
 from cocap_opt.footage.summary import OfPerson, Summary
 from cocap_opt.footage.words import quality_words
 from cocap_opt.problem import Camera, Plan, Problem
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
+
+    from cocap_opt.problem.pictures import WholeAxes
 
 _ROUNDING = 1e-9  # by which a share may be rounded below the one that is asked for
 _MOST_MOMENTS = 5  # that are named
@@ -173,6 +177,27 @@ class Quality:
         if (blurred := self.worst_blur) is not None:
             columns["blur"] = blurred.T.ravel()
         return DataFrame(columns)
+
+    @overload
+    def plot(self, ax: None = None) -> "WholeAxes": ...
+
+    @overload
+    def plot(self, ax: "Axes | None") -> "Axes": ...
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw a strip for each person, coloured and hatched by the number of drones that see them.
+
+        Steps that do not count are pale; people of whom none counts are left out.
+
+        Parameters
+        ----------
+        ax : matplotlib axes; those of a figure of its own if not given
+
+        Examples
+        --------
+        >>> co.quality(problem, result).plot().figure.savefig("cameras.pdf")
+        """
+        return draw_strip(ax, self.people, self.views, self.counts, self.times)
 
     def __str__(self) -> str:
         blurred = None if self.blur is None else self.blur.swapaxes(1, 2)[self.counts]

@@ -13,7 +13,7 @@ Data = dict[str, Any]
 def filmed(problem: Problem, plan: Plan) -> Data | None:
     """Returns the quality of a plan for each person at each step; None where nobody counts.
 
-    `rows` has the people of whom any step counts: the number of the `person`, and by steps
+    `rows` has the people of whom any step counts: number (`person`) and `name`, and by steps
     `counts`, `views` (drones that see the person), `angles` (degrees) and `errors` (mm), null where
     there is none that is finite. `line` sums it up, `atLeast` is the share of a person that a drone
     must see.
@@ -25,6 +25,7 @@ def filmed(problem: Problem, plan: Plan) -> Data | None:
     rows = [
         {
             "person": person.actor,
+            "name": person.person,
             "counts": found.counts[:, person.actor].tolist(),
             "views": found.views[:, person.actor].tolist(),
             "angles": angles[person.actor],

@@ -1,3 +1,4 @@
+import io
 import math
 from dataclasses import replace
 from typing import Any
@@ -6,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 from pool import problems
 from strategies import examples
 
@@ -345,6 +347,34 @@ def test_words_fit_a_terminal() -> None:
     assert "seen by two drones or more" in text and "50.0 %" in text
     assert "one camera from 0.5 to 1 s" in " ".join(text.split())
     assert "Ada &lt;" in found._repr_html_()
+
+
+def test_a_figure_has_a_row_for_everybody_who_counts() -> None:
+    """Runs of the same number of cameras are bars; names stay names; axes of others are taken."""
+    still = [(0.0, 0.0)] * 4
+    people = (
+        person(*still, name="$x^2"), person(*still, weights=(0.0,) * 5), person(*still, name="Bo"),
+    )  # fmt: skip
+    problem, plan = scene((WEST,) * 4, (SOUTH,) * 4, (EAST,) * 4, actors=people)
+    shares = all_visible(problem)
+    shares[2:, :2, 0] = 0
+    found = Quality.of(problem, plan, shares)
+    ax = found.plot()
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["$x^2", "Bo"]
+    ends = [
+        (bar.get_paths()[0].get_extents().xmin, bar.get_paths()[0].get_extents().xmax)
+        for bar in ax.collections
+    ]
+    # The start does not count and is a bar of its own.
+    assert ends == [(-0.5, 0.5), (0.5, 1.5), (1.5, 3.5), (-0.5, 0.5), (0.5, 3.5)]
+    assert ax.get_xlabel() == "step"
+    ax.figure.savefig(io.BytesIO(), format="svg")
+    given = Figure().add_subplot()
+    timed = Quality.of(problem.replace(step=0.5), plan, shares)
+    assert timed.plot(given) is given and given.get_xlabel() == "time (s)"
+    assert given.get_xlim() == (-0.25, 1.75)
+    nobody = problem.replace(actors=people[1:2])
+    assert not Quality.of(nobody, plan, all_visible(nobody)).plot().collections
 
 
 def random_plan(problem: Problem, rng: np.random.Generator) -> Plan:

@@ -266,6 +266,7 @@ def test_who_is_seen_by_how_many_cameras_is_in_the_data() -> None:
     assert [row["person"] for row in told["rows"]] == [0, 2, 3]
     for row in told["rows"]:
         j = row["person"]
+        assert row["name"] == found.people[j]
         assert row["views"] == found.views[:, j].tolist()
         assert row["counts"] == found.counts[:, j].tolist()
         for key, values in (("angles", found.angles), ("errors", found.errors)):

@@ -127,7 +127,7 @@ class Strip {
 
   paintName(context, row, k) {
     if (this.high < LETTER && k !== this.picked) return;
-    const name = [...labelOf(this.data.people[row.person])], room = MARGIN.left - 10;
+    const name = [...row.name.replace("person ", "")], room = MARGIN.left - 10;
     context.font = `${k === this.picked ? "700 " : ""}10px ${FONT}`;
     context.textAlign = "right";
     context.textBaseline = "middle";
@@ -141,13 +141,13 @@ class Strip {
   // Of the cell under the pointer, or of the picked person now.
   tell() {
     const [step, k] = this.under ?? [this.step, this.picked];
-    put(this.told, filmedWords(this.data, this.rows[k], step));
+    put(this.told, filmedWords(this.rows[k], step));
   }
 }
 
-function filmedWords(data, row, step) {
+function filmedWords(row, step) {
   const views = row.views[step], [angle, error] = [row.angles[step], row.errors[step]];
-  const who = `${data.people[row.person].called}, step ${step}: ${views || "no"} camera${views === 1 ? "" : "s"}`;
+  const who = `${row.name}, step ${step}: ${views || "no"} camera${views === 1 ? "" : "s"}`;
   const apart = angle === null ? "" : `, ${digits(angle, 0)}° apart`;
   const within = error === null ? (views < 2 ? "" : ": not measurable") : `, ${digits(error, error < 10 ? 1 : 0)} mm`;
   return `${who}${apart}${within}${row.counts[step] ? "" : ", not counted"}`;
