@@ -31,7 +31,12 @@ def _bound(
 
 
 def _exact(
-    call: str, made_of: str, scenes: str, promises: str, certified: bool = True
+    call: str,
+    made_of: str,
+    scenes: str,
+    promises: str,
+    certified: bool = True,
+    pixels_only: bool = True,
 ) -> "Method[CertifiedResult]":
     return Method(
         f"cocap_opt.formulations.{call}",
@@ -44,7 +49,7 @@ def _exact(
         complete=True,
         optimal=True,
         certified=certified,
-        pixels_only=certified,
+        pixels_only=pixels_only,
     )
 
 
@@ -98,6 +103,7 @@ EXACT: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
             _TINY,
             "the optimum, without a certificate",
             certified=False,
+            pixels_only=False,
         ),
         "branch-and-price": _exact(
             "column_generation.branch_and_price:branch_and_price",
@@ -105,16 +111,33 @@ EXACT: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
             _ANY,
             "the optimum, with a proof",
         ),
-        "highs": _exact("integer_programs.mathopt:highs", f"{_INTEGER} HiGHS", _FEW, _BY_ITS_WORD),
-        "scip": _exact("integer_programs.mathopt:scip", f"{_INTEGER} SCIP", _FEW, _BY_ITS_WORD),
+        "highs": _exact(
+            "integer_programs.mathopt:highs",
+            f"{_INTEGER} HiGHS",
+            _FEW,
+            _BY_ITS_WORD,
+            pixels_only=False,
+        ),
+        "scip": _exact(
+            "integer_programs.mathopt:scip",
+            f"{_INTEGER} SCIP",
+            _FEW,
+            _BY_ITS_WORD,
+            pixels_only=False,
+        ),
         "cp-sat": _exact(
-            "integer_programs.cp_sat:cp_sat", f"{_INTEGER} CP-SAT", _FEW, _BY_ITS_WORD
+            "integer_programs.cp_sat:cp_sat",
+            f"{_INTEGER} CP-SAT",
+            _FEW,
+            _BY_ITS_WORD,
+            pixels_only=False,
         ),
         "scip-nonlinear": _exact(
             "integer_programs.scip_nonlinear:scip_nonlinear",
             "nonlinear integer program with SCIP; needs PySCIPOpt",
             _FEW,
             _BY_ITS_WORD,
+            pixels_only=False,
         ),
     }
 )
