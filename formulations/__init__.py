@@ -113,16 +113,33 @@ EXACT: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
             "the optimum, with a proof",
             pixels_only=False,
         ),
-        "highs": _exact("integer_programs.mathopt:highs", f"{_INTEGER} HiGHS", _FEW, _BY_ITS_WORD),
-        "scip": _exact("integer_programs.mathopt:scip", f"{_INTEGER} SCIP", _FEW, _BY_ITS_WORD),
+        "highs": _exact(
+            "integer_programs.mathopt:highs",
+            f"{_INTEGER} HiGHS",
+            _FEW,
+            _BY_ITS_WORD,
+            pixels_only=False,
+        ),
+        "scip": _exact(
+            "integer_programs.mathopt:scip",
+            f"{_INTEGER} SCIP",
+            _FEW,
+            _BY_ITS_WORD,
+            pixels_only=False,
+        ),
         "cp-sat": _exact(
-            "integer_programs.cp_sat:cp_sat", f"{_INTEGER} CP-SAT", _FEW, _BY_ITS_WORD
+            "integer_programs.cp_sat:cp_sat",
+            f"{_INTEGER} CP-SAT",
+            _FEW,
+            _BY_ITS_WORD,
+            pixels_only=False,
         ),
         "scip-nonlinear": _exact(
             "integer_programs.scip_nonlinear:scip_nonlinear",
             "nonlinear integer program with SCIP; needs PySCIPOpt",
             _FEW,
             _BY_ITS_WORD,
+            pixels_only=False,
         ),
     }
 )

@@ -91,8 +91,11 @@ class _Translated:
         flow, roots = program.flow, program.roots
         horizon = flow.model.problem.horizon
         n_terms = len(roots.used) * (program.n_robots + 2) + program.n_robots * horizon + 1
-        largest = math.sqrt(program.n_views)  # root, in units of the best view's
-        most = float(roots.weights.sum()) * largest
+        n, caps = roots.returns.n_roots, np.minimum(roots.returns.caps, program.n_robots)
+        # Roots, in units of the best view's, and counts.
+        largest = np.append(np.full(n, math.sqrt(program.n_views)), caps)
+        most = float(roots.weights[:n].sum()) * math.sqrt(program.n_views)
+        most += float(roots.weights[n:] @ caps)
         most += flow.largest_bonus * program.n_robots * horizon
         self.scale = min(n_terms / ROUNDING, MOST) / most if most > 0 else 1.0
         self.model = cp_model.CpModel()
@@ -101,7 +104,7 @@ class _Translated:
         high = np.where(first, flow.supply, flow.capacity)
         self.x = self._variables(low, high)
         self.y = self._variables(np.zeros(flow.n_edges), flow.capacity[flow.tails])
-        self.worth = self.scale * roots.weights  # of the roots in the program's units
+        self.worth = self.scale * roots.weights  # of roots and counts in the program's units
         self.v = self._variables(np.zeros(len(roots.used)), _up(self.worth * largest))
         self._flow_rows()
         self._root_rows()

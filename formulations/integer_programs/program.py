@@ -5,6 +5,9 @@ The root u of a view sum is concave in its pixels z, so every tangent lies above
     u <= z / (2 sqrt(z0)) + sqrt(z0) / 2     for any z0 > 0 (tangent)
     u <= sum of roots of pixels              (single-view cut)
     u <= constant + sum of phi(roots)        (envelope cuts of the root's certificate)
+
+The number u of drones that see a person, as far as it counts, needs no more than two rows, which
+are exact where drones are whole: u <= sum of counts, and u <= k.
 """
 
 import math
@@ -125,7 +128,7 @@ class Program:
         self.integral_edges = conflicts.crossing.shape[0] > 0
         self.cuts: list[Cut] = []
         self._tangents: list[tuple[int, float]] = []
-        view_sums = np.arange(len(roots.used))
+        view_sums = np.arange(roots.returns.n_roots)
         for k in range(TANGENTS):
             self._add(view_sums, np.full(len(view_sums), self.n_views / 4.0**k))
         if root is not None:
@@ -146,13 +149,15 @@ class Program:
         return self.flow.n_nodes + self.integral_edges * self.flow.n_edges
 
     def roots_at(self, x: FloatArray) -> FloatArray:
-        """Returns the roots [z] that the program allows at robots in nodes [N]."""
+        """Returns the roots and counts [z] that the program allows at robots in nodes [N]."""
         pixels, seen = self.roots.pixels @ x, self.roots.seen @ x
         allowed: FloatArray = seen.copy()
         at, z0 = self.tangents
         np.minimum.at(allowed, at, pixels[at] / (2 * np.sqrt(z0)) + np.sqrt(z0) / 2)
         phi, constants, at = self.roots.cut_rows(self.cuts)
         np.minimum.at(allowed, at, constants + phi @ x)
+        counts, caps = allowed[self.roots.returns.n_roots :], self.roots.returns.caps
+        np.minimum(counts, caps, out=counts)
         return allowed
 
     def point(self, plan: Amounts) -> FloatArray:
@@ -163,9 +168,10 @@ class Program:
 
     def refine(self, x: FloatArray) -> int:
         """Adds tangents at integral x where roots are overestimated, and returns how many."""
-        pixels = self.roots.pixels @ x
+        n = self.roots.returns.n_roots
+        pixels, allowed = (self.roots.pixels @ x)[:n], self.roots_at(x)[:n]
         wrong = np.flatnonzero(
-            (pixels > 0) & (self.roots_at(x) > np.sqrt(np.maximum(pixels, 0.0)) * (1 + SLACK))
+            (pixels > 0) & (allowed > np.sqrt(np.maximum(pixels, 0.0)) * (1 + SLACK))
         )
         self._add(wrong, pixels[wrong])
         return len(wrong)
@@ -176,14 +182,14 @@ class Program:
     def _take(self, root: Multipliers) -> None:
         """Takes over the cuts of the root's certificate, and tangents of its slopes."""
         model = self.flow.model
+        used = self.roots.used[: self.roots.returns.n_roots]
         alpha, beta = (
-            np.array(part, dtype=np.float64).reshape(-1)[self.roots.used]
-            for part in (root.alpha, root.beta)
+            np.array(part, dtype=np.float64).reshape(-1)[used] for part in (root.alpha, root.beta)
         )
         rest = np.ones(len(alpha))
         for cut, share in root.usable_cuts(model):
-            at = int(np.searchsorted(self.roots.used, cut.view_sum))
-            if at < len(self.roots.used) and self.roots.used[at] == cut.view_sum:
+            at = int(np.searchsorted(used, cut.view_sum))
+            if at < len(used) and used[at] == cut.view_sum:
                 self.cuts.append(cut)
                 rest[at] -= share
         curved = np.flatnonzero((rest - alpha > 1e-6) & (beta > 0))
@@ -199,7 +205,8 @@ class LinearProgram(NamedTuple):
 
     Variables are x [N] robots in each node, y [E] robots along each edge, and for each view sum
     that counts its pixels z, its sum of roots s and its root u, in this order: rows on pixels then
-    have two entries each instead of one per node that sees the face.
+    have two entries each instead of one per node that sees the face. Of people who count, u has
+    the cap as its upper bound.
     """
 
     gain: FloatArray  # [n]
@@ -220,10 +227,11 @@ class LinearProgram(NamedTuple):
         rows, row_low, row_high = _rows(program)
         gain = [np.zeros(n), flow.bonus, np.zeros(2 * n_sums), roots.weights]
         high = [np.where(first, flow.supply, flow.capacity), flow.capacity[flow.tails]]
+        high += [np.full(2 * n_sums + roots.returns.n_roots, math.inf), roots.returns.caps]
         return cls(
             gain=np.concatenate(gain) / program.unit,
             low=np.concatenate([np.where(first, flow.supply, 0.0), np.zeros(e + 3 * n_sums)]),
-            high=np.concatenate([*high, np.full(3 * n_sums, math.inf)]),
+            high=np.concatenate(high),
             integral=np.repeat([True, program.integral_edges, False], [n, e, 3 * n_sums]),
             rows=rows,
             row_low=row_low,

@@ -84,7 +84,7 @@ def _translated(program: Program, linear: LinearProgram) -> tuple[Any, list[Any]
         model.addCons(paid == high if low == high else paid <= high)
     n_view_sums = len(program.roots.used)
     pixels, roots = linear.first_pixels, len(variables) - n_view_sums
-    for k in range(n_view_sums):
+    for k in range(program.roots.returns.n_roots):
         u, z = variables[roots + k], variables[pixels + k]
         model.addCons(u * u <= z)
     return model, variables

@@ -7,6 +7,7 @@ a solver's multipliers.
 
 __all__ = [
     "collision_rows",
+    "cone_program",
     "duals",
     "flow",
     "separation",

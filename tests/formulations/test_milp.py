@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from brute_force import all_paths, objective_from_scratch, optimum
+from counting import either
 from hypothesis import given
 from hypothesis import strategies as st
 from pool import meetings, problems
@@ -66,7 +67,7 @@ METHODS = MILPS | {"scip-nonlinear": scip_nonlinear}
     [pytest.param(m, marks=pytest.mark.slow) if m in ("highs", "scip") else m for m in ALL],
 )
 @examples(8)
-@given(problem=st.one_of(problems(), problems(over_time=True), meetings(), meetings(3)))
+@given(problem=either(st.one_of(problems(), problems(over_time=True), meetings(), meetings(3))))
 def test_milps_equal_brute_force(method: str, problem: Problem) -> None:
     """plan <= optimum <= bound; "optimal" is optimal and "infeasible" is infeasible."""
     best, result = optimum(problem), METHODS[method](problem)
@@ -87,7 +88,7 @@ def test_milps_equal_brute_force(method: str, problem: Problem) -> None:
 
 @pytest.mark.long
 @examples(10)
-@given(problem=st.one_of(problems(), meetings(3)))
+@given(problem=either(st.one_of(problems(), meetings(3))))
 def test_one_flow_per_class_has_the_optimum_of_one_per_robot(problem: Problem) -> None:
     """Aggregating the robots of a class changes no optimum; nor does the generic way."""
     results = [
