@@ -49,7 +49,6 @@ class Method(Generic[R_co]):
     certified : a certificate proves its bound, which others can check
     most_robots : None for any number of them
     foreign : it is none of this project's: its bound is what its certificate proves
-    pixels_only : it takes no scene that counts the drones that see people
     """
 
     __doc__ = cast(str, _Docstring(__doc__))
@@ -67,7 +66,6 @@ class Method(Generic[R_co]):
     certified: bool = False
     most_robots: int | None = None
     foreign: bool = False
-    pixels_only: bool = False
 
     @property
     def function(self) -> "Callable[..., R_co]":
@@ -79,18 +77,7 @@ class Method(Generic[R_co]):
         return found
 
     def __call__(self, problem: "Problem", /, *arguments: Any, **options: Any) -> R_co:
-        """Calls the function.
-
-        Raises
-        ------
-        UnsupportedError
-            If the problem counts the drones that see people, and the method does not.
-        """
-        if self.pixels_only and problem.objective.views is not None:
-            results = import_module("cocap_opt.result")  # which no judge of bounds loads
-            raise results.UnsupportedError(
-                f"{self.__name__} takes no scene with [objective] views yet"
-            )
+        """Calls the function."""
         return self.function(problem, *arguments, **options)
 
     def __getattr__(self, name: str) -> Any:

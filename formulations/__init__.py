@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["BOUNDS", "EXACT"]
 
 
-def _bound(
-    call: str, made_of: str, scenes: str, promises: str = "", pixels_only: bool = True
-) -> "Method[CertifiedResult]":
+def _bound(call: str, made_of: str, scenes: str, promises: str = "") -> "Method[CertifiedResult]":
     return Method(
         f"cocap_opt.formulations.{call}",
         made_of,
@@ -26,17 +24,11 @@ def _bound(
         START_AND_REPORT,
         bounds=True,
         certified=True,
-        pixels_only=pixels_only,
     )
 
 
 def _exact(
-    call: str,
-    made_of: str,
-    scenes: str,
-    promises: str,
-    certified: bool = True,
-    pixels_only: bool = True,
+    call: str, made_of: str, scenes: str, promises: str, certified: bool = True
 ) -> "Method[CertifiedResult]":
     return Method(
         f"cocap_opt.formulations.{call}",
@@ -49,7 +41,6 @@ def _exact(
         complete=True,
         optimal=True,
         certified=certified,
-        pixels_only=pixels_only,
     )
 
 
@@ -59,39 +50,24 @@ _INTEGER = "an integer program, refined until its plan's true J meets the bound,
 
 BOUNDS: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
     {
-        "alone": _bound(
-            "simple_bounds:alone", "every drone as if it were alone", _ANY, pixels_only=False
-        ),
-        "online": _bound(
-            "simple_bounds:online",
-            "J of a plan and what each drone could add",
-            _ANY,
-            pixels_only=False,
-        ),
+        "alone": _bound("simple_bounds:alone", "every drone as if it were alone", _ANY),
+        "online": _bound("simple_bounds:online", "J of a plan and what each drone could add", _ANY),
         "concave": _bound(
-            "relaxations.cone_program:concave",
-            "concave relaxation over the aggregated flow",
-            _FEW,
-            pixels_only=False,
+            "relaxations.cone_program:concave", "concave relaxation over the aggregated flow", _FEW
         ),
         "single-view": _bound(
             "relaxations.cone_program:single_view",
             "concave relaxation with single-view cuts",
             _FEW,
-            pixels_only=False,
         ),
         "envelope": _bound(
-            "relaxations.cone_program:envelope",
-            "concave relaxation with envelope cuts",
-            _FEW,
-            pixels_only=False,
+            "relaxations.cone_program:envelope", "concave relaxation with envelope cuts", _FEW
         ),
         "column-generation": _bound(
             "column_generation.branch_and_price:column_generation",
             "relaxation over paths with all cuts and step envelopes",
             _ANY,
             "and a plan",
-            pixels_only=False,
         ),
     }
 )
@@ -104,42 +80,23 @@ EXACT: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
             _TINY,
             "the optimum, without a certificate",
             certified=False,
-            pixels_only=False,
         ),
         "branch-and-price": _exact(
             "column_generation.branch_and_price:branch_and_price",
             "a tree over column generation",
             _ANY,
             "the optimum, with a proof",
-            pixels_only=False,
         ),
-        "highs": _exact(
-            "integer_programs.mathopt:highs",
-            f"{_INTEGER} HiGHS",
-            _FEW,
-            _BY_ITS_WORD,
-            pixels_only=False,
-        ),
-        "scip": _exact(
-            "integer_programs.mathopt:scip",
-            f"{_INTEGER} SCIP",
-            _FEW,
-            _BY_ITS_WORD,
-            pixels_only=False,
-        ),
+        "highs": _exact("integer_programs.mathopt:highs", f"{_INTEGER} HiGHS", _FEW, _BY_ITS_WORD),
+        "scip": _exact("integer_programs.mathopt:scip", f"{_INTEGER} SCIP", _FEW, _BY_ITS_WORD),
         "cp-sat": _exact(
-            "integer_programs.cp_sat:cp_sat",
-            f"{_INTEGER} CP-SAT",
-            _FEW,
-            _BY_ITS_WORD,
-            pixels_only=False,
+            "integer_programs.cp_sat:cp_sat", f"{_INTEGER} CP-SAT", _FEW, _BY_ITS_WORD
         ),
         "scip-nonlinear": _exact(
             "integer_programs.scip_nonlinear:scip_nonlinear",
             "nonlinear integer program with SCIP; needs PySCIPOpt",
             _FEW,
             _BY_ITS_WORD,
-            pixels_only=False,
         ),
     }
 )

@@ -22,7 +22,6 @@ from cocap_opt.formulations.column_generation.branch_and_price import column_gen
 from cocap_opt.formulations.column_generation.tree.root import Root as RootSearch
 from cocap_opt.formulations.integer_programs.program import Answer, Call, Program, Solver
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
-from cocap_opt.formulations.relaxations.cone_program import single_view
 from cocap_opt.formulations.relaxations.flow import Amounts, Compile, Flow, Roots
 from cocap_opt.formulations.result import (
     OPTIMALITY,
@@ -60,8 +59,6 @@ def certified_root(problem: Problem, stop: Stop) -> CertifiedResult:
     Its plan is left to it: a method that is to check another must find its own.
     """
     most = TimeLimit(ROOT_SHARE * stop.seconds_left)
-    if problem.objective.views is not None:  # column generation prices pixels alone
-        return single_view(problem, FirstOf(stop, most))
     # Flows are by class, and so must the root's cuts be.
     return column_generation(problem, FirstOf(stop, most), solve_root=RootSearch.solve_aggregated)
 

@@ -12,14 +12,12 @@ from strategies import examples
 from cocap_opt.api.covering import coverage_digest
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import problem_digest
-from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.model import Model
 from cocap_opt.objective import objective
 from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.joint import joint
 from cocap_opt.problem import Objective, Problem, Views
 from cocap_opt.referee import check
-from cocap_opt.result import UnsupportedError
 from cocap_opt.scenarios import load_scene
 
 COUNTED = counting(problems(over_time=True))
@@ -117,17 +115,13 @@ def test_lazy_planning_finds_what_the_table_does(problem: Problem) -> None:
 
 
 def test_nothing_changes_where_nobody_counts() -> None:
-    """Digests and view sums are those without the term, and bounds refuse what they do not know."""
+    """Digests are those without the term."""
     problem = load_scene("bottleneck", 0)
     same = problem.replace(objective=problem.objective.replace(pixels=1.0, views=None))
     assert problem_digest(same) == problem_digest(problem)
     counted = problem.replace(objective=problem.objective.replace(views=Views()))
     assert problem_digest(counted) != problem_digest(problem)
     assert coverage_digest(counted) == coverage_digest(problem)
-    for method in [*BOUNDS.values(), *EXACT.values()]:
-        if method.pixels_only:
-            with pytest.raises(UnsupportedError):
-                method(counted)
 
 
 @pytest.mark.parametrize(

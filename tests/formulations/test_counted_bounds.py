@@ -24,7 +24,7 @@ from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit
 
-METHODS = {name: m for name, m in (BOUNDS | EXACT).items() if not m.pixels_only}
+METHODS = dict(BOUNDS | EXACT)
 QUICK = {"alone", "online", "brute-force"}  # of them, those that take no solver
 COUNTED = counting(problems(over_time=True))
 
