@@ -293,6 +293,8 @@ def test_constants_of_multipliers_bound_the_most_profit(problem: Problem, seed: 
     rng = np.random.default_rng(seed)
     model = some_model(problem, rng)
     narrowing = Narrowing.of(model, random_multipliers(model, rng), -1.0)
+    whole = narrowing._prices.pixels.constant
+    assert narrowing.constants.sum() == pytest.approx(whole)
     for t in range(problem.first_step, problem.horizon + 1):
         joint = narrowing.joint_states(t)
         some = np.sort(rng.permutation(len(joint.states))[:12])
