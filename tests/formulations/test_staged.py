@@ -286,8 +286,8 @@ def test_joint_states_are_worth_what_plans_are(problem: Problem, seed: int) -> N
     assert worth == pytest.approx(objective_from_scratch(problem, plan), rel=1e-9, abs=1e-9)
 
 
-@examples(20)
-@given(any_problem, seeds)
+@examples(40)
+@given(counting(problems()), seeds)
 def test_constants_of_multipliers_bound_the_most_profit(problem: Problem, seed: int) -> None:
     """At each step, of the faces and the people together; a search of some states agrees."""
     rng = np.random.default_rng(seed)
