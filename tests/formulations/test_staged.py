@@ -89,6 +89,7 @@ ONLY_LISTS = EnvelopeParameters(most_states_left=0, few_states_left=0)
 
 seeds = st.integers(0, 10**9)
 any_problem = either(st.one_of(problems(), meetings(), meetings(team=3)))
+any_meeting = either(st.one_of(meetings(), meetings(team=3)))
 
 
 def without_rewards(problem: Problem) -> Problem:
@@ -285,13 +286,15 @@ def test_joint_states_are_worth_what_plans_are(problem: Problem, seed: int) -> N
     assert worth == pytest.approx(objective_from_scratch(problem, plan), rel=1e-9, abs=1e-9)
 
 
-@examples(20)
-@given(any_problem, seeds)
+@examples(40)
+@given(counting(problems()), seeds)
 def test_constants_of_multipliers_bound_the_most_profit(problem: Problem, seed: int) -> None:
     """At each step, of the faces and the people together; a search of some states agrees."""
     rng = np.random.default_rng(seed)
     model = some_model(problem, rng)
     narrowing = Narrowing.of(model, random_multipliers(model, rng), -1.0)
+    whole = narrowing._prices.pixels.constant
+    assert narrowing.constants.sum() == pytest.approx(whole)
     for t in range(problem.first_step, problem.horizon + 1):
         joint = narrowing.joint_states(t)
         some = np.sort(rng.permutation(len(joint.states))[:12])
@@ -477,7 +480,7 @@ def test_local_search_finds_joint_states_that_count_and_are_high(
 
 @pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 @examples(5)
-@given(either(st.one_of(meetings(), meetings(team=3))), seeds)
+@given(any_meeting, seeds)
 def test_plain_verification_compiles_nothing_and_finds_the_same(
     problem: Problem, seed: int
 ) -> None:
@@ -935,7 +938,7 @@ def numbers(content: object) -> "list[tuple[dict | list, object]]":
 
 
 @examples(24)
-@given(st.one_of(meetings(), meetings(team=3)))
+@given(any_meeting)
 def test_solutions_by_step_envelopes_are_optimal_and_explained(problem: Problem) -> None:
     """Branch-and-price finds the optimum; a staged certificate verifies, and its gap adds up."""
     result, best = branch_and_price(problem), optimum(problem)
@@ -959,7 +962,7 @@ def stages_of(search: Search, duals: Duals) -> None:
 
 @pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
 @examples(20)
-@given(st.one_of(meetings(), meetings(team=3)), st.sampled_from([0.3, 2.0]))
+@given(any_meeting, st.sampled_from([0.3, 2.0]))
 def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: float) -> None:
     """Where only states of little slack are searched, what is claimed is verified and true."""
     parameters = Parameters(envelopes=ONLY_LISTS, lists=ListParameters(slack=slack, mean=0.0))
@@ -1009,7 +1012,7 @@ def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
 
 
 @examples(6)
-@given(st.one_of(meetings(), meetings(team=3)))
+@given(any_meeting)
 def test_what_a_search_finds_is_remembered_as_it_is(problem: Problem) -> None:
     """Joint states that are remembered count, with as many robots of each class as there are."""
     add, highest = Known.add, Known.highest
