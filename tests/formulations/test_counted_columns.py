@@ -37,6 +37,7 @@ from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import objective
+from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem, Views
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
@@ -175,6 +176,22 @@ def test_bounds_without_masters_hold(problem: Problem) -> None:
     best, result = optimum(problem).value, branch_and_price(problem, parameters=AS_LARGE)
     assert result.value == pytest.approx(best, rel=1e-4, abs=1e-6)
     assert result.bound >= best - 1e-9 * (1 + abs(best) if np.isfinite(best) else 1)
+
+
+def test_a_second_drone_that_sees_a_person_adds_nothing_to_a_master() -> None:
+    """Where one is enough: the plan of the corridor's drones, which often see the same people."""
+    plain = load_scene("corridor", 0)
+    views = Views(cameras=1, weight=200.0)
+    problem = plain.replace(objective=plain.objective.replace(views=views))
+    model = compiled(problem).disaggregated()
+    plan = Incumbent.of_plan(model, PLANNERS["cocap-rounds"](problem).plan)
+    assert plan is not None
+    seen = np.sum([column.added_to(problem.no_pixels()) for column in plan.columns], axis=0)
+    assert (seen[problem.returns.n_roots :] > 1).any()
+    master = Master(model, penalty=1e6)
+    for column in plan.columns:
+        master.add(column)
+    assert master.solve().value == pytest.approx(plan.value, rel=1e-6)
 
 
 @pytest.mark.parametrize("cameras", [1, 2])
