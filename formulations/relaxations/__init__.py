@@ -7,7 +7,6 @@ a solver's multipliers.
 
 __all__ = [
     "collision_rows",
-    "cone_program",
     "duals",
     "flow",
     "separation",

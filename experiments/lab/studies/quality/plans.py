@@ -9,11 +9,12 @@ from cocap_opt.experiments.lab.studies.quality.rows import PlanRow, rounded
 from cocap_opt.footage.quality import Quality
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import compiled
-from cocap_opt.planners import PLANNERS, RECOMMENDED
+from cocap_opt.planners import RECOMMENDED
 from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask, value_iteration
 from cocap_opt.planners.responses import Responses, followed, one_by_one
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.problem import Plan, Problem
+from cocap_opt.run.engine import run
 from cocap_opt.run.judged import Judged
 from cocap_opt.stop import TimeLimit, never
 
@@ -105,7 +106,7 @@ def _planned(problem: Problem, name: str, limit: float) -> Plan | None:
     if kind in _DRAWN:
         return _DRAWN[kind](problem, int(number))
     compiled(problem).prepare_all()
-    plan: Plan | None = PLANNERS[name](problem, TimeLimit(limit)).plan
+    plan: Plan | None = run(problem, name, TimeLimit(limit)).result.plan
     return plan
 
 
