@@ -1,0 +1,70 @@
+"""The command `front`: a folder that is gone on with, and what is refused."""
+
+import json
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from cocap_opt.cli.main import main
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[object, str, str]:
+    """Exit code and output of the command."""
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as caught:
+        main(["front", *map(str, words)])
+    return caught.value.code, *capsys.readouterr()
+
+
+def test_a_folder_is_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Bounds are read back and checked; each call adds directions, and the gap does not grow."""
+    folder, gaps = tmp_path / "front", []
+    for call in (1, 2):
+        code, out, _ = said(
+            capsys, "tiny-share", "--directions", 2, "--seconds", 2, "-o", folder, "--share", 0,
+            "--json",
+        )  # fmt: skip
+        answer = json.loads(out)
+        assert code == 0 and answer["front"]
+        assert len([*folder.glob("direction-*.bound.json")]) == 2 * call
+        assert len([*folder.glob("plan-*.json")]) == len(answer["front"])
+        gaps.append(answer["gap"])
+    assert gaps[1] <= gaps[0] + 1e-9
+    assert (folder / "front.csv").read_text().startswith("kind,")
+    code, out, _ = said(capsys, "tiny-share", "--directions", 0, "-o", folder)
+    assert code == 0 and "no plan" in out
+
+
+def test_a_lower_bound_than_is_proved_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line, exit code 2; so are folders of another scene, or of other cameras."""
+    code, *_ = said(capsys, "tiny-share", "--directions", 1, "--seconds", 2, "-o", tmp_path)
+    assert code == 0
+    for words in (("tiny-queue",), ("tiny-share", "--cameras", 1)):
+        code, _, err = said(capsys, *words, "--directions", 0, "-o", tmp_path)
+        assert code == 2 and "another scene" in err and err.count("\n") == 1
+    path = tmp_path / "direction-1.bound.json"
+    content = msgspec.json.decode(path.read_bytes())
+    content["bound"] *= 0.5
+    path.write_bytes(msgspec.json.encode(content))
+    code, _, err = said(capsys, "tiny-share", "--directions", 0, "-o", tmp_path)
+    assert code == 2 and "direction-1.bound.json" in err and err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--cameras", "0"), "--cameras: must be 1..64"),
+        (("--at-least", "0"), "--at-least: must be > 0"),
+        (("--share", "1.5"), "--share: must be 0..1"),
+        (("--seconds", "0"), "--seconds: must be more than 0"),
+    ],
+)
+def test_wrong_options_are_one_line(
+    words: tuple[str, str], expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With what is allowed."""
+    code, _, err = said(capsys, "tiny-share", *words)
+    assert code == 2 and expected in err and err.count("\n") == 1
