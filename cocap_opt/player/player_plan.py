@@ -238,7 +238,7 @@ def _gap(problem: Problem, gap: Explanation, obeys: bool) -> Data:
         "losses": [[digits(gap.share(x)) for x in row] for row in gap.losses().tolist()],
         "faces": [[digits(value) for value in row] for row in faces.tolist()],
         "rules": gap.share(gap.total("row", "decision")),
-        "rest": gap.share(gap.total("leaves", "stages", "claim", "rounding")),
+        "rest": gap.share(gap.total("views", "leaves", "stages", "claim", "rounding")),
     }
 
 

@@ -24,6 +24,7 @@ SHOWN = 5e-6  # of the bound; less is a dot in tables and not worth a sentence
 _PARTS: dict[str, tuple[Kind, ...]] = {
     "drones leave the best paths that it knows": ("path",),
     "it pays more for faces than they give": ("face",),
+    "it pays more for views of people than count": ("views",),
     "rules with a price are not used, or broken": ("row",),
     "decisions of the plan's leaf have prices": ("decision",),
     "another leaf of the proof has a larger bound": ("leaves",),

@@ -35,7 +35,7 @@ def explained_sentences(explained: Explained) -> list[str]:
 
 def _costly(explained: Explained) -> list[Term]:
     """Returns the terms that are worth a sentence, the largest first."""
-    terms = explained.explanation.of_kind("path", "face", "row", "decision")
+    terms = explained.explanation.of_kind("path", "face", "views", "row", "decision")
     shown = [term for term in terms if explained.explanation.share(term.amount) >= SHOWN]
     return sorted(shown, key=lambda term: -term.amount)
 
@@ -59,6 +59,13 @@ def _told(explained: Explained, term: Term) -> str:
         when = "over all steps" if term.step is None else f"at step {term.step}"
         return (
             f"person {term.actor}'s {name} {when} is paid {amount} more than the drones get for it"
+        )
+    if term.kind == "views" and term.actor is not None:
+        drones = {0: "no drone", 1: "one drone"}.get(term.robots or 0, f"{term.robots} drones")
+        sees = "sees" if (term.robots or 0) < 2 else "see"
+        return (
+            f"{drones} {sees} {explained.problem.person(term.actor)} at step {term.step}, which is "
+            f"paid {amount} more than it counts"
         )
     at = "at" if isinstance(term.resource, Cells | Visit) else "from"
     where = f"{explained.named(term.resource)} {at} step {term.step}"

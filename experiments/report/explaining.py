@@ -15,7 +15,7 @@ from cocap_opt.run.explained import SHOWN, Explained, is_too_large
 
 _PARTS: dict[str, tuple[Kind, ...]] = {
     "paths": ("path",),
-    "faces": ("face",),
+    "faces": ("face", "views"),
     "rules": ("row", "decision"),
     "other leaves": ("leaves",),
     "stages": ("stages",),
