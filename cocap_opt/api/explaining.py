@@ -38,8 +38,9 @@ def explain(
     DataFrame
         A row per term: `kind` (path, face, views, row, decision, leaves, stages, claim, rounding),
         `step`, `robot`, `actor`, `face` (of the actor), `amount` in units of J, `share` of the
-        bound, of views `robots` (that see the person), and of rows and decisions `resource`, `sense` and `robots` (at most, or at least, so many may
-        use it), `used` and `price`. `attrs` has `bound`, `reward`, and their `difference`.
+        bound, of views `robots` (that see the person), and of rows and decisions `resource`,
+        `sense` and `robots` (at most, or at least, so many may use it), `used` and `price`. `attrs`
+        has `bound`, `reward`, and their `difference`.
 
     Raises
     ------

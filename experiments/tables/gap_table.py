@@ -30,6 +30,7 @@ _SPARE = (
     "reward_rendered", "reward",
 )  # fmt: skip
 _SPARE_MEANS = ("gap_free", "seconds", "bound", "bounds proved", "reward")
+_SPARE_CAMERAS = ("plans", "by three (%)", "error (mm)")
 _SEEN = (
     "By two, by three: share of person-steps at which so many drones or more see the person; "
     "error: that of a point which half of them do not exceed. `cocap-opt quality` tells more.",
@@ -44,7 +45,9 @@ def print_gap_table(rows: Sequence[GapRow]) -> None:
     if len(rows) > len(means):
         Listing("means over seeds", means).fitted(_SPARE_MEANS).print()
     if cameras := _cameras(rows):
-        Listing("cameras on people: means of plans that obey the rules", cameras, _SEEN).print()
+        listing = Listing("cameras on people: means of plans that obey the rules", cameras)
+        listing = listing.fitted(_SPARE_CAMERAS, "--json or --out DIR")
+        listing._replace(notes=[*listing.notes, *_SEEN]).print()
 
 
 def _print_rows(rows: Sequence[GapRow]) -> None:

@@ -76,7 +76,8 @@ def test_no_compiled_function_is_left_out() -> None:
         kernel.load()
         assert kernel.is_loaded and kernel.is_kept
         every = functions.kept_functions(kernel.functions)
-        assert every and all(len(function.signatures) == 1 for function in every)
+        # Other tests of the same process may have compiled it for arrays of another kind.
+        assert every and all(function.signatures for function in every)
 
 
 @pytest.fixture

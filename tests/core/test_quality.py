@@ -414,7 +414,7 @@ def slow_error(problem: Problem, plan: Plan, t: int, j: int, seen: BoolArray) ->
         J = np.column_stack([(image(point + d) - image(point - d)) / 2e-6 for d in steps])
         total += J.T @ J / 25
     values = np.linalg.eigvalsh(total)
-    if values[0] <= 1e-9 * values[2]:
+    if values[0] <= 1e-12 * values[2]:
         return math.inf
     return float(math.sqrt(np.trace(np.linalg.inv(total))))
 
