@@ -33,7 +33,7 @@ _SPARE = {
                "proved optimal", "mean reward", "largest gap (%)"),
     _DIFFERENCES: ("seeds", "equal", "worse", "better"),
     _PRICE: ("seeds", "largest (%)", "bound proved best"),
-    _CAMERAS: ("plans",),
+    _CAMERAS: ("plans", "seen by three (%)", "median error (mm)"),
     _TIME: ("runs", "longest (s)", "shifted geometric mean (s)", "no valid plan"),
 }  # fmt: skip
 
