@@ -625,7 +625,7 @@ def test_plans_above_a_higher_target_are_tried(problem: Problem, seed: int, shar
     rng = np.random.default_rng(seed)
     problem = without_rewards(problem)
     best = optimum(problem)
-    if best.plan is None or not best.value:  # a plan that is worth nothing has no better ones
+    if best.plan is None:
         return
     model = some_model(problem, rng)
     narrowing = random_narrowing(model, 0.3 * best.value - 1, rng)
@@ -637,7 +637,7 @@ def test_plans_above_a_higher_target_are_tried(problem: Problem, seed: int, shar
     if share < 1:
         assert found.value == pytest.approx(best.value)
     else:
-        assert not found.paths or found.value <= target  # some that are followed end below it
+        assert not found.paths
         assert found.pricing.bound == pytest.approx(target)
     with pytest.raises(CertificateError, match="not below target"):
         narrowing.above(narrowing.target - 1)

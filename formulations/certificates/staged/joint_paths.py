@@ -266,7 +266,8 @@ def best_plan(
         reached.append(team.after(t, reached[-1], following, stop))
     nodes = most_nodes - following.nodes_left
     numbers = tuple(len(step.values) for step in reached)
-    if not numbers[-1]:
+    # Rows may charge nobody: what is followed to the end may be worth less than the target.
+    if not (reached[-1].values > team.matters).any():
         return BestPlan(narrowing, -np.inf, nodes=nodes, reached=numbers)
     return BestPlan(narrowing, float(reached[-1].values[0]), _paths(reached), nodes, numbers)
 
@@ -287,7 +288,7 @@ class _Team:
         class_of = {robot: n for n, robots in enumerate(model.classes) for robot in robots.robots}
         self._numbers = np.array([class_of[robot] for robot in range(len(class_of))])
         # What is worth no more than the target at the end need not be followed.
-        self._matters = narrowing.target - 2 * narrowing.rounding
+        self.matters = narrowing.target - 2 * narrowing.rounding
 
     def starts(self) -> _Reached:
         """Returns where robots start; nothing, if a start is closed."""
@@ -323,7 +324,7 @@ class _Team:
             raise NotEndedError
         numbers = self._numbers[choices.robots].tolist()
         joint = self._apart(numbers, t, choices.states)
-        floors = self._matters - self._rest(t) - before.values
+        floors = self.matters - self._rest(t) - before.values
         reached, waiting = before.nothing, []
         for tails, heads in following.found(joint, choices, floors, stop):
             waiting.append(self._reached(joint, choices.robots, before, tails, heads))
