@@ -146,7 +146,7 @@ class Judged(NamedTuple, Generic[_R_co]):
         """Returns at how many steps no drone of the plan sees anybody, if those are most."""
         if self.verdict is None or not problem.actors:
             return ""
-        if not any(self.verdict.face_reward):
+        if not any((*self.verdict.face_reward, *self.verdict.count_reward)):
             return "no drone sees anybody at any step"
         steps = self.verdict.reward_per_step
         blind = sum(reward <= 0 for reward in steps)

@@ -18,6 +18,7 @@ from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.joint import joint
 from cocap_opt.problem import Objective, Problem, Views
 from cocap_opt.referee import check
+from cocap_opt.run.engine import run
 from cocap_opt.scenarios import load_scene
 
 COUNTED = counting(problems(over_time=True))
@@ -122,6 +123,15 @@ def test_nothing_changes_where_nobody_counts() -> None:
     counted = problem.replace(objective=problem.objective.replace(views=Views()))
     assert problem_digest(counted) != problem_digest(problem)
     assert coverage_digest(counted) == coverage_digest(problem)
+
+
+def test_a_plan_for_views_alone_is_not_blind() -> None:
+    """Whoever is seen counts, whatever pixels are worth."""
+    problem = load_scene("corridor", 0)
+    objective = problem.objective.replace(pixels=0.0, views=Views())
+    judged = run(problem.replace(objective=objective), "sequential")
+    assert judged.verdict is not None and any(judged.verdict.count_reward)
+    assert not judged.blind(problem)
 
 
 @pytest.mark.parametrize(
