@@ -13,7 +13,6 @@ from functools import lru_cache
 import numpy as np
 
 from cocap_opt.graph.motion import Window
-from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import CollisionRules, Plan, Problem, Robot, State
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.vision.faces import FaceGeometry
@@ -224,10 +223,8 @@ class _Referee:
         self, geometry: FaceGeometry, robot: Robot, path: tuple[State, ...], window: Window
     ) -> list[list[float]]:
         """Returns the coverage [T+1][W] that a robot has along its path, which is in the window."""
-        pitches = len(robot.camera.tilts)
-        graph = TimeGraph.of(self.problem.workspace, robot.motion, pitches, window)
-        views = StateViews.of(geometry, self.problem, graph, robot.camera)
-        states = np.array([graph.index(state) for state in path[: self.problem.horizon + 1]])
+        views = StateViews.within(window, geometry, self.problem, robot)
+        states = np.array([views.graph.index(state) for state in path[: self.problem.horizon + 1]])
         coverage: list[list[float]] = views.along(0, states).tolist()
         return coverage
 

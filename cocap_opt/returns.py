@@ -53,6 +53,12 @@ class Returns(NamedTuple):
             found[..., counts] = np.minimum(amounts[..., counts], caps)
         return found
 
+    def gains(self, amounts: FloatArray, view_sums: IntArray, more: FloatArray) -> FloatArray:
+        """Returns the gains [m] by `more` [m] of some view sums [m], on amounts [Z] of all."""
+        gains = self.values_at(view_sums, amounts[view_sums] + more)
+        gains -= self.values(amounts)[view_sums]
+        return gains
+
     def value_of(self, view_sum: int, amounts: FloatArray) -> FloatArray:
         """Returns phi of amounts of one view sum, in their shape."""
         if view_sum < self.n_roots:

@@ -38,7 +38,6 @@ from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Re
 from cocap_opt.formulations.explanation import reward_of_move
 from cocap_opt.graph.motion import Window
 from cocap_opt.graph.networks import Node, edges_in_reach, keep_paths, reached_graph
-from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import Cell, Objective, Problem, Robot, State
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import StateViews
@@ -381,9 +380,8 @@ class _Sight:
             if (robot.motion, robot.camera) == (spec.motion, spec.camera)
         ]
         window = Window.around(alike, spec.motion.radius * problem.horizon, problem.workspace)
-        tilts = len(spec.camera.tilts)
-        self._graph = TimeGraph.of(problem.workspace, spec.motion, tilts, window)
-        self._views = StateViews.of(FaceGeometry(problem), problem, self._graph, spec.camera)
+        self._views = StateViews.within(window, FaceGeometry(problem), problem, spec)
+        self._graph = self._views.graph
 
     def look(self, nodes: Iterable[Node]) -> None:
         """Evaluates the views of nodes; those that are known already are not evaluated again."""

@@ -6,18 +6,20 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check as judge_plan
 from cocap_opt.result import Result
 
+_USUAL = Assumptions()
+
 
 def quality(
     problem: Problem,
     plan: Plan | Result | None,
     *,
-    at_least: float = 0.3,
-    pixel_error: float = 5.0,
-    position_error: float = 0.0,
-    attitude_error: float = 0.0,
-    exposure: float = 1 / 500,
-    drone_size: float = 0.4,
-    drone_pixels: float = 100.0,
+    at_least: float = _USUAL.at_least,
+    pixel_error: float = _USUAL.pixel_error,
+    position_error: float = _USUAL.position_error,
+    attitude_error: float = _USUAL.attitude_error,
+    exposure: float = _USUAL.exposure,
+    drone_size: float = _USUAL.drone_size,
+    drone_pixels: float = _USUAL.drone_pixels,
 ) -> Quality:
     """Tell how well a plan films people: by how many drones, how accurately, how sharply.
 

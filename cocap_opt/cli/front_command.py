@@ -97,11 +97,10 @@ def _say(front: Front, share: float | None, seed: int, output: Path | None, json
 
 def _rows(front: Front) -> list[Record]:
     """Returns a row for each plan."""
-    most = max(front.most_views, 1e-300)
     return [
         {
             "views": point.views,
-            "of all (%)": 100 * point.views / most,
+            "of all (%)": 100 * front.share(point.views),
             "J": point.reward,
             "no plan has more than": front.reward_bound(point.views),
         }
@@ -113,11 +112,11 @@ def _notes(front: Front) -> list[str]:
     """Returns sentences on the whole."""
     if not front.plans:
         return ["no plan that obeys the rules was found"]
-    most = max(front.most_views, 1e-300)
+    most = 100 * front.share(front.views_bound)
     said = [
         f"views: drones that see a person, at most {front.views.cameras} counted, over all people "
         f"and steps; {front.most_views:g} if all were seen so",
-        f"no plan of these drones has more than {100 * front.views_bound / most:.1f} % of them",
+        f"no plan of these drones has more than {most:.1f} % of them",
     ]
     if math.isfinite(front.gap):
         said.append(f"between plans and proofs there is at most {100 * front.gap:.2f} %")

@@ -21,6 +21,7 @@ from cocap_opt.footage.strip import draw_strip
 from cocap_opt.footage.summary import OfPerson, Summary
 from cocap_opt.footage.words import quality_words
 from cocap_opt.problem import Camera, Plan, Problem
+from cocap_opt.vision.views import are_seen
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
     from cocap_opt.problem.pictures import WholeAxes
 
-_ROUNDING = 1e-9  # by which a share may be rounded below the one that is asked for
+_ROUNDING = 1e-9  # by which a share may be rounded above 1
 _MOST_MOMENTS = 5  # that are named
 
 
@@ -226,11 +227,12 @@ def person_steps(problem: Problem) -> BoolArray:
     """Returns an array [T+1, A], true for the person-steps that count.
 
     These are steps 1 to T, and 0 if the start counts, of people one of whose faces has a weight
-    above 0, at an importance above 0.
+    above 0, at an importance above 0; also where the objective counts no pixels.
     """
     steps = problem.horizon + 1
     found = np.zeros((steps, len(problem.actors)), dtype=np.bool_)
-    t, faces = np.nonzero(problem.step_weights > 0)
+    weights = problem.importance[:, problem.face_owner] * problem.face_weights
+    t, faces = np.nonzero(weights > 0)
     found[t, problem.face_owner[faces]] = True
     found[: problem.first_step] = False
     return found
@@ -242,7 +244,7 @@ def _seen(shares: FloatArray, shape: tuple[int, ...], at_least: float) -> BoolAr
         raise ValueError(f"shares: must have the shape {shape}, not {np.shape(shares)}")
     if not ((shares >= 0) & (shares <= 1 + _ROUNDING)).all():  # false for nan, too
         raise ValueError("shares: must be 0..1")
-    return np.asarray(shares >= at_least - _ROUNDING)
+    return are_seen(shares, at_least)
 
 
 def _errors(

@@ -4,7 +4,6 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.footage.poses import require_paths
-from cocap_opt.graph import TimeGraph
 from cocap_opt.graph.motion import Window
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.vision.faces import FaceGeometry
@@ -31,12 +30,8 @@ def visible_shares(problem: Problem, plan: Plan) -> FloatArray:
     window = Window.around(cells, 0, problem.workspace)
     geometry = FaceGeometry(problem)
     for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
-        pitches = len(robot.camera.tilts)
-        graph = TimeGraph.of(problem.workspace, robot.motion, pitches, window)
-        views = StateViews.of(geometry, problem, graph, robot.camera)
-        states = np.array([graph.index(state) for state in path])
-        found = views.people(steps * graph.n_states + states)
-        # From inside of a body none of its faces is turned to the drone.
-        whole = np.where(found.unhidden > 0, found.unhidden, np.inf)
-        shares[found.rows, i, found.people] = np.minimum(found.visible / whole, 1.0)
+        views = StateViews.within(window, geometry, problem, robot)
+        states = np.array([views.graph.index(state) for state in path])
+        found = views.people(steps * views.n_states + states)
+        shares[found.rows, i, found.people] = found.shares
     return shares

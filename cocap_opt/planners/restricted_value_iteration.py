@@ -294,8 +294,7 @@ class _Graph:
 
     def _rewards_of_nodes(self, pixels: FloatArray, charges: Charges) -> FloatArray:
         """Returns the marginal rewards [N] less what is charged for places and states."""
-        gain = self._returns.values_at(self._view_sums, pixels[self._view_sums] + self._pixels)
-        gain -= self._returns.values(pixels)[self._view_sums]
+        gain = self._returns.gains(pixels, self._view_sums, self._pixels)
         gain *= self._weights
         value = np.zeros(len(self._states))
         if len(gain):

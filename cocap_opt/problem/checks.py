@@ -48,14 +48,8 @@ def require_scene(scene: SceneData) -> None:
             f"not {rows}",
         )
         _require_importance(scene, j, actor)
-    views, people = scene.objective.views, len(scene.actors)
-    if views is not None:
-        given = len(views.weights(people))
-        require(
-            given == people,
-            "objective.views.weight",
-            f"must be one number, or one for each of the {people} people, not {given}",
-        )
+    if scene.objective.views is not None:
+        scene.objective.views.require_for(len(scene.actors), "objective.views.weight")
     for i, robot in enumerate(scene.robots):
         _require_robot(scene, i, robot)
     _require_starts_apart(scene)

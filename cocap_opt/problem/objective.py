@@ -46,6 +46,15 @@ class Views(Data, frozen=True):
         within(self.at_least, 0, 1, "at_least")
         require(self.at_least > 0, "at_least", "must be > 0, or all drones see everybody")
 
+    def require_for(self, people: int, field: str = "weight") -> None:
+        """Requires one weight, or one for each of so many people; the message names the field."""
+        given = len(self.weights(people))
+        require(
+            given == people,
+            field,
+            f"must be one number, or one for each of the {people} people, not {given}",
+        )
+
     def weights(self, people: int) -> tuple[float, ...]:
         """Returns the weight of each person, in px^0.5/m."""
         return self.weight if isinstance(self.weight, tuple) else (self.weight,) * people

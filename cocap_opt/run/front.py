@@ -41,6 +41,11 @@ class Direction(NamedTuple):
     reward: float
     views: float
 
+    @property
+    def unit(self) -> float:
+        """The factor by which J of the direction's scene becomes the sum."""
+        return self.reward or 1.0
+
     def of(self, reward: float, views: float) -> float:
         """Returns the weighted sum."""
         return self.reward * reward + self.views * views
@@ -107,11 +112,10 @@ class Front:
         """
         from cocap_opt.run.front_figure import draw  # matplotlib
 
-        percent = 100 / max(self.most_views, 1e-300)
         return draw(
-            [(percent * point.views, point.reward) for point in self.plans],
-            percent * self.views_bound,
-            lambda share: self.reward_bound(share / percent),
+            [(100 * self.share(point.views), point.reward) for point in self.plans],
+            100 * self.share(self.views_bound),
+            lambda percent: self.reward_bound(percent / 100 * self.most_views),
             f"drones that see a person, up to {self.views.cameras} (% of all)",
             ax,
         )
@@ -123,11 +127,14 @@ class Front:
         cameras = min(self.views.cameras, len(self.problem.robots))
         return cameras * float(self.problem.importance[first:].sum())
 
+    def share(self, views: float) -> float:
+        """Returns views as a share of `most_views`; 0 where nobody can be seen."""
+        return views / self.most_views if self.most_views else 0.0
+
     def scene(self, direction: Direction) -> Problem:
         """Returns the problem whose objective is the weighted sum of J and V."""
-        views = self.views.replace(weight=direction.views)
+        views = self.views.replace(weight=direction.views / direction.unit)
         if direction.reward:
-            views = views.replace(weight=direction.views / direction.reward)
             objective = self.problem.objective.replace(views=views)
         else:
             objective = Objective(
@@ -189,9 +196,9 @@ class Front:
 
     def next_direction(self) -> Direction:
         """Returns the direction in which there is the most room, of those not proved if any is."""
-        known = [plane.direction for plane in self.half_planes]
-        new = [d for d in self._edges() if not any(_alike(d, k, self._scale) for k in known)]
-        return max(new or self._edges(), key=self.room)
+        known, edges = [plane.direction for plane in self.half_planes], self._edges()
+        new = [d for d in edges if not any(_alike(d, k, self._scale) for k in known)]
+        return max(new or edges, key=self.room)
 
     def explored(
         self,
@@ -235,8 +242,7 @@ class Front:
             scene, bound, FirstOf(stop, left), watch=watch,
             start=None if start is None else start.plan,
         ).result  # fmt: skip
-        scale = direction.reward or 1.0
-        plane = HalfPlane(direction, result.bound * scale, result.certificate)
+        plane = HalfPlane(direction, result.bound * direction.unit, result.certificate)
         front = replace(front, half_planes=(*front.half_planes, plane))
         return front.with_plans([result.plan] if result.plan is not None else [])
 
@@ -305,11 +311,10 @@ def _is_below(a: PlanPoint, b: PlanPoint, c: PlanPoint) -> bool:
 
 def as_rows(front: Front) -> list[dict[str, float | str]]:
     """Returns a row for each plan, and for each half-plane, of a table."""
-    most = max(front.most_views, 1e-300)
     rows: list[dict[str, float | str]] = [
         {
             "kind": "plan", "reward": point.reward, "views": point.views,
-            "share": point.views / most, "no more than": front.reward_bound(point.views),
+            "share": front.share(point.views), "no more than": front.reward_bound(point.views),
         }
         for point in front.plans
     ]  # fmt: skip

@@ -78,7 +78,7 @@ def read(front: Front, folder: Path, stop: Stop = never) -> Front:
             bound = verify(scene, file, stop=stop).bound
         except CertificateError as error:
             raise FileError(f"{where}: {error}") from error
-        planes.append(HalfPlane(direction, bound * (direction.reward or 1.0), file))
+        planes.append(HalfPlane(direction, bound * direction.unit, file))
     plans = []
     for path in _numbered(folder, _PLAN):
         found = decode_document(read_bytes(path), str(path), PlanFile)

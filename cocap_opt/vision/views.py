@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from cocap_opt.arithmetic import spans
 from cocap_opt.compiling import Kernel
 from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.graph.motion import Window
 from cocap_opt.graph.timegraph import TimeGraph
-from cocap_opt.problem import AnyCamera, Camera, Cone, Problem
+from cocap_opt.problem import AnyCamera, Camera, Cone, Problem, Robot
 from cocap_opt.stop import Stop
 from cocap_opt.vision.faces import FaceGeometry, Faces
 from cocap_opt.vision.projection import Projection, dot, solid_angles
@@ -51,6 +52,16 @@ class SeenPeople(NamedTuple):
     visible: FloatArray  # [n] sr, > 0, of what is visible in the image
     unhidden: FloatArray  # [n] sr, with nothing in the way and no edge of the image
 
+    @property
+    def shares(self) -> FloatArray:
+        """The shares [n] that are visible of what there is with nothing in the way, 0 to 1."""
+        return np.minimum(self.visible / self.unhidden, 1.0)
+
+
+def are_seen(shares: FloatArray, at_least: float) -> BoolArray:
+    """Returns true where a share of a person is as large as one must be for the person to count."""
+    return np.asarray(shares >= at_least - _SHARE_ROUNDING)
+
 
 class Seen(NamedTuple):
     """The faces that some views see, and the people, if these are asked for."""
@@ -78,8 +89,7 @@ class SeenColumns(NamedTuple):
         at_least : share of the solid angle that a person has with nothing in the way
         """
         people = seen.people
-        share = people.visible / people.unhidden
-        counts = np.flatnonzero(share >= at_least - _SHARE_ROUNDING)
+        counts = np.flatnonzero(are_seen(people.shares, at_least))
         return cls.merged(seen.faces, people.rows[counts], people.people[counts], n_faces)
 
     @classmethod
@@ -202,8 +212,9 @@ class PinholeSight:
         seen = SeenFaces(row[kept], face[kept], area[kept] / faces.areas[face[kept]])
         if not people:
             return Seen(seen, NO_PEOPLE)
-        visible = np.zeros((len(which), self._n_actors))
-        np.add.at(visible, (row, self._owners[face]), images[1])
+        pairs = row * self._n_actors + self._owners[face]
+        sums = np.bincount(pairs, images[1], minlength=len(which) * self._n_actors)
+        visible: FloatArray = sums.reshape(len(which), self._n_actors).astype(np.float64)
         row, person = np.nonzero(visible)
         unhidden = self._unhidden(faces, at[which[row]], eyes[which[row]], person)
         return Seen(seen, SeenPeople(row, person, visible[row, person], unhidden))
@@ -257,8 +268,8 @@ class PinholeSight:
         images = self._images(sight.pieces[piece], looks, people)
         if sight.veil is not None:
             axes = self._axes[looks]
-            shares = sight.veil.shares(piece, images[0] > 0, self._projection, axes)
-            images = images * shares[: len(images)]
+            wanted = images[0] > 0
+            images = images * sight.veil.shares(piece, wanted, self._projection, axes, people)
         images = np.array([
             np.bincount(entry, weights=image, minlength=len(at)) for image in images
         ])  # fmt: skip
@@ -405,6 +416,15 @@ class StateViews(ABC):
         if isinstance(camera, Cone):
             return ConeViews(geometry, problem, graph, camera)
         return PinholeViews(geometry, problem, graph, camera, plain)
+
+    @classmethod
+    def within(
+        cls, window: Window, geometry: FaceGeometry, problem: Problem, robot: Robot
+    ) -> "StateViews":
+        """Returns the views of a robot's states in a window of the map."""
+        pitches = len(robot.camera.tilts)
+        graph = TimeGraph.of(problem.workspace, robot.motion, pitches, window)
+        return cls.of(geometry, problem, graph, robot.camera)
 
     @property
     @abstractmethod

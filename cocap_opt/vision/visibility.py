@@ -37,16 +37,18 @@ class _Veil(NamedTuple):
     seen: BoolArray  # [v, M]
 
     def shares(
-        self, pieces: IntArray, wanted: BoolArray, projection: Projection, axes: FloatArray
-    ) -> FloatArray:
-        """Returns the shares [2, n] of pieces' images, and of their solid angles, that are seen.
+        self, pieces: IntArray, wanted: BoolArray, projection: Projection, axes: FloatArray,
+        with_angles: bool,
+    ) -> FloatArray:  # fmt: skip
+        """Returns the shares [1, n] of pieces' images that are seen, and [2, n] of solid angles.
 
         Parameters
         ----------
         pieces, wanted : [n] numbers of the pieces, and true where they have an image
         axes : [n, 3, 3] right, up and forward of each camera
+        with_angles : the shares of solid angles are asked for, too
         """
-        shares = np.tile(self.share[pieces], (2, 1))
+        shares = np.tile(self.share[pieces], (1 + with_angles, 1))
         mixed = np.flatnonzero(np.isnan(shares[0]) & wanted)
         most = max(_POINTS // max(self.points.shape[1], 1), 1)
         for first in range(0, len(mixed), most):
@@ -58,7 +60,8 @@ class _Veil(NamedTuple):
             inside = (projection.frustum_distances(points) > 0).all(axis=-1)
             # Of a piece of a plane, the image is proportional to the inverse cube of its depth, and
             # the solid angle to that of its distance.
-            for share, away in zip(shares, _depth_and_distance(points), strict=True):
+            for k, share in enumerate(shares):
+                away = np.sqrt(dot(points, points)) if k else points[..., 2]
                 away = np.where(inside, away, 1.0)
                 weights = inside * self.areas[row] / (away * away * away)
                 # Added one by one, so that the result does not depend on the number of points.
@@ -69,11 +72,6 @@ class _Veil(NamedTuple):
                 seen = np.bincount(which, weights=arrived, minlength=len(row))
                 share[batch] = np.where(whole > 0, seen / np.where(whole > 0, whole, 1.0), 0.0)
         return np.nan_to_num(shares)
-
-
-def _depth_and_distance(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns depths and distances [..] of points [.., 3] in a camera's axes."""
-    return points[..., 2], np.sqrt(dot(points, points))
 
 
 class Sightings(NamedTuple):

@@ -108,7 +108,7 @@ def repaired_roots(
     scale : [z] px^0.5/m
     weights : [z]
     single_view : [z] multipliers of u <= sum of roots of pixels, or <= sum of counts
-    pixels : [r] multipliers of z <= sum of pixels; others after these do not matter
+    pixels : [r] multipliers of z <= sum of pixels
     cut_at : [k] position of each cut's view sum among `view_sums`
     cuts : [k] multipliers of the cuts
 
@@ -129,7 +129,7 @@ def repaired_roots(
     n = returns.n_roots
     rest, left, of_roots = rest[:n], (rest - own_alpha)[:n], view_sums[:n]
     largest = np.sqrt(problem.most_views) * scale[:n]
-    own_beta = np.nan_to_num(pixels[:n] / (weights[:n] * scale[:n]))
+    own_beta = np.nan_to_num(pixels / (weights[:n] * scale[:n]))
     own_beta = np.maximum(own_beta, left / (2 * largest))
     nearly = left < 1e-9
     # A little more than the rest, so that no rounding makes it less.

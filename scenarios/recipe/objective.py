@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from cocap_opt.data import ProblemError
 from cocap_opt.problem import Actor, Objective, Robot, Views
 from cocap_opt.scenarios.tables import Table
 from cocap_opt.scenarios.text import naming
@@ -34,12 +33,8 @@ class ViewsTable(Table):
         weight = default_weights(actors, robots) if self.weight is None else self.weight
         # Each number is checked before it is multiplied, under the name that the recipe has.
         given = Views(cameras=self.cameras, weight=weight, at_least=self.at_least)
+        given.require_for(len(actors))
         weights = given.weights(len(actors))
-        if len(weights) != len(actors):
-            raise ProblemError(
-                f"weight: must be one number, or one for each of the {len(actors)} people, not "
-                f"{len(weights)}"
-            )
         return given.replace(weight=tuple(w * f for w, f in zip(weights, factors, strict=True)))
 
 

@@ -204,6 +204,9 @@ def test_who_counts() -> None:
     )
     problem, _ = scene((WEST,) * 3, actors=people)
     assert person_steps(problem).T.tolist() == [[0, 1, 1], [0, 0, 0], [0, 0, 1]]
+    # Also where the plan is made for views alone.
+    views_alone = problem.replace(objective=problem.objective.replace(pixels=0.0))
+    assert person_steps(views_alone).tolist() == person_steps(problem).tolist()
     started = problem.replace(objective=Objective(count_start=True))
     assert person_steps(started).T.tolist() == [[1, 1, 1], [0, 0, 0], [1, 0, 1]]
 

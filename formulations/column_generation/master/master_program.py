@@ -331,15 +331,13 @@ class MasterProgram:
         Decisions that close a resource need none.
         """
         seen, shares = self._is_seen, np.zeros(len(self._cuts))
-        pixels = np.zeros(len(self._weights))
-        pixels[: self._returns.n_roots] = multipliers["pixels"]
         alpha, beta, shares[seen] = repaired_roots(
             self._model.problem,
             view_sums=self._view_sums,
             scale=self._scale,
             weights=self._weights / self._unit,
             single_view=multipliers["single view"],
-            pixels=pixels,
+            pixels=multipliers["pixels"],
             cut_at=self._cut_at[seen],
             cuts=multipliers["cuts"][seen],
         )

@@ -265,8 +265,7 @@ class _ArcGraph:
 
     def _values(self, pixels: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
         """Returns the values of the arcs and of the nodes of each step, by value iteration."""
-        at, returns = self._view_sums, self._model.problem.returns
-        gains = returns.values_at(at, pixels[at] + self._pixels) - returns.values(pixels)[at]
+        gains = self._model.problem.returns.gains(pixels, self._view_sums, self._pixels)
         n_nodes = int(self._first_node[-1])
         rewards = np.zeros(n_nodes)
         rewards += np.bincount(self._seeing, gains * self._weights, minlength=n_nodes)
