@@ -160,7 +160,8 @@ class GrowingTable:
 
     def _keep(self, found: "list[_SeenRows]", steps: int) -> None:
         """Takes up the rows of all batches of some steps, and counts the steps as done."""
-        for column, part in zip(self._rows, _in_order(_joined(found)), strict=True):
+        rows = _in_order(_joined(found), self._n_places)
+        for column, part in zip(self._rows, rows, strict=True):
             column.append(part)
         self.steps = steps
 
@@ -280,9 +281,13 @@ def _joined(parts: list[_SeenRows]) -> _SeenRows:
     return nodes, counts, view_sums, pixels
 
 
-def _in_order(rows: _SeenRows) -> _SeenRows:
-    """Returns the same rows, sorted by node."""
+def _in_order(rows: _SeenRows, n_places: int) -> _SeenRows:
+    """Returns the same rows, sorted by node; those with the same orientation are so already."""
     nodes, counts, view_sums, pixels = rows
-    order = np.argsort(nodes)
+    looks = nodes // n_places
+    looks -= looks.min(initial=np.iinfo(np.int64).max)
+    if looks.max(initial=0) < 2**16:  # sorted in a time that grows with their number only
+        looks = looks.astype(np.uint16)
+    order = np.argsort(looks, kind="stable")
     entries = spans((np.cumsum(counts) - counts)[order], counts[order])
     return nodes[order], counts[order], view_sums[entries], pixels[entries]
