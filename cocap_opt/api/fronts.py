@@ -1,7 +1,7 @@
 """The face's trade-offs between J and the drones that see each person."""
 
 from cocap_opt.api.arguments import require_problem
-from cocap_opt.problem import Problem
+from cocap_opt.problem import Problem, Views
 from cocap_opt.run.front import Front
 from cocap_opt.stop import FirstOf, Stop, TimeLimit, never
 
@@ -9,8 +9,9 @@ from cocap_opt.stop import FirstOf, Stop, TimeLimit, never
 def front(
     problem: Problem,
     *,
-    cameras: int = 2,
-    at_least: float = 0.3,
+    cameras: int | None = None,
+    at_least: float | None = None,
+    share: float | None = None,
     directions: int = 6,
     seconds: float = 10.0,
     time_limit: float | None = None,
@@ -21,10 +22,14 @@ def front(
 
     Parameters
     ----------
-    problem : the drones, the people, and where they are; what its objective says of views does not
-        matter
-    cameras : drones that see a person, from which on more add nothing
-    at_least : share of a person, by solid angle, that must be visible in a drone's image
+    problem : the drones, the people, and where they are; the weight of views in its objective does
+        not matter
+    cameras : drones that see a person, from which on more add nothing. None: those of the
+        problem's objective, or 2
+    at_least : share of a person, by solid angle, that must be visible in a drone's image. None:
+        that of the objective, or 0.3
+    share : of all possible views, around which plans and bounds are found first. None: that of the
+        objective, if it has one
     directions : how many weights of J and views are tried
     seconds : of each of them, coverage not included
     time_limit : seconds of all of them, the coverage included
@@ -43,7 +48,7 @@ def front(
     Raises
     ------
     ProblemError
-        If `cameras` or `at_least` is out of range.
+        If `cameras`, `at_least` or `share` is out of range.
     ValueError
         If `so_far` is of another problem.
 
@@ -53,10 +58,14 @@ def front(
     >>> front.best_with(0.9 * front.most_views)
     """
     require_problem(problem)
-    begun = Front.of(problem, cameras, at_least)
+    views = problem.objective.views or Views()
+    given = {"cameras": cameras, "at_least": at_least, "share": share}
+    views = views.replace(**{name: x for name, x in given.items() if x is not None})
+    begun = Front.of(problem, views.cameras, views.at_least)
     if so_far is not None:
         if not so_far.is_of(begun):
             raise ValueError("so_far: must be of the same problem, cameras and share")
         begun = so_far
     limit = never if time_limit is None else TimeLimit(time_limit)
-    return begun.explored(FirstOf(stop, limit), seconds, directions)
+    wanted = None if views.share is None else views.share * begun.most_views
+    return begun.explored(FirstOf(stop, limit), seconds, directions, wanted=wanted)

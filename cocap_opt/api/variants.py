@@ -1,6 +1,7 @@
 """The face's variants of problems: what else is to be planned for."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -12,8 +13,9 @@ from cocap_opt.vision import default_weights
 def with_views(
     problem: Problem,
     cameras: int = 2,
-    weight: float | Sequence[float] | None = None,
+    weight: float | Sequence[float] | Literal["first"] | None = None,
     at_least: float = 0.3,
+    share: float | None = None,
 ) -> Problem:
     """Ask for several drones that see each person, besides pixels.
 
@@ -28,9 +30,11 @@ def with_views(
     weight : of one drone that sees a person at one step, in px^0.5/m; one number for all people or
         one for each. None: half of what one unhidden view of the person pays from where the person
         fills a third of the image's height, the mean over eight directions around the person and
-        over the drones' cameras
+        over the drones' cameras. "first": more than all that pixels and moves can pay, so that a
+        plan that sees more people comes before others, whatever their pixels
     at_least : share of the solid angle that the person has from a drone, with nothing in the way,
         that is to be visible in its image
+    share : of all possible views, which plans are asked to keep; `front` finds the best that do
 
     Returns
     -------
@@ -51,7 +55,16 @@ def with_views(
     require_problem(problem)
     require(cameras, "cameras", "a whole number", int, np.integer)
     require_number(at_least, "at_least")
-    if weight is not None and not isinstance(weight, Sequence | np.ndarray):
+    if share is not None:
+        require_number(share, "share")
+    given = weight if isinstance(weight, str) else _numbers(weight)
+    return default_weights.with_views(problem, cameras, given, at_least, share)
+
+
+def _numbers(weight: float | Sequence[float] | None) -> float | tuple[float, ...] | None:
+    """Returns a number, or one for each person, that is checked elsewhere."""
+    if isinstance(weight, Sequence | np.ndarray):
+        return tuple(weight)
+    if weight is not None:
         require_number(weight, "weight")
-    given = tuple(weight) if isinstance(weight, Sequence | np.ndarray) else weight
-    return default_weights.with_views(problem, cameras, given, at_least)
+    return weight

@@ -11,6 +11,7 @@ from cocap_opt.cli.options import Json, Scene, Seed, Whole, load
 from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError
 from cocap_opt.output.printing import Listing, Record, print_result
+from cocap_opt.problem import Views
 from cocap_opt.run import front_files
 from cocap_opt.run.front import Front
 from cocap_opt.run.options import Option, UsageError
@@ -24,17 +25,27 @@ def _front(
     /,
     *,
     seed: Seed = 0,
-    cameras: Annotated[Whole, Parameter(help="drones from which on more add nothing")] = 2,
+    cameras: Annotated[
+        Whole | None,
+        Parameter(help="drones from which on more add nothing; if not given, the scene's, or 2"),
+    ] = None,
     at_least: Annotated[
-        float, Parameter(help="share of a person that must be visible in a drone's image")
-    ] = 0.3,
+        float | None,
+        Parameter(
+            help="share of a person that must be visible in a drone's image; if not given, the "
+            "scene's, or 0.3"
+        ),
+    ] = None,
     directions: Annotated[Whole, Parameter(help="weights that are tried in this call")] = 6,
     seconds: Annotated[
         float, Parameter(name="--seconds", help="for each of them, coverage not included")
     ] = 10.0,
     share: Annotated[
         float | None,
-        Parameter(help="tell the best plan with at least this share of all possible views"),
+        Parameter(
+            help="find the best plan with at least this share of all possible views; if not given, "
+            "the scene's, if it has one"
+        ),
     ] = None,
     output: Annotated[
         Path | None,
@@ -54,15 +65,23 @@ def _front(
         raise UsageError("--seconds: must be more than 0")
     if share is not None and not 0 <= share <= 1:
         raise UsageError(f"--share: must be 0..1, not {share:g}")
+    problem = load(scene, seed)
+    stated = problem.objective.views or Views()
+    share = stated.share if share is None else share
     try:
-        front = Front.of(load(scene, seed), cameras, at_least)
+        front = Front.of(
+            problem,
+            stated.cameras if cameras is None else cameras,
+            stated.at_least if at_least is None else at_least,
+        )
     except ProblemError as error:
         raise UsageError(f"--{str(error).replace('_', '-')}") from error
     name = f"{front.problem.name} seed {seed}"
     with Interrupt.caught() as interrupt, Watch.on_terminal(name) as watch:
         if output is not None:
             front = front_files.read(front, output)
-        front = front.explored(interrupt, seconds, directions, watch=watch)
+        wanted = None if share is None else share * front.most_views
+        front = front.explored(interrupt, seconds, directions, watch=watch, wanted=wanted)
         if output is not None:
             front_files.save(front, output)
     _say(front, share, seed, output, json)

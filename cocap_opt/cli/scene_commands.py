@@ -1,7 +1,7 @@
 """The commands about scenes: listing them, an example of a recipe, and scenes as files."""
 
 import sys
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -69,10 +69,11 @@ def _export(
         Parameter(help="so many drones, such as 2, are to see each person, besides pixels"),
     ] = None,
     views_weight: Annotated[
-        float | None,
+        float | Literal["first"] | None,
         Parameter(
             help="px^0.5/m, of a drone that sees a person at a step; if not given, half of what "
-            "a view pays from where the person fills a third of the image's height"
+            "a view pays from where the person fills a third of the image's height; first: more "
+            "than all pixels can pay"
         ),
     ] = None,
     camera: Annotated[
@@ -127,7 +128,9 @@ def _export(
     return 0
 
 
-def _counting(problem: Problem, cameras: int | None, weight: float | None) -> Problem:
+def _counting(
+    problem: Problem, cameras: int | None, weight: float | Literal["first"] | None
+) -> Problem:
     """Returns the problem as `--views` and `--views-weight` ask for it; its name tells it."""
     if cameras is None and weight is not None:
         raise UsageError("--views-weight: is for a scene with --views")

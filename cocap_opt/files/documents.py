@@ -238,10 +238,10 @@ def read_bytes(path: Path) -> bytes:
 
 @lru_cache(maxsize=8)
 def problem_digest(problem: Problem) -> str:
-    """Digest of everything in a problem but names, when tracks begin and where it is on the Earth.
+    """Digest of all that J, and what a plan may do, depend on.
 
-    None of them has a part in what a plan may do and what it is worth. The page on files has the
-    recipe, by which anybody can compute it.
+    Names, places on the Earth, when tracks begin and the share of views that is asked for have no
+    part in that. The page on files has the recipe, by which anybody can compute the digest.
     """
     actors = tuple(actor.replace(name=None, begin=None) for actor in problem.actors)
     nameless = problem.replace(name="", actors=actors, earth=None)
@@ -254,6 +254,7 @@ def problem_digest(problem: Problem) -> str:
     for name, nothing in (("pixels", 1.0), ("views", None)):
         if fields["objective"][name] == nothing:
             del fields["objective"][name]
+    fields["objective"].get("views", {}).pop("share", None)
     return hashlib.sha256(msgspec.json.encode(fields)).hexdigest()
 
 

@@ -81,13 +81,21 @@ def _allowed_words(said: str, kind: object, path: str) -> str:
     """Rewords msgspec's message on the value at a path, to name the values allowed there."""
     if unknown := _UNKNOWN_WORD.fullmatch(said):
         words = _allowed(inspect.type_info(kind), path)
+        if not words:
+            return said
         question = meant(unknown[1].strip("'"), words)
-        return f"must be one of {', '.join(words)}, not {unknown[1]}{question}" if words else said
+        others = _other_types(inspect.type_info(kind), path)
+        either = " or ".join([*others, *words]) if others else f"one of {', '.join(words)}"
+        return f"must be {either}, not {unknown[1]}{question}"
     if wrong := _WRONG.fullmatch(said):
         expected, limits, found = wrong.groups()
         # Where null is one of several, a field may be left out.
         types = [word for word in expected.split(" | ") if word != "null"] or ["null"]
-        either = " or ".join(_TYPES.get(word, word) for word in types)
+        words = _allowed(inspect.type_info(kind), path)  # else any text is
+        either = " or ".join(
+            words[0] if word == "str" and len(words) == 1 else _TYPES.get(word, word)
+            for word in types
+        )
         given = "a number with decimals" if found == "float" else _TYPES.get(found, found)
         return f"must be {either}{limits}" + (f", not {given}" if found else "")
     if said == "Number out of range":
@@ -112,6 +120,16 @@ def _allowed(kind: inspect.Type, path: str) -> list[str]:
         member for part in kinds if isinstance(part, inspect.EnumType) for member in part.cls
     ]
     return words + [str(member.value) for member in members]
+
+
+def _other_types(kind: inspect.Type, path: str) -> list[str]:
+    """Returns the types of values that may stand at a path besides words, in words."""
+    names = {
+        inspect.FloatType: "float", inspect.IntType: "int", inspect.StructType: "object",
+        inspect.VarTupleType: "array", inspect.ListType: "array",
+    }  # fmt: skip
+    found = (names.get(type(part)) for part in _kinds_at(kind, path))
+    return [_TYPES[name] for name in dict.fromkeys(found) if name]
 
 
 def _fields(kind: inspect.Type, path: str) -> list[str]:

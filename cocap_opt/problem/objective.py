@@ -30,11 +30,14 @@ class Views(Data, frozen=True):
     weight : of one drone that sees a person at one step, in px^0.5/m; one number for all people or
         one for each
     at_least : share of the solid angle, 0 < share <= 1
+    share : of the largest sum there could be, k drones on each person at each step, that plans are
+        asked to keep; J does not know it. None: nothing is asked
     """
 
     cameras: int = 2
     weight: float | tuple[float, ...] = 1.0
     at_least: float = 0.3
+    share: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -45,6 +48,8 @@ class Views(Data, frozen=True):
             within(weight, 0, MOST_WEIGHT, "weight")
         within(self.at_least, 0, 1, "at_least")
         require(self.at_least > 0, "at_least", "must be > 0, or all drones see everybody")
+        if self.share is not None:
+            within(self.share, 0, 1, "share")
 
     def require_for(self, people: int, field: str = "weight") -> None:
         """Requires one weight, or one for each of so many people; the message names the field."""

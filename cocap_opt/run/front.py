@@ -22,9 +22,10 @@ from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.model import compiled
 from cocap_opt.planners import RECOMMENDED
-from cocap_opt.problem import Objective, Plan, Problem, Views
+from cocap_opt.problem import Plan, Problem, Views
 from cocap_opt.referee import check
 from cocap_opt.run.engine import BOUND_METHOD, run
+from cocap_opt.run.view_share import most_views, views_alone
 from cocap_opt.stop import Clock, FirstOf, Stop, TimeLimit, never
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ class Direction(NamedTuple):
     @property
     def unit(self) -> float:
         """The factor by which J of the direction's scene becomes the sum."""
-        return self.reward or 1.0
+        return self.reward or self.views
 
     def of(self, reward: float, views: float) -> float:
         """Returns the weighted sum."""
@@ -123,9 +124,7 @@ class Front:
     @property
     def most_views(self) -> float:
         """The most that V could be, if all people were seen by so many drones at all steps."""
-        first = self.problem.first_step
-        cameras = min(self.views.cameras, len(self.problem.robots))
-        return cameras * float(self.problem.importance[first:].sum())
+        return most_views(self.problem, self.views.cameras)
 
     def share(self, views: float) -> float:
         """Returns views as a share of `most_views`; 0 where nobody can be seen."""
@@ -133,14 +132,10 @@ class Front:
 
     def scene(self, direction: Direction) -> Problem:
         """Returns the problem whose objective is the weighted sum of J and V."""
-        views = self.views.replace(weight=direction.views / direction.unit)
-        if direction.reward:
-            objective = self.problem.objective.replace(views=views)
-        else:
-            objective = Objective(
-                pixels=0.0, views=views, count_start=self.problem.objective.count_start
-            )
-        return self.problem.replace(objective=objective)
+        if not direction.reward:
+            return views_alone(self.problem, self.views)
+        views = self.views.replace(weight=direction.views / direction.reward)
+        return self.problem.replace(objective=self.problem.objective.replace(views=views))
 
     def point(self, plan: Plan) -> PlanPoint | None:
         """Returns where a plan stands; None if it breaks a rule."""
@@ -194,11 +189,15 @@ class Front:
         """The largest room above all plans, of the directions across edges and along the axes."""
         return max(self.room(direction) for direction in self._edges())
 
-    def next_direction(self) -> Direction:
-        """Returns the direction in which there is the most room, of those not proved if any is."""
+    def next_direction(self, wanted: float | None = None) -> Direction:
+        """Returns the direction in which there is the most room, of those not proved if any is.
+
+        With views that are wanted, the direction across the edge above them comes before others.
+        """
         known, edges = [plane.direction for plane in self.half_planes], self._edges()
         new = [d for d in edges if not any(_alike(d, k, self._scale) for k in known)]
-        return max(new or edges, key=self.room)
+        across = self._across(wanted)
+        return across if across in new else max(new or edges, key=self.room)
 
     def explored(
         self,
@@ -208,6 +207,7 @@ class Front:
         planner: str = RECOMMENDED,
         bound: str = BOUND_METHOD,
         watch: Watch | None = None,
+        wanted: float | None = None,
     ) -> Self:
         """Returns the trade-off after some directions more.
 
@@ -217,13 +217,16 @@ class Front:
         seconds : of each direction, coverage not included
         directions : how many
         planner, bound : the methods
+        wanted : views around which the trade-off is to be known first
         """
         front, watch = self, watch or Watch()
         for number in range(directions):
             if number and stop.reached() is not None:
                 break
             watch.show(f"direction {number + 1} of {directions}")
-            front = front._towards(front.next_direction(), stop, seconds, planner, bound, watch)
+            front = front._towards(
+                front.next_direction(wanted), stop, seconds, planner, bound, watch
+            )
         return front
 
     def _towards(
@@ -262,17 +265,24 @@ class Front:
 
     def _edges(self) -> list[Direction]:
         """Returns the directions along the axes, and across the edges between plans."""
+        across = [_direction_across(a, b) for a, b in pairwise(self._hull())]
+        return [Direction(1.0, 0.0), Direction(0.0, 1.0), *across]
+
+    def _across(self, views: float | None) -> Direction | None:
+        """Returns the direction across the edge that has so many views; None if there is none."""
+        for a, b in pairwise(self._hull()):
+            if views is not None and a.views < views <= b.views:
+                return _direction_across(a, b)
+        return None
+
+    def _hull(self) -> list[PlanPoint]:
+        """Returns the plans that are best in some direction, the fewest views first."""
         hull: list[PlanPoint] = []
         for point in self.plans:
             while len(hull) > 1 and _is_below(hull[-2], hull[-1], point):
                 hull.pop()
             hull.append(point)
-        across = [
-            Direction(1.0, (a.reward - b.reward) / (b.views - a.views))
-            for a, b in pairwise(hull)
-            if b.views > a.views
-        ]
-        return [Direction(1.0, 0.0), Direction(0.0, 1.0), *across]
+        return hull
 
     def _outer(self, direction: Direction) -> float:
         """Returns the largest weighted sum in all half-planes; infinite where they leave it open.
@@ -301,6 +311,11 @@ def _alike(a: Direction, b: Direction, scale: float) -> bool:
     x, y = (np.array([d.reward * scale, d.views]) for d in (a, b))
     x, y = x / np.linalg.norm(x), y / np.linalg.norm(y)
     return bool(abs(x[0] * y[1] - x[1] * y[0]) < 1e-4)
+
+
+def _direction_across(a: PlanPoint, b: PlanPoint) -> Direction:
+    """Returns the direction in which two plans are alike, of which b has more views."""
+    return Direction(1.0, (a.reward - b.reward) / (b.views - a.views))
 
 
 def _is_below(a: PlanPoint, b: PlanPoint, c: PlanPoint) -> bool:

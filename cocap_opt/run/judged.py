@@ -13,6 +13,7 @@ from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.run.options import Allowance
+from cocap_opt.run.view_share import missed_share
 from cocap_opt.stop import Clock
 
 _log = logging.getLogger(__name__)
@@ -137,7 +138,8 @@ class Judged(NamedTuple, Generic[_R_co]):
     def remarks(self, problem: Problem) -> list[str]:
         """Returns remarks on the result and its plan, each in a few words."""
         result = self.result
-        found = [words for words in (result.message, self.blind(problem)) if words]
+        missed = missed_share(problem, result.plan) if self.valid and result.plan else ""
+        found = [words for words in (result.message, self.blind(problem), missed) if words]
         if self.reason is not result.reason and not found and math.isfinite(result.bound):
             found.append("what is open is within the accuracy of the computation")
         return found

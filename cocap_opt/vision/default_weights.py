@@ -1,19 +1,21 @@
-"""The weight by which a drone that sees a person counts, where nobody states it.
+"""The weight by which a drone that sees a person counts, where nobody states a number.
 
-It is half of what a single view of the person pays from where the person fills a third of the
-image's height, so that nobody needs to know what px/m2 are worth. It follows from shapes, weights
-of faces and cameras alone: it is the same wherever drones start, whatever hides people, and for a
-part of the steps.
+By default it is half of what a single view of the person pays from where the person fills a third
+of the image's height, so that nobody needs to know what px/m2 are worth. It follows from shapes,
+weights of faces and cameras alone: it is the same wherever drones start, whatever hides people, and
+for a part of the steps. Where people are to be seen before all else, it is so large that one drone
+that sees a person is worth more than all pixels.
 """
 
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, ProblemError, read_only
-from cocap_opt.problem import Actor, Camera, Problem, Robot, Shape, Views
+from cocap_opt.data import FloatArray, ProblemError, read_only, require
+from cocap_opt.problem import Actor, Camera, Objective, Problem, Robot, Shape, Views
 from cocap_opt.vision.faces import local_faces
 from cocap_opt.vision.projection import Projection, dot
 
@@ -22,6 +24,10 @@ _IMAGES = 3.0  # the image is so many times as high as the person in it
 _SHARE_OF_A_VIEW = 0.5
 _DIGITS = 9  # of a weight, so that it is the same where the last bits of sines are others
 _KEPT = 256  # shapes before cameras
+
+FIRST: Literal["first"] = "first"
+# A number for all people or one for each; None: the default; "first": more than all else.
+Weight = float | tuple[float, ...] | Literal["first"] | None
 
 
 def default_weights(actors: Sequence[Actor], robots: Sequence[Robot]) -> tuple[float, ...]:
@@ -49,25 +55,71 @@ def default_weights(actors: Sequence[Actor], robots: Sequence[Robot]) -> tuple[f
 def with_views(
     problem: Problem,
     cameras: int = 2,
-    weight: float | tuple[float, ...] | None = None,
+    weight: Weight = None,
     at_least: float = 0.3,
+    share: float | None = None,
 ) -> Problem:
     """Returns the problem with an objective that counts the drones that see each person.
 
     Parameters
     ----------
     problem : the problem; what it counted before is replaced
-    cameras, weight, at_least : as in `Views`; without a weight each person's default
+    cameras, weight, at_least, share : as in `Views`; without a weight each person's default;
+        "first": more than all that pixels and moves can pay
 
     Raises
     ------
     ProblemError
         If a number is out of range, or there is no default; it names the field.
     """
-    if weight is None:
-        weight = default_weights(problem.actors, problem.robots)
-    views = Views(cameras=cameras, weight=weight, at_least=at_least)
+    actors, robots = problem.actors, problem.robots
+    if isinstance(weight, str):
+        require(weight == FIRST, "weight", f'must be a number or "{FIRST}"')
+        weight = weight_before_all(actors, robots, problem.horizon, problem.objective)
+    elif weight is None:
+        weight = default_weights(actors, robots)
+    views = Views(cameras=cameras, weight=weight, at_least=at_least, share=share)
     return problem.replace(objective=problem.objective.replace(views=views))
+
+
+def weight_before_all(
+    actors: Sequence[Actor], robots: Sequence[Robot], steps: int, objective: Objective
+) -> float:
+    """Returns a weight by which a drone that sees a person outweighs all that pixels and moves pay.
+
+    A face of area A and weight w that has p pixels, in all images together, pays w sqrt(p / A). No
+    pixel shows two faces. So all faces together pay at most sqrt(P sum w^2 / A) at a step, by
+    Cauchy and Schwarz, where P is the number of pixels of all images. Of people whose importance is
+    below 1 at some step, the least importance above 0 counts.
+
+    Parameters
+    ----------
+    actors, robots : of the problem
+    steps : horizon T
+    objective : of which views have no part
+
+    Raises
+    ------
+    ProblemError
+        If a robot has a camera without an image; it names the field `weight`.
+    """
+    cameras = [robot.camera for robot in robots if isinstance(robot.camera, Camera)]
+    if len(cameras) < len(robots):
+        raise ProblemError(
+            "weight: must be a number where a drone has no pinhole camera, whose images bound what "
+            "pixels pay"
+        )
+    images = sum(camera.width * camera.height for camera in cameras)
+    per_area = 0.0  # of squared weights
+    for actor in actors:
+        weights = np.array(actor.face_weights) * max(actor.importance or (1.0,))
+        per_area += float((weights**2 / local_faces(actor.shape).areas).sum())
+    moves = (
+        objective.stationarity + objective.keep_cell + objective.keep_heading + objective.balanced
+    )
+    at_a_step = objective.pixels * math.sqrt(images * per_area) + len(robots) * moves
+    least = min((x for actor in actors for x in actor.importance or () if x > 0), default=1.0)
+    return float(math.ceil((steps + 1) * at_a_step / min(least, 1.0) + 1))
 
 
 def _level(camera: Camera) -> Camera:

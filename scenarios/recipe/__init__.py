@@ -172,8 +172,11 @@ over_time = false           # true: pixels add up over the steps before the root
 cameras = 2                 # from so many on, more add nothing
 # weight = 250.0            # px^0.5/m, of a drone that sees a person at a step; or a list, a number
                             # for each person; left out: half of what a view of the person pays from
-                            # where the person fills a third of the image's height
+                            # where the person fills a third of the image's height; "first": more
+                            # than all pixels can pay, so that people are seen before all else
 at_least = 0.3              # share that must be visible of all that a person shows in a direction
+# share = 0.95              # of all views, `cameras` of each person at each step, that plans should
+                            # keep; `cocap-opt front` finds the best that do, if there are any
 """
 
 
@@ -241,7 +244,7 @@ def read(
         team = _team(recipe, around, np.random.default_rng(seed))
         with naming("objective"):
             factors = [factor for _, factor in people]
-            objective = recipe.objective.objective(actors, factors, team)
+            objective = recipe.objective.objective(actors, factors, team, recipe.steps)
         return _problem(
             recipe,
             name=recipe.name or path.stem,

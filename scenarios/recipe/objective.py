@@ -1,38 +1,46 @@
 """The objective of a recipe, in which the weight of views may be left out."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 from cocap_opt.problem import Actor, Objective, Robot, Views
 from cocap_opt.scenarios.tables import Table
 from cocap_opt.scenarios.text import naming
-from cocap_opt.vision.default_weights import default_weights
+from cocap_opt.vision.default_weights import FIRST, Weight, default_weights, weight_before_all
 
 
 class ViewsTable(Table):
     """The table `views` of the objective, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
     cameras: int = 2
-    weight: float | tuple[float, ...] | None = None  # None: each person's default
+    weight: Weight = None
     at_least: float = 0.3
+    share: float | None = None
 
     def views(
-        self, actors: Sequence[Actor], factors: Sequence[float], robots: Sequence[Robot]
-    ) -> Views:
+        self, actors: Sequence[Actor], factors: Sequence[float], robots: Sequence[Robot],
+        steps: int, objective: Objective,
+    ) -> Views:  # fmt: skip
         """Returns the views, with a number for each person.
 
         Parameters
         ----------
         actors, factors : the people [A], and the factor of each one's weight
-        robots : whose cameras the default is computed of
+        robots : whose cameras weights are computed of
+        steps, objective : horizon T, and what counts besides views
 
         Raises
         ------
         ProblemError
             If a number is out of range, there are not as many as people, or there is no default.
         """
-        weight = default_weights(actors, robots) if self.weight is None else self.weight
+        weight = self.weight
+        if weight is None:
+            weight = default_weights(actors, robots)
+        elif weight == FIRST:
+            weight = weight_before_all(actors, robots, steps, objective)
         # Each number is checked before it is multiplied, under the name that the recipe has.
-        given = Views(cameras=self.cameras, weight=weight, at_least=self.at_least)
+        given = Views(cameras=self.cameras, weight=weight, at_least=self.at_least, share=self.share)
         given.require_for(len(actors))
         weights = given.weights(len(actors))
         return given.replace(weight=tuple(w * f for w, f in zip(weights, factors, strict=True)))
@@ -42,7 +50,7 @@ class ObjectiveTable(Table):
     """The table `objective` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
 
     pixels: float = 1.0
-    views: ViewsTable | None = None
+    views: ViewsTable | Literal["first"] | None = None
     stationarity: float = 0.0
     keep_cell: float = 0.0
     keep_heading: float = 0.0
@@ -51,8 +59,9 @@ class ObjectiveTable(Table):
     over_time: bool = False
 
     def objective(
-        self, actors: Sequence[Actor], factors: Sequence[float | None], robots: Sequence[Robot]
-    ) -> Objective:
+        self, actors: Sequence[Actor], factors: Sequence[float | None], robots: Sequence[Robot],
+        steps: int,
+    ) -> Objective:  # fmt: skip
         """Returns the objective, which holds numbers only.
 
         Parameters
@@ -60,6 +69,7 @@ class ObjectiveTable(Table):
         actors : the people [A]
         factors : of each one's weight in `views`; None: 1
         robots : the drones
+        steps : horizon T
 
         Raises
         ------
@@ -71,5 +81,8 @@ class ObjectiveTable(Table):
         if self.views is None:
             return objective
         with naming("views"):
-            views = self.views.views(actors, [1.0 if f is None else f for f in factors], robots)
+            table = ViewsTable(weight=FIRST) if self.views == FIRST else self.views
+            views = table.views(
+                actors, [1.0 if f is None else f for f in factors], robots, steps, objective
+            )
         return objective.replace(views=views)

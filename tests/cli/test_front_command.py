@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+import cocap_opt as co
 from cocap_opt.cli.main import main
 
 
@@ -51,6 +52,21 @@ def test_a_lower_bound_than_is_proved_is_refused(
     path.write_bytes(msgspec.json.encode(content))
     code, _, err = said(capsys, "tiny-share", "--directions", 0, "-o", tmp_path)
     assert code == 2 and "direction-1.bound.json" in err and err.count("\n") == 1
+
+
+def test_a_scene_asks_for_a_share(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`plan` says that it is missed; `front` goes for it without being told."""
+    path, plan = tmp_path / "scene.json", tmp_path / "plan.json"
+    asked = co.with_views(co.load("tiny-doorway"), cameras=2, weight=1.0, share=1.0)
+    co.save(path, asked)
+    with pytest.raises(SystemExit) as caught:
+        main(["plan", str(path), "-o", str(plan), "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    assert caught.value.code == 0 and "of views are kept, not 100 %" in answer["message"]
+    code, out, _ = said(capsys, path, "--directions", 2, "--seconds", 2, "--json")
+    answer = json.loads(out)
+    assert code == 0 and answer["cameras"] == 2
+    assert "no plan of these drones keeps 100 %: that is proved" in answer["notes"]
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,7 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
+from cocap_opt.run.front import Front
 from cocap_opt.vision.default_weights import default_weights
 from cocap_opt.world.workspace import HeightMap
 
@@ -204,3 +205,40 @@ def test_what_is_no_number_of_cameras_is_said() -> None:
     ):
         with pytest.raises(error, match=words):
             co.with_views(problem, **fields)
+
+
+@examples(40)
+@given(problems())
+def test_people_come_before_all_pixels(problem: Problem) -> None:
+    """One drone more that sees a person outweighs any pixels, so the best plan sees the most."""
+    if any(not isinstance(robot.camera, Camera) for robot in problem.robots):
+        with pytest.raises(ProblemError, match="weight: must be a number where a drone has no"):
+            co.with_views(problem, weight="first")
+        return
+    first = co.with_views(problem, weight="first")
+    assert first.objective.views is not None
+    weight = first.objective.views.weight
+    assert isinstance(weight, float)
+    without = first.replace(objective=first.objective.replace(views=None))
+    least = min((x for x in problem.importance.ravel() if x > 0), default=1.0)
+    most = co.bound(without, "alone").bound
+    assert weight * min(least, 1.0) > most
+
+
+def test_the_best_plan_by_people_first_sees_most() -> None:
+    """Brute force with people first has the V of brute force with people alone."""
+    problem = co.load("tiny-share")
+    first = co.with_views(problem, weight="first")
+    best = co.solve(first, "brute-force")
+    alone = co.solve(
+        problem.replace(objective=Objective(pixels=0.0, views=co.Views())), "brute-force"
+    )
+    assert best.plan is not None
+    point = Front.of(problem).point(best.plan)
+    assert point is not None and point.views == alone.value
+
+
+def test_only_a_number_or_first_is_a_weight() -> None:
+    """No other word is one."""
+    with pytest.raises(ProblemError, match='weight: must be a number or "first"'):
+        co.with_views(co.load("tiny-share"), weight="last")  # type: ignore[arg-type]

@@ -365,7 +365,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("steps = 4", "steps = 4\nobjective = { pixels = true }"),
          "objective.pixels: must be a number, not true or false"),
         (("steps = 4", "steps = 4\nobjective.views = 2"),
-         "objective.views: must be an object with fields, not a whole number"),
+         "objective.views: must be first or an object with fields, not a whole number"),
         (("steps = 4", "steps = 4\nobjective.views = { camera = 2 }"),
          "objective.views: .* `camera`; did you mean cameras.; known are cameras, w"),
         (("steps = 4", "steps = 4\nobjective.views = { cameras = 0 }"),
@@ -373,7 +373,11 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("steps = 4", "steps = 4\nobjective.views = { cameras = 1.5 }"),
          "objective.views.cameras: must be a whole number, not a number with decimals"),
         (("steps = 4", "steps = 4\nobjective.views = { weight = 'much' }"),
-         "objective.views.weight: must be a number or a list, not text"),
+         "objective.views.weight: must be a number or a list or first, not 'much'"),
+        (("steps = 4", "steps = 4\nobjective.views = 'firts'"),
+         "objective.views: must be an object with fields or first, not 'firts'; did you mean fir"),
+        (("steps = 4", "steps = 4\nobjective.views = { share = 95 }"),
+         "objective: views: share: must be 0..1, not 95"),
         (("steps = 4", "steps = 4\nobjective.views = { weight = -1 }"),
          "objective: views: weight: must be 0..1e.12, not -1.0"),
         (("steps = 4", "steps = 4\nobjective.views = { weight = [1, 2] }"),
@@ -1211,3 +1215,17 @@ def test_random_drones_start_where_they_can_meet_somebody(tmp_path: Path) -> Non
         problem = load_scene(str(tmp_path / "yard.toml"), seed)
         inside = [r for r in problem.robots if 8 <= r.start.x < 12 and 8 <= r.start.y < 12]
         assert inside == []
+
+
+def test_views_come_first_where_a_recipe_says_so(tmp_path: Path) -> None:
+    """The word stands for a number, by which one drone that sees a person outweighs all pixels."""
+    short, table = (
+        read(write(tmp_path, f"objective.views = {words}\n{FLAT}{DRONE}"))
+        for words in ("'first'", "{ cameras = 2, weight = 'first', share = 0.9 }")
+    )
+    views = table.objective.views
+    assert views is not None and views.share == 0.9
+    assert short.objective.views == views.replace(share=None)
+    assert problem_digest(short) == problem_digest(table)
+    expected = co.with_views(short, weight="first").objective.views
+    assert expected is not None and views.weights(1) == (expected.weight,)

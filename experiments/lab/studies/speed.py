@@ -148,7 +148,7 @@ def _coverage() -> list[_Speed]:
 
 
 def _gain(problem: Problem) -> float:
-    """Returns how many times sooner all cores have done coverage than one."""
+    """Returns the time that coverage takes on one core, over that on all of them."""
     covered = partial(_covered, problem, False)
     ratios = []
     for _ in range(3):  # in turns, so that both meet the same noise
