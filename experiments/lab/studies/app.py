@@ -121,6 +121,13 @@ least squares and by a library (the extra `triangulation`). It takes three minut
 
 Example: cocap-opt study quality --scene corridor --seeds 0 --out quality
 """),
+    "cameras": Study("cameras:cameras", """\
+Measure what it costs in J that two cameras see each person, and what it changes in proofs.
+
+Without scenes it takes the built-in ones, some of them for two minutes of processor time.
+
+Example: cocap-opt study cameras --scene corridor --seeds 0 --limit 20 --out cameras
+"""),
     "speed": Study("speed:speed", """\
 Measure the speed of coverage, planners and the command line.
 

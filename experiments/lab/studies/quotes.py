@@ -14,6 +14,11 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.experiments.lab.results import STORED
+from cocap_opt.experiments.lab.studies.cameras import (
+    cost_in_markdown,
+    directions_in_words,
+    proofs_in_markdown,
+)
 from cocap_opt.experiments.lab.studies.coverage.coverage import coverage_in_markdown
 from cocap_opt.experiments.lab.studies.flight.flight import stored_flights
 from cocap_opt.experiments.lab.studies.flight.tables import flights_in_markdown, sentences
@@ -105,6 +110,9 @@ QUOTES: dict[str, Callable[[], str]] = {
     "views": views_in_markdown,
     "solver_figures": solvers_in_markdown,
     "speed": speed_in_markdown,
+    "cameras_cost": cost_in_markdown,
+    "cameras_proofs": proofs_in_markdown,
+    "cameras_directions": directions_in_words,
     "quality_accuracy": stored_accuracy,
     "quality_objective": stored_agreement,
     "paper_in_short": lambda: _listed(_paper().summary()),

@@ -240,7 +240,7 @@ def _measured(build: Build, method: Measurable, seconds: float) -> Run:
     """Runs a method with a limit of processor time in this process."""
     problem = _prepared(build)
     moments: list[Snapshot] = []
-    stop = _ProcessorLimit(seconds)
+    stop = ProcessorLimit(seconds)
 
     def note(snapshot: Snapshot) -> None:
         value, bound = snapshot.value, max(snapshot.bound, snapshot.value)
@@ -257,19 +257,15 @@ def _measured(build: Build, method: Measurable, seconds: float) -> Run:
     )  # fmt: skip
 
 
-class _ProcessorLimit(Stop):
-    """Reached after so many seconds of processor time of this process and those it has started.
-
-    Attributes
-    ----------
-    seconds : used since it was made
-    """
+class ProcessorLimit(Stop):
+    """Reached after so many seconds of processor time of this process and those it has started."""
 
     def __init__(self, most: float) -> None:
         self._most, self._begin = most, processor_seconds()
 
     @property
     def seconds(self) -> float:
+        """The seconds used since it was made."""
         return processor_seconds() - self._begin
 
     def reached(self) -> Limit | None:
