@@ -118,7 +118,11 @@ def _values(front: Front, plan: Plan) -> tuple[float, float]:
 
 def _by_scene(rows: Sequence[AskedPlans]) -> Iterator[tuple[str, dict[str, list[AskedPlans]]]]:
     """Yields the name of each scene, with its rows by what was asked, in the order of seeds."""
-    for name in dict.fromkeys(row.scene for row in rows):
+    names = dict.fromkeys(row.scene for row in rows)
+    for name in [
+        *(name for name in _SCENES if name in names),
+        *(name for name in names if name not in _SCENES),
+    ]:
         of_scene = [row for row in rows if row.scene == name]
         yield name, {asked: [row for row in of_scene if row.asked == asked] for asked in _ASKED}
 
@@ -160,8 +164,8 @@ def _proof_rows(rows: Sequence[AskedPlans]) -> list[Record]:
                 f"proved, {asked}": sum(row.is_proved for row in groups[asked])
                 for asked in (_PIXELS, _VIEWS)
             },
-            "seconds": median(a.seconds for a, _ in both),
-            "seconds with views": median(b.seconds for _, b in both),
+            "seconds, pixels": median(a.seconds for a, _ in both),
+            "seconds, pixels and views": median(b.seconds for _, b in both),
             "ratio": median(ratios) if ratios else math.nan,
             "largest gap (%)": 100 * max(relative_gap(b.value, b.bound) for _, b in both),
         })  # fmt: skip
