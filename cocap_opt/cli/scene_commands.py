@@ -1,5 +1,6 @@
 """The commands about scenes: listing them, an example of a recipe, and scenes as files."""
 
+import os
 import sys
 from typing import Annotated, Literal
 
@@ -179,6 +180,8 @@ def _compile() -> int:
     """
     if not is_there():
         raise UsageError("numba is not installed; `pip install -e '.[fast]'` installs it")
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        raise UsageError("NUMBA_DISABLE_JIT: is set, so that numba compiles nothing")
     clock = Clock()
     with Watch.on_terminal("compiling, some 25 s, once on a machine") as watch:
         for done, kernel in enumerate(kernels()):

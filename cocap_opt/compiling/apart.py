@@ -3,9 +3,11 @@
 What it keeps is loaded by whoever has asked for it.
 """
 
+import os
 import subprocess
 import sys
 from importlib import import_module
+from threading import Thread
 
 from cocap_opt.compiling.functions import CompilingError, kept_files, kept_functions
 from cocap_opt.compiling.marks import mark
@@ -14,7 +16,8 @@ from cocap_opt.stop import Stop
 _LOOK = 0.1  # s, between two looks at the stop
 _CODE = (
     "import sys; caller, functions, *sys.path = sys.argv[1:]; "
-    "from cocap_opt.compiling.apart import keep; keep(caller, functions)"
+    "from cocap_opt.compiling.apart import end_with_parent, keep; end_with_parent(); "
+    "keep(caller, functions)"
 )
 
 
@@ -39,9 +42,10 @@ def compile_apart(caller: str, functions: str, stop: Stop) -> None:
     if not sys.executable or getattr(sys, "frozen", False):
         raise OSError("no Python")
     command = [sys.executable, "-c", _CODE, caller, functions, *map(str, sys.path)]
+    read, write = os.pipe()  # whose end is that of this process, however that is ended
     # In a session of its own: Ctrl-C in the terminal is for the one who waits.
-    with subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+    with os.fdopen(write, "wb"), os.fdopen(read) as stdin, subprocess.Popen(
+        command, stdin=stdin, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
         text=True, errors="replace", start_new_session=True,
     ) as process:  # fmt: skip
         try:
@@ -52,6 +56,16 @@ def compile_apart(caller: str, functions: str, stop: Stop) -> None:
     if process.returncode:
         words = said.strip().rpartition("\n")[2] or f"its process ends with {process.returncode}"
         raise CompilingError(f"numba fails ({words})")
+
+
+def end_with_parent() -> None:
+    """Ends this process once its standard input ends, as it does when its parent is killed."""
+
+    def watch() -> None:
+        os.read(0, 1)  # it waits; a buffered reader would hold a lock when Python ends
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
 
 
 def keep(caller: str, functions: str) -> None:

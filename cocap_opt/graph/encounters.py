@@ -18,6 +18,7 @@ from cocap_opt.world.workspace import Workspace
 
 NEAR = 15.0  # m
 _MOST = 100  # people at steps that are looked at, evenly spread, to bound the time
+_MOST_MOVES = 30_000_000  # that are looked at from one start, in a second or two
 _PER_CELL, _MOST_POINTS = 2, 200  # points of a line of sight
 
 
@@ -55,13 +56,16 @@ class Encounters:
         Returns
         -------
         size, closed, meets : number of places; True if it could never reach more; True if it can
-            come near somebody
+            come near somebody. Where there are very many moves it stops early: the size is then
+            that of a part, and not closed
         """
         place = self.graph.place(start.layer, start.x, start.y)
         near = self._near_by_step
         reached = np.zeros(self.graph.n_places, dtype=bool)
         new, size, meets = np.array([place]), 0, False
         for t in range(self._horizon + 1):
+            if (size + len(new)) * len(self.graph.shifts) > _MOST_MOVES:
+                return size + len(new), False, meets
             reached[new] = True
             size += len(new)
             meets = meets or (t in near and bool(reached[near[t]].any()))

@@ -112,4 +112,5 @@ def _write(path: Path, computed: _Computed) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically({path: (hashlib.sha256(content).digest(), content)})
     except OSError as error:  # a full or read-only disk costs speed, not the run
-        log.warning("cannot write cache file %s: %s", path, error)
+        words = f"cannot write {path.parent}, the cache: {error.strerror or error}"
+        log.warning("%s", words, extra={"once": "coverage is not kept"})

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from sources import sources
 
@@ -138,7 +139,9 @@ def test_a_process_that_is_killed_harms_no_later_one(environment: Mapping[str, s
     with started(SWEEP, environment) as process:
         assert process.stderr is not None
         assert "is compiled first" in process.stderr.readline()
+        compiling = psutil.Process(process.pid).children()
         process.kill()
+    assert not psutil.wait_procs(compiling, timeout=20)[1]  # they end with whom they work for
     assert ended(started(SWEEP, environment))[0].split() == ["True", "True"]
 
 

@@ -1,4 +1,4 @@
-"""What it costs in J that two cameras see each person, and what it changes in proofs.
+"""The price in J of two cameras on each person, and their weight on proofs.
 
 Each scene is planned three times: for pixels alone, with views at their default weight, and with
 people before all pixels. Each time the recommended planner makes a plan, and branch-and-price goes
@@ -152,7 +152,7 @@ def _cost_rows(rows: Sequence[AskedPlans]) -> list[Record]:
 
 
 def _proof_rows(rows: Sequence[AskedPlans]) -> list[Record]:
-    """Returns how many optima are proved with views and without, and the times of proofs."""
+    """Returns the numbers of optima that are proved with views and without, and their times."""
     found: list[Record] = []
     for name, groups in _by_scene(rows):
         both = [*zip(groups[_PIXELS], groups[_VIEWS], strict=True)]
@@ -177,17 +177,17 @@ def _stored() -> list[AskedPlans]:
 
 
 def cost_in_markdown() -> str:
-    """Returns what two cameras on each person cost, of stored plans."""
+    """Returns the price of two cameras on each person, of stored plans."""
     return markdown([_short(row) for row in _cost_rows(_stored())])
 
 
 def proofs_in_markdown() -> str:
-    """Returns what two cameras on each person change in proofs, of stored ones."""
+    """Returns stored proofs with views beside those without, in Markdown."""
     return markdown([_short(row) for row in _proof_rows(_stored())])
 
 
 def directions_in_words() -> str:
-    """Says how much an objective that asks for two directions could gain, of stored plans."""
+    """Says the most that an objective could gain which asks for two directions, of stored plans."""
     plans = [row for row in _stored() if row.asked == _VIEWS]
     by_two, apart = (100 * fmean(getattr(row, key) for row in plans) for key in ("by_two", "apart"))
     return (
