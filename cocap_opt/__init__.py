@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cocap_opt.api.covering import coverage, coverage_digest
     from cocap_opt.api.explaining import explain, replans
     from cocap_opt.api.files import load, read, save
-    from cocap_opt.api.filming import quality
+    from cocap_opt.api.filming import quality, quality_bound
     from cocap_opt.api.flying import robustness, trajectory
     from cocap_opt.api.fronts import front
     from cocap_opt.api.judging import check, verify
@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from cocap_opt.referee import Verdict
     from cocap_opt.result import Reason, Result, UnsupportedError
     from cocap_opt.run.judged import RefereeError
+    from cocap_opt.run.quality_bound import QualityBound
     from cocap_opt.run.verified import Verified
     from cocap_opt.scenarios import FORMATS, SCENES
     from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, WorkLimit, never
@@ -80,12 +81,13 @@ _MODULES = {
     "cocap_opt.referee": ("Verdict",),
     "cocap_opt.data": ("ProblemError",),
     "cocap_opt.run.judged": ("RefereeError",),
+    "cocap_opt.run.quality_bound": ("QualityBound",),
     "cocap_opt.run.verified": ("Verified",),
     "cocap_opt.api.covering": ("coverage", "coverage_digest"),
     "cocap_opt.api.explaining": ("explain", "replans"),
     "cocap_opt.api.fronts": ("front",),
     "cocap_opt.api.files": ("load", "read", "save"),
-    "cocap_opt.api.filming": ("quality",),
+    "cocap_opt.api.filming": ("quality", "quality_bound"),
     "cocap_opt.api.flying": ("robustness", "trajectory"),
     "cocap_opt.api.judging": ("check", "verify"),
     "cocap_opt.api.measuring": ("gap",),
@@ -121,13 +123,13 @@ __all__ = [
     "VERTEX_ONLY", "Actor", "Airspace", "Camera", "CertificateError", "CertificateFile",
     "CertifiedResult", "CollisionRules", "Cone", "Cuboid", "Earth", "FileError", "FirstOf",
     "HeightMap", "Limit", "Limits", "Mesh", "Motion", "Objective", "PassConflict", "Plan",
-    "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Quality", "Reason",
-    "RefereeError", "Result", "Robot", "Snapshot", "State", "Stop", "SwapConflict", "TimeLimit",
-    "TriangulatedCuboid", "UnsupportedError", "Verdict", "Verified", "VertexConflict", "Views",
-    "WorkLimit",
+    "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Quality", "QualityBound",
+    "Reason", "RefereeError", "Result", "Robot", "Snapshot", "State", "Stop", "SwapConflict",
+    "TimeLimit", "TriangulatedCuboid", "UnsupportedError", "Verdict", "Verified", "VertexConflict",
+    "Views", "WorkLimit",
     "bound", "check", "coverage", "coverage_digest", "explain", "front", "gap", "load", "never",
-    "plan", "quality", "read", "replans", "robustness", "save", "show", "show_versions", "solve",
-    "trajectory", "verify", "with_views",
+    "plan", "quality", "quality_bound", "read", "replans", "robustness", "save", "show",
+    "show_versions", "solve", "trajectory", "verify", "with_views",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # or any misspelt name would be one for type checkers

@@ -1,10 +1,22 @@
 """The face's view of people: how well a plan films them."""
 
-from cocap_opt.api.arguments import plan_for, require_flown
+import numpy as np
+
+from cocap_opt.api.arguments import (
+    plan_for,
+    require,
+    require_flown,
+    require_number,
+    require_problem,
+    start_for,
+)
 from cocap_opt.footage.quality import Assumptions, Quality
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check as judge_plan
 from cocap_opt.result import Result
+from cocap_opt.run.options import Option
+from cocap_opt.run.quality_bound import QualityBound
+from cocap_opt.stop import FirstOf, Stop, TimeLimit, never
 
 _USUAL = Assumptions()
 
@@ -68,3 +80,58 @@ def quality(
     filmed = plan_for(problem, plan, "measured")
     require_flown("plan", judge_plan(problem, filmed))
     return Quality.of(problem, filmed, assumptions=assumptions)
+
+
+def quality_bound(
+    problem: Problem,
+    *,
+    cameras: int = 2,
+    at_least: float = _USUAL.at_least,
+    seconds: float = 10.0,
+    time_limit: float | None = None,
+    stop: Stop = never,
+    start: Plan | Result | None = None,
+) -> QualityBound:
+    """Prove how many person-steps several drones can see at most, whatever their plan.
+
+    For each number of drones up to `cameras` it bounds the share of person-steps that so many
+    drones or more see, over all plans that obey the rules. What the objective says does not matter.
+
+    Parameters
+    ----------
+    problem : the drones, the people, and where they are
+    cameras : the largest number of drones that is asked about
+    at_least : share of the solid angle that a person has with nothing in the way, from which on a
+        drone sees them
+    seconds : for each number of drones, coverage not included
+    time_limit : seconds of all of it, the coverage included
+    stop : a further stopping criterion
+    start : a plan to begin with; one that breaks a rule is left out
+
+    Returns
+    -------
+    QualityBound
+        Printed it says what is proved. `most(2).share` is the share that no plan exceeds,
+        `share(quality, 2)` that of a plan, `sentences(quality)` tells both, and `results` have the
+        certificates.
+
+    Raises
+    ------
+    ProblemError
+        If `cameras` or `at_least` is out of range.
+    ValueError
+        If the start cannot be flown in this problem, or a number of seconds is none.
+
+    Examples
+    --------
+    >>> co.quality_bound(problem, cameras=2, seconds=5).most(2).share
+    """
+    require_problem(problem)
+    require(cameras, "cameras", "a whole number", int, np.integer)
+    require_number(at_least, "at_least")
+    limit = never
+    if time_limit is not None:
+        limit = TimeLimit(Option("time_limit").require_limit(time_limit))
+    return QualityBound.of(problem, int(cameras), float(at_least)).proved(
+        FirstOf(stop, limit), Option("seconds").require_limit(seconds), start_for(problem, start)
+    )

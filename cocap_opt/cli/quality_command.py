@@ -3,24 +3,38 @@
 import logging
 import math
 import sys
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from cocap_opt.cli.options import Json, PlanPath, Scene, Seed, load_planned
+from cocap_opt.cli.options import FLAG, Json, PlanPath, Scene, Seed, Whole, load_planned
+from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError, within
+from cocap_opt.files.documents import SceneFile, encode
 from cocap_opt.footage.quality import Assumptions, Quality
 from cocap_opt.footage.summary import OfPerson, whole_percent
-from cocap_opt.output.files import PlanReader, check_output, save_bytes
+from cocap_opt.output.files import (
+    GivenPlan,
+    PlanReader,
+    check_output,
+    make_folder,
+    save_bytes,
+    save_files,
+)
 from cocap_opt.output.printing import Listing, Record, print_result
+from cocap_opt.referee import check
 from cocap_opt.run.options import Option, UsageError
+from cocap_opt.run.quality_bound import QualityBound
+from cocap_opt.stop import Interrupt
 from cocap_opt.text import printable
 
 _log = logging.getLogger(__name__)
 
 _MOST_PEOPLE = 12  # in a terminal
+_WIDTH = 80  # characters of a line
 _USUAL = Assumptions()
 
 
@@ -55,6 +69,26 @@ def _quality(
     csv: Annotated[
         Path | None, Parameter(help="file to write, with a row per person and step")
     ] = None,
+    bound: Annotated[
+        bool, FLAG(help="prove, too, how many person-steps so many drones see at most in any plan")
+    ] = False,
+    cameras: Annotated[
+        Whole, Parameter(help="with --bound: the largest number of drones that is asked about")
+    ] = 2,
+    seconds: Annotated[
+        float,
+        Parameter(
+            name="--seconds",
+            help="with --bound: for each number of drones, coverage not included",
+        ),
+    ] = 10.0,
+    output: Annotated[
+        Path | None,
+        Parameter(
+            name=["-o", "--output"],
+            help="with --bound: folder for the certificates and the scenes that they are of",
+        ),
+    ] = None,
     json: Json = False,
 ) -> int:
     """Tell how well a plan films people: by how many drones, how accurately, how sharply.
@@ -62,9 +96,9 @@ def _quality(
     Of all person-steps that count: the shares that two drones see, and three, and two at least 30
     degrees apart; the error of a point that is triangulated from them; blur, where the scene says
     how long a step lasts; the worst moments by name; and a line per person. Errors are standard
-    deviations.
+    deviations. With --bound it is proved what no plan of these drones can do.
 
-    Example: cocap-opt quality corridor plan.json --at-least 0.5 --csv quality.csv
+    Example: cocap-opt quality corridor plan.json --bound --cameras 2 -o certificates
     """
     given_options = {
         "at_least": at_least, "pixel_error": pixel_error, "position_error": position_error,
@@ -75,20 +109,71 @@ def _quality(
     if csv is not None:
         check_output(csv, scene, plan)
         Option("--csv").ending(csv, (".csv",))
+    if output is not None and not bound:
+        raise UsageError("-o: certificates are of bounds; add --bound")
+    if not Option("--seconds").require_seconds(seconds) > 0:
+        raise UsageError("--seconds: must be more than 0")
     given = PlanReader(scene, load_planned(scene, seed)).plan(plan)
     if cut_short := given.cut_short:
         _log.warning("%s: %s", plan, cut_short)
+    try:
+        limits = QualityBound.of(given.problem, cameras, at_least) if bound else None
+    except ProblemError as error:
+        raise UsageError(f"--{str(error).replace('_', '-')}") from error
     found = Quality.of(given.problem, given.plan, assumptions=assumptions)
     if csv is not None:
         save_bytes(csv, found.table.to_csv(index=False, lineterminator="\n").encode())
+    obeys_rules = check(given.problem, given.plan).valid
+    if limits is not None:
+        limits = _proved(limits, given, seconds, output)
     if json:
         answer = {"scene": given.problem.name, "seed": seed, **_record(found)}
         first: Record = {"cut_short": cut_short} if cut_short else {}
-        print_result({**first, **answer, "assumptions": given_options, "file": csv}, json)
+        last = {} if limits is None else {"bound": _bound_record(limits, found, obeys_rules)}
+        print_result({**first, **answer, "assumptions": given_options, "file": csv, **last}, json)
     else:
         sys.stdout.write(f"{printable(str(found), chr(10))}\n\n")
+        if limits is not None:
+            for words in limits.sentences(found, obeys_rules):
+                sys.stdout.write(f"{textwrap.fill(words, _WIDTH)}\n")
+            sys.stdout.write("\n")
         _people(found).print()
     return 0
+
+
+def _proved(
+    limits: QualityBound, given: GivenPlan, seconds: float, output: Path | None
+) -> QualityBound:
+    """Returns the bounds proved, in so many seconds each, and writes their files."""
+    make_folder(output)
+    with Interrupt.caught() as interrupt, Watch.on_terminal(given.problem.name) as watch:
+        limits = limits.proved(interrupt, seconds, given.plan, watch=watch)
+    if output is not None:
+        contents = {}
+        for number, result in enumerate(limits.results, 1):
+            if result.certificate is not None:
+                scene = SceneFile.of(limits.scene(number))
+                contents[output / f"seen-by-{number}.scene.json"] = encode(scene)
+                contents[output / f"seen-by-{number}.bound.json"] = encode(result.certificate)
+        save_files(contents)
+    return limits
+
+
+def _bound_record(limits: QualityBound, found: Quality, obeys_rules: bool) -> Record:
+    """Returns bounds on quality as plain data; shares are parts of 1."""
+    numbers = range(1, limits.cameras + 1) if limits.person_steps else ()
+    return {
+        "person_steps": limits.person_steps,
+        "weighted": limits.is_weighted,
+        "no_plan": limits.no_plan,
+        "obeys_rules": obeys_rules,
+        "most": [
+            {**limits.most(m)._asdict(), "share_of_plan": limits.share(found, m)} for m in numbers
+        ],
+        "sums": [result.bound for result in limits.results],
+        "seconds": math.fsum(result.seconds for result in limits.results),
+        "words": list(limits.sentences(found, obeys_rules)),
+    }
 
 
 def _assumptions(options: Mapping[str, float]) -> Assumptions:

@@ -81,6 +81,9 @@ def test_wrong_input_is_one_line(
         ((SCENE, plan, "--attitude-error", 181), "--attitude-error: must be 0..180 degrees, not"),
         ((SCENE, plan, "--exposure", "nan"), "--exposure: must be 0..3600 s, not nan"),
         ((SCENE, plan, "--csv", tmp_path / "x.txt"), "--csv: name a file that ends in .csv"),
+        ((SCENE, plan, "-o", tmp_path), "-o: certificates are of bounds; add --bound"),
+        ((SCENE, plan, "--bound", "--cameras", 0), "--cameras: must be 1..64, not 0"),
+        ((SCENE, plan, "--bound", "--seconds", 0), "--seconds: must be more than 0"),
         (("corridor", plan), "the plan was made for tiny-queue, not corridor"),
         ((SCENE, tmp_path / "none.json"), "none.json: no such file"),
     ):
@@ -148,3 +151,27 @@ def test_plan_and_verify_say_it_in_a_line(
     certificate = tmp_path / "certificate.json"
     Run(capsys, "bound", SCENE, "-o", certificate)
     assert "cameras" not in Run(capsys, "verify", SCENE, certificate, "--json").json
+
+
+def test_what_no_plan_can_do_stands_beside_the_plan(
+    plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The sentences are the face's; the folder has what `verify` proves again."""
+    problem, planned = co.load(SCENE), co.read(plan, co.Plan)
+    limits = co.quality_bound(problem, cameras=2, start=planned)
+    found = co.quality(problem, planned)
+    words = ("quality", SCENE, plan, "--bound", "-o", tmp_path / "proof")
+    told = Run(capsys, *words, "--json").json["bound"]
+    assert told["words"] == list(limits.sentences(found))
+    assert [row["drones"] for row in told["most"]] == [1, 2]
+    assert [row["share"] for row in told["most"]] == [limits.most(m).share for m in (1, 2)]
+    assert [row["share_of_plan"] for row in told["most"]] == [
+        limits.share(found, m) for m in (1, 2)
+    ]
+    out = " ".join(Run(capsys, *words).out.split())
+    assert " ".join(told["words"]) in out
+    for number, bound in enumerate(told["sums"], 1):
+        files = [
+            tmp_path / "proof" / f"seen-by-{number}.{kind}.json" for kind in ("scene", "bound")
+        ]
+        assert Run(capsys, "verify", *files, "--json").json["bound"] == bound

@@ -1,0 +1,243 @@
+"""Bounds on quality: the most person-steps that so many drones, or more, see in any plan.
+
+Let n be the number of drones that see a person at a step, and B a bound, over all plans, on the sum
+of w min(k, n) over all person-steps, each of a weight w. As m [n >= m] <= min(k, n) for m <= k,
+
+    the weight of the person-steps that m drones or more see is at most B / m.
+
+Where all weights are the same that is a number of person-steps, and a whole one; with several
+weights it says nothing of numbers, only of weights. That m drones see a person is no more frequent
+than that m - 1 do. So each share has as its bound the least that any k >= m, or any fewer drones,
+prove.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from cocap_opt.console.progress import Watch
+from cocap_opt.data import FloatArray
+from cocap_opt.footage.quality import Quality, person_steps
+from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
+from cocap_opt.model import compiled
+from cocap_opt.problem import Objective, Plan, Problem, Views
+from cocap_opt.referee import check
+from cocap_opt.run.engine import BOUND_METHOD, run
+from cocap_opt.run.options import Allowance
+from cocap_opt.stop import Stop, never
+
+_ROUNDING = 1e-9  # relative, by which a bound may be too small
+_NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six"}
+
+
+class MostSeen(NamedTuple):
+    """The most that any plan can let so many drones, or more, see.
+
+    Attributes
+    ----------
+    drones : m, how many or more see a person
+    share : of all person-steps, by weight, that no plan exceeds; 0 to 1
+    person_steps : their number; None where weights differ, so that the share says nothing of it
+    """
+
+    drones: int
+    share: float
+    person_steps: int | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class QualityBound:
+    """A bound on the person-steps that several drones see, over all plans of a scene.
+
+    All plans are those of the scene's drones that obey its rules. A person-step counts with the
+    person's importance there, as long as the person has any weight.
+
+    Attributes
+    ----------
+    problem : the scene
+    cameras : the largest number of drones that is asked about
+    at_least : share of a person, by solid angle, from which on a drone sees them
+    weights : [T+1, A] of each person-step; 0 where it does not count
+    results : of the sum of min(1, n), of min(2, n) and so on, of the numbers n of drones that see a
+        person: its bound, with the certificate, and the plan of the largest sum that was found
+    """
+
+    problem: Problem
+    cameras: int
+    at_least: float
+    weights: FloatArray
+    results: tuple[CertifiedResult, ...] = ()
+
+    @classmethod
+    def of(cls, problem: Problem, cameras: int = 2, at_least: float = 0.3) -> Self:
+        """Returns a bound by which nothing is proved yet."""
+        Views(cameras=cameras, at_least=at_least)  # it refuses what is out of range
+        weights = np.where(person_steps(problem), problem.importance, 0.0)
+        return cls(problem, cameras, at_least, weights)
+
+    def proved(
+        self,
+        stop: Stop = never,
+        seconds: float = 10.0,
+        start: Plan | None = None,
+        bound: str = BOUND_METHOD,
+        watch: Watch | None = None,
+    ) -> Self:
+        """Returns the bound with a result for each number of drones.
+
+        Parameters
+        ----------
+        stop : ends all of it; what is proved until then holds
+        seconds : for each number, coverage not included
+        start : a plan to begin with; one that breaks a rule is left out
+        bound : the method
+        """
+        watch, results = watch or Watch(), []
+        begin = start if start is not None and check(self.problem, start).valid else None
+        tables = None
+        for scene in self._scenes():
+            model = compiled(scene.without_rules())
+            if tables is not None:  # they see the same, whatever is counted of it
+                model.tables.take(tables)
+            tables = model.tables
+            result = run(
+                scene, bound, stop, allowance=Allowance(seconds), watch=watch, start=begin,
+                gap=self._gap(scene),
+            ).result  # fmt: skip
+            results.append(replace(result, problem=scene, method=bound))
+        return replace(self, results=tuple(results))
+
+    def scene(self, cameras: int) -> Problem:
+        """Returns the problem whose J is the weighted sum of min(cameras, n)."""
+        weighted = tuple((self.weights > 0).any(axis=0).astype(float).tolist())
+        views = Views(
+            cameras=cameras, weight=1.0 if all(weighted) else weighted, at_least=self.at_least
+        )
+        counts_start = self.problem.objective.count_start
+        objective = Objective(pixels=0.0, views=views, count_start=counts_start)
+        return self.problem.replace(objective=objective)
+
+    @property
+    def person_steps(self) -> int:
+        """Number of the person-steps that count."""
+        return int(np.count_nonzero(self.weights))
+
+    @property
+    def is_weighted(self) -> bool:
+        """The person-steps that count have several weights."""
+        return len(np.unique(self.weights[self.weights > 0])) > 1
+
+    @property
+    def no_plan(self) -> bool:
+        """It is proved that no plan obeys the rules."""
+        return any(result.bound < 0 for result in self.results)
+
+    def most(self, drones: int) -> MostSeen:
+        """Returns the most person-steps that so many drones or more see in any plan."""
+        if drones > len(self.problem.robots) or self.no_plan or not self.person_steps:
+            return MostSeen(drones, 0.0, None if self.is_weighted else 0)
+        weight = min(self._proved(fewer) for fewer in range(1, drones + 1))
+        if self.is_weighted:
+            return MostSeen(drones, weight / self._total, None)
+        number = math.floor(weight)
+        return MostSeen(drones, number / self.person_steps, number)
+
+    def share(self, found: Quality, drones: int) -> float:
+        """Returns the share, by weight, that so many drones or more see in a plan.
+
+        Raises
+        ------
+        ValueError
+            If its quality was measured with another share of a person.
+        """
+        if found.assumptions.at_least != self.at_least:
+            raise ValueError(
+                f"at_least: the bound has {self.at_least:g}, the plan's quality "
+                f"{found.assumptions.at_least:g}"
+            )
+        seen = self.weights[found.counts & (found.views >= drones)]
+        return self._sum(seen) / self._total if self.person_steps else math.nan
+
+    def sentences(self, found: Quality | None = None, obeys_rules: bool = True) -> Iterator[str]:
+        """Yields a sentence for each number of drones, or one that holds for all of them.
+
+        Parameters
+        ----------
+        found : the quality of a plan, which is told beside it
+        obeys_rules : the plan obeys all rules
+        """
+        if not self.person_steps:
+            yield "Nobody has any weight, so that no person-step counts."
+            return
+        if self.no_plan:
+            yield "No plan of these drones obeys the rules: proved."
+            return
+        for drones in range(1, self.cameras + 1):
+            most = self.most(drones)
+            told = self._told(most)
+            if found is not None:
+                told += f" {self._beside(most, self.share(found, drones), obeys_rules)}"
+            yield told
+
+    def __str__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _scenes(self) -> Iterator[Problem]:
+        """Yields the problem of each number of drones that is not beyond all of them."""
+        if self.person_steps:
+            for cameras in range(1, min(self.cameras, len(self.problem.robots)) + 1):
+                yield self.scene(cameras)
+
+    def _gap(self, scene: Problem) -> float:
+        """Returns the gap at which a bound cannot get better: sums of one weight are whole."""
+        if self.is_weighted or scene.objective.views is None:
+            return OPTIMALITY
+        return 0.999 / (scene.objective.views.cameras * self.person_steps)
+
+    def _sum(self, weights: FloatArray) -> float:
+        """Returns the sum of weights; their number, where all are the same."""
+        positive = weights[weights > 0]
+        return math.fsum(positive.tolist()) if self.is_weighted else float(len(positive))
+
+    @property
+    def _total(self) -> float:
+        return self._sum(self.weights)
+
+    def _proved(self, drones: int) -> float:
+        """Returns the sum of the weights that so many drones see at most, by their bounds alone."""
+        unit = 1.0 if self.is_weighted else float(self.weights.max())
+        sums = (result.bound / unit for result in self.results[drones - 1 :])
+        return min([self._total, *(most * (1 + _ROUNDING) / drones for most in sums)])
+
+    def _told(self, most: MostSeen) -> str:
+        """Returns the sentence on what no plan can do."""
+        seen_by = f"seen by {_or_more(most.drones)}"
+        if most.share >= 1:
+            return f"That all person-steps are {seen_by} is not ruled out."
+        if most.person_steps is None:
+            percent, counted = math.ceil(1000 * most.share) / 10, ", by their importance,"
+        else:  # in whole numbers, so that nothing is rounded but up
+            percent = -(-1000 * most.person_steps // self.person_steps) / 10
+            counted = f" ({most.person_steps:,} of {self.person_steps:,})"
+        return (
+            f"No plan of these drones lets more than {percent:.1f} % of person-steps{counted} be "
+            f"{seen_by}: proved."
+        )
+
+    def _beside(self, most: MostSeen, share: float, obeys_rules: bool) -> str:
+        """Returns the sentence on the plan."""
+        if not obeys_rules:
+            return f"This plan, which breaks rules: {100 * share:.1f} %."
+        attained = share >= most.share - _ROUNDING
+        return f"This plan: {100 * share:.1f} %{', and none has more' if attained else ''}."
+
+
+def _or_more(drones: int) -> str:
+    number = _NUMBERS.get(drones, str(drones))
+    return f"{number} drone{'' if drones == 1 else 's'} or more"
