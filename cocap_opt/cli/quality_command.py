@@ -73,15 +73,18 @@ def _quality(
         bool, FLAG(help="prove, too, how many person-steps so many drones see at most in any plan")
     ] = False,
     cameras: Annotated[
-        Whole, Parameter(help="with --bound: the largest number of drones that is asked about")
-    ] = 2,
+        Whole | None,
+        Parameter(
+            help="with --bound: the largest number of drones that is asked about; 2 if not given"
+        ),
+    ] = None,
     seconds: Annotated[
-        float,
+        float | None,
         Parameter(
             name="--seconds",
-            help="with --bound: for each number of drones, coverage not included",
+            help="with --bound: for each number of drones, coverage not included; 10 if not given",
         ),
-    ] = 10.0,
+    ] = None,
     output: Annotated[
         Path | None,
         Parameter(
@@ -109,8 +112,10 @@ def _quality(
     if csv is not None:
         check_output(csv, scene, plan)
         Option("--csv").ending(csv, (".csv",))
-    if output is not None and not bound:
-        raise UsageError("-o: certificates are of bounds; add --bound")
+    for option, value in (("-o", output), ("--cameras", cameras), ("--seconds", seconds)):
+        if value is not None and not bound:
+            raise UsageError(f"{option}: is for bounds; add --bound")
+    cameras, seconds = 2 if cameras is None else cameras, 10.0 if seconds is None else seconds
     if not Option("--seconds").require_seconds(seconds) > 0:
         raise UsageError("--seconds: must be more than 0")
     given = PlanReader(scene, load_planned(scene, seed)).plan(plan)

@@ -23,10 +23,11 @@ from cocap_opt.data import FloatArray
 from cocap_opt.footage.quality import Quality, person_steps
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.model import compiled
-from cocap_opt.problem import Objective, Plan, Problem, Views
+from cocap_opt.problem import Plan, Problem, Views
 from cocap_opt.referee import check
 from cocap_opt.run.engine import BOUND_METHOD, run
 from cocap_opt.run.options import Allowance
+from cocap_opt.run.view_share import views_alone
 from cocap_opt.stop import Stop, never
 
 _ROUNDING = 1e-9  # relative, by which a bound may be too small
@@ -116,9 +117,7 @@ class QualityBound:
         views = Views(
             cameras=cameras, weight=1.0 if all(weighted) else weighted, at_least=self.at_least
         )
-        counts_start = self.problem.objective.count_start
-        objective = Objective(pixels=0.0, views=views, count_start=counts_start)
-        return self.problem.replace(objective=objective)
+        return views_alone(self.problem, views)
 
     @property
     def person_steps(self) -> int:

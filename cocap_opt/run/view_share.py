@@ -9,10 +9,8 @@ _ROUNDING = 1e-9  # relative
 
 
 def views_alone(problem: Problem, views: Views) -> Problem:
-    """Returns a problem whose J is V: drones that see people count, each 1, and nothing else."""
-    objective = Objective(
-        pixels=0.0, views=views.replace(weight=1.0), count_start=problem.objective.count_start
-    )
+    """Returns a problem in which drones that see people count, and nothing else."""
+    objective = Objective(pixels=0.0, views=views, count_start=problem.objective.count_start)
     return problem.replace(objective=objective)
 
 
@@ -31,7 +29,7 @@ def missed_share(problem: Problem, plan: Plan) -> str:
     if views is None or views.share is None:
         return ""
     most = most_views(problem, views.cameras)
-    kept = math.fsum(check(views_alone(problem, views), plan).count_reward)
+    kept = math.fsum(check(views_alone(problem, views.replace(weight=1.0)), plan).count_reward)
     if kept >= views.share * most * (1 - _ROUNDING):
         return ""
     return (
