@@ -1,4 +1,8 @@
-"""J of flights, evaluated between the steps, too: what is filmed at every moment of a flight."""
+"""J of flights, evaluated between the steps, too: what is filmed at every moment of a flight.
+
+People are seen from where the drones are, on the grid or off it, and where the objective counts the
+drones that see a person, those count from whose pose enough of the person is visible.
+"""
 
 import math
 
@@ -9,7 +13,7 @@ from cocap_opt.flight.trajectory import Samples, Trajectory
 from cocap_opt.problem import NO_RULES, Actor, Airspace, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection
-from cocap_opt.vision.views import ConeSight, PinholeSight
+from cocap_opt.vision.views import ConeSight, PinholeSight, SeenColumns
 
 PARTS = 4  # moments of a step
 _AT_ONCE = 256  # poses, to bound the memory
@@ -25,7 +29,7 @@ def view_reward(flown: Trajectory, parts: int) -> float:
 
     Each moment of a step counts a share of the step; with one moment it is that of the step's
     end, and the result is the view reward of the plan. People walk and turn straight from step
-    to step; a face's weight is that of the step's end.
+    to step; weights of faces and of people are those of the step's end.
     """
     film = Film(flown.problem, parts, float(flown.pieces[:, :, 2].min()))
     return film.reward(film.coverages(flown.at(film.moments)))
@@ -33,6 +37,9 @@ def view_reward(flown: Trajectory, parts: int) -> float:
 
 class Film:
     """The coverage of a scene's people at some moments of each step.
+
+    Coverage has a column for each face and, where the objective has views, one for each person, as
+    `Problem.step_view_sums` numbers them: W in all.
 
     Parameters
     ----------
@@ -52,38 +59,49 @@ class Film:
         self.moments: FloatArray = np.arange(count, dtype=np.float64) * (problem.step / parts)
 
     def coverages(self, views: Samples) -> list[FloatArray]:
-        """Returns the coverage [moments, F] by each drone, seen at the moments."""
+        """Returns the coverage [moments, W] by each drone, seen at the moments."""
         return [self.coverage(i, views) for i in range(len(self._problem.robots))]
 
     def coverage(self, robot: int, views: Samples) -> FloatArray:
-        """Returns the coverage [moments, F] by one of the drones, seen at the moments."""
+        """Returns the coverage [moments, W] by one of the drones, seen at the moments."""
         problem, of_drone = self._problem, views.drone == robot
-        camera = problem.robots[robot].camera
+        camera, counted = problem.robots[robot].camera, problem.objective.views
         yaw, tilt = views.yaw[of_drone], -views.pitch[of_drone]
         eyes = views.place[of_drone] - self._geometry.origin
-        steps, coverage = np.arange(len(eyes)), np.zeros((len(eyes), len(problem.face_owner)))
+        steps, coverage = np.arange(len(eyes)), np.zeros((len(eyes), problem.step_width))
         if not coverage.size:
             return coverage
+        faces = len(problem.face_owner)
         if isinstance(camera, Cone):
             sight = ConeSight(self._geometry, problem, camera)
             for t in steps.tolist():
-                coverage[t] = sight.coverage(t, eyes[[t]], yaw[[t]])[0]
+                coverage[t, :faces] = sight.coverage(t, eyes[[t]], yaw[[t]])[0]
+                if counted is not None:
+                    coverage[t, faces:] = sight.detected(t, eyes[[t]], yaw[[t]])[0]
             return coverage
         for batch in np.split(steps, range(_AT_ONCE, len(steps), _AT_ONCE)):
             axes, rows = Projection(camera).axes_towards(yaw[batch], tilt[batch]), batch - batch[0]
             pinhole = PinholeSight(self._geometry, problem, camera, axes)
-            seen = pinhole.seen(batch, eyes[batch], rows, rows).faces
-            coverage[batch[seen.rows], seen.faces] = seen.pixels
+            found = pinhole.seen(batch, eyes[batch], rows, rows, people=counted is not None)
+            seen = SeenColumns(*found.faces)
+            if counted is not None:
+                seen = SeenColumns.of(found, faces, counted.at_least)
+            coverage[batch[seen.rows], seen.columns] = seen.amounts
         return coverage
 
     def reward(self, coverages: list[FloatArray]) -> float:
-        """Returns the part of J that views make, of the coverage [moments, F] by each drone."""
+        """Returns the part of J that views make, of the coverage [moments, W] by each drone."""
         dense, coverage = self._problem, np.sum(coverages, axis=0)
         shares = np.full(dense.horizon + 1, 1 / self._parts)
         shares[0] = 1.0 - dense.first_step
+        pixels, drones = np.split(coverage, [len(dense.face_owner)], axis=1)
         if dense.objective.over_time:
-            return math.fsum(dense.step_weights[0] * np.sqrt(shares @ coverage))
-        return math.fsum((shares[:, None] * dense.step_weights * np.sqrt(coverage)).ravel())
+            of_faces = dense.step_weights[0] * np.sqrt(shares @ pixels)
+        else:
+            of_faces = shares[:, None] * dense.step_weights * np.sqrt(pixels)
+        cameras = 0 if dense.objective.views is None else dense.objective.views.cameras
+        of_people = shares[:, None] * dense.count_weights * np.minimum(drones, cameras)
+        return math.fsum([*of_faces.ravel(), *of_people.ravel()])
 
 
 def _dense(problem: Problem, parts: int, late: float) -> Problem:

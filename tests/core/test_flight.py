@@ -19,8 +19,10 @@ from cocap_opt.problem import (
     NO_RULES,
     Actor,
     Airspace,
+    AnyCamera,
     Camera,
     CollisionRules,
+    Cone,
     Limits,
     Motion,
     Objective,
@@ -28,6 +30,7 @@ from cocap_opt.problem import (
     Problem,
     Robot,
     State,
+    Views,
 )
 from cocap_opt.referee import check
 from cocap_opt.world.workspace import HeightMap, Mesh
@@ -329,10 +332,44 @@ def test_one_moment_a_step_is_the_plan() -> None:
         weighted = problem.replace(objective=Objective(over_time=True))
         if k:  # importance must not change where pixels add up over time
             weighted = problem.replace(actors=(actor.replace(importance=importance),))
-        verdict = check(weighted, plan)
-        expected = pytest.approx(verdict.reward - verdict.reward_moves, rel=1e-9)
-        for flown in (made.trajectory, Trajectory.straight(problem, plan)):
-            assert view_reward(replace(flown, problem=weighted), 1) == expected
+        for one in (weighted, *(counted(weighted, least) for least in (0.1, 0.3, 0.9))):
+            verdict = check(one, plan)
+            expected = pytest.approx(verdict.reward - verdict.reward_moves, rel=1e-9)
+            for flown in (made.trajectory, Trajectory.straight(problem, plan)):
+                assert view_reward(replace(flown, problem=one), 1) == expected
+
+
+def counted(problem: Problem, at_least: float, weight: float = 7.0) -> Problem:
+    """The problem with drones that see people in its objective, the start included."""
+    views = Views(cameras=2, weight=weight, at_least=at_least)
+    return problem.replace(objective=problem.objective.replace(views=views, count_start=True))
+
+
+@pytest.mark.parametrize(
+    ("camera", "seen"),
+    [
+        (Camera(tilts=(0.4,), width=400, height=300, focal=150.0), [3, 2, 1, 0]),
+        (Cone(opening=2.5), [3, 3, 3, 3]),
+    ],
+)
+def test_people_are_counted_from_where_drones_are_flown(camera: AnyCamera, seen: list[int]) -> None:
+    """In the middle of a move as if that were a step; who is half behind a tree may not count."""
+    heights = np.zeros((7, 6))
+    heights[3, 3] = 9.0  # 63 %, 52 % and 28 % of the person are visible from beside it
+    robot = Robot(start=State(1, 0, heading=2), camera=camera, motion=Motion(layers=(3.0,), turn=0))
+    fine = Problem(
+        name="tree", height_map=HeightMap(heights=heights), horizon=2, step=0.5, robots=(robot,),
+        actors=(Actor(poses=np.tile([3.0, 4.5, 0.0, 0.0], (3, 1))),), rules=NO_RULES,
+    )  # fmt: skip
+    faster = robot.replace(motion=robot.motion.replace(radius=2))
+    coarse = fine.replace(horizon=1, step=1.0, robots=(faster,))
+    path = tuple(State(x, 0, heading=2) for x in (1, 2, 3))
+    for least, drones in zip((0.2, 0.5, 0.6, 0.9), seen, strict=True):
+        verdict = check(counted(fine, least), Plan(paths=(path,)))
+        assert sum(verdict.count_reward) == pytest.approx(7.0 * drones)
+        expected = verdict.reward_at_start + sum(verdict.reward_per_step) / 2
+        flown = Trajectory.straight(counted(coarse, least), Plan(paths=(path[::2],)))
+        assert view_reward(flown, 2) == pytest.approx(expected, rel=1e-9)
 
 
 def test_people_turn_the_short_way_round() -> None:

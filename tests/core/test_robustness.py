@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from test_flight import STEPS, flights
+from test_flight import STEPS, counted, flights
 
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.filming import view_reward
@@ -54,9 +54,12 @@ def test_people_who_are_late_or_early_are_as_near_as_samples_say(late: float) ->
         assert expected - FINE <= found.aside <= expected + 1e-9
 
 
-def test_what_is_filmed_is_that_of_another_scene_or_plan() -> None:
+@pytest.mark.parametrize("people_count", [False, True])
+def test_what_is_filmed_is_that_of_another_scene_or_plan(people_count: bool) -> None:
     """Whole steps late, a metre aside: J of a scene, or of a plan, in which that is so."""
     problem, plan, _ = teams()[0]
+    if people_count:
+        problem = counted(problem, 0.3, weight=100.0)
     straight = Trajectory.straight(problem, plan)
     robustness = Robustness(straight)
     (actor,) = problem.actors
