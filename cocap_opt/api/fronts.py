@@ -30,8 +30,9 @@ def front(
         that of the objective, or 0.3
     share : of all possible views, around which plans and bounds are found first. None: that of the
         objective, if it has one
-    directions : how many weights of J and views are tried
-    seconds : of each of them, coverage not included
+    directions : how many weights of J and views are tried at most, until the trade-off is settled
+    seconds : of each of them, coverage not included; each time that one is tried again it has twice
+        as many as before
     time_limit : seconds of all of them, the coverage included
     stop : a further stopping criterion
     so_far : a trade-off of the same problem, which is gone on with
@@ -42,8 +43,8 @@ def front(
         With its `plans`, none of which is better than another in both, and the `half_planes` that
         all plans are in, each with its certificate. `reward_bound(views)` is the J that no plan of
         at least so many views exceeds, `best_with(views)` the best one found, `views_bound` the
-        views that no plan exceeds, `gap` the most that is left between plans and proofs.
-        `table` has all of them.
+        views that no plan exceeds, `gap` the most that is left between plans and proofs, and
+        `settled` is True if nothing is. `table` has all of them.
 
     Raises
     ------

@@ -36,9 +36,16 @@ def _front(
             "scene's, or 0.3"
         ),
     ] = None,
-    directions: Annotated[Whole, Parameter(help="weights that are tried in this call")] = 6,
+    directions: Annotated[
+        Whole, Parameter(help="weights that are tried in this call, at most")
+    ] = 6,
     seconds: Annotated[
-        float, Parameter(name="--seconds", help="for each of them, coverage not included")
+        float,
+        Parameter(
+            name="--seconds",
+            help="for each of them, coverage not included; each time that one is tried again it "
+            "has twice as many",
+        ),
     ] = 10.0,
     share: Annotated[
         float | None,
@@ -56,7 +63,8 @@ def _front(
     """Enclose the trade-off between J and the drones that see each person.
 
     Views are counted step by step and person by person, each up to --cameras. Plans show what can
-    be had, certificates what cannot. Each call with the same folder finds a little more.
+    be had, certificates what cannot. Each call with the same folder finds a little more, until
+    nothing is left between the two.
 
     Example: cocap-opt front bottleneck -o front
     """
@@ -100,6 +108,7 @@ def _say(front: Front, share: float | None, seed: int, output: Path | None, json
             "most_views": front.most_views,
             "views_bound": front.views_bound,
             "gap": front.gap if math.isfinite(front.gap) else None,
+            "settled": front.settled,
             "front": [dict(row) for row in _rows(front)],
             "notes": [*notes, *asked],
             "output": output,
@@ -130,14 +139,20 @@ def _rows(front: Front) -> list[Record]:
 def _notes(front: Front) -> list[str]:
     """Returns sentences on the whole."""
     if not front.plans:
-        return ["no plan that obeys the rules was found"]
+        none = "there is no plan that obeys the rules: that is proved"
+        return [none if front.settled else "no plan that obeys the rules was found"]
     most = 100 * front.share(front.views_bound)
     said = [
         f"views: drones that see a person, at most {front.views.cameras} counted, over all people "
         f"and steps; {front.most_views:g} if all were seen so",
         f"no plan of these drones has more than {most:.1f} % of them",
     ]
-    if math.isfinite(front.gap):
+    if front.settled:
+        words = "no weights of J and views have a better plan"
+        if len(front.plans) == 1:
+            words = "one plan is the best of both"
+        said.append(f"the trade-off is settled: {words}")
+    elif math.isfinite(front.gap):
         said.append(f"between plans and proofs there is at most {100 * front.gap:.2f} %")
     return said
 

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 _SAME = 1e-9  # relative, by which two directions, or a plan and a line, may differ
 _SHARE = 0.25  # of a direction's time that the planner has
+_CLOSED = 1e-6  # relative room that is none
 
 
 class Direction(NamedTuple):
@@ -189,15 +190,30 @@ class Front:
         """The largest room above all plans, of the directions across edges and along the axes."""
         return max(self.room(direction) for direction in self._edges())
 
+    @property
+    def settled(self) -> bool:
+        """True if no weighted sum of J and V has a better plan, or if there is proved to be none.
+
+        Better by more than a millionth does not count.
+        """
+        if not self.plans:
+            return any(plane.bound == -math.inf for plane in self.half_planes)
+        return self.gap <= _CLOSED
+
     def next_direction(self, wanted: float | None = None) -> Direction:
         """Returns the direction in which there is the most room, of those not proved if any is.
 
-        With views that are wanted, the direction across the edge above them comes before others.
+        Directions without room are left aside where others have some. With views that are wanted,
+        the direction across the edge above them comes before others.
         """
-        known, edges = [plane.direction for plane in self.half_planes], self._edges()
-        new = [d for d in edges if not any(_alike(d, k, self._scale) for k in known)]
+        edges = [d for d in self._edges() if self.room(d) > _CLOSED] or self._edges()
+        new = [d for d in edges if not self._tries(d)]
         across = self._across(wanted)
         return across if across in new else max(new or edges, key=self.room)
+
+    def _tries(self, direction: Direction) -> int:
+        """Returns the number of half-planes that there are of a direction."""
+        return sum(_alike(direction, p.direction, self._scale) for p in self.half_planes)
 
     def explored(
         self,
@@ -209,24 +225,25 @@ class Front:
         watch: Watch | None = None,
         wanted: float | None = None,
     ) -> Self:
-        """Returns the trade-off after some directions more.
+        """Returns the trade-off after some directions more, or fewer if it is settled by then.
 
         Parameters
         ----------
         stop : ends all of them; what is found until then counts
-        seconds : of each direction, coverage not included
-        directions : how many
+        seconds : of each direction, coverage not included; each time that one is tried again it has
+            twice as many as before
+        directions : how many at most
         planner, bound : the methods
         wanted : views around which the trade-off is to be known first
         """
         front, watch = self, watch or Watch()
         for number in range(directions):
-            if number and stop.reached() is not None:
+            if front.settled or (number and stop.reached() is not None):
                 break
             watch.show(f"direction {number + 1} of {directions}")
-            front = front._towards(
-                front.next_direction(wanted), stop, seconds, planner, bound, watch
-            )
+            direction = front.next_direction(wanted)
+            time = seconds * 2 ** front._tries(direction)
+            front = front._towards(direction, stop, time, planner, bound, watch)
         return front
 
     def _towards(

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from trade_offs import crossroads
 
 import cocap_opt as co
 from cocap_opt.cli.main import main
+from cocap_opt.files.documents import SceneFile, encode
 
 
 def said(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[object, str, str]:
@@ -19,22 +21,30 @@ def said(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[object, st
 
 
 def test_a_folder_is_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Bounds are read back and checked; each call adds directions, and the gap does not grow."""
-    folder, gaps = tmp_path / "front", []
-    for call in (1, 2):
+    """Bounds are read back and checked; calls add directions until plans and proofs meet."""
+    folder, scene, found = tmp_path / "front", tmp_path / "crossroads.json", []
+    scene.write_bytes(encode(SceneFile.of(crossroads())))
+    for bounds in (2, 3, 3):
         code, out, _ = said(
-            capsys, "tiny-share", "--directions", 2, "--seconds", 2, "-o", folder, "--share", 0,
-            "--json",
-        )  # fmt: skip
+            capsys, scene, "--directions", 2, "--seconds", 2, "-o", folder, "--share", 0, "--json"
+        )
         answer = json.loads(out)
         assert code == 0 and answer["front"]
-        assert len([*folder.glob("direction-*.bound.json")]) == 2 * call
+        assert len([*folder.glob("direction-*.bound.json")]) == bounds
         assert len([*folder.glob("plan-*.json")]) == len(answer["front"])
-        gaps.append(answer["gap"])
-    assert gaps[1] <= gaps[0] + 1e-9
+        found.append((answer["gap"], answer["settled"]))
+    (first, was), (second, done), last = found
+    assert first > second == pytest.approx(0.0, abs=1e-6)
+    assert not was and done and last[1]
     assert (folder / "front.csv").read_text().startswith("kind,")
-    code, out, _ = said(capsys, "tiny-share", "--directions", 0, "-o", folder)
-    assert code == 0 and "no plan" in out
+    code, out, _ = said(capsys, scene, "--directions", 0, "-o", folder)
+    assert code == 0 and "the trade-off is settled: no weights" in " ".join(out.split())
+
+
+def test_one_plan_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing else is tried where it is the best of both."""
+    code, out, _ = said(capsys, "tiny-share", "--seconds", 2)
+    assert code == 0 and "one plan is the best of both" in out
 
 
 def test_a_lower_bound_than_is_proved_is_refused(

@@ -1,6 +1,7 @@
 """The trade-off between J and views: all plans are in its half-planes, and its plans are plans."""
 
 import math
+from collections import Counter
 from itertools import product
 
 import numpy as np
@@ -10,12 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pool import problems
 from strategies import examples
+from trade_offs import crossroads
 
 from cocap_opt.formulations.certificates import verify
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.front import Direction, Front, as_rows
 from cocap_opt.scenarios import load_scene
+from cocap_opt.stop import TimeLimit
 
 METHODS = {"planner": "greedy-rounds", "bound": "alone"}
 
@@ -58,17 +61,51 @@ def test_all_plans_are_inside(problem: Problem, cameras: int, at_least: float) -
 
 def test_a_front_gets_tighter_with_every_direction() -> None:
     """Plans and half-planes only join; the table has a row for each."""
-    front = Front.of(load_scene("tiny-share", 0))
+    front = Front.of(load_scene("tiny-doorway", 0))
     before = math.inf
-    for number in range(4):
+    for number in range(4):  # the bound leaves room, so that a direction is tried again
         front = front.explored(directions=1, **METHODS)
-        assert len(front.half_planes) == number + 1
+        assert len(front.half_planes) == number + 1 and not front.settled
         if number >= 2:
             assert front.gap <= before + 1e-9
         before = front.gap
     rows = as_rows(front)
     assert [row["kind"] for row in rows].count("bound") == 4
     assert [row["kind"] for row in rows].count("plan") == len(front.plans) > 0
+
+
+def test_nothing_more_is_done_once_plans_and_proofs_meet() -> None:
+    """Two plans, J and views alone, and the edge between them; each is worked out by hand."""
+    before = Front.of(crossroads()).explored(directions=2, **METHODS)
+    assert not before.settled and before.next_direction() == pytest.approx((1.0, 18.0))
+    front = before.explored(directions=9, **METHODS)
+    assert front.settled and len(front.half_planes) == 3
+    assert [point[1:] for point in front.plans] == [pytest.approx(p) for p in ((40, 2), (4, 4))]
+    assert front.explored(directions=9, **METHODS) is front
+    assert front.reward_bound(3.0) == pytest.approx(22.0)  # halfway between them
+
+
+def test_one_plan_may_be_the_best_of_both() -> None:
+    """One direction tells, where all people are seen by as many drones as count."""
+    front = Front.of(load_scene("tiny-share", 0)).explored(directions=6, seconds=2.0)
+    assert front.settled and len(front.plans) == len(front.half_planes) == 1
+
+
+def test_a_direction_that_is_tried_again_has_more_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twice as much each time: with no more it would come to the same end."""
+    seconds: list[float] = []
+
+    def limit(allowed: float) -> TimeLimit:
+        seconds.append(allowed)
+        return TimeLimit(allowed)
+
+    monkeypatch.setattr("cocap_opt.run.front.TimeLimit", limit)
+    front = Front.of(load_scene("tiny-doorway", 0)).explored(directions=4, seconds=8.0, **METHODS)
+    tries: Counter[Direction] = Counter()
+    for plane, of_planner in zip(front.half_planes, seconds[::2], strict=True):
+        assert of_planner == 2.0 * 2 ** tries[plane.direction]
+        tries[plane.direction] += 1
+    assert max(tries.values()) > 1
 
 
 def test_directions_are_scenes() -> None:
