@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     )
     from cocap_opt.referee import Verdict
     from cocap_opt.result import Reason, Result, UnsupportedError
+    from cocap_opt.run.front import Front
     from cocap_opt.run.judged import RefereeError
     from cocap_opt.run.quality_bound import QualityBound
     from cocap_opt.run.verified import Verified
@@ -80,6 +81,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "cocap_opt.referee": ("Verdict",),
     "cocap_opt.data": ("ProblemError",),
+    "cocap_opt.run.front": ("Front",),
     "cocap_opt.run.judged": ("RefereeError",),
     "cocap_opt.run.quality_bound": ("QualityBound",),
     "cocap_opt.run.verified": ("Verified",),
@@ -122,11 +124,11 @@ __all__ = [
     "BOUNDS", "COVERAGE_VERSION", "EXACT", "FORMATS", "NO_RULES", "PLANNERS", "SCENES",
     "VERTEX_ONLY", "Actor", "Airspace", "Camera", "CertificateError", "CertificateFile",
     "CertifiedResult", "CollisionRules", "Cone", "Cuboid", "Earth", "FileError", "FirstOf",
-    "HeightMap", "Limit", "Limits", "Mesh", "Motion", "Objective", "PassConflict", "Plan",
-    "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Quality", "QualityBound",
-    "Reason", "RefereeError", "Result", "Robot", "Snapshot", "State", "Stop", "SwapConflict",
-    "TimeLimit", "TriangulatedCuboid", "UnsupportedError", "Verdict", "Verified", "VertexConflict",
-    "Views", "WorkLimit",
+    "Front", "HeightMap", "Limit", "Limits", "Mesh", "Motion", "Objective", "PassConflict",
+    "Plan", "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Quality",
+    "QualityBound", "Reason", "RefereeError", "Result", "Robot", "Snapshot", "State", "Stop",
+    "SwapConflict", "TimeLimit", "TriangulatedCuboid", "UnsupportedError", "Verdict", "Verified",
+    "VertexConflict", "Views", "WorkLimit",
     "bound", "check", "coverage", "coverage_digest", "explain", "front", "gap", "load", "never",
     "plan", "quality", "quality_bound", "read", "replans", "robustness", "save", "show",
     "show_versions", "solve", "trajectory", "verify", "with_views",

@@ -77,8 +77,10 @@ class Front:
     ----------
     problem : the scene, without views in its objective
     views : the cameras from which on more drones add nothing, and the share that must be visible
-    plans : those that no other plan is better than in both, the fewest views first
-    half_planes : in the order in which they were proved
+    plans : those that no other plan is better than in both, the fewest views first; each has
+        `plan`, `reward` (J without views) and `views` (V)
+    half_planes : in the order in which they were proved; each has `bound`, which no plan exceeds,
+        on the sum of J and V with the weights `direction`, and `file`, its certificate
     """
 
     problem: Problem

@@ -38,6 +38,6 @@ def draw(
     ax.plot([*grid, end], [*tops, bottom], color="0.4", linewidth=1)
     ax.plot(shares, rewards, "o-", color="C0", markersize=4, linewidth=1, label="plans")
     ax.set_xlabel(label)
-    ax.set_ylabel("J (px$^{0.5}$/m)")
+    ax.set_ylabel("J (√px / m)")
     ax.legend(loc="lower left", frameon=False)
     return ax

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from pages import DOCS
+from pages import DOCS, pages
 from sources import sources
 
 import cocap_opt as co
@@ -178,9 +178,10 @@ def test_a_shadow_leaves_convex_pieces_of_a_face() -> None:
 
 
 def test_each_diagram_is_on_a_page() -> None:
-    """The concept pages show all pictures that are drawn for them, and say what each shows."""
-    text = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "concepts").glob("*.md"))
-    shown = re.findall(r"```\{figure\} pictures/([\w-]+)\.svg\n:alt: .{40,}\n\n\S", text)
+    """Pages show all pictures that are drawn for them, and say what each shows."""
+    text = "".join(page.read_text(encoding="utf-8") for page in pages())
+    place = r"(?:\.\./concepts/)?pictures"
+    shown = re.findall(rf"```\{{figure\}} {place}/([\w-]+)\.svg\n:alt: .{{40,}}\n\n\S", text)
     assert sorted(shown) == sorted(DIAGRAMS)
     assert text.count("{figure}") == len(shown)
 

@@ -132,3 +132,10 @@ def draw_losses() -> Figure:
     top.set_title("lost by the move that begins at the step (% of the bound)", fontsize=TITLE)
     bottom.set_title("paid for a person beyond the reward (% of the bound)", fontsize=TITLE)
     return figure
+
+
+def draw_trade_off() -> Figure:
+    """Draws the plans of a trade-off between J and views, and where it is proved that none is."""
+    figure = new_figure(5.4, 3.5)
+    worked.trade_off().plot(set_frame(figure.add_subplot(), grid=None))
+    return figure

@@ -1,6 +1,6 @@
 """Pictures of the concept pages, drawn from the worked examples when the pages are built.
 
-To add one: a function that returns a figure, and a line in `DIAGRAMS`. Pages refer to
+To add one: a function that returns a figure, and a line in `DIAGRAMS`. Concept pages refer to
 `pictures/NAME.svg`.
 """
 
@@ -18,6 +18,7 @@ from cocap_opt.experiments.lab.manual.bound_pictures import (
     draw_rounds,
     draw_states_left,
     draw_tangent,
+    draw_trade_off,
 )
 from cocap_opt.experiments.lab.manual.node_pictures import node_picture
 from cocap_opt.experiments.lab.manual.scene_pictures import (
@@ -49,6 +50,7 @@ DIAGRAMS: dict[str, Callable[[], Figure]] = {
     "parts": draw_parts,
     "proof-tree": draw_proof_tree,
     "losses": draw_losses,
+    "trade-off": draw_trade_off,
 }
 
 

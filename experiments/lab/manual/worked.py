@@ -43,6 +43,7 @@ from cocap_opt.problem import Objective, Plan, Problem
 from cocap_opt.result import Result
 from cocap_opt.run.engine import run
 from cocap_opt.run.explained import Explained
+from cocap_opt.run.front import Front
 from cocap_opt.scenarios import load_scene
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
 
 SEED = 4  # of the bottleneck: CoCap loses more there than elsewhere
 SHORT = 2  # steps of the bottleneck on which cone programs are quick
+BRIEF = 4  # steps on which a whole trade-off is
 
 
 def planned(problem: Problem, planner: str) -> Result:
@@ -278,6 +280,15 @@ def compared() -> list[tuple[str, list[float]]]:
     ]
     optima = [run(scene, "branch-and-price").reward for scene in scenes]
     return [*rows, ("optimum", optima)]
+
+
+@cache
+def trade_off() -> Front:
+    """Returns the trade-off between J and views on the first steps of the bottleneck, settled."""
+    front = Front.of(load_scene("bottleneck", 0).replace(horizon=BRIEF))
+    found = front.explored(seconds=60.0, directions=20)
+    assert found.settled
+    return found
 
 
 def _bound(name: str, problem: Problem, start: Plan | None) -> float:

@@ -64,6 +64,19 @@ def _bounds_table() -> str:
     ])  # fmt: skip
 
 
+def _trade_off_table() -> str:
+    front = worked.trade_off()
+    return markdown_table([
+        {
+            "views": f"{point.views:g}",
+            "of all (%)": f"{100 * front.share(point.views):.1f}",
+            "J": number(point.reward),
+            "no plan has more than": number(front.reward_bound(point.views)),
+        }
+        for point in front.plans
+    ])  # fmt: skip
+
+
 def _certificate_table() -> str:
     parts, rows = worked.doorway_parts(), worked.doorway_multipliers().rows
     steps = parts.faces.reshape(worked.doorway().horizon + 1, -1).sum(axis=1)
@@ -157,6 +170,8 @@ WORKED: dict[str, Callable[[], str]] = {
     "trap_in_turn": lambda: number(worked.planned(worked.trap(), "sequential").value),
     "trap_best": lambda: number(worked.compared()[-1][1][0]),
     "bounds_compared": _bounds_table,
+    "trade_off": _trade_off_table,
+    "trade_off_steps": lambda: str(worked.BRIEF),
     "shadow_visible": lambda: f"{100 * one_face.shadow().visible:.0f} %",
     **{f"curve_{name}": partial(_curve, name) for name in ("concave", "single_view", "least")},
     "middle_step": lambda: str(worked.middle()),
