@@ -1,6 +1,7 @@
 """Bounds on scenes that count the drones that see people, and certificates that were altered."""
 
 import math
+from functools import cache
 
 import msgspec
 import numpy as np
@@ -29,6 +30,7 @@ QUICK = {"alone", "online", "brute-force"}  # of them, those that take no solver
 COUNTED = counting(problems(over_time=True))
 
 
+@cache
 def counted() -> Problem:
     """The corridor, with its people counted."""
     problem = load_scene("corridor", 0)

@@ -41,11 +41,13 @@ def random_rows(problem: Problem, rng: np.random.Generator) -> list[Row]:
     if problem.rules.none:
         return []
     cells, rows = all_cells(problem), []
-    for cell in cells:
-        clique = [cell]
-        for other in cells:
-            if other not in clique and all(problem.too_close(other, c) for c in clique):
-                clique.append(other)
+    places = problem.positions(cells)
+    for k, cell in enumerate(cells):
+        clique, near = [cell], problem.rules.too_near(places - places[k])
+        for n in np.flatnonzero(near).tolist():
+            if near[n] and n != k:  # near to all that are in the clique by now
+                clique.append(cells[n])
+                near &= problem.rules.too_near(places - places[n])
         t = int(rng.integers(problem.horizon + 1))
         rows.append(Row(Cells(t, tuple(clique)), float(rng.choice([0.0, 1.0, 50.0]))))
         if problem.rules.swap and len(cells) > 1:
