@@ -250,8 +250,11 @@ def test_cameras_are_counted_of_plans_that_obey_the_rules() -> None:
     assert (rows[2].cameras, rows[6].cameras) == ("two see 30 % of person-steps, three 0 %", "")
 
 
-def test_the_gap_table_has_a_second_one_of_cameras(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_gap_table_has_a_second_one_of_cameras(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It fits a terminal; a mean of errors, one of which is infinite, is none."""
+    monkeypatch.setenv("COLUMNS", "80")
     rows = [
         row("a", 0, 80.0, seen_by_two=0.5, seen_by_three=0.25, median_error=20.0),
         row("b", 0, 80.0, seen_by_two=0.5, seen_by_three=0.25, median_error=20.0),
