@@ -1,6 +1,7 @@
 """Text of files as it is shown, and words that were meant."""
 
 from collections.abc import Iterable
+from decimal import ROUND_CEILING, Decimal
 from difflib import get_close_matches
 
 
@@ -14,6 +15,15 @@ def printable(text: str, kept: str = "") -> str:
     return "".join(
         c if c.isprintable() or c in kept else c.encode("unicode_escape").decode() for c in text
     )
+
+
+def rounded_up(number: float, digits: int) -> str:
+    """Returns a number with so many decimals that is not below it, as bounds are told.
+
+    What is above by no more than rounding of the last bits is not.
+    """
+    step = Decimal(1).scaleb(-digits)
+    return f"{Decimal(number - 1e-12 * abs(number)).quantize(step, ROUND_CEILING):,}"
 
 
 def unread(error: OSError) -> str:

@@ -25,7 +25,7 @@ def quality(
     problem: Problem,
     plan: Plan | Result | None,
     *,
-    at_least: float = _USUAL.at_least,
+    at_least: float | None = None,
     pixel_error: float = _USUAL.pixel_error,
     position_error: float = _USUAL.position_error,
     attitude_error: float = _USUAL.attitude_error,
@@ -35,15 +35,15 @@ def quality(
 ) -> Quality:
     """Tell how well a plan films people: by how many drones, how accurately, how sharply.
 
-    It is no part of J, and a plan may break collision rules. Pixels are those of the scene's
-    cameras.
+    Of all this J may count the drones that see each person (`Views`); the rest is measured only. A
+    plan may break collision rules. Pixels are those of the scene's cameras.
 
     Parameters
     ----------
     problem : that the plan is for
     plan : a plan that can be flown, or a result that has one
     at_least : share of the solid angle that a person has with nothing in the way, from which on a
-        drone sees them
+        drone sees them. None: that of the problem's objective, or 0.3
     pixel_error : px, standard deviation with which a point is found in a picture, along each axis
     position_error : m, standard deviation of a drone's place along each axis
     attitude_error : rad, standard deviation of a camera's attitude about each axis
@@ -68,8 +68,9 @@ def quality(
     >>> co.quality(problem, result).summary.by_two
     >>> co.quality(problem, result, at_least=0.5, position_error=0.05).table
     """
+    filmed = plan_for(problem, plan, "measured")
     assumptions = Assumptions(
-        at_least=at_least,
+        at_least=Assumptions.of(problem).at_least if at_least is None else at_least,
         pixel_error=pixel_error,
         position_error=position_error,
         attitude_error=attitude_error,
@@ -77,7 +78,6 @@ def quality(
         drone_size=drone_size,
         drone_pixels=drone_pixels,
     )
-    filmed = plan_for(problem, plan, "measured")
     require_flown("plan", judge_plan(problem, filmed))
     return Quality.of(problem, filmed, assumptions=assumptions)
 
@@ -85,8 +85,8 @@ def quality(
 def quality_bound(
     problem: Problem,
     *,
-    cameras: int = 2,
-    at_least: float = _USUAL.at_least,
+    cameras: int | None = None,
+    at_least: float | None = None,
     seconds: float = 10.0,
     time_limit: float | None = None,
     stop: Stop = never,
@@ -100,9 +100,10 @@ def quality_bound(
     Parameters
     ----------
     problem : the drones, the people, and where they are
-    cameras : the largest number of drones that is asked about
+    cameras : the largest number of drones that is asked about. None: the cameras of the problem's
+        objective, or 2
     at_least : share of the solid angle that a person has with nothing in the way, from which on a
-        drone sees them
+        drone sees them. None: that of the objective, or 0.3
     seconds : for each number of drones, coverage not included
     time_limit : seconds of all of it, the coverage included
     stop : a further stopping criterion
@@ -127,11 +128,13 @@ def quality_bound(
     >>> co.quality_bound(problem, cameras=2, seconds=5).most(2).share
     """
     require_problem(problem)
-    require(cameras, "cameras", "a whole number", int, np.integer)
-    require_number(at_least, "at_least")
+    if cameras is not None:
+        require(cameras, "cameras", "a whole number", int, np.integer)
+    if at_least is not None:
+        require_number(at_least, "at_least")
     limit = never
     if time_limit is not None:
         limit = TimeLimit(Option("time_limit").require_limit(time_limit))
-    return QualityBound.of(problem, int(cameras), float(at_least)).proved(
+    return QualityBound.of(problem, cameras, at_least).proved(
         FirstOf(stop, limit), Option("seconds").require_limit(seconds), start_for(problem, start)
     )

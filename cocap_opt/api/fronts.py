@@ -1,8 +1,14 @@
 """The face's trade-offs between J and the drones that see each person."""
 
-from cocap_opt.api.arguments import require_problem
-from cocap_opt.problem import Problem, Views
+from dataclasses import replace
+
+import numpy as np
+
+from cocap_opt.api.arguments import require, require_number, require_problem
+from cocap_opt.problem import Problem
 from cocap_opt.run.front import Front
+from cocap_opt.run.front_search import explored
+from cocap_opt.run.options import Option
 from cocap_opt.stop import FirstOf, Stop, TimeLimit, never
 
 
@@ -24,12 +30,12 @@ def front(
     ----------
     problem : the drones, the people, and where they are; the weight of views in its objective does
         not matter
-    cameras : drones that see a person, from which on more add nothing. None: those of the
-        problem's objective, or 2
+    cameras : drones that see a person, from which on more add nothing. None: those of `so_far`, of
+        the problem's objective, or 2
     at_least : share of a person, by solid angle, that must be visible in a drone's image. None:
-        that of the objective, or 0.3
-    share : of all possible views, around which plans and bounds are found first. None: that of the
-        objective, if it has one
+        that of `so_far`, of the objective, or 0.3
+    share : of all possible views, around which plans and bounds are found first. None: that of
+        `so_far`, or of the objective, if it has one
     directions : how many weights of J and views are tried at most, until the trade-off is settled
     seconds : of each of them, coverage not included; each time that one is tried again it has twice
         as many as before
@@ -44,14 +50,14 @@ def front(
         all plans are in, each with its certificate. `reward_bound(views)` is the J that no plan of
         at least so many views exceeds, `best_with(views)` the best one found, `views_bound` the
         views that no plan exceeds, `gap` the most that is left between plans and proofs, and
-        `settled` is True if nothing is. `table` has all of them.
+        `settled` is True if nothing is. `table` has all of them. Printed it tells them in words.
 
     Raises
     ------
     ProblemError
         If `cameras`, `at_least` or `share` is out of range.
     ValueError
-        If `so_far` is of another problem.
+        If `so_far` is of another problem or counts other views, or another number is none.
 
     Examples
     --------
@@ -59,14 +65,28 @@ def front(
     >>> front.best_with(0.9 * front.most_views)
     """
     require_problem(problem)
-    views = problem.objective.views or Views()
-    given = {"cameras": cameras, "at_least": at_least, "share": share}
-    views = views.replace(**{name: x for name, x in given.items() if x is not None})
-    begun = Front.of(problem, views.cameras, views.at_least)
+    if cameras is not None:
+        require(cameras, "cameras", "a whole number", int, np.integer)
+    for name, value in (("at_least", at_least), ("share", share)):
+        if value is not None:
+            require_number(value, name)
+    require(directions, "directions", "a whole number", int, np.integer)
+    Option("directions").require_whole(int(directions))
+    Option("seconds").require_limit(seconds)
+    limit = never
+    if time_limit is not None:
+        limit = TimeLimit(Option("time_limit").require_limit(time_limit))
+    known = problem
+    if so_far is not None:  # what is not said stays as it is there
+        known = problem.replace(objective=problem.objective.replace(views=so_far.views))
+    begun = Front.of(known, cameras, at_least, share)
+    begun = replace(begun, problem=problem)
     if so_far is not None:
         if not so_far.is_of(begun):
-            raise ValueError("so_far: must be of the same problem, cameras and share")
-        begun = so_far
-    limit = never if time_limit is None else TimeLimit(time_limit)
-    wanted = None if views.share is None else views.share * begun.most_views
-    return begun.explored(FirstOf(stop, limit), seconds, directions, wanted=wanted)
+            had = so_far.views
+            raise ValueError(
+                "so_far: must be of the same problem, with the same cameras and at_least; it has "
+                f"cameras={had.cameras}, at_least={had.at_least:g}"
+            )
+        begun = replace(so_far, views=begun.views)
+    return explored(begun, FirstOf(stop, limit), seconds, int(directions))

@@ -31,7 +31,9 @@ def with_views(
         one for each. None: half of what one unhidden view of the person pays from where the person
         fills a third of the image's height, the mean over eight directions around the person and
         over the drones' cameras. "first": more than all that pixels and moves can pay, so that a
-        plan that sees more people comes before others, whatever their pixels
+        plan of more views comes before others, whatever their pixels, where all importances are 0
+        or one number; where they differ, pixels may decide between views that differ by less than
+        the least importance
     at_least : share of the solid angle that the person has from a drone, with nothing in the way,
         that is to be visible in its image
     share : of all possible views, which plans are asked to keep; `front` finds the best that do

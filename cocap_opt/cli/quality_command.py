@@ -45,9 +45,12 @@ def _quality(
     *,
     seed: Seed = 0,
     at_least: Annotated[
-        float,
-        Parameter(help="share of a person that a drone must see, of their unhidden solid angle"),
-    ] = _USUAL.at_least,
+        float | None,
+        Parameter(
+            help="share of a person that a drone must see, of their unhidden solid angle; if not "
+            "given, the scene's, or 0.3"
+        ),
+    ] = None,
     pixel_error: Annotated[
         float, Parameter(help="pixels by which a point is found wrongly, along each axis")
     ] = _USUAL.pixel_error,
@@ -103,19 +106,19 @@ def _quality(
 
     Example: cocap-opt quality corridor plan.json --bound --cameras 2 -o certificates
     """
-    given_options = {
-        "at_least": at_least, "pixel_error": pixel_error, "position_error": position_error,
-        "attitude_error": attitude_error, "exposure": exposure, "drone_size": drone_size,
-        "drone_pixels": drone_pixels,
+    numbers = {
+        "at_least": _USUAL.at_least if at_least is None else at_least, "pixel_error": pixel_error,
+        "position_error": position_error, "attitude_error": attitude_error, "exposure": exposure,
+        "drone_size": drone_size, "drone_pixels": drone_pixels,
     }  # fmt: skip
-    assumptions = _assumptions(given_options)
+    assumptions = _assumptions(numbers)
     if csv is not None:
         check_output(csv, scene, plan)
         Option("--csv").ending(csv, (".csv",))
     for option, value in (("-o", output), ("--cameras", cameras), ("--seconds", seconds)):
         if value is not None and not bound:
             raise UsageError(f"{option}: is for bounds; add --bound")
-    cameras, seconds = 2 if cameras is None else cameras, 10.0 if seconds is None else seconds
+    seconds = 10.0 if seconds is None else seconds
     if not Option("--seconds").require_seconds(seconds) > 0:
         raise UsageError("--seconds: must be more than 0")
     given = PlanReader(scene, load_planned(scene, seed)).plan(plan)
@@ -124,7 +127,10 @@ def _quality(
     try:
         limits = QualityBound.of(given.problem, cameras, at_least) if bound else None
     except ProblemError as error:
-        raise UsageError(f"--{str(error).replace('_', '-')}") from error
+        raise Option.refused(error) from error
+    if at_least is None:
+        numbers["at_least"] = Assumptions.of(given.problem).at_least
+        assumptions = assumptions.replace(at_least=numbers["at_least"])
     found = Quality.of(given.problem, given.plan, assumptions=assumptions)
     if csv is not None:
         save_bytes(csv, found.table.to_csv(index=False, lineterminator="\n").encode())
@@ -135,7 +141,7 @@ def _quality(
         answer = {"scene": given.problem.name, "seed": seed, **_record(found)}
         first: Record = {"cut_short": cut_short} if cut_short else {}
         last = {} if limits is None else {"bound": _bound_record(limits, found, obeys_rules)}
-        print_result({**first, **answer, "assumptions": given_options, "file": csv, **last}, json)
+        print_result({**first, **answer, "assumptions": numbers, "file": csv, **last}, json)
     else:
         sys.stdout.write(f"{printable(str(found), chr(10))}\n\n")
         if limits is not None:
@@ -188,8 +194,7 @@ def _assumptions(options: Mapping[str, float]) -> Assumptions:
         attitude = math.radians(options["attitude_error"])
         return Assumptions(**{**options, "attitude_error": attitude})
     except ProblemError as error:
-        field, words = str(error).split(":", 1)
-        raise UsageError(f"--{field.replace('_', '-')}:{words}") from error
+        raise Option.refused(error) from error
 
 
 def _record(found: Quality) -> Record:

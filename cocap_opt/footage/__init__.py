@@ -6,5 +6,6 @@ point has that is triangulated from them, by the projection's derivatives; `blur
 move in the picture while it is taken; `intruders` which drones are in each other's pictures.
 `moments` names the worst moments in words, `summary` has shares and errors of all people and of
 each. `quality` puts them together: the `Quality` of a plan, under `assumptions`, which `words`
-tells and `strip` draws. It is no part of the objective, and planners do not know it.
+tells and `strip` draws. Of it, the objective may count the drones that see people (`Views`); all
+else is measured afterwards.
 """

@@ -1,8 +1,10 @@
 """The numbers that the quality of a plan is measured with."""
 
 import math
+from typing import Self
 
-from cocap_opt.data import LARGEST, MOST_PIXELS, Data, within
+from cocap_opt.data import LARGEST, MOST_PIXELS, Data, require, within
+from cocap_opt.problem import Problem
 
 
 class Assumptions(Data, frozen=True):
@@ -37,9 +39,16 @@ class Assumptions(Data, frozen=True):
     drone_size: float = 0.4
     drone_pixels: float = 100.0
 
+    @classmethod
+    def of(cls, problem: Problem) -> Self:
+        """Returns the usual numbers, with the share of a person by which the scene counts views."""
+        views = problem.objective.views
+        return cls() if views is None else cls(at_least=views.at_least)
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        within(self.at_least, 1e-6, 1, "at_least")
+        within(self.at_least, 0, 1, "at_least")
+        require(self.at_least > 0, "at_least", "must be > 0, or all drones see everybody")
         within(self.pixel_error, 1e-6, MOST_PIXELS, "pixel_error", "px")
         within(self.position_error, 0, LARGEST, "position_error", "m")
         within(self.attitude_error, 0, math.pi, "attitude_error", "rad")

@@ -76,7 +76,7 @@ class Quality:
         problem: Problem,
         plan: Plan,
         shares: FloatArray | None = None,
-        assumptions: Assumptions = Assumptions(),  # noqa: B008  # it is frozen
+        assumptions: Assumptions | None = None,
     ) -> Self:
         """Returns the quality of a plan.
 
@@ -84,12 +84,14 @@ class Quality:
         ----------
         shares : [T+1, R, A] of the solid angle that each person has from each drone with nothing in
             the way, the part that is visible in its picture, 0 to 1; computed if not given
+        assumptions : the usual ones, with the scene's share of a person, if not given
 
         Raises
         ------
         ValueError
             If the plan or the shares are of other sizes than the problem, or a share is none.
         """
+        assumptions = assumptions or Assumptions.of(problem)
         poses = Poses.of(problem, plan)
         if shares is None:
             shares = visible_shares(problem, plan)

@@ -25,7 +25,8 @@ from cocap_opt.formulations.certificates import (
 )
 from cocap_opt.output.files import make_folder, save_csv, save_files
 from cocap_opt.problem import COVERAGE_VERSION, Problem
-from cocap_opt.run.front import Direction, Front, HalfPlane, as_rows
+from cocap_opt.referee import check
+from cocap_opt.run.front import VIEWS_ALONE, Direction, Front, HalfPlane
 from cocap_opt.stop import Stop, never
 
 _SCENE, _BOUND, _PLAN = "direction-{}.scene.json", "direction-{}.bound.json", "plan-{}.json"
@@ -33,26 +34,27 @@ TABLE = "front.csv"
 
 
 def save(front: Front, folder: Path) -> None:
-    """Writes a trade-off's files; those of more plans than there are now are removed."""
+    """Writes a trade-off's files; those of more plans or bounds than there are now are removed."""
     make_folder(folder)
     contents: dict[Path, bytes] = {}
-    for n, plane in enumerate(front.half_planes, 1):
-        if plane.file is not None:
-            scene = SceneFile.of(front.scene(plane.direction))
-            contents[folder / _SCENE.format(n)] = encode(scene)
-            contents[folder / _BOUND.format(n)] = encode(plane.file)
+    proved = [(plane.direction, plane.file) for plane in front.half_planes if plane.file]
+    for n, (direction, certificate) in enumerate(proved, 1):
+        contents[folder / _SCENE.format(n)] = encode(SceneFile.of(front.scene(direction)))
+        contents[folder / _BOUND.format(n)] = encode(certificate)
     digest = problem_digest(front.problem)
     for n, point in enumerate(front.plans, 1):
         file = PlanFile(
-            scene=front.problem.name, digest=digest, planner="front", reward=point.reward,
-            plan=point.plan, coverage_version=COVERAGE_VERSION,
+            scene=front.problem.name, digest=digest, planner="front",
+            reward=check(front.problem, point.plan).reward, plan=point.plan,
+            coverage_version=COVERAGE_VERSION,
         )  # fmt: skip
         contents[folder / _PLAN.format(n)] = encode(file)
     save_files(contents)
-    for old in _numbered(folder, _PLAN):
-        if old not in contents:
-            old.unlink()
-    rows = as_rows(front)
+    for name in (_SCENE, _BOUND, _PLAN):
+        for old in _numbered(folder, name):
+            if old not in contents:
+                old.unlink()
+    rows = front.rows()
     keys = list(dict.fromkeys(key for row in rows for key in row))
     save_csv(folder / TABLE, [{key: row.get(key, "") for key in keys} for row in rows])
 
@@ -78,7 +80,7 @@ def read(front: Front, folder: Path, stop: Stop = never) -> Front:
             bound = verify(scene, file, stop=stop).bound
         except CertificateError as error:
             raise FileError(f"{where}: {error}") from error
-        planes.append(HalfPlane(direction, bound * direction.unit, file))
+        planes.append(HalfPlane(direction, bound, file))
     plans = []
     for path in _numbered(folder, _PLAN):
         found = decode_document(read_bytes(path), str(path), PlanFile)
@@ -91,9 +93,10 @@ def read(front: Front, folder: Path, stop: Stop = never) -> Front:
 def _direction(front: Front, scene: Problem, path: Path) -> Direction:
     """Returns the direction that a scene is of."""
     views = scene.objective.views
-    if views is None or isinstance(views.weight, tuple):
+    if views is None:
         raise FileError(f"{path}: must be a direction of the trade-off")
-    direction = Direction(1.0 if scene.objective.pixels else 0.0, views.weight)
+    weight = max(views.weights(len(scene.actors)), default=0.0)
+    direction = Direction(1.0, weight) if scene.objective.pixels else VIEWS_ALONE
     if problem_digest(front.scene(direction)) != problem_digest(scene):
         raise FileError(f"{path}: is a direction of another scene, number of cameras or share")
     return direction

@@ -6,6 +6,7 @@ from numbers import Real
 from pathlib import Path
 from typing import NamedTuple
 
+from cocap_opt.data import ProblemError
 from cocap_opt.stop import FirstOf, Stop, TimeLimit, WorkLimit, never
 from cocap_opt.text import meant
 from cocap_opt.vision.coverage import usable_cores
@@ -41,6 +42,12 @@ class Option(NamedTuple):
     """
 
     name: str
+
+    @staticmethod
+    def refused(error: ProblemError) -> "UsageError":
+        """Returns the error about a field as one about the option of that name."""
+        field, _, words = str(error).partition(": ")
+        return UsageError(f"--{field.replace('_', '-')}: {words}")
 
     def require_one_of(self, value: str, allowed: Iterable[str]) -> None:
         """Refuses a value that is not among the allowed ones."""

@@ -20,15 +20,16 @@ import numpy as np
 
 from cocap_opt.console.progress import Watch
 from cocap_opt.data import FloatArray
-from cocap_opt.footage.quality import Quality, person_steps
+from cocap_opt.footage.quality import Quality
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.model import compiled
-from cocap_opt.problem import Plan, Problem, Views
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.engine import BOUND_METHOD, run
 from cocap_opt.run.options import Allowance
-from cocap_opt.run.view_share import views_alone
+from cocap_opt.run.view_share import counted_weights, views_alone, views_asked
 from cocap_opt.stop import Stop, never
+from cocap_opt.text import rounded_up
 
 _ROUNDING = 1e-9  # relative, by which a bound may be too small
 _NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six"}
@@ -73,11 +74,22 @@ class QualityBound:
     results: tuple[CertifiedResult, ...] = ()
 
     @classmethod
-    def of(cls, problem: Problem, cameras: int = 2, at_least: float = 0.3) -> Self:
-        """Returns a bound by which nothing is proved yet."""
-        Views(cameras=cameras, at_least=at_least)  # it refuses what is out of range
-        weights = np.where(person_steps(problem), problem.importance, 0.0)
-        return cls(problem, cameras, at_least, weights)
+    def of(
+        cls, problem: Problem, cameras: int | None = None, at_least: float | None = None
+    ) -> Self:
+        """Returns a bound by which nothing is proved yet.
+
+        Parameters
+        ----------
+        cameras, at_least : None: as the problem's objective has them, or two and 0.3
+
+        Raises
+        ------
+        ProblemError
+            If one of them is out of range.
+        """
+        views = views_asked(problem, cameras, at_least)
+        return cls(problem, views.cameras, views.at_least, counted_weights(problem))
 
     def proved(
         self,
@@ -113,11 +125,7 @@ class QualityBound:
 
     def scene(self, cameras: int) -> Problem:
         """Returns the problem whose J is the weighted sum of min(cameras, n)."""
-        weighted = tuple((self.weights > 0).any(axis=0).astype(float).tolist())
-        views = Views(
-            cameras=cameras, weight=1.0 if all(weighted) else weighted, at_least=self.at_least
-        )
-        return views_alone(self.problem, views)
+        return views_alone(self.problem, views_asked(self.problem, cameras, self.at_least))
 
     @property
     def person_steps(self) -> int:
@@ -136,6 +144,8 @@ class QualityBound:
 
     def most(self, drones: int) -> MostSeen:
         """Returns the most person-steps that so many drones or more see in any plan."""
+        if drones < 1:
+            raise ValueError(f"drones: must be at least 1, not {drones}")
         if drones > len(self.problem.robots) or self.no_plan or not self.person_steps:
             return MostSeen(drones, 0.0, None if self.is_weighted else 0)
         weight = min(self._proved(fewer) for fewer in range(1, drones + 1))
@@ -220,21 +230,28 @@ class QualityBound:
         if most.share >= 1:
             return f"That all person-steps are {seen_by} is not ruled out."
         if most.person_steps is None:
-            percent, counted = math.ceil(1000 * most.share) / 10, ", by their importance,"
-        else:  # in whole numbers, so that nothing is rounded but up
-            percent = -(-1000 * most.person_steps // self.person_steps) / 10
-            counted = f" ({most.person_steps:,} of {self.person_steps:,})"
-        return (
-            f"No plan of these drones lets more than {percent:.1f} % of person-steps{counted} be "
-            f"{seen_by}: proved."
-        )
+            told = f"{rounded_up(100 * most.share, 1)} % of person-steps, by their importance,"
+        else:
+            told = (
+                f"{most.person_steps:,} of {self.person_steps:,} person-steps "
+                f"({_percent(most.share)})"
+            )
+        return f"No plan of these drones lets more than {told} be {seen_by}: proved."
 
     def _beside(self, most: MostSeen, share: float, obeys_rules: bool) -> str:
         """Returns the sentence on the plan."""
+        told = _percent(share)
+        if most.person_steps is not None:
+            told = f"{round(share * self.person_steps):,} ({told})"
         if not obeys_rules:
-            return f"This plan, which breaks rules: {100 * share:.1f} %."
+            return f"This plan, which breaks rules: {told}."
         attained = share >= most.share - _ROUNDING
-        return f"This plan: {100 * share:.1f} %{', and none has more' if attained else ''}."
+        return f"This plan: {told}{', and none has more' if attained else ''}."
+
+
+def _percent(share: float) -> str:
+    """Returns a share with a decimal; only all is 100 %."""
+    return f"{min(100 * share, 99.9):.1f} %" if share < 1 else "100 %"
 
 
 def _or_more(drones: int) -> str:

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, ProblemError, read_only, require
+from cocap_opt.data import MOST_WEIGHT, FloatArray, ProblemError, read_only, require
 from cocap_opt.problem import Actor, Camera, Objective, Problem, Robot, Shape, Views
 from cocap_opt.vision.faces import local_faces
 from cocap_opt.vision.projection import Projection, dot
@@ -83,25 +83,28 @@ def with_views(
 
 
 def weight_before_all(
-    actors: Sequence[Actor], robots: Sequence[Robot], steps: int, objective: Objective
+    actors: Sequence[Actor], robots: Sequence[Robot], horizon: int, objective: Objective
 ) -> float:
     """Returns a weight by which a drone that sees a person outweighs all that pixels and moves pay.
 
     A face of area A and weight w that has p pixels, in all images together, pays w sqrt(p / A). No
     pixel shows two faces. So all faces together pay at most sqrt(P sum w^2 / A) at a step, by
-    Cauchy and Schwarz, where P is the number of pixels of all images. Of people whose importance is
-    below 1 at some step, the least importance above 0 counts.
+    Cauchy and Schwarz, where P is the number of pixels of all images.
+
+    A plan of more views comes before others where all importances are 0 or one number. Where they
+    differ, so may the views of two plans by less than the least importance; pixels may decide then.
 
     Parameters
     ----------
     actors, robots : of the problem
-    steps : horizon T
+    horizon : T
     objective : of which views have no part
 
     Raises
     ------
     ProblemError
-        If a robot has a camera without an image; it names the field `weight`.
+        If a robot has a camera without an image, or an importance is so small that the weight would
+        be too large; it names the field `weight`.
     """
     cameras = [robot.camera for robot in robots if isinstance(robot.camera, Camera)]
     if len(cameras) < len(robots):
@@ -119,7 +122,13 @@ def weight_before_all(
     )
     at_a_step = objective.pixels * math.sqrt(images * per_area) + len(robots) * moves
     least = min((x for actor in actors for x in actor.importance or () if x > 0), default=1.0)
-    return float(math.ceil((steps + 1) * at_a_step / min(least, 1.0) + 1))
+    weight = float(math.ceil((horizon + 1) * at_a_step / min(least, 1.0) + 1))
+    require(
+        weight <= MOST_WEIGHT,
+        "weight",
+        f'"{FIRST}" would be above {MOST_WEIGHT:g} where an importance is {least:g}; give a number',
+    )
+    return weight
 
 
 def _level(camera: Camera) -> Camera:

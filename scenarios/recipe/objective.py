@@ -19,7 +19,7 @@ class ViewsTable(Table):
 
     def views(
         self, actors: Sequence[Actor], factors: Sequence[float], robots: Sequence[Robot],
-        steps: int, objective: Objective,
+        horizon: int, objective: Objective,
     ) -> Views:  # fmt: skip
         """Returns the views, with a number for each person.
 
@@ -27,7 +27,7 @@ class ViewsTable(Table):
         ----------
         actors, factors : the people [A], and the factor of each one's weight
         robots : whose cameras weights are computed of
-        steps, objective : horizon T, and what counts besides views
+        horizon, objective : T, and what counts besides views
 
         Raises
         ------
@@ -38,7 +38,7 @@ class ViewsTable(Table):
         if weight is None:
             weight = default_weights(actors, robots)
         elif weight == FIRST:
-            weight = weight_before_all(actors, robots, steps, objective)
+            weight = weight_before_all(actors, robots, horizon, objective)
         # Each number is checked before it is multiplied, under the name that the recipe has.
         given = Views(cameras=self.cameras, weight=weight, at_least=self.at_least, share=self.share)
         given.require_for(len(actors))
@@ -60,7 +60,7 @@ class ObjectiveTable(Table):
 
     def objective(
         self, actors: Sequence[Actor], factors: Sequence[float | None], robots: Sequence[Robot],
-        steps: int,
+        horizon: int,
     ) -> Objective:  # fmt: skip
         """Returns the objective, which holds numbers only.
 
@@ -69,7 +69,7 @@ class ObjectiveTable(Table):
         actors : the people [A]
         factors : of each one's weight in `views`; None: 1
         robots : the drones
-        steps : horizon T
+        horizon : T
 
         Raises
         ------
@@ -83,6 +83,6 @@ class ObjectiveTable(Table):
         with naming("views"):
             table = ViewsTable(weight=FIRST) if self.views == FIRST else self.views
             views = table.views(
-                actors, [1.0 if f is None else f for f in factors], robots, steps, objective
+                actors, [1.0 if f is None else f for f in factors], robots, horizon, objective
             )
         return objective.replace(views=views)

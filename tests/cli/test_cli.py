@@ -110,7 +110,7 @@ def test_gap_prints_and_writes_the_keys_that_do_not_change(
 ) -> None:
     """`gap --json` prints {"rows": ...}; results.csv has a row per scene, seed and planner."""
     run = Run(capsys, "gap", "tiny-share", "tiny-queue", "--out", tmp_path / "o", "--json")
-    assert (run.code, run.err) == (0, "")
+    assert run.code == 0 and all(" done, " in line for line in run.err.splitlines())  # progress
     rows = run.json["rows"]
     assert len(rows) == 2 * 6
     for row in rows:

@@ -75,7 +75,7 @@ def test_wrong_input_is_one_line(
 ) -> None:
     """It names the option or the file, and what is allowed; the exit code is 2."""
     for words, expected in (
-        ((SCENE, plan, "--at-least", 0), "--at-least: must be 1e-06..1, not 0.0"),
+        ((SCENE, plan, "--at-least", 0), "--at-least: must be > 0"),
         ((SCENE, plan, "--pixel-error", -1), "--pixel-error: must be 1e-06"),
         ((SCENE, plan, "--position-error", "x"), "--position-error: must be a number, not 'x'"),
         ((SCENE, plan, "--attitude-error", 181), "--attitude-error: must be 0..180 degrees, not"),

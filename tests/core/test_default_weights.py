@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pool import problems
 from strategies import examples
+from trade_offs import crossroads
 
 import cocap_opt as co
 from cocap_opt.data import ProblemError
@@ -28,7 +29,7 @@ from cocap_opt.problem import (
     State,
     TriangulatedCuboid,
 )
-from cocap_opt.run.front import Front
+from cocap_opt.run.front import VIEWS_ALONE, Front
 from cocap_opt.vision.default_weights import default_weights
 from cocap_opt.world.workspace import HeightMap
 
@@ -242,3 +243,22 @@ def test_only_a_number_or_first_is_a_weight() -> None:
     """No other word is one."""
     with pytest.raises(ProblemError, match='weight: must be a number or "first"'):
         co.with_views(co.load("tiny-share"), weight="last")  # type: ignore[arg-type]
+
+
+def test_views_may_differ_by_less_than_the_least_importance() -> None:
+    """Then pixels may decide, as is said; with one importance the most views come first."""
+    problem = crossroads()
+    unlike = tuple(
+        actor.replace(importance=(share,) * 3)
+        for actor, share in zip(problem.actors, (1.0, 0.505, 0.505), strict=True)
+    )
+    for actors, decided in ((problem.actors, True), (unlike, False)):
+        scene = problem.replace(actors=actors)
+        best = co.solve(co.with_views(scene, cameras=1, weight="first"), "brute-force")
+        front = Front.of(scene, cameras=1)
+        alone = co.solve(front.scene(VIEWS_ALONE), "brute-force").value
+        assert best.plan is not None
+        point = front.point(best.plan)
+        assert point is not None
+        assert (point.views == pytest.approx(alone)) == decided
+        assert alone - point.views < 0.505

@@ -144,7 +144,7 @@ def test_quality_does_not_depend_on_where_the_map_is() -> None:
 )  # fmt: skip
 def test_assumptions_are_checked(field: str, value: float) -> None:
     """The message names the field, and what is allowed."""
-    with pytest.raises(ProblemError, match=rf"^{field}: must be .*\.\."):
+    with pytest.raises(ProblemError, match=rf"^{field}: must be "):
         Assumptions(**{field: value})
 
 

@@ -41,7 +41,9 @@ def test_a_scene_is_planned_for_each_objective(
 
 def test_what_is_stored_is_sound() -> None:
     """Pages are made of it."""
-    for row in load_csv(STORED / "cameras.csv", AskedPlans, "cameras"):
+    rows = load_csv(STORED / "cameras.csv", AskedPlans, "cameras")
+    for row in rows:
         assert_sound(row)
+    assert {row.scene for row in rows} == {"corridor", "bottleneck", "passage", "field"}
     assert "bottleneck" in cost_in_markdown() and "field" in proofs_in_markdown()
     assert "degrees apart" in directions_in_words()

@@ -44,6 +44,7 @@ from cocap_opt.result import Result
 from cocap_opt.run.engine import run
 from cocap_opt.run.explained import Explained
 from cocap_opt.run.front import Front
+from cocap_opt.run.front_search import explored
 from cocap_opt.scenarios import load_scene
 
 if TYPE_CHECKING:
@@ -286,7 +287,7 @@ def compared() -> list[tuple[str, list[float]]]:
 def trade_off() -> Front:
     """Returns the trade-off between J and views on the first steps of the bottleneck, settled."""
     front = Front.of(load_scene("bottleneck", 0).replace(horizon=BRIEF))
-    found = front.explored(seconds=60.0, directions=20)
+    found = explored(front, seconds=60.0, directions=20)
     assert found.settled
     return found
 

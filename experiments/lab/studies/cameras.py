@@ -62,8 +62,11 @@ class AskedPlans(NamedTuple):
 
     @property
     def most_proved(self) -> float:
-        """The most V, of all plans, that the bound leaves where people come first."""
-        return min(self.most, self.bound / self.weight)
+        """The most V, of all plans, that the bound leaves where people come first.
+
+        All people of these scenes are of importance 1, so that V is whole.
+        """
+        return min(self.most, math.floor(self.bound / self.weight))
 
 
 def cameras(
@@ -187,7 +190,7 @@ def proofs_in_markdown() -> str:
 
 
 def directions_in_words() -> str:
-    """Says the most that an objective could gain which asks for two directions, of stored plans."""
+    """Says how many person-steps two drones see, and from two directions, in stored plans."""
     plans = [row for row in _stored() if row.asked == _VIEWS]
     by_two, apart = (100 * fmean(getattr(row, key) for row in plans) for key in ("by_two", "apart"))
     return (
