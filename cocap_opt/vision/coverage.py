@@ -80,10 +80,6 @@ class GrowingTable:
     reachable : [T+1, S] true where a state can be reached, or for some of those states
     first_step : first step whose views count
     threads : number of threads, all usable cores if not given; the table does not depend on it
-
-    Attributes
-    ----------
-    steps : number of steps, from 0 on, that the table is whole for
     """
 
     def __init__(
@@ -97,7 +93,12 @@ class GrowingTable:
         self._views, self._n_places, self._reachable = views, n_places, reachable
         self._threads = threads or usable_cores()
         self._rows = [_Column(part) for part in _NO_ROWS]
-        self._first_step = self.steps = first_step
+        self._first_step, self._whole = first_step, _Whole(first_step, [0] * len(self._rows))
+
+    @property
+    def steps(self) -> int:
+        """Number of steps, from 0 on, that the table is whole for."""
+        return self._whole.steps
 
     def grow(self, stop: Stop = never, progress: Progress = lambda done, total: None) -> None:
         """Computes the coverage of all reachable states at the steps that are left.
@@ -137,7 +138,7 @@ class GrowingTable:
         finally:
             pool.shutdown(cancel_futures=True)
             self._views.advise(clock.seconds)
-        self.steps = len(sizes)
+        self._whole = self._whole._replace(steps=len(sizes))
 
     def _sizes(self) -> IntArray:
         """Returns the number of views at each step that is not done."""
@@ -159,14 +160,25 @@ class GrowingTable:
             yield _Batch(last, steps[-1] + 1)
 
     def _keep(self, found: "list[_SeenRows]", steps: int) -> None:
-        """Takes up the rows of all batches of some steps, and counts the steps as done."""
+        """Takes up the rows of all batches of some steps, and counts the steps as done.
+
+        The steps and the lengths of the columns change in one moment, after all columns have grown:
+        an error or an interrupt before leaves the table as it was.
+        """
         rows = _in_order(_joined(found), self._n_places)
+        self._cut_back()
         for column, part in zip(self._rows, rows, strict=True):
             column.append(part)
-        self.steps = steps
+        self._whole = _Whole(steps, [len(column) for column in self._rows])
+
+    def _cut_back(self) -> None:
+        """Removes what an error has left that came while columns grew."""
+        for column, length in zip(self._rows, self._whole.lengths, strict=True):
+            column.cut(length)
 
     def table(self) -> CoverageTable:
         """Returns the table of the steps that are done."""
+        self._cut_back()
         nodes, counts, view_sums, pixels = (column.given() for column in self._rows)
         indptr = np.concatenate([[0], np.cumsum(counts)])
         return CoverageTable(nodes=nodes, indptr=indptr, view_sums=view_sums, pixels=pixels)
@@ -210,11 +222,21 @@ class _Batch(NamedTuple):
     steps: int = 0  # that are done, from 0 on, with this batch; 0 where others of them follow
 
 
+class _Whole(NamedTuple):
+    """The part of a table that is whole."""
+
+    steps: int  # from 0 on
+    lengths: list[int]  # of the columns
+
+
 class _Column:
     """A column of a table that grows where it is: joined parts would take memory twice."""
 
     def __init__(self, empty: NDArray[Any]) -> None:
         self._values, self._is_given = empty.copy(), False
+
+    def __len__(self) -> int:
+        return len(self._values)
 
     def append(self, part: NDArray[Any]) -> None:
         """Appends a part."""
@@ -224,6 +246,15 @@ class _Column:
         else:  # nobody else knows the array; a system moves large ones without copying them
             self._values.resize(n + len(part), refcheck=False)
             self._values[n:] = part
+
+    def cut(self, length: int) -> None:
+        """Removes all values after the first `length`; nothing if there are no more."""
+        if len(self._values) == length:
+            return
+        if self._is_given:
+            self._values, self._is_given = self._values[:length].copy(), False
+        else:
+            self._values.resize(length, refcheck=False)
 
     def given(self) -> NDArray[Any]:
         """Returns the column as it is now."""

@@ -1,12 +1,14 @@
 """What is seen past terrain and other actors, against an oracle that cuts every face slowly."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from exact_views import exact_coverage, exact_faces
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from pool import problems
 from strategies import WALL, Calls, examples, shapes
 
@@ -27,10 +29,11 @@ from cocap_opt.problem import (
 from cocap_opt.stop import LimitReached
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.candidates import Skyline
-from cocap_opt.vision.coverage import GrowingTable
+from cocap_opt.vision.coverage import CoverageTable, GrowingTable
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.shadows import Shadows
-from cocap_opt.vision.views import StateViews
+from cocap_opt.vision.viewpoints import Viewpoints
+from cocap_opt.vision.views import SeenColumns, StateViews
 from cocap_opt.world.workspace import HeightMap
 
 
@@ -378,23 +381,70 @@ def test_who_looks_over_a_wall_is_partly_seen() -> None:
     assert all(0 < share < 1 for share in places_seen(5.5, 1.0, height=7.0)[-3:])
 
 
-@pytest.mark.parametrize("threads", [1, 2, 5])
-def test_a_table_does_not_depend_on_the_number_of_threads(threads: int) -> None:
-    """Entry by entry the same, to the last bit."""
+def grows(threads: int, batch: int, patch: pytest.MonkeyPatch) -> tuple[GrowingTable, list[int]]:
+    """A table of a small town in batches of so many views, and the numbers of places in each."""
     problem = town(0, robots=2, actors=3, cells=30, steps=3, resolution=2.5)
-    model = Model(problem, use_cache=False)
+    model = Model(problem, use_cache=False, plain=True)
     (robot_class,) = model.classes
     views, n_places = model.views(robot_class), robot_class.graph.n_places
-    growing = [
-        GrowingTable(views, n_places, model.reachable(robot_class), 1, threads=n)
-        for n in (1, threads)
-    ]
-    for one in growing:
-        one.grow()
-    tables = [one.table() for one in growing]
-    assert len(tables[0].nodes)
-    for one, other in zip(*tables, strict=True):
-        assert one.tobytes() == other.tobytes()
+    patch.setattr(type(views), "batch", batch)
+    sizes, look = list[int](), views.look
+
+    def counted(at: Viewpoints) -> SeenColumns:
+        sizes.append(len(at.places))
+        return look(at)
+
+    patch.setattr(views, "look", counted)
+    return GrowingTable(views, n_places, model.reachable(robot_class), 1, threads), sizes
+
+
+def assert_equal(one: CoverageTable, other: CoverageTable) -> None:
+    """They are equal to the last bit."""
+    assert len(one.nodes)
+    for mine, theirs in zip(one, other, strict=True):
+        assert mine.tobytes() == theirs.tobytes()
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_a_table_does_not_depend_on_threads_and_batches(
+    threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Entry by entry the same, to the last bit."""
+    few, small = grows(1, 10**9, monkeypatch)
+    few.grow()
+    many, sizes = grows(threads, 60, monkeypatch)
+    many.grow()
+    assert len(small) == 1 and len(sizes) > 10
+    assert_equal(few.table(), many.table())
+
+
+@pytest.mark.parametrize("column", range(4))
+@pytest.mark.parametrize("is_given", [False, True])
+def test_a_column_that_cannot_grow_doubles_no_row(
+    column: int, is_given: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where memory ends while a step is taken up, the table is as before, and can grow later."""
+    whole, _ = grows(1, 60, monkeypatch)
+    whole.grow()
+    broken, _ = grows(1, 60, monkeypatch)
+    append, calls = broken._rows[column].append, list[int]()
+
+    def fails_once(part: NDArray[Any]) -> None:
+        calls.append(len(part))
+        append(part)
+        if len(calls) == 2:
+            raise MemoryError
+
+    monkeypatch.setattr(broken._rows[column], "append", fails_once)
+    with pytest.raises(MemoryError):
+        broken.grow()
+    steps = broken.steps
+    if is_given:
+        assert len(broken.table().nodes) < len(whole.table().nodes)
+    assert 1 < steps < whole.steps
+    broken.grow()
+    assert broken.steps == whole.steps
+    assert_equal(broken.table(), whole.table())
 
 
 def test_a_table_that_was_given_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
