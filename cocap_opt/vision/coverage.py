@@ -149,7 +149,7 @@ class GrowingTable:
     def _batches(self, sizes: IntArray) -> "Iterator[_Batch]":
         """Yields the reachable states of the steps that are left in batches."""
         for steps in _groups(sizes, self._views.batch):
-            if len(steps) == 1:  # else each batch has steps of its own
+            if len(steps) == 1:  # it may be split; several steps are one batch
                 self._views.make_ready(steps[0])
             at = Viewpoints.joined([
                 Viewpoints.reachable(step, self._reachable[step], self._n_places) for step in steps
@@ -263,18 +263,19 @@ class _Column:
 
 
 def _groups(sizes: IntArray, batch: int) -> Iterator[list[int]]:
-    """Yields steps that follow on each other and whose views make a batch or more together.
+    """Yields steps that follow on each other and whose views fit into a batch together.
 
-    A limit loses what of a group is done. Those before steps without any view may have fewer.
+    A step with more views than a batch is a group of its own. A limit loses what of a group is
+    done.
     """
     group, n = list[int](), 0
     for step, size in enumerate(sizes.tolist()):
+        if group and (n + size > batch or not size):
+            yield group
+            group, n = [], 0
         if size:
             group.append(step)
             n += size
-        if group and (n >= batch or not size):
-            yield group
-            group, n = [], 0
     if group:
         yield group
 

@@ -27,6 +27,7 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.stop import LimitReached
+from cocap_opt.vision import coverage
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.candidates import Skyline
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable
@@ -445,6 +446,20 @@ def test_a_column_that_cannot_grow_doubles_no_row(
     broken.grow()
     assert broken.steps == whole.steps
     assert_equal(broken.table(), whole.table())
+
+
+@pytest.mark.parametrize(
+    ("sizes", "groups"),
+    [
+        ([3, 3, 3, 3], [[0, 1, 2], [3]]), ([8, 3, 12, 3, 7], [[0], [1], [2], [3, 4]]),
+        ([0, 0, 4, 0, 4], [[2], [4]]), ([25], [[0]]), ([0], []), ([10, 10], [[0], [1]]),
+    ],
+)  # fmt: skip
+def test_no_step_is_split_over_two_groups(sizes: list[int], groups: list[list[int]]) -> None:
+    """Several steps are one batch; a step that is larger than a batch is alone."""
+    assert list(coverage._groups(np.array(sizes), 10)) == groups
+    expected = sum(-(-sum(sizes[t] for t in group) // 10) for group in groups)
+    assert coverage.batches_of(np.array(sizes), 10) == expected
 
 
 def test_a_table_that_was_given_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
