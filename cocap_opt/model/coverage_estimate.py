@@ -7,7 +7,12 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, IntArray
 from cocap_opt.stop import Clock
-from cocap_opt.vision.coverage import batches_of, positions_of, usable_cores
+from cocap_opt.vision.coverage import (
+    batches_of,
+    most_steps_together,
+    positions_of,
+    usable_cores,
+)
 from cocap_opt.vision.viewpoints import Viewpoints
 from cocap_opt.vision.views import StateViews
 
@@ -72,7 +77,8 @@ class CoverageEstimate(NamedTuple):
         seconds = steps * max(first.each - again.each, 0.0)
         seconds += of_large.extrapolated(again, places, batches_of(sizes, views.batch))
         entries = of_large.entries * places / of_large.positions
-        return cls(total, views.expected(seconds), entries * BYTES_PER_ENTRY)
+        memory = entries * BYTES_PER_ENTRY + room_of(views, sizes, threads)
+        return cls(total, views.expected(seconds), memory)
 
     def __add__(self, other: object) -> "CoverageEstimate":
         """Returns the estimate of both, one after the other."""
@@ -80,6 +86,18 @@ class CoverageEstimate(NamedTuple):
         return CoverageEstimate(
             self.views + other.views, self.seconds + other.seconds, self.memory + other.memory
         )
+
+
+def room_of(views: StateViews, sizes: IntArray, threads: int | None = None) -> float:
+    """Returns the bytes, about, that are taken beside a table while it is made.
+
+    Parameters
+    ----------
+    sizes : [T+1] number of views at each step
+    threads : number of threads, all usable cores if not given
+    """
+    together = most_steps_together(sizes, views.batch)
+    return views.room(int(np.count_nonzero(sizes)), together, threads or usable_cores())
 
 
 class _Timed(NamedTuple):

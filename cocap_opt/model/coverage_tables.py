@@ -11,11 +11,11 @@ from cocap_opt.data import BoolArray, FloatArray, read_only
 from cocap_opt.graph.motion import People, Window
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.memory import fits, require_memory
-from cocap_opt.model.coverage_estimate import BYTES_PER_ENTRY, CoverageEstimate
+from cocap_opt.model.coverage_estimate import BYTES_PER_ENTRY, CoverageEstimate, room_of
 from cocap_opt.problem import AnyCamera, Motion, Problem, Robot
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable, Progress
-from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.faces import FaceGeometry, Reach
 from cocap_opt.vision.views import StateViews
 
 if TYPE_CHECKING:
@@ -65,7 +65,17 @@ class CoverageTables:
     def views(self, spec: Robot) -> StateViews:
         """Returns the views of a robot's motion and camera, which are evaluated on demand."""
         graph = graph_of(self.problem, spec)
-        return StateViews.of(self._geometry, self.problem, graph, spec.camera, self._plain)
+        reach = self._reach(spec)
+        return StateViews.of(self._geometry, self.problem, graph, spec.camera, self._plain, reach)
+
+    def _reach(self, spec: Robot) -> Reach:
+        """Returns the places that robots like this one can come to."""
+        ground = self.problem.height_map
+        most = np.array(ground.shape) - 1
+        starts = [robot.start for robot in self.problem.robots if _sight(robot) == _sight(spec)]
+        cells = np.clip([(start.x, start.y) for start in starts], 0, most).tolist()
+        middles = np.array([ground.centre(*cell) for cell in cells]) - self._geometry.origin[:2]
+        return Reach.around(middles, spec.motion.radius * ground.resolution)
 
     def _along(self, spec: Robot, path: Path) -> FloatArray:
         """View sums [Z] along a path, each view of which is evaluated anew."""
@@ -126,9 +136,10 @@ class CoverageTables:
 
     def _require_room(self, spec: Robot) -> None:
         """Refuse a table that is larger than the memory; it is sampled if it may be."""
-        views = int(np.count_nonzero(self.reachable(spec)[self.steps(spec) :]))
-        most = views * self.problem.step_width * BYTES_PER_ENTRY
-        if not fits(most + self._sweeps(spec)):
+        sizes = np.count_nonzero(self.reachable(spec), axis=1)
+        sizes[: self.steps(spec)] = 0
+        most = int(sizes.sum()) * self.problem.step_width * BYTES_PER_ENTRY
+        if not fits(most + room_of(self.views(spec), sizes) + self._sweeps(spec)):
             self.require_memory(spec, self._sampled(spec).memory)
 
     def _sampled(self, spec: Robot) -> CoverageEstimate:

@@ -201,6 +201,12 @@ def batches_of(sizes: IntArray, batch: int) -> int:
     return sum(-(-int(sizes[steps].sum()) // batch) for steps in _groups(sizes, batch))
 
 
+def most_steps_together(sizes: IntArray, batch: int) -> tuple[int, int]:
+    """Returns the first and last of the most steps whose views are computed together."""
+    steps = max(_groups(sizes, batch), key=len, default=[0])
+    return steps[0], steps[-1]
+
+
 def usable_cores() -> int:
     """Returns the number of processor cores that this process may run on."""
     if hasattr(os, "sched_getaffinity"):

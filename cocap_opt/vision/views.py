@@ -20,7 +20,7 @@ from cocap_opt.graph.motion import Window
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import AnyCamera, Camera, Cone, Problem, Robot
 from cocap_opt.stop import Stop
-from cocap_opt.vision.faces import FaceGeometry, Faces
+from cocap_opt.vision.faces import FaceGeometry, Faces, Reach
 from cocap_opt.vision.projection import Projection, dot, solid_angles
 from cocap_opt.vision.viewpoints import Viewpoints
 from cocap_opt.vision.visibility import IN_ITS_PLANE, Sightings, Visibility
@@ -128,6 +128,7 @@ class PinholeSight:
     ----------
     axes : [O, 3, 3] right, up and forward unit vectors of its orientations
     plain : without compiled code
+    reach : the places it is mostly asked for; elsewhere it takes longer
 
     Attributes
     ----------
@@ -141,8 +142,9 @@ class PinholeSight:
         camera: Camera,
         axes: FloatArray,
         plain: bool = False,
+        reach: Reach | None = None,
     ) -> None:
-        self._geometry = geometry
+        self._geometry, self._reach = geometry, reach
         # Past meshes that are not convex only NumPy's way is there.
         self.may_be_compiled = not plain and geometry.mesh is None
         self._projection = Projection(camera)
@@ -179,7 +181,7 @@ class PinholeSight:
         people : the solid angles of people are asked for, too
         """
         n_faces = len(self._owners)
-        faces = self._geometry.between(*(steps or (int(t[0]), int(t[-1]))))
+        faces = self._faces(*(steps or (int(t[0]), int(t[-1]))), eyes)
         if self.may_be_compiled:
             if KERNEL.is_loaded:
                 found = self._compiled.seen(faces, t, eyes, which, orientation, people)
@@ -218,6 +220,13 @@ class PinholeSight:
         row, person = np.nonzero(visible)
         unhidden = self._unhidden(faces, at[which[row]], eyes[which[row]], person)
         return Seen(seen, SeenPeople(row, person, visible[row, person], unhidden))
+
+    def _faces(self, first: int, last: int, eyes: FloatArray) -> Faces:
+        """Returns the geometry at the steps first..last, for eyes [e, 3] among others."""
+        reach = self._reach
+        if reach is not None and not reach.has(last, eyes):
+            reach = None
+        return self._geometry.between(first, last, reach)
 
     def _unhidden(
         self, faces: Faces, steps: IntArray, eyes: FloatArray, people: IntArray
@@ -406,16 +415,18 @@ class StateViews(ABC):
         graph: TimeGraph,
         camera: AnyCamera,
         plain: bool = False,
+        reach: Reach | None = None,
     ) -> "StateViews":
         """Returns the views of a camera.
 
         Parameters
         ----------
         plain : without compiled code
+        reach : the places it is mostly asked for; elsewhere it takes longer
         """
         if isinstance(camera, Cone):
             return ConeViews(geometry, problem, graph, camera)
-        return PinholeViews(geometry, problem, graph, camera, plain)
+        return PinholeViews(geometry, problem, graph, camera, plain, reach)
 
     @classmethod
     def within(
@@ -448,6 +459,16 @@ class StateViews(ABC):
     @abstractmethod
     def make_ready(self, step: int) -> None:
         """Makes what all views of a step need, which several threads would make several times."""
+
+    @abstractmethod
+    def room(self, steps: int, together: tuple[int, int], threads: int) -> float:
+        """Returns the bytes, about, that are taken beside a table while it is made.
+
+        Parameters
+        ----------
+        steps : of the table
+        together : the first and last of those steps that are the most to be asked for together
+        """
 
     @abstractmethod
     def advise(self, seconds: float) -> None:
@@ -514,11 +535,12 @@ class PinholeViews(StateViews):
 
     def __init__(
         self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: Camera,
-        plain: bool = False,
+        plain: bool = False, reach: Reach | None = None,
     ) -> None:  # fmt: skip
         super().__init__(geometry, problem, graph)
         self.camera, self.axes = camera, Projection(camera).axes(graph.motion.headings)
-        self._pinhole = PinholeSight(geometry, problem, camera, self.axes, plain)
+        self._reach = reach
+        self._pinhole = PinholeSight(geometry, problem, camera, self.axes, plain, reach)
 
     @property
     def batch(self) -> int:
@@ -543,7 +565,11 @@ class PinholeViews(StateViews):
 
     def make_ready(self, step: int) -> None:
         """Makes the geometry of a step, which several threads would make several times."""
-        self.geometry.at(step)
+        self.geometry.between(step, step, self._reach)
+
+    def room(self, steps: int, together: tuple[int, int], threads: int) -> float:
+        """Returns the bytes, about, of lists of bodies that may hide somebody."""
+        return self.geometry.room(steps, together, threads, self._reach)
 
     def advise(self, seconds: float) -> None:
         """Says, once, what compiled code would have saved of so many seconds."""
@@ -583,6 +609,10 @@ class ConeViews(StateViews):
 
     def make_ready(self, step: int) -> None:
         """Does nothing: what all views of a step need is made at once."""
+
+    def room(self, steps: int, together: tuple[int, int], threads: int) -> float:
+        """Returns 0: nothing is listed."""
+        return 0.0
 
     @property
     def batch(self) -> int:

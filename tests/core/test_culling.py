@@ -27,11 +27,11 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.stop import LimitReached
-from cocap_opt.vision import coverage
+from cocap_opt.vision import coverage, faces
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.candidates import Skyline
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable
-from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.faces import FaceGeometry, Reach
 from cocap_opt.vision.shadows import Shadows
 from cocap_opt.vision.viewpoints import Viewpoints
 from cocap_opt.vision.views import SeenColumns, StateViews
@@ -404,6 +404,44 @@ def assert_equal(one: CoverageTable, other: CoverageTable) -> None:
     assert len(one.nodes)
     for mine, theirs in zip(one, other, strict=True):
         assert mine.tobytes() == theirs.tobytes()
+
+
+@examples(30)
+@given(st.one_of(hills(), rough_maps(), problems()), st.integers(0, 2**32 - 1))
+def test_bodies_that_are_not_between_hide_nothing(problem: Problem, seed: int) -> None:
+    """With few bodies listed, those that may be in the way, the same is seen to the last bit."""
+    graph, rng = graph_of(problem), np.random.default_rng(seed)
+    states = rng.permutation(all_states(problem))[:12]
+    geometry, camera = FaceGeometry(problem), problem.robots[0].camera
+    anywhere = StateViews.of(geometry, problem, graph, camera, plain=True)
+    places = anywhere.eyes(states % graph.n_places)[:, :2]
+    for starts, growth in ((places, 0.0), (places[:1], 1e3), (places[:1], 1.0)):
+        reach = Reach.around(starts, growth)
+        within = StateViews.of(geometry, problem, graph, camera, plain=True, reach=reach)
+        for one, other in zip(anywhere.seen(states), within.seen(states), strict=True):
+            assert one.tobytes() == other.tobytes()
+
+
+def test_few_bodies_are_listed_where_eyes_are_near(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step's lists have no column that is beside all ways; few steps are kept, and more made."""
+    problem = town(0, robots=2, actors=3, cells=60, steps=8, resolution=2.5)
+    heights = problem.height_map.heights
+    rough = heights + np.random.default_rng(0).random(heights.shape)
+    problem = problem.replace(height_map=problem.height_map.replace(heights=rough))
+    geometry = FaceGeometry(problem)
+    reach = Reach.around(np.zeros((1, 2)), 2.5)
+    few = geometry.between(8, 8, reach).candidates.nbytes
+    assert few < geometry.between(8, 8).candidates.nbytes / 2
+    assert geometry.between(8, 8, reach) is geometry.between(8, 8, reach)
+    assert geometry.room(8, (1, 3), 2, reach) >= 12 * few
+    monkeypatch.setattr(faces, "_KEPT_BYTES", 0.0)
+    first = geometry.between(0, 0)
+    for step in range(4):
+        assert geometry.between(0, 0) is first
+        geometry.between(step + 1, step + 1)
+    for step in range(4):
+        geometry.between(step + 5, step + 5)
+    assert geometry.between(0, 0) is not first
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
