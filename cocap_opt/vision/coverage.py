@@ -118,6 +118,7 @@ class GrowingTable:
         positions = positions_of(self._reachable, self._n_places)
         positions[: self._first_step] = 0
         done, total = int(positions[: self.steps].sum()), int(positions.sum())
+        before = done
         sizes = self._sizes()
         self._views.prepare(int(sizes.sum()), stop)
         progress(done, total)
@@ -135,6 +136,8 @@ class GrowingTable:
                 progress(done, total)
                 if done < total:
                     stop.check()
+                    if (passed := clock.seconds) > _MEASURED:
+                        self._views.prepare_more(passed * (total - done) / (done - before), stop)
         finally:
             pool.shutdown(cancel_futures=True)
             self._views.advise(clock.seconds)
@@ -217,6 +220,7 @@ def usable_cores() -> int:
 # A few rows of a table: nodes [n], the number of entries of each [n], and view sums and coverage
 # (px/m2) of all entries [nnz].
 _SeenRows = tuple[IntArray, IntArray, IntArray, FloatArray]
+_MEASURED = 2.0  # s, after which the time that is left is known by that which has passed
 _AHEAD = 2  # batches of each thread that are begun before the first of them is taken
 _NO_ROWS: _SeenRows = (_NONE, _NONE, _NONE, np.zeros(0))
 

@@ -19,7 +19,7 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.motion import Window
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import AnyCamera, Camera, Cone, Problem, Robot
-from cocap_opt.stop import Stop
+from cocap_opt.stop import Clock, Stop
 from cocap_opt.vision.faces import FaceGeometry, Faces, Reach
 from cocap_opt.vision.projection import Projection, dot, solid_angles
 from cocap_opt.vision.viewpoints import Viewpoints
@@ -32,7 +32,7 @@ KERNEL = Kernel(
     "cocap_opt.vision.compiled_sight", "what finds coverage", compiling=13.0,
     functions="cocap_opt.vision.view_kernel",
 )  # fmt: skip
-_EACH = 5e-7  # s, of NumPy's way for a view of a person: measured
+_EACH = 5e-7  # s, at least, of NumPy's way for a view of a person: measured in streets
 ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
 
 
@@ -180,17 +180,25 @@ class PinholeSight:
             parts need is made once; if not given, the views are all
         people : the solid angles of people are asked for, too
         """
-        n_faces = len(self._owners)
         faces = self._faces(*(steps or (int(t[0]), int(t[-1]))), eyes)
+        if self.may_be_compiled and KERNEL.is_loaded:
+            found = self._compiled.seen(faces, t, eyes, which, orientation, people)
+            if found is not None:
+                return Seen(SeenFaces(*found[:3]), SeenPeople(*found[3:]))
+            if len(which) * self._n_actors > _BATCH_ACTORS and len(eyes) > 1:
+                return self._in_halves(t, eyes, which, orientation, faces, people)
+        clock = Clock()
+        seen = self._seen_plainly(faces, t, eyes, which, orientation, people)
         if self.may_be_compiled:
-            if KERNEL.is_loaded:
-                found = self._compiled.seen(faces, t, eyes, which, orientation, people)
-                if found is not None:
-                    return Seen(SeenFaces(*found[:3]), SeenPeople(*found[3:]))
-                if len(which) * self._n_actors > _BATCH_ACTORS and len(eyes) > 1:
-                    return self._in_halves(t, eyes, which, orientation, faces, people)
-            KERNEL.spend(_EACH * len(which) * self._n_actors)
-        at = t - faces.first
+            KERNEL.spend(clock.seconds)
+        return seen
+
+    def _seen_plainly(
+        self, faces: Faces, t: IntArray, eyes: FloatArray, which: IntArray, orientation: IntArray,
+        people: bool,
+    ) -> Seen:  # fmt: skip
+        """Does as `seen` does, by NumPy's way."""
+        at, n_faces = t - faces.first, len(self._owners)
         in_view = self._in_view(
             faces.middles[at[which]] - eyes[which, None], faces.reaches, orientation
         )
@@ -457,6 +465,16 @@ class StateViews(ABC):
         """
 
     @abstractmethod
+    def prepare_more(self, seconds: float, stop: Stop) -> None:
+        """Makes ready for views that would take so many seconds more as they are found now.
+
+        Raises
+        ------
+        LimitReached
+            If a limit is reached before code is compiled.
+        """
+
+    @abstractmethod
     def make_ready(self, step: int) -> None:
         """Makes what all views of a step need, which several threads would make several times."""
 
@@ -563,6 +581,11 @@ class PinholeViews(StateViews):
         if self._pinhole.may_be_compiled:
             KERNEL.prepare(_EACH * views * len(self.problem.actors), stop)
 
+    def prepare_more(self, seconds: float, stop: Stop) -> None:
+        """Compiles what finds views, or loads it, if that is repaid."""
+        if self._pinhole.may_be_compiled:
+            KERNEL.prepare(seconds, stop)
+
     def make_ready(self, step: int) -> None:
         """Makes the geometry of a step, which several threads would make several times."""
         self.geometry.between(step, step, self._reach)
@@ -602,6 +625,9 @@ class ConeViews(StateViews):
         self.sight = ConeSight(geometry, problem, cone)
 
     def prepare(self, views: int, stop: Stop | None = None) -> None:
+        """Does nothing: no view takes long."""
+
+    def prepare_more(self, seconds: float, stop: Stop) -> None:
         """Does nothing: no view takes long."""
 
     def advise(self, seconds: float) -> None:

@@ -19,8 +19,8 @@ from cocap_opt.data import BoolArray, IntArray
 from cocap_opt.model import Model
 from cocap_opt.problem import Prism, Problem
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Stop, TimeLimit, never
-from cocap_opt.vision import views
+from cocap_opt.stop import Clock, Stop, TimeLimit, never
+from cocap_opt.vision import coverage, views
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.viewpoints import Viewpoints
@@ -203,6 +203,47 @@ def test_the_kernel_is_loaded_or_compiled_where_that_is_repaid(
         use.prepare(work, stop)
     assert use.is_loaded == loaded
     assert ("compiled" in caplog.text) == told
+
+
+class Hurried(Clock):
+    """Shows ten seconds more whenever it is looked at."""
+
+    looks = 0
+
+    @property
+    def seconds(self) -> float:
+        """Ten for each look."""
+        self.looks += 1
+        return 10.0 * self.looks
+
+
+@pytest.mark.parametrize("slow", [True, False])
+def test_a_table_that_takes_long_is_compiled_in_its_midst(
+    slow: bool, kernel: Kernel, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """By the time that its first batches take, which is said; the table is that of NumPy's way."""
+    assert kernel.is_loaded
+    problem = load_scene("passage", 0)
+    graph, horizon = graph_of(problem), problem.horizon
+    whole = np.zeros((horizon + 1, graph.n_states), dtype=bool)
+    whole[:, all_states(problem)] = True
+    monkeypatch.setattr(views.PinholeViews, "batch", 500)
+    tables, spent = list[CoverageTable](), list[float]()
+    for use in (of_views(NotLoaded), of_views()):
+        loads_or_compiles(use, False, monkeypatch)
+        monkeypatch.setattr(views, "KERNEL", use)
+        if slow:
+            monkeypatch.setattr(coverage, "Clock", Hurried)
+        monkeypatch.setattr(use, "spend", spent.append)
+        spent.extend([-1.0] * len(tables))
+        found = StateViews.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
+        with caplog.at_level(logging.WARNING):
+            tables.append(grown(found, whole))
+    assert use.is_loaded == slow == ("compiled first" in caplog.text)
+    by_numpy, of_second = len(spent[: spent.index(-1.0)]), len(spent[spent.index(-1.0) + 1 :])
+    assert 0 < of_second < by_numpy if slow else of_second == by_numpy
+    for ours, theirs in zip(*tables, strict=True):
+        assert ours.tobytes() == theirs.tobytes()
 
 
 def test_many_small_views_load_the_kernel_too(monkeypatch: pytest.MonkeyPatch) -> None:
