@@ -4,6 +4,7 @@ import logging
 import os
 import subprocess
 import sys
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
@@ -107,6 +108,29 @@ def test_what_was_compiled_under_other_circumstances_is_not_kept(
             assert not kept.is_marked
         assert kept.is_marked
     kept.source.write_text("second")
+    assert not kept.is_marked
+
+
+def test_without_a_version_or_a_source_nothing_is_kept(
+    kept: Kept, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where numba was copied without what pip writes about it: NumPy's way goes on."""
+
+    def fails(name: str) -> str:
+        raise PackageNotFoundError(name)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(marks, "version", fails)
+        patch.setattr(functions, "kept_functions", lambda module: [])
+        assert not kept.is_marked
+        use = Kernel("any.kernel", "anything", 4.0)
+        assert not use.is_kept
+        use.spend(10.0)
+        assert not use.is_loaded
+        with pytest.raises(CompilingError, match="PackageNotFoundError"):
+            use.load()
+    assert kept.is_marked
+    kept.source.unlink()
     assert not kept.is_marked
 
 
