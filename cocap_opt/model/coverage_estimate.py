@@ -23,9 +23,9 @@ _LEAST = 1_024  # views of a part, at least where a batch has as many
 _FEW = 64  # views of a small part, whose time is mostly what every batch takes
 _AT_ONCE = 4  # parts in a pool of threads, between looks at the clock
 _SECONDS = 0.7  # after which a sample of large parts is large enough
-# Bytes of a face seen from a state, while the table is made and written to the cache, which is more
-# than what planning takes beside it later: measured, see `study memory`.
-BYTES_PER_ENTRY = 55
+# Bytes of a face seen from a state while drones are planned, without those of states: more than 35
+# while the table is made and written to the cache. Measured, and rounded up: see `study memory`.
+BYTES_PER_ENTRY = 45
 
 
 class CoverageEstimate(NamedTuple):
@@ -35,7 +35,8 @@ class CoverageEstimate(NamedTuple):
     ----------
     views : number of states at steps whose views are to be evaluated
     seconds : s, wall-clock time on all usable cores
-    memory : bytes, at the most, planning included
+    memory : bytes, about: the entries that a sample lets expect, each as planning needs it, and
+        lists of bodies while the table is made; arrays of value iteration are not in it
     """
 
     views: int = 0

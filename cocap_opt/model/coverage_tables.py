@@ -31,8 +31,8 @@ Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on besides i
 SWEEPING, _BOUNDING = 6e-8, 4e-8
 
 # Bytes of a state at a step in the arrays of value iteration, and in that of reachable states:
-# measured, see `study memory`.
-_BYTES_PER_STATE = 18
+# measured.
+BYTES_PER_STATE = 18
 _KEPT_SUMS = 128  # paths whose view sums are kept: planners let the same robots stay
 
 
@@ -132,7 +132,7 @@ class CoverageTables:
     def _sweeps(self, spec: Robot) -> float:
         """Bytes of value iteration."""
         states = (self.problem.horizon + 1) * graph_of(self.problem, spec).n_states
-        return states * _BYTES_PER_STATE
+        return states * BYTES_PER_STATE
 
     def _require_room(self, spec: Robot) -> None:
         """Refuse a table that is larger than the memory; it is sampled if it may be."""
@@ -189,6 +189,8 @@ class CoverageTables:
 
     def estimate(self) -> CoverageEstimate:
         """Estimates what the coverage that is not there yet will cost, from a sample of it.
+
+        Its memory has the arrays of value iteration in it, too.
 
         Raises
         ------
