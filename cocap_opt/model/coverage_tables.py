@@ -43,6 +43,11 @@ def tell_nobody(done: int, total: int) -> None:
 class CoverageTables:
     """Coverage tables of a problem, one for each motion and camera, made when asked for.
 
+    Parameters
+    ----------
+    use_cache : read tables from the user's cache, and write them there
+    plain : without compiled code, and so without the cache
+
     Attributes
     ----------
     seconds : spent on coverage so far
@@ -52,7 +57,8 @@ class CoverageTables:
         self.problem = problem
         self.seconds = 0.0
         self.along = lru_cache(maxsize=_KEPT_SUMS)(self._along)
-        self._use_cache, self._plain = use_cache, plain
+        # What the cache has may have been found by compiled code.
+        self._use_cache, self._plain = use_cache and not plain, plain
         self._geometry = FaceGeometry(problem)
         self._tables: dict[Sight, CoverageTable] = {}
         self._reachable: dict[Sight, BoolArray] = {}

@@ -350,6 +350,19 @@ def test_no_temporary_files_are_left(folder: Path) -> None:
     assert [path.suffix for path in folder.iterdir()] == [".coverage"] * 2
 
 
+def test_plain_coverage_takes_no_table_from_the_cache(folder: Path) -> None:
+    """Whoever checks bounds trusts NumPy's way alone: others' tables may be of compiled code."""
+    expected = tables(tiny())
+    (path,) = folder.iterdir()
+    content = path.read_bytes()
+    wrong = expected[0]._replace(pixels=2 * expected[0].pixels)
+    cache._write(path, (wrong, 1.0))
+    assert same(tables(tiny()), [wrong])
+    model = Model(tiny(), plain=True)
+    assert same([model.coverage(model.classes[0])], expected)
+    assert [*folder.iterdir()] == [path] and path.read_bytes() != content
+
+
 def test_a_table_is_not_copied_to_be_written(folder: Path) -> None:
     """In memory there is a piece of it at a time, but not all of it."""
     n = 4_000_000

@@ -163,7 +163,7 @@ def test_plain_views_use_no_compiled_code(kernel: Kernel, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(compiled_sight, "CompiledSight", None)
     problem = load_scene("corridor", 0)
-    Model(problem, use_cache=False, plain=True).prepare_all()
+    Model(problem, plain=True).prepare_all()
     with pytest.raises(TypeError):
         Model(problem, use_cache=False).prepare_all()
 

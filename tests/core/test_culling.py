@@ -385,7 +385,7 @@ def test_who_looks_over_a_wall_is_partly_seen() -> None:
 def grows(threads: int, batch: int, patch: pytest.MonkeyPatch) -> tuple[GrowingTable, list[int]]:
     """A table of a small town in batches of so many views, and the numbers of places in each."""
     problem = town(0, robots=2, actors=3, cells=30, steps=3, resolution=2.5)
-    model = Model(problem, use_cache=False, plain=True)
+    model = Model(problem, plain=True)
     (robot_class,) = model.classes
     views, n_places = model.views(robot_class), robot_class.graph.n_places
     patch.setattr(type(views), "batch", batch)
@@ -503,7 +503,7 @@ def test_no_step_is_split_over_two_groups(sizes: list[int], groups: list[list[in
 def test_a_table_that_was_given_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """One that a limit has ended is used, and grows on; progress is told in places at steps."""
     problem = town(0, robots=2, actors=3, cells=30, steps=3, resolution=2.5)
-    model = Model(problem, use_cache=False, plain=True)
+    model = Model(problem, plain=True)
     (robot_class,) = model.classes
     views, n_places = model.views(robot_class), robot_class.graph.n_places
     monkeypatch.setattr(type(views), "batch", 100)
