@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from cocap_opt.vision.compiled_sight import CompiledSight
 
 KERNEL = Kernel(
-    "cocap_opt.vision.compiled_sight", "what finds coverage", compiling=13.0,
+    "cocap_opt.vision.compiled_sight", "coverage", compiling=13.0,
     functions="cocap_opt.vision.view_kernel",
 )  # fmt: skip
 _EACH = 5e-7  # s, at least, of NumPy's way for a view of a person: measured in streets

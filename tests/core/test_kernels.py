@@ -68,6 +68,11 @@ def test_no_module_that_compiles_is_left_out() -> None:
     assert modules == {kernel.functions for kernel in kernels()}
 
 
+def test_the_advice_says_what_all_kernels_take() -> None:
+    """`cocap-opt compile` compiles all of them, not only the one that would have been of use."""
+    assert sum(kernel._compiling for kernel in kernels()) == compiling.ALL_SECONDS
+
+
 @HAS_NUMBA
 @pytest.mark.long
 def test_no_compiled_function_is_left_out() -> None:
