@@ -31,7 +31,7 @@ class Kernel:
 
     Attributes
     ----------
-    is_loaded : it is loaded, so that it is used
+    is_loaded : this process has the compiled code in memory and uses it
     has_failed : it is given up in this process, as numba fails or takes too long
     """
 

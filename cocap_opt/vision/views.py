@@ -197,7 +197,7 @@ class PinholeSight:
         self, faces: Faces, t: IntArray, eyes: FloatArray, which: IntArray, orientation: IntArray,
         people: bool,
     ) -> Seen:  # fmt: skip
-        """Does as `seen` does, by NumPy's way."""
+        """Finds what `seen` returns without the kernel."""
         at, n_faces = t - faces.first, len(self._owners)
         in_view = self._in_view(
             faces.middles[at[which]] - eyes[which, None], faces.reaches, orientation
@@ -252,9 +252,10 @@ class PinholeSight:
         self, t: IntArray, eyes: FloatArray, which: IntArray, orientation: IntArray, faces: Faces,
         people: bool,
     ) -> Seen:  # fmt: skip
-        """Does as `seen` does, for half of the places after the other half.
+        """Finds what `seen` returns for one half of the places, then for the other half.
 
-        The kernel had no room for one of the people; NumPy is to see to few places only.
+        It is called where the kernel had no room for the pieces of a person. Halving goes on until
+        it has room, or so few places are left that NumPy's way takes a fraction of a second.
         """
         steps, middle = (faces.first, faces.first + len(faces.polygons) - 1), len(eyes) // 2
         parts, of_people = [], []

@@ -107,7 +107,7 @@ def speed_in_markdown() -> str:
 
 
 def gain_in_words() -> str:
-    """Returns how many times as fast stored coverage is by compiled code, from least to most."""
+    """Returns the least and greatest gain of compiled code, of stored coverage, in times."""
     rows = stored_rows(_TABLE)
     gains = [float(row["measured"]) for row in rows if row["figure"] == _WITHOUT]
     return f"{min(gains):.0f} to {max(gains):.0f}"
