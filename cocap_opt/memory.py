@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
 
 import psutil
 
@@ -9,11 +11,56 @@ from cocap_opt.data import ProblemError
 
 _USABLE = 0.9  # of the memory that is free: other programs need some, too
 _GIGABYTE = 1e9
+_GROUPS, _OURS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
+# Files of a group of processes, of version 2 and 1 of cgroups: its limit, what it uses, and the
+# line of its statistics that says how much of that are copies of files, which give way.
+_FILES = (
+    (".", "memory.max", "memory.current", "inactive_file"),
+    ("memory", "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+)
+
+
+def free_bytes() -> float:
+    """Returns the bytes that are free on this machine, or in a group of processes that has fewer.
+
+    Containers and jobs on clusters are such groups.
+    """
+    return min([float(psutil.virtual_memory().available), *_left_in_groups()])
+
+
+def _left_in_groups() -> Iterator[float]:
+    """Yields the bytes that are left in each group of this process, where it has a limit."""
+    for controller, limit, used, gives_way in _FILES:
+        for group in {_GROUPS / controller, *_own_groups(_GROUPS / controller)}:
+            # No such file, one that is not to be read, or "max" where there is no limit.
+            with suppress(OSError, ValueError):
+                most, now = (int((group / name).read_text()) for name in (limit, used))
+                yield max(float(most - now + _giving_way(group, gives_way)), 0.0)
+
+
+def _own_groups(root: Path) -> Iterator[Path]:
+    """Yields the group of this process, and those that it is part of, below a root."""
+    with suppress(OSError):
+        for line in _OURS.read_text().splitlines():
+            _, controllers, path = line.split(":", 2)
+            if controllers in ("", "memory"):
+                group = root / path.lstrip("/")
+                yield from (part for part in (group, *group.parents) if root in part.parents)
+
+
+def _giving_way(group: Path, name: str) -> int:
+    """Returns the bytes of a group's copies of files; 0 if nothing tells."""
+    with suppress(OSError, ValueError):
+        for line in (group / "memory.stat").read_text().splitlines():
+            key, value = line.split()
+            if key == name:
+                return int(value)
+    return 0
 
 
 def fits(needed: float) -> bool:
     """Returns True if so many bytes are free, and some for other programs."""
-    return needed <= _USABLE * psutil.virtual_memory().available
+    return needed <= _USABLE * free_bytes()
 
 
 def require_memory(
@@ -33,7 +80,7 @@ def require_memory(
     ProblemError
         If it does not fit; one line with both numbers, and with what would fit.
     """
-    free = psutil.virtual_memory().available
+    free = free_bytes()
     if needed > _USABLE * free:
         share = _USABLE * free / needed
         advice = ", or ".join([_on_fewer_cells(share, cells, border), *_with_fewer(share, counts)])

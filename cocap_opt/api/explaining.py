@@ -60,7 +60,7 @@ def explain(
     flown = plan_for(problem, plan, "explained")
     file = required_bound(plan if certificate is None else certificate)
     require_flown("plan", judge_plan(problem, flown))
-    proved = ProvedBound.of(Model(problem, use_cache=False, plain=True), file)
+    proved = ProvedBound.of(Model(problem, plain=True), file)
     explained = Explained.of(Verified.of(problem, flown, bounds=[proved]))
     if explained is None:
         raise ValueError("certificate: it proves that there is no plan, so there is no gap")

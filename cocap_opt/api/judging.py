@@ -99,7 +99,7 @@ def verify(
         raise ValueError("claims: name at most one plan")
     if not bounds:
         _require_checkable(given, plans)
-    model = Model(problem, use_cache=False, plain=True) if bounds else None
+    model = Model(problem, plain=True) if bounds else None
     proved = [
         ProvedBound.of(model, file, networkx, plain=plain) for file in bounds if model is not None
     ]

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from cocap_opt.cli.options import FLAG, Json, Output, Scene, Seed, Whole, load
-from cocap_opt.compiling import CompilingError, Kernel, is_there
+from cocap_opt.compiling import ALL_SECONDS, CompilingError, Kernel, is_there
 from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import SceneFile, encode, problem_digest
@@ -183,7 +183,8 @@ def _compile() -> int:
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         raise UsageError("NUMBA_DISABLE_JIT: is set, so that numba compiles nothing")
     clock = Clock()
-    with Watch.on_terminal("compiling, some 25 s, once on a machine") as watch:
+    title = f"compiling, some {ALL_SECONDS:.0f} s, once on a machine"
+    with Watch.on_terminal(title) as watch:
         for done, kernel in enumerate(kernels()):
             watch.show(f"{kernel.name}, {done + 1} of {len(kernels())}")
             try:

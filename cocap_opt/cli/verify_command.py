@@ -220,7 +220,7 @@ class _Claims(NamedTuple):
             If one is too large for networkx.
         """
         bounds, failed = list[ProvedBound](), list[str]()
-        model = Model(self.problem, use_cache=False, plain=True) if self.bounds else None
+        model = Model(self.problem, plain=True) if self.bounds else None
         if model is not None:
             warn_of_checking(model, [*self.bounds.values()], seconds)
         stop = TimeLimit(seconds) if math.isfinite(seconds) else never

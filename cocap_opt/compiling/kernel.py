@@ -11,6 +11,7 @@ from cocap_opt.stop import FirstOf, LimitReached, Stop, TimeLimit, never
 
 _log = logging.getLogger(__name__)
 
+ALL_SECONDS = 25.0  # that `cocap-opt compile` takes, the sum over all kernels
 _FIRST = "%s is compiled first, once on this machine: some %.0f s"
 _LOADING = 1.0  # s of NumPy's way, from which on loading is worth it
 _REPAID = 1.25  # times as long as compiling NumPy's way must take
@@ -30,7 +31,7 @@ class Kernel:
 
     Attributes
     ----------
-    is_loaded : it is loaded, so that it is used
+    is_loaded : this process has the compiled code in memory and uses it
     has_failed : it is given up in this process, as numba fails or takes too long
     """
 
@@ -93,8 +94,8 @@ class Kernel:
         if not functions.is_there():
             ways = f"`pip install -e '.[fast]'`, which installs numba, and then {ways}"
         _log.warning(
-            "%s took %.0f s: %s (%.0f s, once) makes it some ten times as fast from then on",
-            noun, seconds, ways, self._compiling,
+            "%s took %.0f s: %s (%.0f s, once) makes it several times as fast from then on",
+            noun, seconds, ways, ALL_SECONDS,
         )  # fmt: skip
 
     @property

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import msgspec
@@ -44,8 +44,14 @@ class _Mark(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def is_marked(module: str) -> bool:
-    """Returns True if a module's compiled functions are kept, and their files are whole."""
-    return any(_is_true(path) for path in _paths(module))
+    """Returns True if a module's compiled functions are kept, and their files are whole.
+
+    Nothing counts as kept where a source is missing, or numba has no version.
+    """
+    try:
+        return any(_is_true(path) for path in _paths(module))
+    except (OSError, PackageNotFoundError):
+        return False
 
 
 def is_damaged(module: str) -> bool:
@@ -73,9 +79,10 @@ def mark(module: str, files: Sequence[Path]) -> None:
 
 def unmark(module: str) -> None:
     """Removes the marks of what a module has compiled on this machine, as it is now."""
-    for path in _paths(module):
-        with suppress(OSError):
-            path.unlink(missing_ok=True)
+    with suppress(PackageNotFoundError, FileNotFoundError):  # then it has no marks
+        for path in _paths(module):
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
 
 
 def _paths(module: str) -> Iterator[Path]:

@@ -4,9 +4,10 @@ import errno
 import os
 import stat
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from cocap_opt.stop import Interrupt
 
@@ -14,11 +15,11 @@ UNFINISHED = ".cocap-opt-"  # what names of temporary files begin with
 
 
 def write_atomically(
-    contents: Mapping[Path, bytes] | Mapping[Path, tuple[bytes | memoryview, ...]],
+    contents: Mapping[Path, bytes] | Mapping[Path, Callable[[BinaryIO], None]],
 ) -> None:
     """Writes files whole or not at all; none takes its name before all are written.
 
-    A file's content is given whole, or in parts that are written one after the other.
+    A file's content is given, or a function that writes it into the file.
 
     Each is written to a temporary file beside it, which is then renamed. Ctrl-C before that leaves
     no file, and later all of them.
@@ -39,7 +40,10 @@ def write_atomically(
                 handle, name = tempfile.mkstemp(dir=target.parent, prefix=UNFINISHED)
                 written.append((name, target))
             with os.fdopen(handle, "wb") as file:
-                file.writelines(content if isinstance(content, tuple) else (content,))
+                if callable(content):
+                    content(file)
+                else:
+                    file.write(content)
             # mkstemp makes private files; give it the mode any other new file would get.
             umask = os.umask(0)
             os.umask(umask)

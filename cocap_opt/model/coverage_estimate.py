@@ -7,7 +7,12 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, IntArray
 from cocap_opt.stop import Clock
-from cocap_opt.vision.coverage import batches_of, positions_of, usable_cores
+from cocap_opt.vision.coverage import (
+    batches_of,
+    most_steps_together,
+    positions_of,
+    usable_cores,
+)
 from cocap_opt.vision.viewpoints import Viewpoints
 from cocap_opt.vision.views import StateViews
 
@@ -18,9 +23,9 @@ _LEAST = 1_024  # views of a part, at least where a batch has as many
 _FEW = 64  # views of a small part, whose time is mostly what every batch takes
 _AT_ONCE = 4  # parts in a pool of threads, between looks at the clock
 _SECONDS = 0.7  # after which a sample of large parts is large enough
-# Bytes of a face seen from a state, while the table is made and written to the cache, which is more
-# than what planning takes beside it later: measured, see `study memory`.
-BYTES_PER_ENTRY = 55
+# Bytes of a face seen from a state while drones are planned, without those of states: more than 35
+# while the table is made and written to the cache. Measured, and rounded up: see `study memory`.
+BYTES_PER_ENTRY = 45
 
 
 class CoverageEstimate(NamedTuple):
@@ -30,7 +35,8 @@ class CoverageEstimate(NamedTuple):
     ----------
     views : number of states at steps whose views are to be evaluated
     seconds : s, wall-clock time on all usable cores
-    memory : bytes, at the most, planning included
+    memory : bytes, about: the entries that a sample lets expect, each as planning needs it, and
+        lists of bodies while the table is made; arrays of value iteration are not in it
     """
 
     views: int = 0
@@ -72,7 +78,8 @@ class CoverageEstimate(NamedTuple):
         seconds = steps * max(first.each - again.each, 0.0)
         seconds += of_large.extrapolated(again, places, batches_of(sizes, views.batch))
         entries = of_large.entries * places / of_large.positions
-        return cls(total, views.expected(seconds), entries * BYTES_PER_ENTRY)
+        memory = entries * BYTES_PER_ENTRY + room_of(views, sizes, threads)
+        return cls(total, views.expected(seconds), memory)
 
     def __add__(self, other: object) -> "CoverageEstimate":
         """Returns the estimate of both, one after the other."""
@@ -80,6 +87,18 @@ class CoverageEstimate(NamedTuple):
         return CoverageEstimate(
             self.views + other.views, self.seconds + other.seconds, self.memory + other.memory
         )
+
+
+def room_of(views: StateViews, sizes: IntArray, threads: int | None = None) -> float:
+    """Returns the bytes, about, that are taken beside a table while it is made.
+
+    Parameters
+    ----------
+    sizes : [T+1] number of views at each step
+    threads : number of threads, all usable cores if not given
+    """
+    together = most_steps_together(sizes, views.batch)
+    return views.room(int(np.count_nonzero(sizes)), together, threads or usable_cores())
 
 
 class _Timed(NamedTuple):

@@ -11,11 +11,11 @@ from cocap_opt.data import BoolArray, FloatArray, read_only
 from cocap_opt.graph.motion import People, Window
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.memory import fits, require_memory
-from cocap_opt.model.coverage_estimate import BYTES_PER_ENTRY, CoverageEstimate
+from cocap_opt.model.coverage_estimate import BYTES_PER_ENTRY, CoverageEstimate, room_of
 from cocap_opt.problem import AnyCamera, Motion, Problem, Robot
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable, Progress
-from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.faces import FaceGeometry, Reach
 from cocap_opt.vision.views import StateViews
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ Sight = tuple[Motion, AnyCamera]  # what a robot's coverage depends on besides i
 SWEEPING, _BOUNDING = 6e-8, 4e-8
 
 # Bytes of a state at a step in the arrays of value iteration, and in that of reachable states:
-# measured, see `study memory`.
-_BYTES_PER_STATE = 18
+# measured.
+BYTES_PER_STATE = 18
 _KEPT_SUMS = 128  # paths whose view sums are kept: planners let the same robots stay
 
 
@@ -43,6 +43,11 @@ def tell_nobody(done: int, total: int) -> None:
 class CoverageTables:
     """Coverage tables of a problem, one for each motion and camera, made when asked for.
 
+    Parameters
+    ----------
+    use_cache : read tables from the user's cache, and write them there
+    plain : without compiled code, and so without the cache
+
     Attributes
     ----------
     seconds : spent on coverage so far
@@ -52,7 +57,8 @@ class CoverageTables:
         self.problem = problem
         self.seconds = 0.0
         self.along = lru_cache(maxsize=_KEPT_SUMS)(self._along)
-        self._use_cache, self._plain = use_cache, plain
+        # What the cache has may have been found by compiled code.
+        self._use_cache, self._plain = use_cache and not plain, plain
         self._geometry = FaceGeometry(problem)
         self._tables: dict[Sight, CoverageTable] = {}
         self._reachable: dict[Sight, BoolArray] = {}
@@ -65,10 +71,20 @@ class CoverageTables:
     def views(self, spec: Robot) -> StateViews:
         """Returns the views of a robot's motion and camera, which are evaluated on demand."""
         graph = graph_of(self.problem, spec)
-        return StateViews.of(self._geometry, self.problem, graph, spec.camera, self._plain)
+        reach = self._reach(spec)
+        return StateViews.of(self._geometry, self.problem, graph, spec.camera, self._plain, reach)
+
+    def _reach(self, spec: Robot) -> Reach:
+        """Returns the places that robots like this one can come to."""
+        ground = self.problem.height_map
+        most = np.array(ground.shape) - 1
+        starts = [robot.start for robot in self.problem.robots if _sight(robot) == _sight(spec)]
+        cells = np.clip([(start.x, start.y) for start in starts], 0, most).tolist()
+        middles = np.array([ground.centre(*cell) for cell in cells]) - self._geometry.origin[:2]
+        return Reach.around(middles, spec.motion.radius * ground.resolution)
 
     def _along(self, spec: Robot, path: Path) -> FloatArray:
-        """View sums [Z] along a path, each view of which is evaluated anew."""
+        """Returns the view sums [Z] along a path, each view of which is evaluated anew."""
         pixels, first = self.problem.no_pixels(), self.problem.first_step
         views = self.views(spec).along(first, np.array(path[first:]))
         for t, coverage in enumerate(views, start=first):
@@ -85,23 +101,34 @@ class CoverageTables:
         return self._reachable[_sight(spec)]
 
     def _starts(self, spec: Robot) -> list[int]:
-        """State numbers of the starts of all robots that move and see alike, increasing."""
+        """Returns the states in which robots that move and see alike start, increasing."""
         graph, alike = graph_of(self.problem, spec), _sight(spec)
         robots = self.problem.robots
         return sorted(graph.index(r.start) for r in robots if _sight(r) == alike)
 
     def table(self, spec: Robot) -> CoverageTable:
-        """The table of this robot's motion and camera; made if it is not there."""
+        """Returns the table of this robot's motion and camera; makes it if it is not there.
+
+        Raises
+        ------
+        ProblemError
+            If it is larger than the memory.
+        """
         if _sight(spec) not in self._tables:
             self.prepare(spec, never, tell_nobody, 0.0)
         return self._tables[_sight(spec)]
 
     def require_memory(self, spec: Robot, table: float = 0.0) -> None:
-        """Refuse coverage and sweeps that are larger than the memory.
+        """Refuses coverage and sweeps that are larger than the memory.
 
         Parameters
         ----------
         table : bytes of the tables, as they are estimated; without them what is certain counts
+
+        Raises
+        ------
+        ProblemError
+            If they are.
         """
         graph = graph_of(self.problem, spec)
         steps, faces = self.problem.horizon + 1, len(self.problem.face_weights)
@@ -120,15 +147,22 @@ class CoverageTables:
         )
 
     def _sweeps(self, spec: Robot) -> float:
-        """Bytes of value iteration."""
+        """Returns the bytes of value iteration."""
         states = (self.problem.horizon + 1) * graph_of(self.problem, spec).n_states
-        return states * _BYTES_PER_STATE
+        return states * BYTES_PER_STATE
 
     def _require_room(self, spec: Robot) -> None:
-        """Refuse a table that is larger than the memory; it is sampled if it may be."""
-        views = int(np.count_nonzero(self.reachable(spec)[self.steps(spec) :]))
-        most = views * self.problem.step_width * BYTES_PER_ENTRY
-        if not fits(most + self._sweeps(spec)):
+        """Refuses a table that is larger than the memory; it is sampled if it may be.
+
+        Raises
+        ------
+        ProblemError
+            If it is.
+        """
+        sizes = np.count_nonzero(self.reachable(spec), axis=1)
+        sizes[: self.steps(spec)] = 0
+        most = int(sizes.sum()) * self.problem.step_width * BYTES_PER_ENTRY
+        if not fits(most + room_of(self.views(spec), sizes) + self._sweeps(spec)):
             self.require_memory(spec, self._sampled(spec).memory)
 
     def _sampled(self, spec: Robot) -> CoverageEstimate:
@@ -142,7 +176,7 @@ class CoverageTables:
         return self._estimates[key]
 
     def prepare(self, spec: Robot, stop: Stop, progress: Progress, reserve: float) -> None:
-        """Make the table of this robot's motion and camera; LimitReached if there is no time.
+        """Makes the table of this robot's motion and camera, if it is not there.
 
         A stop that has ended coverage once does so at once when it is asked again: what was left
         of its time is for what comes after coverage.
@@ -150,6 +184,13 @@ class CoverageTables:
         Parameters
         ----------
         reserve : seconds to be left, at least
+
+        Raises
+        ------
+        LimitReached
+            If there is no time. What is made by then is known, and made no second time.
+        ProblemError
+            If the table is larger than the memory.
         """
         if _sight(spec) in self._tables:
             return
@@ -178,6 +219,8 @@ class CoverageTables:
 
     def estimate(self) -> CoverageEstimate:
         """Estimates what the coverage that is not there yet will cost, from a sample of it.
+
+        Its memory has the arrays of value iteration in it, too.
 
         Raises
         ------
@@ -236,7 +279,7 @@ class CoverageTables:
         return TableCache.of_user(), key
 
     def _by_view_sum(self, table: CoverageTable) -> CoverageTable:
-        """Return a table with the problem's view sums: over time, or of people, too."""
+        """Returns a table with the problem's view sums: over time, or of people, too."""
         problem = self.problem
         if not problem.objective.over_time and problem.objective.views is None:
             return table
@@ -253,18 +296,18 @@ class CoverageTables:
         return self._growing[_sight(spec)]
 
     def _seconds_to_bound(self, spec: Robot) -> float:
-        """Seconds, about, that ceilings and some sweeps take for the steps that are not known."""
+        """Returns the seconds, about, of ceilings and some sweeps for steps that are not known."""
         reachable = self.reachable(spec)
         unknown = int(np.count_nonzero(reachable[self.steps(spec) :]))
         return unknown * len(self.problem.actors) * _BOUNDING + 2.5 * reachable.size * SWEEPING
 
     def steps(self, spec: Robot) -> int:
-        """Number of steps, from 0 on, that the known coverage is whole for."""
+        """Returns the number of steps, from 0 on, that the known coverage is whole for."""
         whole = self.problem.horizon + 1
         return whole if _sight(spec) in self._tables else self._table_of(spec).steps
 
     def known(self, spec: Robot) -> CoverageTable:
-        """The table as far as it is known."""
+        """Returns the table as far as it is known."""
         found = self._tables.get(_sight(spec))
         return self._by_view_sum(self._table_of(spec).table()) if found is None else found
 
@@ -277,11 +320,11 @@ class CoverageTables:
         return sum(self._spent[sight] for sight in sights)
 
     def take(self, other: "CoverageTables") -> None:
-        """Take over the tables of the same problem, as far as they are known, and nothing else."""
+        """Takes over the tables of the same problem, as far as they are known, and nothing else."""
         self._tables, self._growing, self._spent = other._tables, other._growing, other._spent
 
     def so_far(self) -> "CoverageTables":
-        """Return a copy in which nobody sees anything at the steps that are not known."""
+        """Returns a copy in which nobody sees anything at the steps that are not known."""
         part = copy(self)
         part._tables = {_sight(spec): self.known(spec) for spec in self.problem.robots}
         return part
@@ -292,7 +335,7 @@ def _sight(spec: Robot) -> Sight:
 
 
 def graph_of(problem: Problem, spec: Robot) -> TimeGraph:
-    """Return the graph of the cells that some robot with this one's motion and camera can reach."""
+    """Returns the graph of the cells that robots with this one's motion and camera can reach."""
     alike = [robot.start for robot in problem.robots if _sight(robot) == _sight(spec)]
     reach = spec.motion.radius * problem.horizon
     window = Window.around([(start.x, start.y) for start in alike], reach, problem.workspace)

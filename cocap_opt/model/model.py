@@ -22,7 +22,8 @@ class Model:
     Parameters
     ----------
     use_cache : take coverage from the disk cache, and write it there
-    plain : coverage is found without compiled code, which nobody has to trust then
+    plain : coverage is found without compiled code, which nobody has to trust then, and without the
+        cache
     tables : coverage of the same problem, under any rules, to be shared; None: its own
     cut_short : the limit that ended the coverage of `tables`, and the number of steps there are
 

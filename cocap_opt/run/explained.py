@@ -170,7 +170,7 @@ def gaps_of(
     ValueError
         If it proves that there is no plan.
     """
-    model, _, pricing, _ = ProvedBound.of(Model(problem, use_cache=False, plain=True), file)
+    model, _, pricing, _ = ProvedBound.of(Model(problem, plain=True), file)
     rewards = [check(problem, plan).reward for plan in plans]
     return [
         explain(model, plan, reward, file, pricing.bound)

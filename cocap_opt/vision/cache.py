@@ -12,7 +12,7 @@ from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple, cast
 
 import msgspec
 import numpy as np
@@ -104,13 +104,46 @@ def _read(path: Path) -> _Computed | None:
     return None
 
 
+class _Hashing:
+    """A file that is written from here on without going back, and the digest of what is written.
+
+    Tables are large: no copy of one is made in memory.
+
+    Attributes
+    ----------
+    digest : of all that was written
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file, self.digest = file, hashlib.sha256()
+
+    def write(self, data: bytes) -> int:
+        """Writes some bytes."""
+        self.digest.update(data)
+        return self._file.write(data)
+
+    def flush(self) -> None:
+        """Writes what is held back."""
+        self._file.flush()
+
+    def read(self, size: int = -1) -> bytes:
+        """Reads nothing: NumPy takes what can be read for a file."""
+        raise io.UnsupportedOperation
+
+
 def _write(path: Path, computed: _Computed) -> None:
-    (table, seconds), body = computed, io.BytesIO()
-    np.savez(body, seconds=np.float64(seconds), **table._asdict())
-    content = body.getbuffer()  # tables are large: it is not copied
+    table, seconds = computed
+
+    def write(file: BinaryIO) -> None:
+        file.write(bytes(_DIGEST_BYTES))  # its place
+        body = _Hashing(file)
+        np.savez(cast(BinaryIO, body), seconds=np.float64(seconds), **table._asdict())
+        file.seek(0)
+        file.write(body.digest.digest())
+
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically({path: (hashlib.sha256(content).digest(), content)})
+        write_atomically({path: write})
     except OSError as error:  # a full or read-only disk costs speed, not the run
         words = f"cannot write {path.parent}, the cache: {error.strerror or error}"
         log.warning("%s", words, extra={"once": "coverage is not kept"})

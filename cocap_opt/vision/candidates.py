@@ -11,6 +11,10 @@ share of at least (D - r) / (D_eye - r) of the way to the eye, so that the body 
 Directions around each actor are divided into sectors. Each sector has the list of the bodies that
 reach into the fans of its eyes, the steepest first.
 
+Where all eyes are known to be in some upright boxes, columns that are beside the boxes around each
+of these and the actor are not listed. One of their own sides is between them and all lines of
+sight, so that their shadows would be found to be beside the actor.
+
 The skyline of the columns before an actor leaves out those that hide nothing alone. Let r be the
 distance along the level way to the actor's middle, u = aside / r and s = up / r, as in the image of
 a level camera. A column has no lower end, so that a point beyond it is hidden if it is below the
@@ -37,6 +41,7 @@ SECTORS = 128
 ROUNDING = 1e-9  # of slopes and directions, much more than that of computing them
 _PAIRS = 50_000  # of targets and bodies at once, so that they stay in the processor's cache
 _MOST_SECTORS = 2**16  # at once: their numbers have 16 bits
+_BESIDE = 1.0  # m, by which a column must be beside to be left out
 GRAIN = 2.0**-30  # of keys, so that a slope's part does not depend on the sector's number
 
 
@@ -48,6 +53,8 @@ class Candidates:
     bodies : all of them
     middles, radii, feet : [G, 2], [G] and [G] m, of upright cylinders around the targets
     lowest_eye : m, no eye is lower
+    within : [K, 4] m, least x and y, and greatest, of upright boxes that have all eyes; if not
+        given, eyes may be anywhere
 
     Attributes
     ----------
@@ -61,7 +68,7 @@ class Candidates:
 
     def __init__(
         self, bodies: Bodies, middles: FloatArray, radii: FloatArray, feet: FloatArray,
-        lowest_eye: float,
+        lowest_eye: float, within: FloatArray | None = None,
     ) -> None:  # fmt: skip
         self.bodies, self.tops = bodies, bodies.high[:, 2]
         targets = self.around, self.radii, self.feet = middles, radii, feet
@@ -70,7 +77,7 @@ class Candidates:
         n, size = len(radii), _PAIRS // max(len(self.tops), 1)
         size = min(max(size, 1), _MOST_SECTORS // SECTORS)
         parts = [
-            _entries(bodies, targets, np.arange(first, min(first + size, n)), lowest_eye)
+            _entries(bodies, targets, np.arange(first, min(first + size, n)), lowest_eye, within)
             for first in range(0, n, size)
         ]
         keys, self.numbers, self.nearest = (
@@ -78,6 +85,12 @@ class Candidates:
         )
         self.keys = keys
         self.starts = np.searchsorted(keys, np.arange(n * SECTORS + 1))
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the lists."""
+        lists = self.keys, self.numbers, self.nearest, self.starts
+        return sum(part.nbytes for part in lists)
 
     def of(self, targets: IntArray, eyes: FloatArray) -> "Lists":
         """Returns lists of the bodies that may hide targets [n] from eyes [n, 3]."""
@@ -137,12 +150,16 @@ class Lists(NamedTuple):
 
 
 def _entries(
-    bodies: Bodies, targets: tuple[FloatArray, ...], which: IntArray, lowest_eye: float
-) -> tuple[FloatArray, NDArray[np.int32], FloatArray]:
+    bodies: Bodies, targets: tuple[FloatArray, ...], which: IntArray, lowest_eye: float,
+    within: FloatArray | None,
+) -> tuple[FloatArray, NDArray[np.int32], FloatArray]:  # fmt: skip
     """Returns the keys, bodies and least distances (m) of all entries of some targets' sectors."""
     middles, radii, feet = (part[which] for part in targets)
     low, high, tops = bodies.low, bodies.high[:, :2], bodies.high[:, 2]
-    row, body = np.nonzero(tops[None] > np.minimum(feet, lowest_eye)[:, None])
+    listed = tops[None] > np.minimum(feet, lowest_eye)[:, None]
+    if within is not None:
+        listed &= _may_be_between(bodies, middles, radii, within)
+    row, body = np.nonzero(listed)
     middle, radius = middles[row], radii[row]
     a, b = low[body] - middle, high[body] - middle
     off = np.maximum(np.maximum(a, -b), 0.0)
@@ -175,6 +192,23 @@ def _entries(
     # There may be millions of entries: numbers of 32 bits take half of the time and memory.
     held = body.astype(np.int32)[entry]
     return which[0] * SECTORS + sector[order] + fall[entry], held, nearest[entry]
+
+
+def _may_be_between(
+    bodies: Bodies, middles: FloatArray, radii: FloatArray, within: FloatArray
+) -> BoolArray:
+    """Returns an array [n, B], false for columns that are beside all ways from boxes to targets."""
+    found = np.tile(~bodies.endless, (len(radii), 1))
+    reach = radii[:, None] + _BESIDE
+    for box in within:
+        low = np.minimum(box[:2] - _BESIDE, middles - reach)
+        high = np.maximum(box[2:] + _BESIDE, middles + reach)
+        meets = np.ones_like(found)
+        for k in range(2):
+            meets &= bodies.low[:, k] <= high[:, k, None]
+            meets &= bodies.high[:, k] >= low[:, k, None]
+        found |= meets
+    return found
 
 
 def _sector(angle: FloatArray) -> IntArray:

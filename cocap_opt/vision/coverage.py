@@ -80,10 +80,6 @@ class GrowingTable:
     reachable : [T+1, S] true where a state can be reached, or for some of those states
     first_step : first step whose views count
     threads : number of threads, all usable cores if not given; the table does not depend on it
-
-    Attributes
-    ----------
-    steps : number of steps, from 0 on, that the table is whole for
     """
 
     def __init__(
@@ -97,7 +93,12 @@ class GrowingTable:
         self._views, self._n_places, self._reachable = views, n_places, reachable
         self._threads = threads or usable_cores()
         self._rows = [_Column(part) for part in _NO_ROWS]
-        self._first_step = self.steps = first_step
+        self._first_step, self._whole = first_step, _Whole(first_step, [0] * len(self._rows))
+
+    @property
+    def steps(self) -> int:
+        """Number of steps, from 0 on, that the table is whole for."""
+        return self._whole.steps
 
     def grow(self, stop: Stop = never, progress: Progress = lambda done, total: None) -> None:
         """Computes the coverage of all reachable states at the steps that are left.
@@ -117,6 +118,7 @@ class GrowingTable:
         positions = positions_of(self._reachable, self._n_places)
         positions[: self._first_step] = 0
         done, total = int(positions[: self.steps].sum()), int(positions.sum())
+        before = done
         sizes = self._sizes()
         self._views.prepare(int(sizes.sum()), stop)
         progress(done, total)
@@ -134,10 +136,12 @@ class GrowingTable:
                 progress(done, total)
                 if done < total:
                     stop.check()
+                    if (passed := clock.seconds) > _MEASURED:
+                        self._views.prepare_more(passed * (total - done) / (done - before), stop)
         finally:
             pool.shutdown(cancel_futures=True)
             self._views.advise(clock.seconds)
-        self.steps = len(sizes)
+        self._whole = self._whole._replace(steps=len(sizes))
 
     def _sizes(self) -> IntArray:
         """Returns the number of views at each step that is not done."""
@@ -148,7 +152,7 @@ class GrowingTable:
     def _batches(self, sizes: IntArray) -> "Iterator[_Batch]":
         """Yields the reachable states of the steps that are left in batches."""
         for steps in _groups(sizes, self._views.batch):
-            if len(steps) == 1:  # else each batch has steps of its own
+            if len(steps) == 1:  # it may be split; several steps are one batch
                 self._views.make_ready(steps[0])
             at = Viewpoints.joined([
                 Viewpoints.reachable(step, self._reachable[step], self._n_places) for step in steps
@@ -159,14 +163,25 @@ class GrowingTable:
             yield _Batch(last, steps[-1] + 1)
 
     def _keep(self, found: "list[_SeenRows]", steps: int) -> None:
-        """Takes up the rows of all batches of some steps, and counts the steps as done."""
+        """Takes up the rows of all batches of some steps, and counts the steps as done.
+
+        The steps and the lengths of the columns change in one moment, after all columns have grown:
+        an error or an interrupt before leaves the table as it was.
+        """
         rows = _in_order(_joined(found), self._n_places)
+        self._cut_back()
         for column, part in zip(self._rows, rows, strict=True):
             column.append(part)
-        self.steps = steps
+        self._whole = _Whole(steps, [len(column) for column in self._rows])
+
+    def _cut_back(self) -> None:
+        """Removes what an error has left that came while columns grew."""
+        for column, length in zip(self._rows, self._whole.lengths, strict=True):
+            column.cut(length)
 
     def table(self) -> CoverageTable:
         """Returns the table of the steps that are done."""
+        self._cut_back()
         nodes, counts, view_sums, pixels = (column.given() for column in self._rows)
         indptr = np.concatenate([[0], np.cumsum(counts)])
         return CoverageTable(nodes=nodes, indptr=indptr, view_sums=view_sums, pixels=pixels)
@@ -189,6 +204,12 @@ def batches_of(sizes: IntArray, batch: int) -> int:
     return sum(-(-int(sizes[steps].sum()) // batch) for steps in _groups(sizes, batch))
 
 
+def most_steps_together(sizes: IntArray, batch: int) -> tuple[int, int]:
+    """Returns the first and last of the most steps whose views are computed together."""
+    steps = max(_groups(sizes, batch), key=len, default=[0])
+    return steps[0], steps[-1]
+
+
 def usable_cores() -> int:
     """Returns the number of processor cores that this process may run on."""
     if hasattr(os, "sched_getaffinity"):
@@ -199,6 +220,7 @@ def usable_cores() -> int:
 # A few rows of a table: nodes [n], the number of entries of each [n], and view sums and coverage
 # (px/m2) of all entries [nnz].
 _SeenRows = tuple[IntArray, IntArray, IntArray, FloatArray]
+_MEASURED = 2.0  # s, after which the time that is left is known by that which has passed
 _AHEAD = 2  # batches of each thread that are begun before the first of them is taken
 _NO_ROWS: _SeenRows = (_NONE, _NONE, _NONE, np.zeros(0))
 
@@ -210,11 +232,21 @@ class _Batch(NamedTuple):
     steps: int = 0  # that are done, from 0 on, with this batch; 0 where others of them follow
 
 
+class _Whole(NamedTuple):
+    """The part of a table that is whole."""
+
+    steps: int  # from 0 on
+    lengths: list[int]  # of the columns
+
+
 class _Column:
     """A column of a table that grows where it is: joined parts would take memory twice."""
 
     def __init__(self, empty: NDArray[Any]) -> None:
         self._values, self._is_given = empty.copy(), False
+
+    def __len__(self) -> int:
+        return len(self._values)
 
     def append(self, part: NDArray[Any]) -> None:
         """Appends a part."""
@@ -225,6 +257,15 @@ class _Column:
             self._values.resize(n + len(part), refcheck=False)
             self._values[n:] = part
 
+    def cut(self, length: int) -> None:
+        """Removes all values after the first `length`; nothing if there are no more."""
+        if len(self._values) == length:
+            return
+        if self._is_given:
+            self._values, self._is_given = self._values[:length].copy(), False
+        else:
+            self._values.resize(length, refcheck=False)
+
     def given(self) -> NDArray[Any]:
         """Returns the column as it is now."""
         self._is_given = True
@@ -232,18 +273,19 @@ class _Column:
 
 
 def _groups(sizes: IntArray, batch: int) -> Iterator[list[int]]:
-    """Yields steps that follow on each other and whose views make a batch or more together.
+    """Yields steps that follow on each other and whose views fit into a batch together.
 
-    A limit loses what of a group is done. Those before steps without any view may have fewer.
+    A step with more views than a batch is a group of its own. A limit loses what of a group is
+    done.
     """
     group, n = list[int](), 0
     for step, size in enumerate(sizes.tolist()):
+        if group and (n + size > batch or not size):
+            yield group
+            group, n = [], 0
         if size:
             group.append(step)
             n += size
-        if group and (n >= batch or not size):
-            yield group
-            group, n = [], 0
     if group:
         yield group
 

@@ -4,8 +4,10 @@ All coordinates are relative to a point near by, which is what rays need (`surfa
 cast only where a mesh is not convex.
 """
 
+from collections import OrderedDict
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from threading import Lock
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
 ROUNDING = 1e-6  # m, much more than that of coordinates
 _DRAWN_IN = 0.01  # of the way to the middle, so that no ray grazes the ground
 _KEPT = 64  # spans of steps, and shapes, whose geometry is kept
+_KEPT_BYTES = 256e6  # of lists of bodies, beyond which only few spans are kept
+_LEAST_KEPT = 4  # spans, that threads are busy with
+_MOST_BOXES = 16  # around starts; more are united
 
 
 class Faces(NamedTuple):
@@ -52,6 +57,33 @@ class Planes(NamedTuple):
     reaches: FloatArray  # [A] m, radii, rounding included
     radii: FloatArray  # [A] m, of upright cylinders around the same middles
     halves: FloatArray  # [A] m, half the heights of these cylinders
+
+
+class Reach(NamedTuple):
+    """The places that cameras can come to, by the step: upright boxes that grow."""
+
+    boxes: tuple[tuple[float, ...], ...]  # m, least x and y, and greatest, at step 0
+    growth: float  # m to each side, a step
+
+    @classmethod
+    def around(cls, starts: FloatArray, growth: float) -> Self:
+        """Returns the reach of cameras that start at places [k, 2] m."""
+        starts = np.unique(starts, axis=0)
+        ends = (starts, starts)
+        if len(starts) > _MOST_BOXES:
+            ends = starts.min(axis=0, keepdims=True), starts.max(axis=0, keepdims=True)
+        return cls(tuple(map(tuple, np.hstack(ends).tolist())), growth)
+
+    def at(self, step: int) -> FloatArray:
+        """Returns the boxes [K, 4] m at a step, which have those of the steps before."""
+        wider = (self.growth * step + ROUNDING) * np.array([-1.0, -1.0, 1.0, 1.0])
+        return np.asarray(np.array(self.boxes) + wider)
+
+    def has(self, step: int, eyes: FloatArray) -> bool:
+        """Returns True if places [n, 3] m are in the boxes of a step."""
+        boxes, places = self.at(step), eyes[:, None, :2]
+        inside = ((places >= boxes[:, :2]) & (places <= boxes[:, 2:])).all(axis=2)
+        return bool(np.asarray(inside).any(axis=1).all())
 
 
 class FaceGeometry:
@@ -89,7 +121,7 @@ class FaceGeometry:
         lowest = problem.height_map.altitudes((layers[0],)).min()
         lowest = float(lowest) if lowest_eye is None else min(float(lowest), lowest_eye)
         self._lowest_eye = lowest - self.origin[2]
-        self.between = lru_cache(maxsize=_KEPT)(self._between)
+        self._kept, self._lock = OrderedDict[tuple[int, int, Reach | None], Faces](), Lock()
 
     @staticmethod
     def is_sampled(problem: SceneData) -> bool:
@@ -104,6 +136,48 @@ class FaceGeometry:
     def at(self, t: int) -> Faces:
         """Returns the geometry at one step."""
         return self.between(t, t)
+
+    def between(self, first: int, last: int, reach: Reach | None = None) -> Faces:
+        """Returns the geometry at the steps first..last; that which was asked for last is kept.
+
+        Parameters
+        ----------
+        reach : of all eyes that are asked for, so that fewer bodies are listed; anywhere, if not
+            given
+        """
+        key = first, last, reach
+        with self._lock:
+            if key in self._kept:
+                self._kept.move_to_end(key)
+                return self._kept[key]
+        faces = self._between(first, last, reach)
+        with self._lock:
+            self._kept[key] = faces
+            total = sum(kept.candidates.nbytes for kept in self._kept.values())
+            while len(self._kept) > _LEAST_KEPT and (
+                total > _KEPT_BYTES or len(self._kept) > _KEPT
+            ):
+                _, oldest = self._kept.popitem(last=False)
+                total -= oldest.candidates.nbytes
+        return faces
+
+    def room(
+        self, steps: int, together: tuple[int, int], threads: int, reach: Reach | None
+    ) -> float:
+        """Returns the bytes, about, of lists of bodies while a table is made.
+
+        Parameters
+        ----------
+        steps : of the table
+        together : the first and last of those steps that are the most to be asked for together
+        threads : each of which may make one beside what is kept
+        reach : of the table's eyes
+        """
+        last = self.problem.horizon
+        of_step = self.between(last, last, reach).candidates.nbytes
+        most = max(of_step, self.between(*together, reach).candidates.nbytes)
+        kept = min(steps * of_step, max(_KEPT_BYTES, _LEAST_KEPT * most))
+        return float(kept + 2 * threads * most)  # parts, and all of them joined
 
     def planes(self, t: int) -> Planes:
         """Returns the planes of the faces at one step, without what can hide them."""
@@ -133,8 +207,8 @@ class FaceGeometry:
             [np.concatenate(column) for column in zip(*fixed, strict=True)],
         )
 
-    def _between(self, first: int, last: int) -> Faces:
-        """Returns the geometry at the steps first..last."""
+    def _between(self, first: int, last: int, reach: Reach | None) -> Faces:
+        """Returns the geometry at the steps first..last for eyes in reach."""
         steps = last - first + 1
         poses = [actor.poses[first : last + 1] - [*self.origin, 0] for actor in self.problem.actors]
         size = max((s.polygons.shape[1] for s in self._shapes), default=3)
@@ -157,7 +231,8 @@ class FaceGeometry:
         feet = np.stack([pose[:, 2] for pose in poses], axis=1) if n else np.zeros((steps, 0))
         radii = np.array([shape.radius for shape in self._shapes]) + ROUNDING
         targets = middle[..., :2].reshape(-1, 2), np.tile(radii, steps), feet.ravel()
-        candidates = Candidates(self.fixed, *targets, self._lowest_eye)
+        within = None if reach is None else reach.at(last)
+        candidates = Candidates(self.fixed, *targets, self._lowest_eye, within)
         by_step = np.arange(n * steps).reshape(n, steps).T.ravel()  # bodies are actor by actor
         return Faces(
             first,

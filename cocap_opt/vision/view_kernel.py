@@ -204,7 +204,7 @@ _inlined = partial(_compiled, kept=False, forceinline=True)
 
 
 def memory_for(people: People, before: Before, most: int) -> Memory:
-    """Returns memory for `cover`, which may be used again for other eyes.
+    """Returns memory for `cover`, for one step.
 
     Parameters
     ----------
@@ -868,9 +868,14 @@ def cover(
 
     Parameters
     ----------
+    lens : the camera
+    people, before : the people at this step, and the fixed bodies that can hide them
     eyes : [E, 3] m
     first : [E + 1] first view of each eye
     looks : [n] orientation of each view
+    memory : to work in, of `memory_for` with these people and bodies
+    found : entries, written from where `done` says; solid angles are measured if its `n_people` is
+        not empty
     done : the eyes that are done, and how many faces and people they see
 
     Returns

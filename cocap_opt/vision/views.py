@@ -19,8 +19,8 @@ from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.motion import Window
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.problem import AnyCamera, Camera, Cone, Problem, Robot
-from cocap_opt.stop import Stop
-from cocap_opt.vision.faces import FaceGeometry, Faces
+from cocap_opt.stop import Clock, Stop
+from cocap_opt.vision.faces import FaceGeometry, Faces, Reach
 from cocap_opt.vision.projection import Projection, dot, solid_angles
 from cocap_opt.vision.viewpoints import Viewpoints
 from cocap_opt.vision.visibility import IN_ITS_PLANE, Sightings, Visibility
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from cocap_opt.vision.compiled_sight import CompiledSight
 
 KERNEL = Kernel(
-    "cocap_opt.vision.compiled_sight", "what finds coverage", compiling=13.0,
+    "cocap_opt.vision.compiled_sight", "coverage", compiling=13.0,
     functions="cocap_opt.vision.view_kernel",
 )  # fmt: skip
-_EACH = 5e-7  # s, of NumPy's way for a view of a person: measured
+_EACH = 5e-7  # s, at least, of NumPy's way for a view of a person: measured in streets
 ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
 
 
@@ -128,6 +128,7 @@ class PinholeSight:
     ----------
     axes : [O, 3, 3] right, up and forward unit vectors of its orientations
     plain : without compiled code
+    reach : the places it is mostly asked for; elsewhere it takes longer
 
     Attributes
     ----------
@@ -141,8 +142,9 @@ class PinholeSight:
         camera: Camera,
         axes: FloatArray,
         plain: bool = False,
+        reach: Reach | None = None,
     ) -> None:
-        self._geometry = geometry
+        self._geometry, self._reach = geometry, reach
         # Past meshes that are not convex only NumPy's way is there.
         self.may_be_compiled = not plain and geometry.mesh is None
         self._projection = Projection(camera)
@@ -178,17 +180,25 @@ class PinholeSight:
             parts need is made once; if not given, the views are all
         people : the solid angles of people are asked for, too
         """
-        n_faces = len(self._owners)
-        faces = self._geometry.between(*(steps or (int(t[0]), int(t[-1]))))
+        faces = self._faces(*(steps or (int(t[0]), int(t[-1]))), eyes)
+        if self.may_be_compiled and KERNEL.is_loaded:
+            found = self._compiled.seen(faces, t, eyes, which, orientation, people)
+            if found is not None:
+                return Seen(SeenFaces(*found[:3]), SeenPeople(*found[3:]))
+            if len(which) * self._n_actors > _BATCH_ACTORS and len(eyes) > 1:
+                return self._in_halves(t, eyes, which, orientation, faces, people)
+        clock = Clock()
+        seen = self._seen_plainly(faces, t, eyes, which, orientation, people)
         if self.may_be_compiled:
-            if KERNEL.is_loaded:
-                found = self._compiled.seen(faces, t, eyes, which, orientation, people)
-                if found is not None:
-                    return Seen(SeenFaces(*found[:3]), SeenPeople(*found[3:]))
-                if len(which) * self._n_actors > _BATCH_ACTORS and len(eyes) > 1:
-                    return self._in_halves(t, eyes, which, orientation, faces, people)
-            KERNEL.spend(_EACH * len(which) * self._n_actors)
-        at = t - faces.first
+            KERNEL.spend(clock.seconds)
+        return seen
+
+    def _seen_plainly(
+        self, faces: Faces, t: IntArray, eyes: FloatArray, which: IntArray, orientation: IntArray,
+        people: bool,
+    ) -> Seen:  # fmt: skip
+        """Finds what `seen` returns without the kernel."""
+        at, n_faces = t - faces.first, len(self._owners)
         in_view = self._in_view(
             faces.middles[at[which]] - eyes[which, None], faces.reaches, orientation
         )
@@ -219,6 +229,13 @@ class PinholeSight:
         unhidden = self._unhidden(faces, at[which[row]], eyes[which[row]], person)
         return Seen(seen, SeenPeople(row, person, visible[row, person], unhidden))
 
+    def _faces(self, first: int, last: int, eyes: FloatArray) -> Faces:
+        """Returns the geometry at the steps first..last, for eyes [e, 3] among others."""
+        reach = self._reach
+        if reach is not None and not reach.has(last, eyes):
+            reach = None
+        return self._geometry.between(first, last, reach)
+
     def _unhidden(
         self, faces: Faces, steps: IntArray, eyes: FloatArray, people: IntArray
     ) -> FloatArray:
@@ -235,9 +252,10 @@ class PinholeSight:
         self, t: IntArray, eyes: FloatArray, which: IntArray, orientation: IntArray, faces: Faces,
         people: bool,
     ) -> Seen:  # fmt: skip
-        """Does as `seen` does, for half of the places after the other half.
+        """Finds what `seen` returns for one half of the places, then for the other half.
 
-        The kernel had no room for one of the people; NumPy is to see to few places only.
+        It is called where the kernel had no room for the pieces of a person. Halving goes on until
+        it has room, or so few places are left that NumPy's way takes a fraction of a second.
         """
         steps, middle = (faces.first, faces.first + len(faces.polygons) - 1), len(eyes) // 2
         parts, of_people = [], []
@@ -406,16 +424,18 @@ class StateViews(ABC):
         graph: TimeGraph,
         camera: AnyCamera,
         plain: bool = False,
+        reach: Reach | None = None,
     ) -> "StateViews":
         """Returns the views of a camera.
 
         Parameters
         ----------
         plain : without compiled code
+        reach : the places it is mostly asked for; elsewhere it takes longer
         """
         if isinstance(camera, Cone):
             return ConeViews(geometry, problem, graph, camera)
-        return PinholeViews(geometry, problem, graph, camera, plain)
+        return PinholeViews(geometry, problem, graph, camera, plain, reach)
 
     @classmethod
     def within(
@@ -446,8 +466,28 @@ class StateViews(ABC):
         """
 
     @abstractmethod
+    def prepare_more(self, seconds: float, stop: Stop) -> None:
+        """Makes ready for views that would take so many seconds more as they are found now.
+
+        Raises
+        ------
+        LimitReached
+            If a limit is reached before code is compiled.
+        """
+
+    @abstractmethod
     def make_ready(self, step: int) -> None:
         """Makes what all views of a step need, which several threads would make several times."""
+
+    @abstractmethod
+    def room(self, steps: int, together: tuple[int, int], threads: int) -> float:
+        """Returns the bytes, about, that are taken beside a table while it is made.
+
+        Parameters
+        ----------
+        steps : of the table
+        together : the first and last of those steps that are the most to be asked for together
+        """
 
     @abstractmethod
     def advise(self, seconds: float) -> None:
@@ -514,11 +554,12 @@ class PinholeViews(StateViews):
 
     def __init__(
         self, geometry: FaceGeometry, problem: Problem, graph: TimeGraph, camera: Camera,
-        plain: bool = False,
+        plain: bool = False, reach: Reach | None = None,
     ) -> None:  # fmt: skip
         super().__init__(geometry, problem, graph)
         self.camera, self.axes = camera, Projection(camera).axes(graph.motion.headings)
-        self._pinhole = PinholeSight(geometry, problem, camera, self.axes, plain)
+        self._reach = reach
+        self._pinhole = PinholeSight(geometry, problem, camera, self.axes, plain, reach)
 
     @property
     def batch(self) -> int:
@@ -541,9 +582,18 @@ class PinholeViews(StateViews):
         if self._pinhole.may_be_compiled:
             KERNEL.prepare(_EACH * views * len(self.problem.actors), stop)
 
+    def prepare_more(self, seconds: float, stop: Stop) -> None:
+        """Compiles what finds views, or loads it, if that is repaid."""
+        if self._pinhole.may_be_compiled:
+            KERNEL.prepare(seconds, stop)
+
     def make_ready(self, step: int) -> None:
         """Makes the geometry of a step, which several threads would make several times."""
-        self.geometry.at(step)
+        self.geometry.between(step, step, self._reach)
+
+    def room(self, steps: int, together: tuple[int, int], threads: int) -> float:
+        """Returns the bytes, about, of lists of bodies that may hide somebody."""
+        return self.geometry.room(steps, together, threads, self._reach)
 
     def advise(self, seconds: float) -> None:
         """Says, once, what compiled code would have saved of so many seconds."""
@@ -578,11 +628,18 @@ class ConeViews(StateViews):
     def prepare(self, views: int, stop: Stop | None = None) -> None:
         """Does nothing: no view takes long."""
 
+    def prepare_more(self, seconds: float, stop: Stop) -> None:
+        """Does nothing: no view takes long."""
+
     def advise(self, seconds: float) -> None:
         """Says nothing: no view is compiled."""
 
     def make_ready(self, step: int) -> None:
         """Does nothing: what all views of a step need is made at once."""
+
+    def room(self, steps: int, together: tuple[int, int], threads: int) -> float:
+        """Returns 0: nothing is listed."""
+        return 0.0
 
     @property
     def batch(self) -> int:

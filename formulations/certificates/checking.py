@@ -50,7 +50,7 @@ def verify(
         hold all the same.
     """
     if file.digest == problem_digest(problem):
-        model = Model(problem, use_cache=False, plain=True) if model is None else model
+        model = Model(problem, plain=True) if model is None else model
         model = model.disaggregated() if file.classes == "single" else model
         try:
             model.prepare_all(stop)

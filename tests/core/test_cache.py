@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import threading
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
@@ -347,6 +348,52 @@ def test_no_temporary_files_are_left(folder: Path) -> None:
     tables(tiny())
     tables(tiny().replace(horizon=1))
     assert [path.suffix for path in folder.iterdir()] == [".coverage"] * 2
+
+
+def test_plain_coverage_takes_no_table_from_the_cache(folder: Path) -> None:
+    """Whoever checks bounds trusts NumPy's way alone: others' tables may be of compiled code."""
+    expected = tables(tiny())
+    (path,) = folder.iterdir()
+    content = path.read_bytes()
+    wrong = expected[0]._replace(pixels=2 * expected[0].pixels)
+    cache._write(path, (wrong, 1.0))
+    assert same(tables(tiny()), [wrong])
+    model = Model(tiny(), plain=True)
+    assert same([model.coverage(model.classes[0])], expected)
+    assert [*folder.iterdir()] == [path] and path.read_bytes() != content
+
+
+def test_a_table_is_not_copied_to_be_written(folder: Path) -> None:
+    """In memory there is a piece of it at a time, but not all of it."""
+    n = 4_000_000
+    (good,) = tables(tiny())
+    large = good._replace(view_sums=np.arange(n), pixels=np.ones(n))
+    path = folder / "key.coverage"
+    tracemalloc.start()
+    cache._write(path, (large, 1.0))
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < large.pixels.nbytes
+    assert path.stat().st_size > 16 * n
+    found = cache._read(path)
+    assert found is not None and same([found[0]], [large])
+
+
+def test_what_cannot_be_written_whole_leaves_no_file(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Wherever memory ends, or Ctrl-C comes."""
+    (good,) = tables(tiny())
+    before, savez = set(folder.iterdir()), np.savez
+
+    def fails(file: Any, **arrays: Any) -> None:
+        savez(file, **arrays)
+        raise MemoryError
+
+    monkeypatch.setattr(np, "savez", fails)
+    with pytest.raises(MemoryError):
+        cache._write(folder / "key.coverage", (good, 1.0))
+    assert set(folder.iterdir()) == before
 
 
 def test_no_pickle_is_ever_loaded(folder: Path) -> None:

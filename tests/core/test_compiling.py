@@ -4,6 +4,7 @@ import logging
 import os
 import subprocess
 import sys
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
@@ -107,6 +108,29 @@ def test_what_was_compiled_under_other_circumstances_is_not_kept(
             assert not kept.is_marked
         assert kept.is_marked
     kept.source.write_text("second")
+    assert not kept.is_marked
+
+
+def test_without_a_version_or_a_source_nothing_is_kept(
+    kept: Kept, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where numba was copied without what pip writes about it: NumPy's way goes on."""
+
+    def fails(name: str) -> str:
+        raise PackageNotFoundError(name)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(marks, "version", fails)
+        patch.setattr(functions, "kept_functions", lambda module: [])
+        assert not kept.is_marked
+        use = Kernel("any.kernel", "anything", 4.0)
+        assert not use.is_kept
+        use.spend(10.0)
+        assert not use.is_loaded
+        with pytest.raises(CompilingError, match="PackageNotFoundError"):
+            use.load()
+    assert kept.is_marked
+    kept.source.unlink()
     assert not kept.is_marked
 
 
@@ -224,7 +248,7 @@ def test_what_is_damaged_and_cannot_be_removed_is_not_used(
 
 @pytest.mark.parametrize(
     ("has_numba", "words"),
-    [(True, ": `cocap-opt compile` (13 s"), (False, ": `pip install -e '.[fast]'`, which")],
+    [(True, ": `cocap-opt compile` (25 s"), (False, ": `pip install -e '.[fast]'`, which")],
 )
 def test_advice_is_given_once(
     has_numba: bool, words: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
@@ -232,13 +256,13 @@ def test_advice_is_given_once(
     """Where it is worth it, and not where the kernel is loaded."""
     monkeypatch.setattr(functions, "is_there", lambda: has_numba)
     monkeypatch.setattr("multiprocessing.parent_process", lambda: None)
-    use = Kernel(MODULE, "what finds coverage", 13.0)
+    use = Kernel(MODULE, "coverage", 13.0)
     with caplog.at_level(logging.WARNING):
         use.advise("coverage", 1.0)
         assert not caplog.text
         for _ in range(2):
             use.advise("coverage", 7.3)
-        loaded = Kernel(MODULE, "what finds coverage", 13.0)
+        loaded = Kernel(MODULE, "coverage", 13.0)
         loaded.is_loaded = True
         loaded.advise("coverage", 70.0)
     assert caplog.text.count("coverage took 7 s") == caplog.text.count(words) == 1
@@ -250,7 +274,7 @@ def test_processes_of_a_sweep_give_no_advice(
     """There may be hundreds of them."""
     monkeypatch.setattr("multiprocessing.parent_process", lambda: object())
     with caplog.at_level(logging.WARNING):
-        Kernel(MODULE, "what finds coverage", 13.0).advise("coverage", 100.0)
+        Kernel(MODULE, "coverage", 13.0).advise("coverage", 100.0)
     assert not caplog.text
 
 

@@ -727,7 +727,7 @@ def test_limits_are_asked_for_often(actors: int, most: int) -> None:
     300 actors once took half a minute of a time limit of two seconds.
     """
     scene = make_scene(*[facing(x / 10, 4.5) for x in range(10, 10 + actors)])
-    model = Model(scene, use_cache=False, plain=True)
+    model = Model(scene, plain=True)
     reachable = model.reachable(model.classes[0])
     states, most_at_once = int(reachable[1].sum()), model.views(model.classes[0]).batch
     stop = Calls()

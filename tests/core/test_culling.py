@@ -1,12 +1,14 @@
 """What is seen past terrain and other actors, against an oracle that cuts every face slowly."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from exact_views import exact_coverage, exact_faces
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from pool import problems
 from strategies import WALL, Calls, examples, shapes
 
@@ -25,12 +27,14 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.stop import LimitReached
+from cocap_opt.vision import coverage, faces
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.candidates import Skyline
-from cocap_opt.vision.coverage import GrowingTable
-from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.coverage import CoverageTable, GrowingTable
+from cocap_opt.vision.faces import FaceGeometry, Reach
 from cocap_opt.vision.shadows import Shadows
-from cocap_opt.vision.views import StateViews
+from cocap_opt.vision.viewpoints import Viewpoints
+from cocap_opt.vision.views import SeenColumns, StateViews
 from cocap_opt.world.workspace import HeightMap
 
 
@@ -378,29 +382,128 @@ def test_who_looks_over_a_wall_is_partly_seen() -> None:
     assert all(0 < share < 1 for share in places_seen(5.5, 1.0, height=7.0)[-3:])
 
 
-@pytest.mark.parametrize("threads", [1, 2, 5])
-def test_a_table_does_not_depend_on_the_number_of_threads(threads: int) -> None:
-    """Entry by entry the same, to the last bit."""
+def grows(threads: int, batch: int, patch: pytest.MonkeyPatch) -> tuple[GrowingTable, list[int]]:
+    """A table of a small town in batches of so many views, and the numbers of places in each."""
     problem = town(0, robots=2, actors=3, cells=30, steps=3, resolution=2.5)
-    model = Model(problem, use_cache=False)
+    model = Model(problem, plain=True)
     (robot_class,) = model.classes
     views, n_places = model.views(robot_class), robot_class.graph.n_places
-    growing = [
-        GrowingTable(views, n_places, model.reachable(robot_class), 1, threads=n)
-        for n in (1, threads)
-    ]
-    for one in growing:
-        one.grow()
-    tables = [one.table() for one in growing]
-    assert len(tables[0].nodes)
-    for one, other in zip(*tables, strict=True):
-        assert one.tobytes() == other.tobytes()
+    patch.setattr(type(views), "batch", batch)
+    sizes, look = list[int](), views.look
+
+    def counted(at: Viewpoints) -> SeenColumns:
+        sizes.append(len(at.places))
+        return look(at)
+
+    patch.setattr(views, "look", counted)
+    return GrowingTable(views, n_places, model.reachable(robot_class), 1, threads), sizes
+
+
+def assert_equal(one: CoverageTable, other: CoverageTable) -> None:
+    """They are equal to the last bit."""
+    assert len(one.nodes)
+    for mine, theirs in zip(one, other, strict=True):
+        assert mine.tobytes() == theirs.tobytes()
+
+
+@examples(30)
+@given(st.one_of(hills(), rough_maps(), problems()), st.integers(0, 2**32 - 1))
+def test_bodies_that_are_not_between_hide_nothing(problem: Problem, seed: int) -> None:
+    """With few bodies listed, those that may be in the way, the same is seen to the last bit."""
+    graph, rng = graph_of(problem), np.random.default_rng(seed)
+    states = rng.permutation(all_states(problem))[:12]
+    geometry, camera = FaceGeometry(problem), problem.robots[0].camera
+    anywhere = StateViews.of(geometry, problem, graph, camera, plain=True)
+    places = anywhere.eyes(states % graph.n_places)[:, :2]
+    for starts, growth in ((places, 0.0), (places[:1], 1e3), (places[:1], 1.0)):
+        reach = Reach.around(starts, growth)
+        within = StateViews.of(geometry, problem, graph, camera, plain=True, reach=reach)
+        for one, other in zip(anywhere.seen(states), within.seen(states), strict=True):
+            assert one.tobytes() == other.tobytes()
+
+
+def test_few_bodies_are_listed_where_eyes_are_near(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step's lists have no column that is beside all ways; few steps are kept, and more made."""
+    problem = town(0, robots=2, actors=3, cells=60, steps=8, resolution=2.5)
+    heights = problem.height_map.heights
+    rough = heights + np.random.default_rng(0).random(heights.shape)
+    problem = problem.replace(height_map=problem.height_map.replace(heights=rough))
+    geometry = FaceGeometry(problem)
+    reach = Reach.around(np.zeros((1, 2)), 2.5)
+    few = geometry.between(8, 8, reach).candidates.nbytes
+    assert few < geometry.between(8, 8).candidates.nbytes / 2
+    assert geometry.between(8, 8, reach) is geometry.between(8, 8, reach)
+    assert geometry.room(8, (1, 3), 2, reach) >= 12 * few
+    monkeypatch.setattr(faces, "_KEPT_BYTES", 0.0)
+    first = geometry.between(0, 0)
+    for step in range(4):
+        assert geometry.between(0, 0) is first
+        geometry.between(step + 1, step + 1)
+    for step in range(4):
+        geometry.between(step + 5, step + 5)
+    assert geometry.between(0, 0) is not first
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_a_table_does_not_depend_on_threads_and_batches(
+    threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Entry by entry the same, to the last bit."""
+    few, small = grows(1, 10**9, monkeypatch)
+    few.grow()
+    many, sizes = grows(threads, 60, monkeypatch)
+    many.grow()
+    assert len(small) == 1 and len(sizes) > 10
+    assert_equal(few.table(), many.table())
+
+
+@pytest.mark.parametrize("column", range(4))
+@pytest.mark.parametrize("is_given", [False, True])
+def test_a_column_that_cannot_grow_doubles_no_row(
+    column: int, is_given: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where memory ends while a step is taken up, the table is as before, and can grow later."""
+    whole, _ = grows(1, 60, monkeypatch)
+    whole.grow()
+    broken, _ = grows(1, 60, monkeypatch)
+    append, calls = broken._rows[column].append, list[int]()
+
+    def fails_once(part: NDArray[Any]) -> None:
+        calls.append(len(part))
+        append(part)
+        if len(calls) == 2:
+            raise MemoryError
+
+    monkeypatch.setattr(broken._rows[column], "append", fails_once)
+    with pytest.raises(MemoryError):
+        broken.grow()
+    steps = broken.steps
+    if is_given:
+        assert len(broken.table().nodes) < len(whole.table().nodes)
+    assert 1 < steps < whole.steps
+    broken.grow()
+    assert broken.steps == whole.steps
+    assert_equal(broken.table(), whole.table())
+
+
+@pytest.mark.parametrize(
+    ("sizes", "groups"),
+    [
+        ([3, 3, 3, 3], [[0, 1, 2], [3]]), ([8, 3, 12, 3, 7], [[0], [1], [2], [3, 4]]),
+        ([0, 0, 4, 0, 4], [[2], [4]]), ([25], [[0]]), ([0], []), ([10, 10], [[0], [1]]),
+    ],
+)  # fmt: skip
+def test_no_step_is_split_over_two_groups(sizes: list[int], groups: list[list[int]]) -> None:
+    """Several steps are one batch; a step that is larger than a batch is alone."""
+    assert list(coverage._groups(np.array(sizes), 10)) == groups
+    expected = sum(-(-sum(sizes[t] for t in group) // 10) for group in groups)
+    assert coverage.batches_of(np.array(sizes), 10) == expected
 
 
 def test_a_table_that_was_given_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """One that a limit has ended is used, and grows on; progress is told in places at steps."""
     problem = town(0, robots=2, actors=3, cells=30, steps=3, resolution=2.5)
-    model = Model(problem, use_cache=False, plain=True)
+    model = Model(problem, plain=True)
     (robot_class,) = model.classes
     views, n_places = model.views(robot_class), robot_class.graph.n_places
     monkeypatch.setattr(type(views), "batch", 100)

@@ -5,7 +5,9 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +68,11 @@ def test_no_module_that_compiles_is_left_out() -> None:
     """`cocap-opt compile` compiles all of them."""
     modules = {name for name, path in sources().items() if uses_compiled(path)}
     assert modules == {kernel.functions for kernel in kernels()}
+
+
+def test_the_advice_says_what_all_kernels_take() -> None:
+    """`cocap-opt compile` compiles all of them, not only the one that would have been of use."""
+    assert sum(kernel._compiling for kernel in kernels()) == compiling.ALL_SECONDS
 
 
 @HAS_NUMBA
@@ -134,12 +141,19 @@ def test_two_processes_compile_at_once(environment: Mapping[str, str]) -> None:
 
 @HAS_NUMBA
 @pytest.mark.long
-def test_a_process_that_is_killed_harms_no_later_one(environment: Mapping[str, str]) -> None:
-    """While it compiles, wherever it is with that."""
+@pytest.mark.parametrize("after", [None, "*.nbi", "*.nbc"])
+def test_a_process_that_is_killed_harms_no_later_one(
+    after: str | None, environment: Mapping[str, str]
+) -> None:
+    """While it compiles: before any file is there, after the first index, or the first code."""
     with started(SWEEP, environment) as process:
         assert process.stderr is not None
         assert "is compiled first" in process.stderr.readline()
-        compiling = psutil.Process(process.pid).children()
+        folder, compiling = Path(environment["NUMBA_CACHE_DIR"]), list[psutil.Process]()
+        while after and process.poll() is None and not [*folder.rglob(after)]:
+            time.sleep(0.001)
+        with suppress(psutil.NoSuchProcess):
+            compiling = psutil.Process(process.pid).children()
         process.kill()
     assert not psutil.wait_procs(compiling, timeout=20)[1]  # they end with whom they work for
     assert ended(started(SWEEP, environment))[0].split() == ["True", "True"]

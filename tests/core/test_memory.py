@@ -2,6 +2,7 @@
 
 import re
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +25,43 @@ class Little:
 
     def __init__(self, free: float) -> None:
         self.available = free
+
+
+Files = dict[str, str]
+STAT = "anon 7\ninactive_file 300\ntotal_inactive_file 200\n"
+
+
+@pytest.mark.parametrize(
+    ("files", "ours", "free"),
+    [
+        ({}, "", 1e5),
+        ({"memory.max": "max\n", "memory.current": "5000\n"}, "0::/", 1e5),
+        ({"memory.max": "9000\n", "memory.current": "5000\n"}, "0::/", 4000.0),
+        ({"memory.max": "9000", "memory.current": "5000", "memory.stat": STAT}, "0::/", 4300.0),
+        ({"memory.max": "9000", "memory.current": "9001"}, "0::/", 0.0),
+        ({"memory.max": "900000", "memory.current": "5000"}, "0::/", 1e5),
+        ({"memory.max": "9000"}, "0::/", 1e5),
+        ({"a/memory.max": "9000", "a/memory.current": "0", "a/b/memory.max": "max",
+          "a/b/memory.current": "0"}, "1:cpu:/c\n0::/a/b", 9000.0),
+        ({"memory/memory.limit_in_bytes": "9000", "memory/memory.usage_in_bytes": "5000",
+          "memory/memory.stat": STAT}, "4:memory:/elsewhere", 4200.0),
+        ({"memory/job/memory.limit_in_bytes": "8000", "memory/job/memory.usage_in_bytes": "5000"},
+         "4:memory:/job", 3000.0),
+    ],
+)  # fmt: skip
+def test_memory_is_that_of_a_container(
+    files: Files, ours: str, free: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where a group of processes may use less than there is; what files take gives way."""
+    for name, content in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(content)
+    (tmp_path / "ours").write_text(ours)
+    monkeypatch.setattr(memory, "_GROUPS", tmp_path)
+    monkeypatch.setattr(memory, "_OURS", tmp_path / "ours")
+    monkeypatch.setattr(memory.psutil, "virtual_memory", lambda: Little(1e5))
+    assert memory.free_bytes() == free
+    assert memory.fits(0.89 * free) and (not free or not memory.fits(0.91 * free))
 
 
 def test_a_graph_that_is_too_large_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

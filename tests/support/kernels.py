@@ -14,7 +14,7 @@ class NotLoaded(Kernel):
 def of_views(kind: type[Kernel] = Kernel) -> Kernel:
     """That of views."""
     functions = "cocap_opt.vision.view_kernel"
-    return kind("cocap_opt.vision.compiled_sight", "what finds coverage", 13.0, functions)
+    return kind("cocap_opt.vision.compiled_sight", "coverage", 13.0, functions)
 
 
 def of_sweeps(kind: type[Kernel] = Kernel) -> Kernel:

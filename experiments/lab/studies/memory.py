@@ -1,13 +1,15 @@
-"""Memory of coverage tables while they are made, and of planning with them.
+"""Memory of coverage tables while they are made and written to the cache, and of planning.
 
-The constants by which coverage is estimated before it begins come from here: bytes of an entry, a
-face seen from a state, and of a state at a step. Each scene has a process of its own.
+The constant by which coverage is estimated before it begins comes from here: bytes of an entry, a
+face seen from a state. It is the last column, or the one before where that is more. Each scene has
+a process of its own.
 """
 
 import json
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -19,10 +21,12 @@ from rich.table import Table
 from cocap_opt.experiments.lab.results import Results
 from cocap_opt.experiments.lab.studies.options import Out
 from cocap_opt.experiments.lab.studies.runs import BYTES
+from cocap_opt.model.coverage_tables import BYTES_PER_STATE
 
 _TABLE = "memory.csv"
 _SCENES = ("field-large",)
-# A process reports its memory before, and the most it has had after coverage and after planning.
+# A process reports its memory before, and the most it has had once coverage is made, once it is
+# written, and after planning.
 _PROGRAM = f"""\
 import json, resource, sys
 import psutil
@@ -32,6 +36,7 @@ from cocap_opt.planners import PLANNERS
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
 from cocap_opt.vision import views
+from cocap_opt.vision.cache import TableCache
 
 def most():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * {BYTES}
@@ -47,6 +52,9 @@ before = psutil.Process().memory_info().rss
 model.prepare_all()
 made = most()
 tables = [model.coverage(c) for c in model.classes]
+for number, table in enumerate(tables):
+    TableCache.of_user().table(str(number), lambda: (table, 0.0))
+written = most()
 compiled(problem).tables.take(model.tables)
 PLANNERS["greedy"](problem, never)
 print(json.dumps({{
@@ -54,6 +62,7 @@ print(json.dumps({{
     "states": sum(model.reachable(c).size for c in model.classes),
     "table": sum(part.nbytes for t in tables for part in t),
     "making": made - before,
+    "writing": written - before,
     "planning": most() - before,
 }}))
 """
@@ -65,8 +74,9 @@ class _Row(NamedTuple):
     entries: int
     states: int  # at steps
     table: int  # bytes, and those below
-    making: int
-    planning: int  # at the most, coverage included
+    making: int  # at the most, as those below
+    writing: int  # to the cache, making included
+    planning: int  # coverage included
 
 
 def memory(
@@ -78,14 +88,21 @@ def memory(
 ) -> None:
     """Measures the memory of coverage and planning, and writes the table (memory.csv)."""
     results = Results.into(None if out is None else out.resolve())
-    table = Table("scene", "way", "entries", "table", "making it", "planning, too", title="memory")
+    table = Table(
+        "scene", "way", "entries", "table", "making it", "writing it, too", "planning, too",
+        "without states", title="memory",
+    )  # fmt: skip
     rows = list(_rows(scene))
     for row in rows:
-        each = (f"{x / max(row.entries, 1):.1f} B" for x in row[4:])
+        sizes = *row[4:], row.planning - BYTES_PER_STATE * row.states
+        each = (f"{x / max(row.entries, 1):.1f} B" for x in sizes)
         table.add_row(row.scene, row.way, f"{row.entries:,}", *each)
     results.save(_TABLE, rows)
     Console(soft_wrap=True).print(table)
-    Console().print("bytes for each entry, a face seen from a state")
+    Console().print(
+        "bytes for each entry, a face seen from a state; without states: as planning, but for "
+        f"{BYTES_PER_STATE} B of each state at a step"
+    )
 
 
 def _rows(scenes: tuple[str, ...]) -> Iterator[_Row]:
@@ -93,10 +110,7 @@ def _rows(scenes: tuple[str, ...]) -> Iterator[_Row]:
         place = str(Path(scene).resolve()) if Path(scene).exists() else scene
         for way in ("kernel", "plain"):
             command = [sys.executable, "-c", _PROGRAM, place, way]
-            run = subprocess.run(
-                command,
-                check=True,
-                stdout=subprocess.PIPE,
-                env=os.environ | {"COCAP_OPT_CACHE": ""},
-            )
+            with tempfile.TemporaryDirectory() as empty:
+                environment = os.environ | {"COCAP_OPT_CACHE": empty}
+                run = subprocess.run(command, check=True, stdout=subprocess.PIPE, env=environment)
             yield _Row(Path(scene).stem, way, **json.loads(run.stdout))

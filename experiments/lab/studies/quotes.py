@@ -44,7 +44,7 @@ from cocap_opt.experiments.lab.studies.quality.quality import stored_accuracy, s
 from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
 from cocap_opt.experiments.lab.studies.separation.tables import separation_in_markdown
 from cocap_opt.experiments.lab.studies.solvers.table import solvers_in_markdown
-from cocap_opt.experiments.lab.studies.speed import speed_in_markdown
+from cocap_opt.experiments.lab.studies.speed import gain_in_words, speed_in_markdown
 from cocap_opt.experiments.lab.studies.views import views_in_markdown
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.files.documents import FileError
@@ -110,6 +110,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "views": views_in_markdown,
     "solver_figures": solvers_in_markdown,
     "speed": speed_in_markdown,
+    "compiled_gain": gain_in_words,
     "cameras_cost": cost_in_markdown,
     "cameras_proofs": proofs_in_markdown,
     "cameras_directions": directions_in_words,

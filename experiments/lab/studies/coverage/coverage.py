@@ -104,7 +104,7 @@ def coverage_in_markdown() -> str:
             "drones": row["robots"],
             "states": f"{int(row['states']):,}",
             "processor time": in_unit(row["processor (s)"], "s"),
-            "memory": f"{float(row['peak (GB)']):.2f} GB",
+            "memory, the whole process": f"{float(row['peak (GB)']):.2f} GB",
             "us a state": f"{float(row['us']):.1f}",
         }
         for row in stored_rows(_TABLE)
