@@ -1,6 +1,7 @@
 """Set-up of all tests: hypothesis profiles, and a coverage cache of the session's own."""
 
 import os
+import signal
 from collections.abc import Iterator
 
 import pytest
@@ -18,6 +19,10 @@ COMMON = {
 settings.register_profile("ci", derandomize=True, **COMMON)
 settings.register_profile("random", **COMMON)  # with COCAP_OPT_EXAMPLES=20: a hunt for bugs
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as a shell leaves it in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_configure(config: pytest.Config) -> None:

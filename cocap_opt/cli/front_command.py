@@ -81,7 +81,7 @@ def _front(
     name = f"{front.problem.name} seed {seed}"
     with Interrupt.caught() as interrupt, Watch.on_terminal(name) as watch:
         if output is not None:
-            front = front_files.read(front, output, interrupt)
+            front = front_files.read(front, output, interrupt, watch)
         front = explored(front, interrupt, seconds, directions, watch=watch)
         if output is not None:
             front_files.save(front, output)
@@ -109,7 +109,8 @@ def _say(front: Front, seed: int, output: Path | None, json: bool) -> None:
         }
         print_result(answer, json)
         return
-    title = f"{front.problem.name}: J against people seen by {front.views.cameras} drones or fewer"
+    most = front.views.cameras
+    title = f"{front.problem.name}: J, and drones that see each person, up to {most}"
     if front.plans:
         Listing(title, _rows(front), notes).print()
     else:
@@ -123,6 +124,7 @@ def _rows(front: Front) -> list[Record]:
         {
             "views": point.views,
             "of all (%)": 100 * front.share(point.views),
+            f"seen by {front.views.cameras} (%)": 100 * front.seen(point),
             "J": point.reward,
             "no plan has more than": _told(front.reward_bound(point.views)),
         }

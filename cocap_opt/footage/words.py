@@ -71,8 +71,8 @@ def _told_blur(blur: FloatArray | None) -> str:
     if not len(known):
         return "none: no pictures"
     return (
-        f"{np.median(known):.2g} px median, {known.max():.2g} at most; "
-        f"above {_SHARP:g}: {_percent(share(known > _SHARP))}"
+        f"{np.median(known):.2g} px median, {known.max():.2g} at most; above "
+        f"{_SHARP:g} px in {_percent(share(known > _SHARP))} of views"
     )
 
 

@@ -62,12 +62,13 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         require_scene(self)
 
     def __repr__(self) -> str:
-        x, y = self.height_map.shape
+        (x, y), views = self.height_map.shape, self.objective.views
         return (
             f"Problem {self.name!r}: {len(self.robots)} drones film {len(self.actors)} people over "
             f"{self.horizon} steps\n"
             f"on {x} x {y} cells of {self.height_map.resolution:g} m; collision rules: {self.rules}"
             f"{f'; airspace: {self.airspace}' if str(self.airspace) else ''}"
+            f"{'' if views is None else f'; up to {views.cameras} drones that see a person count'}"
         )
 
     def _repr_html_(self) -> str:

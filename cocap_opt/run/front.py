@@ -18,10 +18,17 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from cocap_opt.files.documents import problem_digest
+from cocap_opt.footage.quality import Assumptions, Quality
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem import Plan, Problem, Views
 from cocap_opt.referee import check
-from cocap_opt.run.view_share import most_views, views_alone, views_asked, views_of
+from cocap_opt.run.view_share import (
+    counted_weights,
+    most_views,
+    views_alone,
+    views_asked,
+    views_of,
+)
 from cocap_opt.text import rounded_up
 
 if TYPE_CHECKING:
@@ -66,6 +73,11 @@ class HalfPlane(NamedTuple):
     direction: Direction
     bound: float
     file: CertificateFile | ProofFile | None
+
+    def __repr__(self) -> str:
+        weight = self.direction.views
+        left = f"J + {weight:.6g} V" if self.direction.reward else "V"
+        return f"HalfPlane({left} <= {rounded_up(self.bound, 2)})"
 
 
 @dataclass(frozen=True, repr=False)
@@ -151,6 +163,15 @@ class Front:
     def share(self, views: float) -> float:
         """Returns views as a share of `most_views`; 0 where nobody can be seen."""
         return views / self.most_views if self.most_views else 0.0
+
+    def seen(self, point: PlanPoint) -> float:
+        """Returns the share of person-steps, by importance, that all those cameras see; or nan."""
+        weights = counted_weights(self.problem)
+        found = Quality.of(
+            self.problem, point.plan, assumptions=Assumptions(at_least=self.views.at_least)
+        )
+        seen, total = weights[found.views >= self.views.cameras].sum(), weights.sum()
+        return float(seen / total) if total else math.nan
 
     def reward_bound(self, views: float) -> float:
         """Returns the J that no plan of at least so many views exceeds; -inf: there is no plan."""
@@ -282,7 +303,8 @@ class Front:
         rows: list[dict[str, float | str]] = [
             {
                 "kind": "plan", "reward": point.reward, "views": point.views,
-                "share": self.share(point.views), "reward_bound": self.reward_bound(point.views),
+                "share": self.share(point.views), "seen": self.seen(point),
+                "reward_bound": self.reward_bound(point.views),
             }
             for point in self.plans
         ]  # fmt: skip

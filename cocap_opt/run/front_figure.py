@@ -25,6 +25,9 @@ def draw(
         ax = Figure(figsize=(5.2, 3.6), dpi=100, layout="constrained").add_subplot()
     shares, rewards = [share for share, _ in plans], [reward for _, reward in plans]
     least, top = (min(shares) - 3, max(rewards)) if plans else (0.0, 1.0)
+    highest = bound(min(shares, default=least))  # where the grey begins, if it is near
+    if top < highest <= 1.5 * top:
+        top = highest
     room = max(top - min(rewards, default=0.0), 0.01 * top)
     bottom, roof = top - 1.2 * room, top + 0.3 * room
     ax.set_xlim(least, 100.5)

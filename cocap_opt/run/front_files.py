@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from cocap_opt.console.progress import Watch
 from cocap_opt.files.documents import (
     FileError,
     PlanFile,
@@ -59,7 +60,7 @@ def save(front: Front, folder: Path) -> None:
     save_csv(folder / TABLE, [{key: row.get(key, "") for key in keys} for row in rows])
 
 
-def read(front: Front, folder: Path, stop: Stop = never) -> Front:
+def read(front: Front, folder: Path, stop: Stop = never, watch: Watch | None = None) -> Front:
     """Returns a trade-off with all that its folder holds; with nothing more if there is none.
 
     Raises
@@ -69,8 +70,10 @@ def read(front: Front, folder: Path, stop: Stop = never) -> Front:
     LimitReached
         At a limit.
     """
-    planes = []
-    for path in _numbered(folder, _SCENE):
+    planes, watch = [], watch or Watch()
+    paths = [*_numbered(folder, _SCENE)]
+    for number, path in enumerate(paths, 1):
+        watch.begin(f"{front.problem.name}, bound {number} of {len(paths)} is checked")
         scene = decode_document(read_bytes(path), str(path), SceneFile).problem
         direction = _direction(front, scene, path)
         where = path.with_name(path.name.replace(".scene.", ".bound."))

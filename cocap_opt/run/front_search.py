@@ -37,7 +37,7 @@ def explored(
     for number in range(directions):
         if front.settled or (number and stop.reached() is not None):
             break
-        watch.show(f"direction {number + 1} of {directions}")
+        watch.begin(f"{front.problem.name}, direction {number + 1} of {directions}")
         direction = front.next_direction()
         time = seconds * 2 ** front.tries(direction)
         front = _towards(front, direction, stop, time, planner, bound, watch)

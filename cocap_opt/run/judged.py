@@ -192,13 +192,15 @@ class Judged(NamedTuple, Generic[_R_co]):
 
     @staticmethod
     def parts_of(verdict: Verdict) -> dict[str, Any]:
-        """Returns the parts of J; rewards for moves only where the plan has some."""
+        """Returns the parts of J; rewards for moves and for views only where the plan has some."""
         parts: dict[str, Any] = {
             "reward_at_start": verdict.reward_at_start,
             "reward_per_step": verdict.reward_per_step,
         }
         if verdict.reward_moves:
             parts["reward_moves"] = verdict.reward_moves
+        if any(verdict.count_reward):
+            parts["reward_of_views"] = math.fsum(verdict.count_reward)
         return parts
 
     def plan_file(

@@ -186,9 +186,11 @@ class QualityBound:
             return
         for drones in range(1, self.cameras + 1):
             most = self.most(drones)
-            told = self._told(most)
-            if found is not None:
-                told += f" {self._beside(most, self.share(found, drones), obeys_rules)}"
+            told, share = self._told(most), self.share(found, drones) if found else math.nan
+            if found and obeys_rules and share >= 1:
+                told = f"This plan lets every person-step be seen by {_or_more(drones)}."
+            elif found:
+                told += f" {self._beside(most, share, obeys_rules)}"
             yield told
 
     def __str__(self) -> str:
@@ -228,7 +230,7 @@ class QualityBound:
         """Returns the sentence on what no plan can do."""
         seen_by = f"seen by {_or_more(most.drones)}"
         if most.share >= 1:
-            return f"That all person-steps are {seen_by} is not ruled out."
+            return f"It is not ruled out that a plan lets every person-step be {seen_by}."
         if most.person_steps is None:
             told = f"{rounded_up(100 * most.share, 1)} % of person-steps, by their importance,"
         else:

@@ -193,6 +193,8 @@ class Verified:
 
     def __repr__(self) -> str:
         gap = f"{100 * self.gap:.4f} %" if math.isfinite(self.gap) else "none"
+        if self.verdict is None:
+            return f"Verified(bound {self.bound:,.2f}, no plan given)"
         return f"Verified(J {self.reward:,.2f}, bound {self.bound:,.2f}, gap {gap})"
 
     def _of_plan(self, claimed: PlanFile | None, values: Sequence[float]) -> Iterator[str]:

@@ -220,7 +220,7 @@ def usable_cores() -> int:
 # A few rows of a table: nodes [n], the number of entries of each [n], and view sums and coverage
 # (px/m2) of all entries [nnz].
 _SeenRows = tuple[IntArray, IntArray, IntArray, FloatArray]
-_MEASURED = 2.0  # s, after which the time that is left is known by that which has passed
+_MEASURED = 1.0  # s, after which the time that is left is known by that which has passed
 _AHEAD = 2  # batches of each thread that are begun before the first of them is taken
 _NO_ROWS: _SeenRows = (_NONE, _NONE, _NONE, np.zeros(0))
 

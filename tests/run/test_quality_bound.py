@@ -135,6 +135,6 @@ def test_nothing_proved_rules_nothing_out() -> None:
     bound = QualityBound.of(load_scene("corridor", 0))
     assert [bound.most(m).share for m in (1, 2, 3)] == [1.0, 1.0, 0.0]
     assert str(bound).splitlines() == [
-        "That all person-steps are seen by one drone or more is not ruled out.",
-        "That all person-steps are seen by two drones or more is not ruled out.",
+        "It is not ruled out that a plan lets every person-step be seen by one drone or more.",
+        "It is not ruled out that a plan lets every person-step be seen by two drones or more.",
     ]

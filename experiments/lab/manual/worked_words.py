@@ -70,6 +70,7 @@ def _trade_off_table() -> str:
         {
             "views": f"{point.views:g}",
             "of all (%)": f"{100 * front.share(point.views):.1f}",
+            "seen by 2 (%)": f"{100 * front.seen(point):.1f}",
             "J": number(point.reward),
             "no plan has more than": number(front.reward_bound(point.views)),
         }
