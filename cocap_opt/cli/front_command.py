@@ -2,6 +2,7 @@
 
 import logging
 import math
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -80,11 +81,13 @@ def _front(
     make_folder(output)
     name = f"{front.problem.name} seed {seed}"
     with Interrupt.caught() as interrupt, Watch.on_terminal(name) as watch:
-        if output is not None:
+        if output is None:
+            front = explored(front, interrupt, seconds, directions, watch=watch)
+        else:
+            keep = partial(front_files.save, folder=output)
             front = front_files.read(front, output, interrupt, watch)
-        front = explored(front, interrupt, seconds, directions, watch=watch)
-        if output is not None:
-            front_files.save(front, output)
+            front = explored(front, interrupt, seconds, directions, watch=watch, keep=keep)
+            keep(front)
     _say(front, seed, output, json)
     return 0
 

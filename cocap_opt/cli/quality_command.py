@@ -132,6 +132,7 @@ def _quality(
         numbers["at_least"] = Assumptions.of(given.problem).at_least
         assumptions = assumptions.replace(at_least=numbers["at_least"])
     found = Quality.of(given.problem, given.plan, assumptions=assumptions)
+    make_folder(output)
     if csv is not None:
         save_bytes(csv, found.table.to_csv(index=False, lineterminator="\n").encode())
     obeys_rules = check(given.problem, given.plan).valid
@@ -156,7 +157,6 @@ def _proved(
     limits: QualityBound, given: GivenPlan, seconds: float, output: Path | None
 ) -> QualityBound:
     """Returns the bounds proved, in so many seconds each, and writes their files."""
-    make_folder(output)
     with Interrupt.caught() as interrupt, Watch.on_terminal(given.problem.name) as watch:
         limits = limits.proved(interrupt, seconds, given.plan, watch=watch)
     if output is not None:
@@ -167,6 +167,9 @@ def _proved(
                 contents[output / f"seen-by-{number}.scene.json"] = encode(scene)
                 contents[output / f"seen-by-{number}.bound.json"] = encode(result.certificate)
         save_files(contents)
+        for old in output.glob("seen-by-*.json"):
+            if old not in contents:  # of more drones, or of another scene
+                old.unlink()
     return limits
 
 

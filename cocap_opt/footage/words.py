@@ -35,7 +35,8 @@ def quality_words(
     if not found.person_steps:
         return "Quality of a plan: nobody has any weight, so that no person-step counts"
     lines = [
-        f"Quality of a plan: {_counted(found.person_steps, 'person-step')} that count, "
+        f"Quality of a plan: {_counted(found.person_steps, 'person-step')} that "
+        f"{'counts' if found.person_steps == 1 else 'count'}, "
         f"{_counted(len(has_pictures), 'drone')}",
         _line("seen by two drones or more", _percent(found.by_two)),
         _line("seen by three or more", _percent(found.by_three)),

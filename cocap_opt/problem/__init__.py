@@ -7,7 +7,7 @@ from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.airspace import Airspace
 from cocap_opt.problem.camera import AnyCamera, Camera, Cone
 from cocap_opt.problem.motion import Cell, Motion, State
-from cocap_opt.problem.objective import COVERAGE_VERSION, Objective, Views
+from cocap_opt.problem.objective import COVERAGE_VERSION, LEAST_SHARE, Objective, Views
 from cocap_opt.problem.plan import (
     Conflict,
     Ending,
@@ -24,6 +24,7 @@ from cocap_opt.problem.shapes import Cuboid, Prism, Shape, TriangulatedCuboid
 
 __all__ = [
     "COVERAGE_VERSION",
+    "LEAST_SHARE",
     "NO_RULES",
     "SEPARATION",
     "VERTEX_ONLY",

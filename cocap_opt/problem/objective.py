@@ -9,6 +9,7 @@ COVERAGE_VERSION = 2
 
 
 _MOST_CAMERAS = 64
+LEAST_SHARE = 1e-6  # of a solid angle, much more than rounding
 
 
 class Views(Data, frozen=True):
@@ -47,7 +48,9 @@ class Views(Data, frozen=True):
         for weight in weights:
             within(weight, 0, MOST_WEIGHT, "weight")
         within(self.at_least, 0, 1, "at_least")
-        require(self.at_least > 0, "at_least", "must be > 0, or all drones see everybody")
+        require(
+            self.at_least >= LEAST_SHARE, "at_least", "must be > 0, or all drones see everybody"
+        )
         if self.share is not None:
             within(self.share, 0, 1, "share")
 

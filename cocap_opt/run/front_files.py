@@ -89,6 +89,12 @@ def read(front: Front, folder: Path, stop: Stop = never, watch: Watch | None = N
         found = decode_document(read_bytes(path), str(path), PlanFile)
         if found.digest != problem_digest(front.problem):
             raise FileError(f"{path}: is a plan for another scene")
+        try:
+            obeys_rules = check(front.problem, found.plan).valid
+        except ValueError as error:
+            raise FileError(f"{path}: {error}") from error
+        if not obeys_rules:
+            raise FileError(f"{path}: is a plan that breaks a rule; remove it to go on")
         plans.append(found.plan)
     return replace(front, half_planes=(*front.half_planes, *planes)).with_plans(plans)
 
@@ -111,6 +117,6 @@ def _numbered(folder: Path, name: str) -> Iterator[Path]:
     found = {}
     for path in folder.glob(name.format("*")):
         number = path.name.removeprefix(before).removesuffix(after)
-        if number.isdecimal():
+        if number.isascii() and number.isdecimal():
             found[int(number)] = path
     yield from (found[number] for number in sorted(found))

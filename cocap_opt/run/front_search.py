@@ -1,5 +1,6 @@
 """The search for a trade-off: a plan and a half-plane more in the direction with the most room."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from cocap_opt.console.progress import Watch
@@ -22,6 +23,7 @@ def explored(
     planner: str = RECOMMENDED,
     bound: str = BOUND_METHOD,
     watch: Watch | None = None,
+    keep: Callable[[Front], None] = lambda front: None,
 ) -> Front:
     """Returns the trade-off after some directions more, or fewer if it is settled by then.
 
@@ -32,6 +34,7 @@ def explored(
         twice as many as before
     directions : how many at most
     planner, bound : the methods
+    keep : is given the trade-off after each direction
     """
     watch = watch or Watch()
     for number in range(directions):
@@ -41,6 +44,7 @@ def explored(
         direction = front.next_direction()
         time = seconds * 2 ** front.tries(direction)
         front = _towards(front, direction, stop, time, planner, bound, watch)
+        keep(front)
     return front
 
 

@@ -184,7 +184,7 @@ class QualityBound:
         if self.no_plan:
             yield "No plan of these drones obeys the rules: proved."
             return
-        for drones in range(1, self.cameras + 1):
+        for drones in range(1, min(self.cameras, len(self.problem.robots)) + 1):
             most = self.most(drones)
             told, share = self._told(most), self.share(found, drones) if found else math.nan
             if found and obeys_rules and share >= 1:

@@ -43,6 +43,9 @@ class ViewsTable(Table):
         given = Views(cameras=self.cameras, weight=weight, at_least=self.at_least, share=self.share)
         given.require_for(len(actors))
         weights = given.weights(len(actors))
+        if self.weight == FIRST:  # the least factor leaves it as it is
+            least = min((factor for factor in factors if factor > 0), default=1.0)
+            factors = [factor / min(least, 1.0) for factor in factors]
         return given.replace(weight=tuple(w * f for w, f in zip(weights, factors, strict=True)))
 
 

@@ -64,6 +64,25 @@ def test_a_lower_bound_than_is_proved_is_refused(
     assert code == 2 and "direction-1.bound.json" in err and err.count("\n") == 1
 
 
+def test_a_folder_holds_plans_that_obey_the_rules(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A plan that breaks one is no plan of the trade-off, and is not removed in silence."""
+    asked = co.with_views(co.load("tiny-share"), cameras=2)
+    co.save(tmp_path / "scene.json", asked)
+    folder, scene = tmp_path / "front", tmp_path / "scene.json"
+    code, *_ = said(capsys, scene, "--directions", 1, "--seconds", 2, "-o", folder)
+    assert code == 0
+    plan = folder / "plan-1.json"
+    verified = co.verify(asked, co.read(plan))
+    assert not verified.violations  # it is for the scene as it was given, and has its J
+    content = msgspec.json.decode(plan.read_bytes())
+    content["plan"]["paths"][1] = content["plan"]["paths"][0]
+    plan.write_bytes(msgspec.json.encode(content))
+    code, _, err = said(capsys, scene, "--directions", 0, "-o", folder)
+    assert code == 2 and "plan-1.json" in err and "breaks a rule" in err and plan.exists()
+
+
 def test_a_scene_asks_for_a_share(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`plan` says that it is missed; `front` goes for it without being told."""
     path, plan = tmp_path / "scene.json", tmp_path / "plan.json"

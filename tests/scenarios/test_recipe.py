@@ -1229,3 +1229,7 @@ def test_views_come_first_where_a_recipe_says_so(tmp_path: Path) -> None:
     assert problem_digest(short) == problem_digest(table)
     expected = co.with_views(short, weight="first").objective.views
     assert expected is not None and views.weights(1) == (expected.weight,)
+    less = DRONE.replace("speed = 1.5", "speed = 1.5\nviews_weight = 0.01")
+    less = FLAT.replace("speed = 1.5", "speed = 1.5\nviews_weight = 0.01") + less
+    found = read(write(tmp_path, f"objective.views = 'first'\n{less}")).objective.views
+    assert found is not None and found.weights(1) == views.weights(1)  # none outweighs others less
