@@ -17,6 +17,7 @@ from cocap_opt.files.documents import (
     PlanFile,
     SceneFile,
     decode_document,
+    digest_without_objective,
     problem_digest,
     read_bytes,
 )
@@ -164,7 +165,8 @@ def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     verdict = judge_plan(problem, flown)
     require_flown("plan", verdict)
     file = PlanFile(
-        scene=problem.name, digest=problem_digest(problem), planner="",
+        scene=problem.name, digest=problem_digest(problem),
+        digest_without_objective=digest_without_objective(problem), planner="",
         cut_short=content.cut_short, coverage_version=COVERAGE_VERSION,
         reward=verdict.reward, plan=flown,
     )  # fmt: skip

@@ -203,7 +203,7 @@ def _fly(
         raise UsageError(f"--local: must be left out for {suffix}, which has places on the Earth")
     write = _writer(suffix, autopilot, items)
     check_output(output, scene, plan)
-    given = PlanReader(scene, load_planned(scene, seed)).plan(plan)
+    given = PlanReader(scene, load_planned(scene, seed)).plan(plan, any_objective=True)
     problem, planned, cut_short = given.problem, given.plan, given.cut_short
     try:
         flight = flown.flight(problem, planned, local)
@@ -372,7 +372,7 @@ def _robustness(
 
     Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
     """
-    given = PlanReader(scene, load_planned(scene, seed)).plan(plan)
+    given = PlanReader(scene, load_planned(scene, seed)).plan(plan, any_objective=True)
     problem = given.problem
     if cut_short := given.cut_short:
         _log.warning("%s: %s", plan, cut_short)

@@ -80,7 +80,7 @@ def _show(
     check_output(output, scene, *plan, certificate)
     read = load_planned if plan else load
     problem = read(scene, seed)
-    given = PlanReader(scene, problem).plans(plan)
+    given = PlanReader(scene, problem).plans(plan, any_objective=True)
     problem = given[0].problem if given else problem
     plans = [given_plan.plan for given_plan in given]
     if not plan:

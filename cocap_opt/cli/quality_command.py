@@ -121,7 +121,7 @@ def _quality(
     seconds = 10.0 if seconds is None else seconds
     if not Option("--seconds").require_seconds(seconds) > 0:
         raise UsageError("--seconds: must be more than 0")
-    given = PlanReader(scene, load_planned(scene, seed)).plan(plan)
+    given = PlanReader(scene, load_planned(scene, seed)).plan(plan, any_objective=True)
     if cut_short := given.cut_short:
         _log.warning("%s: %s", plan, cut_short)
     try:

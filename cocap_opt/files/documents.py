@@ -15,7 +15,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.messages import in_words
 from cocap_opt.files.strict_json import decode_json
-from cocap_opt.problem import COVERAGE_VERSION, Ending, Plan, Problem
+from cocap_opt.problem import COVERAGE_VERSION, Ending, Objective, Plan, Problem
 from cocap_opt.stop import Limit, Reason
 from cocap_opt.text import unread
 
@@ -103,6 +103,8 @@ class PlanFile(Document, frozen=True, kw_only=True):
     version : of this format
     scene : the name of the scene
     digest : of the scene
+    digest_without_objective : of the scene as if it had the usual objective, by which plans for
+        several objectives can be compared; None: nobody wrote it
     planner : the name of the planner
     limit : the limit that stopped the planner; None: none did, or nobody wrote it
     reason : why the planner stopped; None: nobody wrote it
@@ -120,6 +122,7 @@ class PlanFile(Document, frozen=True, kw_only=True):
     version: Literal[2, 3, 4] = 4
     scene: str
     digest: str
+    digest_without_objective: str | None = None
     planner: str
     limit: Limit | None = None
     reason: Reason | None = None
@@ -256,6 +259,11 @@ def problem_digest(problem: Problem) -> str:
             del fields["objective"][name]
     fields["objective"].get("views", {}).pop("share", None)
     return hashlib.sha256(msgspec.json.encode(fields)).hexdigest()
+
+
+def digest_without_objective(problem: Problem) -> str:
+    """Digest of a problem as if it had the usual objective."""
+    return problem_digest(problem.replace(objective=Objective()))
 
 
 def _read_back(problem: Problem) -> Problem:

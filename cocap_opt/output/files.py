@@ -13,6 +13,7 @@ from cocap_opt.files.documents import (
     FileError,
     PlanFile,
     decode_document,
+    digest_without_objective,
     problem_digest,
     read_bytes,
 )
@@ -164,18 +165,20 @@ class PlanReader(NamedTuple):
             return foreign
         return read_claim(path)
 
-    def plan(self, path: Path, any_scene: bool = False) -> GivenPlan:
+    def plan(self, path: Path, any_scene: bool = False, any_objective: bool = False) -> GivenPlan:
         """Reads a plan that can be flown, and finds the variant of the scene that it is for.
 
-        A plan file must be of the scene, unless it may be of `any_scene`.
+        A plan file must be of the scene, unless it may be of `any_scene`, or made for
+        `any_objective`, which is then said.
         """
-        return self.flown(path, self.claim(path), any_scene)
+        return self.flown(path, self.claim(path), any_scene, any_objective)
 
     def flown(
         self,
         path: Path,
         content: PlanFile | CertificateFile | ProofFile | Plan,
         any_scene: bool = False,
+        any_objective: bool = False,
     ) -> GivenPlan:
         """Returns the content of a file as a plan that can be flown, checked as by `plan`."""
         if isinstance(content, CertificateFile | ProofFile):
@@ -184,7 +187,7 @@ class PlanReader(NamedTuple):
         plan = content.plan if isinstance(content, PlanFile) else content
         problem = scene_of_plan(self.scene, self.problem, plan)
         if file is not None and not any_scene:
-            _require_made_for(problem, file, path)
+            _require_made_for(problem, file, path, any_objective)
         verdict = check(problem, plan)
         if verdict.violations:
             if file is not None:  # of another scene, as likely as not
@@ -192,9 +195,9 @@ class PlanReader(NamedTuple):
             raise FileError(f"{path}: {verdict.violations[0]}")
         return GivenPlan(problem, plan, file)
 
-    def plans(self, paths: Sequence[Path]) -> list[GivenPlan]:
+    def plans(self, paths: Sequence[Path], any_objective: bool = False) -> list[GivenPlan]:
         """Reads plans that can be flown, all of which must be for the same variant of the scene."""
-        found = [self.plan(path) for path in paths]
+        found = [self.plan(path, any_objective=any_objective) for path in paths]
         variants = [problem_digest(given.problem) for given in found]
         for path, variant in zip(paths, variants, strict=True):
             if variant != variants[0]:
@@ -205,10 +208,18 @@ class PlanReader(NamedTuple):
         return found
 
 
-def _require_made_for(problem: Problem, file: PlanFile, path: Path) -> None:
-    """Raises a FileError if a plan was made for another scene; another name alone is logged."""
+def _require_made_for(
+    problem: Problem, file: PlanFile, path: Path, any_objective: bool = False
+) -> None:
+    """Raises a FileError if a plan was made for another scene; another name alone is logged.
+
+    So is another objective, if there may be any.
+    """
     name, other = shortened(printable(problem.name)), shortened(printable(file.scene))
     if file.digest != problem_digest(problem):
+        if any_objective and file.digest_without_objective == digest_without_objective(problem):
+            log.warning("%s: was made for another objective; J is that of this scene", path)
+            return
         alike = file.scene == problem.name
         field, since = ("digest", ", or its file has changed since") if alike else ("scene", "")
         raise FileError(

@@ -14,6 +14,7 @@ from cocap_opt.files.documents import (
     PlanFile,
     SceneFile,
     decode_document,
+    digest_without_objective,
     encode,
     problem_digest,
     read_bytes,
@@ -42,10 +43,11 @@ def save(front: Front, folder: Path) -> None:
     for n, (direction, certificate) in enumerate(proved, 1):
         contents[folder / _SCENE.format(n)] = encode(SceneFile.of(front.scene(direction)))
         contents[folder / _BOUND.format(n)] = encode(certificate)
-    digest = problem_digest(front.problem)
+    digests = problem_digest(front.problem), digest_without_objective(front.problem)
     for n, point in enumerate(front.plans, 1):
         file = PlanFile(
-            scene=front.problem.name, digest=digest, planner="front",
+            scene=front.problem.name, digest=digests[0], digest_without_objective=digests[1],
+            planner="front",
             reward=check(front.problem, point.plan).reward, plan=point.plan,
             coverage_version=COVERAGE_VERSION,
         )  # fmt: skip

@@ -5,7 +5,7 @@ import math
 from dataclasses import replace
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from cocap_opt.files.documents import PlanFile, problem_digest
+from cocap_opt.files.documents import PlanFile, digest_without_objective, problem_digest
 from cocap_opt.footage.quality import Quality
 from cocap_opt.footage.summary import Summary
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
@@ -217,6 +217,7 @@ class Judged(NamedTuple, Generic[_R_co]):
         return PlanFile(
             scene=problem.name,
             digest=problem_digest(problem),
+            digest_without_objective=digest_without_objective(problem),
             planner=planner,
             limit=self.result.limit,
             cut_short=self.result.cut_short,

@@ -535,7 +535,7 @@ def test_plans_of_other_scenes_are_not_shown_or_compared(
     run = Run(capsys, command, scene, *option, plan, *output)
     assert run.code == 0
     assert "was made for tiny-queue, which is the same scene as renamed" in caplog.text
-    content["problem"]["objective"]["stationarity"] = 5.0
+    content["problem"]["rules"]["swap"] = not content["problem"]["rules"]["swap"]
     scene.write_text(json.dumps(content))
     run = Run(capsys, command, scene, *option, plan, *output)
     assert (run.code, len(run.err.splitlines())) == (2, 1)

@@ -56,6 +56,23 @@ def test_the_defaults_are_those_of_the_assumptions(plan: Path) -> None:
     assert str(co.quality(problem, result)) == str(Quality.of(problem, planned))
 
 
+def test_plans_for_other_objectives_are_measured(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """One line says so, and they can be played side by side; `verify` holds them to their claim."""
+    problem = co.load(SCENE)
+    asked = co.with_views(problem, cameras=2)
+    for name, scene in (("one", problem), ("two", asked)):
+        co.save(tmp_path / f"{name}.json", co.plan(scene, "sequential"))
+    one, two = tmp_path / "one.json", tmp_path / "two.json"
+    run = Run(capsys, "quality", SCENE, two)
+    assert run.code == 0 and "was made for another objective" in caplog.text
+    assert Run(capsys, "show", SCENE, one, two, "-o", tmp_path / "both.html").code == 0
+    assert Run(capsys, "verify", SCENE, two).code == 1
+    other = Run(capsys, "quality", "tiny-share", two)
+    assert other.code == 2 and "was made for" in other.err
+
+
 def test_a_csv_file_has_a_row_per_person_and_step(
     plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
