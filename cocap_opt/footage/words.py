@@ -41,7 +41,7 @@ def quality_words(
         _line("seen by two drones or more", _percent(found.by_two)),
         _line("seen by three or more", _percent(found.by_three)),
         _line(f"by two, {APART:g} degrees apart", _percent(found.apart)),
-        _line("error of a point, RMS", _told_errors(found)),
+        _line("error of a point, RMS", _told_errors(found, has_pictures)),
         _line("blur", _told_blur(blur)),
         _line("drones in others' pictures", _told_intruders(found)),
         *(_line("" if k else "worst moments", words) for k, words in enumerate(worst)),
@@ -50,10 +50,11 @@ def quality_words(
     return "\n".join(lines)
 
 
-def _told_errors(found: Summary) -> str:
+def _told_errors(found: Summary, has_pictures: BoolArray) -> str:
     """Says how large errors are."""
     if math.isnan(found.median):
-        return "unknown: no pictures"
+        some = has_pictures.any()
+        return f"unknown: {'of drones without pictures' if some else 'no pictures'}"
     parts = [
         f"{words} within {error:,.0f} mm"
         for words, error in (("half", found.median), ("nine tenths", found.most_of_them))
