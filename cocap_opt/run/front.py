@@ -347,12 +347,13 @@ class Front:
             none = "there is no plan that obeys the rules: that is proved"
             yield none if self.no_plan else "no plan that obeys the rules was found"
             return
-        most = rounded_up(100 * self.share(self.views_bound), 1)
         yield (
             f"views: drones that see a person, at most {self.views.cameras} counted, over all "
             f"people and steps; {self.most_views:g} if all were seen so"
         )
-        yield f"no plan of these drones has more than {most} % of them"
+        if self.views_bound < self.most_views:
+            most = rounded_up(100 * self.share(self.views_bound), 1)
+            yield f"no plan of these drones has more than {most} % of them"
         if self.settled:
             words = "no weights of J and views have a better plan"
             if len(self.plans) == 1:
