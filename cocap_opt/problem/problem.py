@@ -214,7 +214,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
         return read_only(np.concatenate([faces, (counts[:, None] * self.count_weights).ravel()]))
 
     @property
-    def most_views(self) -> int:
+    def most_views_of_a_face(self) -> int:
         """Largest number of views, each of one robot at one step, that add to a face's view sum."""
         return len(self.robots) * (self.horizon + 1 if self.objective.over_time else 1)
 

@@ -122,7 +122,7 @@ class Program:
         self.flow, self.roots, self.conflicts = flow, roots, conflicts
         self.unit = max(float(roots.weights.max(initial=0.0)), flow.largest_bonus) or 1.0
         self.n_robots = len(flow.model.problem.robots)
-        self.n_views = flow.model.problem.most_views
+        self.n_views = flow.model.problem.most_views_of_a_face
         # Without rules between steps, integral numbers of robots in the nodes are enough: what is
         # left from one step to the next is a transport problem.
         self.integral_edges = conflicts.crossing.shape[0] > 0

@@ -217,7 +217,7 @@ class _ConeProgram:
         import cvxpy as cp  # a second, which not every method needs
 
         self.flow, self.roots, self.conflicts = flow, roots, conflicts
-        self._views = flow.model.problem.most_views
+        self._views = flow.model.problem.most_views_of_a_face
         self._unit = max(float(roots.weights.max(initial=0.0)), flow.largest_bonus) or 1.0
         self.x = cp.Variable(flow.n_nodes, nonneg=True)
         self.y = cp.Variable(flow.n_edges, nonneg=True)

@@ -128,7 +128,7 @@ def repaired_roots(
     alpha[view_sums] = own_alpha
     n = returns.n_roots
     rest, left, of_roots = rest[:n], (rest - own_alpha)[:n], view_sums[:n]
-    largest = np.sqrt(problem.most_views) * scale[:n]
+    largest = np.sqrt(problem.most_views_of_a_face) * scale[:n]
     own_beta = np.nan_to_num(pixels / (weights[:n] * scale[:n]))
     own_beta = np.maximum(own_beta, left / (2 * largest))
     nearly = left < 1e-9
