@@ -53,8 +53,8 @@ def quality_words(
 def _told_errors(found: Summary, has_pictures: BoolArray) -> str:
     """Says how large errors are."""
     if math.isnan(found.median):
-        some = has_pictures.any()
-        return f"unknown: {'of drones without pictures' if some else 'no pictures'}"
+        whose = "of drones without pictures" if has_pictures.any() else "no pictures"
+        return f"unknown: {whose}"
     parts = [
         f"{words} within {error:,.0f} mm"
         for words, error in (("half", found.median), ("nine tenths", found.most_of_them))
