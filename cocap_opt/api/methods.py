@@ -14,6 +14,7 @@ from cocap_opt.result import Result
 from cocap_opt.run.engine import SOLVERS, run
 from cocap_opt.run.forecast import warn_of_limit
 from cocap_opt.run.judged import Judged
+from cocap_opt.run.kept_share import run_keeping
 from cocap_opt.run.named_planners import planner_named
 from cocap_opt.run.options import Allowance, Option
 from cocap_opt.run.own_planners import OwnPlanner, guarded
@@ -39,6 +40,9 @@ def plan(
     stop: Stop = never,
 ) -> Result:
     """Plan all drones of a problem.
+
+    If its objective asks for a share of all views that the plan does not keep, views are given more
+    and more weight until one does, within the time limit.
 
     Parameters
     ----------
@@ -70,8 +74,11 @@ def plan(
     >>> result.plot()
     """
     require_problem(problem)
-    method = _planner(planner)
-    return _answer(problem, planner, method, _limits(problem, method, time_limit, stop))
+    method, name = _planner(planner), name_of(planner)
+    judged: Judged[Result] = run_keeping(
+        problem, method, _limits(problem, method, time_limit, stop), name=name
+    )
+    return judged.answer(problem, name)
 
 
 def bound(

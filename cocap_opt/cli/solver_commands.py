@@ -46,6 +46,7 @@ from cocap_opt.result import UnsupportedError
 from cocap_opt.run.engine import SOLVERS, run
 from cocap_opt.run.forecast import warn_of_limit
 from cocap_opt.run.judged import Judged, RefereeError
+from cocap_opt.run.kept_share import run_keeping
 from cocap_opt.run.named_planners import FORMS, planner_named
 from cocap_opt.run.options import Allowance, Option, UsageError
 from cocap_opt.run.own_planners import OwnPlannerError
@@ -93,7 +94,7 @@ def _plan(
         stop = allowance.begin(interrupt)
         try:
             with redirect_stdout(sys.stderr):  # what a planner prints is no part of the answer
-                judged = run(problem, method, stop, name=planner, watch=watch, seed=seed)
+                judged = run_keeping(problem, method, stop, name=planner, watch=watch, seed=seed)
         except UnsupportedError as error:
             raise UsageError(f"--planner: {error}") from error
         except (OwnPlannerError, RefereeError) as error:

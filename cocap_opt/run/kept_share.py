@@ -1,0 +1,87 @@
+"""Plans that keep a share of all views, where the objective asks for one.
+
+The weight of views may leave plans below the share. Then views are given more weight, four times as
+much each time, and people come before all else at last; the first plan that keeps the share counts.
+`front` does more: it looks between the weights for the largest J, and proves what no plan exceeds.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from cocap_opt.data import ProblemError
+from cocap_opt.method import Method
+from cocap_opt.model import compiled
+from cocap_opt.problem import Problem
+from cocap_opt.referee import check
+from cocap_opt.run.engine import record_of, run
+from cocap_opt.run.judged import Judged
+from cocap_opt.run.view_share import missed_share
+from cocap_opt.stop import Stop
+from cocap_opt.vision.default_weights import FIRST, default_weights, with_views
+
+_HEAVIER = (4.0, 16.0, 64.0)  # times the weight that the objective has
+
+
+def run_keeping(
+    problem: Problem, method: str | Method[Any], stop: Stop, **options: Any
+) -> Judged[Any]:
+    """Runs a planner, as `run` does, and again with more weight of views until the share is kept.
+
+    Without such a plan it returns the first one. A method that proves bounds runs once: they would
+    be on another objective.
+
+    Parameters
+    ----------
+    options : of `run`
+    """
+    first = run(problem, method, stop, **options)
+    views, seconds = problem.objective.views, first.result.seconds
+    if (
+        views is None
+        or views.share is None
+        or record_of(method).bounds
+        or not _misses(problem, first)
+    ):
+        return first
+    for words, variant in _heavier(problem):
+        if stop.reached() is not None:
+            break
+        # No weight changes whom drones see.
+        tables = compiled(problem.without_rules()).tables
+        compiled(variant.without_rules()).tables.take(tables)
+        found = run(variant, method, stop, **options)
+        seconds += found.result.seconds
+        if found.valid and not _misses(problem, found):
+            told = f"{100 * views.share:g} % of views are kept with {words}"
+            result = replace(
+                found.result, value=check(problem, found.result.plan).reward, bound=math.inf,
+                seconds=seconds, message="; ".join(filter(None, (found.result.message, told))),
+            )  # fmt: skip
+            judged = Judged.of(options.get("name") or str(method), problem, result)
+            return judged._replace(coverage_seconds=first.coverage_seconds, views=first.views)
+    return first
+
+
+def _misses(problem: Problem, judged: Judged[Any]) -> bool:
+    """Returns True if there is no plan that obeys the rules and keeps the share."""
+    return not judged.valid or bool(missed_share(problem, judged.result.plan))
+
+
+def _heavier(problem: Problem) -> Iterator[tuple[str, Problem]]:
+    """Yields problems in which views weigh more and more, with words for how much."""
+    views, people = problem.objective.views, problem.actors
+    assert views is not None
+    weights = views.weights(len(people))
+    if not any(weights):
+        weights = default_weights(people, problem.robots)
+    for factor in _HEAVIER:
+        weight = tuple(factor * weight for weight in weights)
+        heavier = problem.objective.replace(views=views.replace(weight=weight))
+        yield f"{factor:g} times the weight of views", problem.replace(objective=heavier)
+    try:
+        first = with_views(problem, views.cameras, FIRST, views.at_least, views.share)
+    except ProblemError:  # a drone has no pictures, by which a weight could be found
+        return
+    yield "people before all pixels", first
