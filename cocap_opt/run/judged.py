@@ -139,6 +139,7 @@ class Judged(NamedTuple, Generic[_R_co]):
         """Returns remarks on the result and its plan, each in a few words."""
         result = self.result
         missed = missed_share(problem, result.plan) if self.valid and result.plan else ""
+        missed = "" if missed in result.message else missed  # where it is told already
         found = [words for words in (result.message, self.blind(problem), missed) if words]
         if self.reason is not result.reason and not found and math.isfinite(result.bound):
             found.append("what is open is within the accuracy of the computation")

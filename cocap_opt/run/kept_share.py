@@ -61,7 +61,10 @@ def run_keeping(
             )  # fmt: skip
             judged = Judged.of(options.get("name") or str(method), problem, result)
             return judged._replace(coverage_seconds=first.coverage_seconds, views=first.views)
-    return first
+    if not first.valid:
+        return first
+    said = (first.result.message, missed_share(problem, first.result.plan))
+    return first._replace(result=replace(first.result, message="; ".join(filter(None, said))))
 
 
 def _misses(problem: Problem, judged: Judged[Any]) -> bool:

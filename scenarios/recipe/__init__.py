@@ -176,7 +176,7 @@ cameras = 2                 # from so many on, more add nothing
                             # than all pixels can pay, so that people are seen before all else
 at_least = 0.3              # share that must be visible of all that a person shows in a direction
 # share = 0.95              # of all views, `cameras` of each person at each step, that plans should
-                            # keep; `cocap-opt front` finds the best that do, if there are any
+                            # keep: `plan` gives views more weight until they do; see `front`
 """
 
 
