@@ -105,8 +105,8 @@ def _say(front: Front, seed: int, output: Path | None, json: bool) -> None:
             "views_bound": front.views_bound,
             "gap": front.gap if math.isfinite(front.gap) else None,
             "settled": front.settled,
-            "front": _of_kind(front, "plan"),
-            "bounds": _of_kind(front, "bound"),
+            "front": [dict(row) for row in front.plan_rows()],
+            "bounds": [dict(row) for row in front.bound_rows()],
             "notes": notes,
             "output": output,
         }
@@ -132,15 +132,6 @@ def _rows(front: Front) -> list[Record]:
             "no plan has more than": _told(front.reward_bound(point.views)),
         }
         for point in front.plans
-    ]
-
-
-def _of_kind(front: Front, kind: str) -> list[Record]:
-    """Returns the rows of plans, or those of bounds."""
-    return [
-        {key: value for key, value in row.items() if key != "kind"}
-        for row in front.rows()
-        if row["kind"] == kind
     ]
 
 

@@ -3,8 +3,8 @@
 import math
 from typing import Self
 
-from cocap_opt.data import LARGEST, MOST_PIXELS, Data, require, within
-from cocap_opt.problem import LEAST_SHARE, Problem
+from cocap_opt.data import LARGEST, MOST_PIXELS, Data, within
+from cocap_opt.problem import Problem, require_visible_share
 
 
 class Assumptions(Data, frozen=True):
@@ -47,10 +47,7 @@ class Assumptions(Data, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        within(self.at_least, 0, 1, "at_least")
-        require(
-            self.at_least >= LEAST_SHARE, "at_least", "must be > 0, or all drones see everybody"
-        )
+        require_visible_share(self.at_least, "at_least")
         within(self.pixel_error, 1e-6, MOST_PIXELS, "pixel_error", "px")
         within(self.position_error, 0, LARGEST, "position_error", "m")
         within(self.attitude_error, 0, math.pi, "attitude_error", "rad")

@@ -7,7 +7,15 @@ which problems that differ in their rules share; `coverage_estimate` says before
 
 from cocap_opt.model.coverage_estimate import CoverageEstimate
 from cocap_opt.model.coverage_tables import Path
-from cocap_opt.model.model import Model, compiled, compiled_anew
+from cocap_opt.model.model import Model, compiled, compiled_anew, share_coverage
 from cocap_opt.model.places import RobotClass
 
-__all__ = ["CoverageEstimate", "Model", "Path", "RobotClass", "compiled", "compiled_anew"]
+__all__ = [
+    "CoverageEstimate",
+    "Model",
+    "Path",
+    "RobotClass",
+    "compiled",
+    "compiled_anew",
+    "share_coverage",
+]

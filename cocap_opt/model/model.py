@@ -264,3 +264,12 @@ def compiled_anew(problem: Problem) -> Model:
     model = compiled(problem)
     model.tables.take(used.tables)
     return model
+
+
+def share_coverage(problem: Problem, other: Problem) -> None:
+    """Gives a problem the coverage of another, which differs from it in weights of J only.
+
+    No weight changes whom drones see. What either makes from then on is known to both.
+    """
+    tables = compiled(other.without_rules()).tables
+    compiled(problem.without_rules()).tables.take(tables)

@@ -7,7 +7,7 @@ from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.airspace import Airspace
 from cocap_opt.problem.camera import AnyCamera, Camera, Cone
 from cocap_opt.problem.motion import Cell, Motion, State
-from cocap_opt.problem.objective import COVERAGE_VERSION, LEAST_SHARE, Objective, Views
+from cocap_opt.problem.objective import COVERAGE_VERSION, Objective, Views, require_visible_share
 from cocap_opt.problem.plan import (
     Conflict,
     Ending,
@@ -54,4 +54,5 @@ __all__ = [
     "TriangulatedCuboid",
     "VertexConflict",
     "Views",
+    "require_visible_share",
 ]

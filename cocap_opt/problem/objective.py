@@ -9,7 +9,13 @@ COVERAGE_VERSION = 2
 
 
 _MOST_CAMERAS = 64
-LEAST_SHARE = 1e-6  # of a solid angle, much more than rounding
+_LEAST_SHARE = 1e-6  # of a solid angle, much more than rounding
+
+
+def require_visible_share(share: float, field: str) -> None:
+    """Requires a share of a person from which on a drone sees them; the message names the field."""
+    within(share, 0, 1, field)
+    require(share >= _LEAST_SHARE, field, "must be > 0, or all drones see everybody")
 
 
 class Views(Data, frozen=True):
@@ -47,10 +53,7 @@ class Views(Data, frozen=True):
         weights = self.weight if isinstance(self.weight, tuple) else (self.weight,)
         for weight in weights:
             within(weight, 0, MOST_WEIGHT, "weight")
-        within(self.at_least, 0, 1, "at_least")
-        require(
-            self.at_least >= LEAST_SHARE, "at_least", "must be > 0, or all drones see everybody"
-        )
+        require_visible_share(self.at_least, "at_least")
         if self.share is not None:
             within(self.share, 0, 1, "share")
 

@@ -18,13 +18,12 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from cocap_opt.files.documents import problem_digest
-from cocap_opt.footage.quality import Assumptions, Quality
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem import Plan, Problem, Views
 from cocap_opt.referee import check
 from cocap_opt.run.view_share import (
-    counted_weights,
     most_views,
+    seen_share,
     views_alone,
     views_asked,
     views_of,
@@ -166,12 +165,7 @@ class Front:
 
     def seen(self, point: PlanPoint) -> float:
         """Returns the share of person-steps, by importance, that all those cameras see; or nan."""
-        weights = counted_weights(self.problem)
-        found = Quality.of(
-            self.problem, point.plan, assumptions=Assumptions(at_least=self.views.at_least)
-        )
-        seen, total = weights[found.views >= self.views.cameras].sum(), weights.sum()
-        return float(seen / total) if total else math.nan
+        return seen_share(self.problem, point.plan, self.views)
 
     def reward_bound(self, views: float) -> float:
         """Returns the J that no plan of at least so many views exceeds; -inf: there is no plan."""
@@ -298,24 +292,30 @@ class Front:
                     corners += [direction.of(reward, views)] if inside else []
         return max(corners, default=math.inf)
 
-    def rows(self) -> list[dict[str, float | str]]:
-        """Returns a row for each plan, and for each half-plane."""
-        rows: list[dict[str, float | str]] = [
+    def plan_rows(self) -> list[dict[str, float]]:
+        """Returns a row for each plan."""
+        return [
             {
-                "kind": "plan", "reward": point.reward, "views": point.views,
-                "share": self.share(point.views), "seen": self.seen(point),
-                "reward_bound": self.reward_bound(point.views),
+                "reward": point.reward, "views": point.views, "share": self.share(point.views),
+                "seen": self.seen(point), "reward_bound": self.reward_bound(point.views),
             }
             for point in self.plans
         ]  # fmt: skip
-        rows += [
+
+    def bound_rows(self) -> list[dict[str, float]]:
+        """Returns a row for each half-plane."""
+        return [
             {
-                "kind": "bound", "weight_of_reward": plane.direction.reward,
+                "weight_of_reward": plane.direction.reward,
                 "weight_of_views": plane.direction.views, "bound": plane.bound,
             }
             for plane in self.half_planes
         ]  # fmt: skip
-        return rows
+
+    def rows(self) -> list[dict[str, float | str]]:
+        """Returns all rows, each with its kind."""
+        kinds = ("plan", self.plan_rows()), ("bound", self.bound_rows())
+        return [{"kind": kind, **row} for kind, rows in kinds for row in rows]
 
     @property
     def table(self) -> "pd.DataFrame":

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from cocap_opt.console.progress import Watch
-from cocap_opt.model import compiled
+from cocap_opt.model import share_coverage
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.run.engine import BOUND_METHOD, run
 from cocap_opt.run.front import REWARD_ALONE, Direction, Front, HalfPlane
@@ -54,9 +54,7 @@ def _towards(
 ) -> Front:  # fmt: skip
     """Returns the trade-off with a plan and a half-plane of a direction."""
     scene = front.scene(direction)
-    # No weight changes whom drones see: all directions have the coverage of the first.
-    first = compiled(front.scene(REWARD_ALONE).without_rules())
-    compiled(scene.without_rules()).tables.take(first.tables)
+    share_coverage(scene, front.scene(REWARD_ALONE))
     made = run(scene, planner, stop, allowance=Allowance(_OF_PLANNER * seconds), watch=watch).result
     front = front.with_plans([made.plan] if made.plan is not None else [])
     start = front.best_in(direction)

@@ -12,7 +12,7 @@ from typing import Any
 
 from cocap_opt.data import ProblemError
 from cocap_opt.method import Method
-from cocap_opt.model import compiled
+from cocap_opt.model import share_coverage
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 from cocap_opt.run.engine import record_of, run
@@ -48,9 +48,7 @@ def run_keeping(
     for words, variant in _heavier(problem):
         if stop.reached() is not None:
             break
-        # No weight changes whom drones see.
-        tables = compiled(problem.without_rules()).tables
-        compiled(variant.without_rules()).tables.take(tables)
+        share_coverage(variant, problem)
         found = run(variant, method, stop, **options)
         seconds += found.result.seconds
         if found.valid and not _misses(problem, found):

@@ -22,7 +22,7 @@ from cocap_opt.console.progress import Watch
 from cocap_opt.data import FloatArray
 from cocap_opt.footage.quality import Quality
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
-from cocap_opt.model import compiled
+from cocap_opt.model import share_coverage
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.engine import BOUND_METHOD, run
@@ -110,12 +110,8 @@ class QualityBound:
         """
         watch, results = watch or Watch(), []
         begin = start if start is not None and check(self.problem, start).valid else None
-        tables = None
         for scene in self._scenes():
-            model = compiled(scene.without_rules())
-            if tables is not None:  # they see the same, whatever is counted of it
-                model.tables.take(tables)
-            tables = model.tables
+            share_coverage(scene, self.scene(1))
             result = run(
                 scene, bound, stop, allowance=Allowance(seconds), watch=watch, start=begin,
                 gap=self._gap(scene),

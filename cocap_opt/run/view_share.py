@@ -6,15 +6,17 @@ for as a share of the most that it could be.
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
 from cocap_opt.data import FloatArray
-from cocap_opt.footage.quality import person_steps
+from cocap_opt.footage.quality import Assumptions, Quality, person_steps
 from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.referee import check
 
 _ROUNDING = 1e-9  # relative
+_KEPT = 64  # plans of a trade-off, which are told after each direction
 
 
 def views_asked(
@@ -61,6 +63,15 @@ def most_views(problem: Problem, cameras: int) -> float:
 def views_of(problem: Problem, plan: Plan, views: Views) -> float:
     """Returns V of a plan."""
     return math.fsum(check(views_alone(problem, views), plan).count_reward)
+
+
+@lru_cache(maxsize=_KEPT)
+def seen_share(problem: Problem, plan: Plan, views: Views) -> float:
+    """Returns the share of person-steps, by importance, that so many drones see; nan of none."""
+    assumptions, weights = Assumptions(at_least=views.at_least), counted_weights(problem)
+    found = Quality.of(problem, plan, assumptions=assumptions)
+    seen, total = weights[found.views >= views.cameras].sum(), weights.sum()
+    return float(seen / total) if total else math.nan
 
 
 def missed_share(problem: Problem, plan: Plan) -> str:

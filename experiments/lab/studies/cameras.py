@@ -121,11 +121,8 @@ def _values(front: Front, plan: Plan) -> tuple[float, float]:
 
 def _by_scene(rows: Sequence[AskedPlans]) -> Iterator[tuple[str, dict[str, list[AskedPlans]]]]:
     """Yields the name of each scene, with its rows by what was asked, in the order of seeds."""
-    names = dict.fromkeys(row.scene for row in rows)
-    for name in [
-        *(name for name in _SCENES if name in names),
-        *(name for name in names if name not in _SCENES),
-    ]:
+    order = [*_SCENES, *(row.scene for row in rows)]
+    for name in sorted({row.scene for row in rows}, key=order.index):
         of_scene = [row for row in rows if row.scene == name]
         yield name, {asked: [row for row in of_scene if row.asked == asked] for asked in _ASKED}
 
