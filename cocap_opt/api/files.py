@@ -17,12 +17,10 @@ from cocap_opt.files.documents import (
     PlanFile,
     SceneFile,
     decode_document,
-    digest_without_objective,
-    problem_digest,
     read_bytes,
 )
 from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
-from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check as judge_plan
 from cocap_opt.result import Result
 from cocap_opt.run.judged import finite
@@ -164,12 +162,7 @@ def _plan_file(content: Plan | Result, problem: Problem | None) -> PlanFile:
     flown = plan_for(problem, content, "written", "content")
     verdict = judge_plan(problem, flown)
     require_flown("plan", verdict)
-    file = PlanFile(
-        scene=problem.name, digest=problem_digest(problem),
-        digest_without_objective=digest_without_objective(problem), planner="",
-        cut_short=content.cut_short, coverage_version=COVERAGE_VERSION,
-        reward=verdict.reward, plan=flown,
-    )  # fmt: skip
+    file = PlanFile.of(problem, flown, verdict.reward, planner="", cut_short=content.cut_short)
     if not isinstance(content, Result):
         return file
     return msgspec.structs.replace(

@@ -134,6 +134,17 @@ class PlanFile(Document, frozen=True, kw_only=True):
     reward: float
     plan: Plan
 
+    @classmethod
+    def of(
+        cls, problem: Problem, plan: Plan, reward: float, planner: str, **more: Any
+    ) -> "PlanFile":
+        """Returns the file of a plan for a problem; `more` are further fields."""
+        return cls(
+            scene=problem.name, digest=problem_digest(problem),
+            digest_without_objective=digest_without_objective(problem),
+            coverage_version=COVERAGE_VERSION, planner=planner, reward=reward, plan=plan, **more,
+        )  # fmt: skip
+
     @property
     def ending(self) -> Ending:
         """The end of the search for the plan, of which older files tell less."""

@@ -14,7 +14,6 @@ from cocap_opt.files.documents import (
     PlanFile,
     SceneFile,
     decode_document,
-    digest_without_objective,
     encode,
     problem_digest,
     read_bytes,
@@ -26,7 +25,7 @@ from cocap_opt.formulations.certificates import (
     verify,
 )
 from cocap_opt.output.files import make_folder, save_csv, save_files
-from cocap_opt.problem import COVERAGE_VERSION, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 from cocap_opt.run.front import VIEWS_ALONE, Direction, Front, HalfPlane
 from cocap_opt.stop import Stop, never
@@ -43,14 +42,9 @@ def save(front: Front, folder: Path) -> None:
     for n, (direction, certificate) in enumerate(proved, 1):
         contents[folder / _SCENE.format(n)] = encode(SceneFile.of(front.scene(direction)))
         contents[folder / _BOUND.format(n)] = encode(certificate)
-    digests = problem_digest(front.problem), digest_without_objective(front.problem)
     for n, point in enumerate(front.plans, 1):
-        file = PlanFile(
-            scene=front.problem.name, digest=digests[0], digest_without_objective=digests[1],
-            planner="front",
-            reward=check(front.problem, point.plan).reward, plan=point.plan,
-            coverage_version=COVERAGE_VERSION,
-        )  # fmt: skip
+        reward = check(front.problem, point.plan).reward
+        file = PlanFile.of(front.problem, point.plan, reward, planner="front")
         contents[folder / _PLAN.format(n)] = encode(file)
     save_files(contents)
     for name in (_SCENE, _BOUND, _PLAN):

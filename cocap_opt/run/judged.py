@@ -5,11 +5,11 @@ import math
 from dataclasses import replace
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from cocap_opt.files.documents import PlanFile, digest_without_objective, problem_digest
+from cocap_opt.files.documents import PlanFile
 from cocap_opt.footage.quality import Quality
 from cocap_opt.footage.summary import Summary
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
-from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.run.options import Allowance
@@ -215,18 +215,15 @@ class Judged(NamedTuple, Generic[_R_co]):
         """
         if self.result.plan is None:
             return None
-        return PlanFile(
-            scene=problem.name,
-            digest=problem_digest(problem),
-            digest_without_objective=digest_without_objective(problem),
-            planner=planner,
+        return PlanFile.of(
+            problem,
+            self.result.plan,
+            self.reward,
+            planner,
             limit=self.result.limit,
             cut_short=self.result.cut_short,
             reason=self.reason,
             seconds=finite(self.result.seconds),
             time_limit=None if allowance is None else finite(allowance.seconds),
             work_limit=None if allowance is None else allowance.work,
-            coverage_version=COVERAGE_VERSION,
-            reward=self.reward,
-            plan=self.result.plan,
         )
