@@ -166,9 +166,9 @@ def kernels() -> tuple[Kernel, ...]:
     from cocap_opt.formulations.certificates.staged import compiled_search
     from cocap_opt.formulations.column_generation.step_envelopes import known_states
     from cocap_opt.graph import value_iteration
-    from cocap_opt.vision import views
+    from cocap_opt.vision import sights
 
-    return views.KERNEL, value_iteration.KERNEL, compiled_search.KERNEL, known_states.KERNEL
+    return sights.KERNEL, value_iteration.KERNEL, compiled_search.KERNEL, known_states.KERNEL
 
 
 def _compile() -> int:

@@ -13,7 +13,8 @@ from cocap_opt.flight.trajectory import Samples, Trajectory
 from cocap_opt.problem import NO_RULES, Actor, Airspace, Cone, Problem
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection
-from cocap_opt.vision.views import ConeSight, PinholeSight, SeenColumns
+from cocap_opt.vision.seen import SeenColumns
+from cocap_opt.vision.sights import ConeSight, PinholeSight
 
 PARTS = 4  # moments of a step
 _AT_ONCE = 256  # poses, to bound the memory
@@ -80,9 +81,11 @@ class Film:
                     coverage[t, faces:] = sight.detected(t, eyes[[t]], yaw[[t]])[0]
             return coverage
         for batch in np.split(steps, range(_AT_ONCE, len(steps), _AT_ONCE)):
-            axes, rows = Projection(camera).axes_towards(yaw[batch], tilt[batch]), batch - batch[0]
+            axes, looks = Projection(camera).axes_towards(yaw[batch], tilt[batch]), batch - batch[0]
             pinhole = PinholeSight(self._geometry, problem, camera, axes)
-            found = pinhole.seen(batch, eyes[batch], rows, rows, people=counted is not None)
+            found = pinhole.seen(
+                batch, eyes[batch], np.ones_like(batch), looks, people=counted is not None
+            )
             seen = SeenColumns(*found.faces)
             if counted is not None:
                 seen = SeenColumns.of(found, faces, counted.at_least)

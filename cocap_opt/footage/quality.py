@@ -21,7 +21,7 @@ from cocap_opt.footage.strip import draw_strip
 from cocap_opt.footage.summary import OfPerson, Summary
 from cocap_opt.footage.words import quality_words
 from cocap_opt.problem import Camera, Plan, Problem
-from cocap_opt.vision.views import are_seen
+from cocap_opt.vision.seen import are_seen
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -302,7 +302,8 @@ class TimeGraph:
         for orientation, places in places_of.items():
             turned = {orientation}  # turns and moves of a step do not depend on each other
             for row, reached in zip(seen, self._reached(places, horizon), strict=True):
-                row[sorted(turned)] |= reached
+                for head in turned:  # a list of all would copy their rows
+                    row[head] |= reached
                 turned = {head for tail in turned for head in self.turns[tail]}
         return seen.reshape(horizon + 1, self.n_states)
 

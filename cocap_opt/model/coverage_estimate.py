@@ -120,7 +120,7 @@ class _Timed(NamedTuple):
         clock, done, found, entries = Clock(), 0, 0, 0
         for first in range(0, len(parts), _AT_ONCE):
             group = parts[first : first + _AT_ONCE]
-            entries += sum(len(seen.rows) for seen in pool.map(views.look, group))
+            entries += sum(len(seen.columns) for seen in pool.map(views.look, group))
             done, found = done + len(group), found + sum(len(part.places) for part in group)
             if clock.seconds > _SECONDS:
                 break

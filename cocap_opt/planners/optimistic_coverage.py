@@ -18,8 +18,8 @@ from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import marginal_gain
 from cocap_opt.stop import Stop
 from cocap_opt.vision.coverage import usable_cores
+from cocap_opt.vision.seen import SeenColumns
 from cocap_opt.vision.unhidden import UnhiddenViews
-from cocap_opt.vision.views import NO_COLUMNS, SeenColumns
 
 _SLACK = 1e-9  # of the largest reward, much more than the rounding of bounds
 _AT_ONCE = 1_000_000  # entries, to bound the memory
@@ -115,9 +115,9 @@ class OptimisticCoverage:
             stop.check()
             batch = nodes[first : first + self._views.batch]
             seen = self._views.seen(batch, self._steps)
-            counts = np.bincount(seen.rows, minlength=len(batch))
-            at = self._problem.step_view_sums[batch[seen.rows] // self._n_states, seen.columns]
-            found = _Evaluated(batch, counts, at, seen.amounts)
+            steps = np.repeat(batch // self._n_states, seen.counts)
+            at = self._problem.step_view_sums[steps, seen.columns]
+            found = _Evaluated(batch, seen.counts, at, seen.amounts)
             rows = range(self.evaluated, self.evaluated + len(batch))
             self._rows |= zip(batch.tolist(), rows, strict=True)
             self._new.append(found)
@@ -164,14 +164,16 @@ class _StepBounds(NamedTuple):
         ----------
         weights : [W] of the columns
         """
-        nodes, starts = first + found.rows, np.flatnonzero(np.diff(found.rows, prepend=-1))
+        seeing = np.flatnonzero(found.counts)
+        nodes, sizes = first + seeing, found.counts[seeing]
+        starts = np.cumsum(sizes) - sizes
         roots = np.sqrt(found.amounts) * weights[found.columns]  # of 1 drone as well
         rewards = np.add.reduceat(roots, starts) if len(starts) else roots
         # NumPy sorts numbers of 16 bits much faster.
         columns = found.columns.astype(np.min_scalar_type(len(weights)))
         order = np.argsort(columns, kind="stable")
         counts = np.bincount(found.columns, minlength=len(weights))
-        return cls(nodes[starts], rewards, nodes[order], found.amounts[order], counts)
+        return cls(nodes, rewards, np.repeat(nodes, sizes)[order], found.amounts[order], counts)
 
 
 def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_StepBounds]:
@@ -182,7 +184,7 @@ def _steps(model: Model, robot_class: RobotClass, stop: Stop) -> list[_StepBound
     def at(t: int) -> _StepBounds:
         stop.check()
         if t < problem.first_step:
-            return _StepBounds.of(NO_COLUMNS, t * size, np.zeros(problem.step_width))
+            return _StepBounds.of(SeenColumns.nothing(size), t * size, np.zeros(problem.step_width))
         weights = problem.view_sum_weights[problem.view_sums_at(t)]
         return _StepBounds.of(views.at(t, reachable[t]), t * size, weights)
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.vision.projection import dot
-from cocap_opt.vision.views import ON_THE_EDGE, ConeViews, PinholeViews, StateViews
+from cocap_opt.vision.sights import ON_THE_EDGE
+from cocap_opt.vision.views import ConeViews, PinholeViews, StateViews
 
 _AT_ONCE = 200_000  # orientations times places times actors, for the processor's cache
 _SLACK = 1e-7  # m, much more than the rounding of coordinates

@@ -1,22 +1,27 @@
 """Views by the compiled kernel: a scene's arrays as it takes them, and what it finds in them."""
 
-from collections.abc import Sequence
 from functools import cached_property
+from threading import local
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from cocap_opt.arithmetic import spans
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.problem import Actor, Camera, Robot, SceneData, State
 from cocap_opt.vision import view_kernel as kernel
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.faces import FaceGeometry, Faces
 from cocap_opt.vision.projection import Projection
+from cocap_opt.vision.seen import Seen, SeenFaces, SeenPeople
 from cocap_opt.world.workspace import HeightMap
 
-Columns = tuple[NDArray[Any], ...]
+
+class _OfThread(local):
+    """Memory that a thread keeps from one call to the next: fresh memory takes time."""
+
+    memory: kernel.Memory | None = None
+    found: kernel.Found | None = None
 
 
 class CompiledSight:
@@ -36,6 +41,7 @@ class CompiledSight:
         self._bodies, self._first_face = fixed, _plain(first_face, np.int64)
         slopes = np.array([camera.width / 2 / camera.focal, camera.height / 2 / camera.focal])
         image = float(camera.width * camera.height)
+        self._mine = _OfThread()
         self._lens = kernel.Lens(_plain(axes), slopes, float(camera.focal), image)
 
     @cached_property
@@ -43,21 +49,19 @@ class CompiledSight:
         return _solids_of(self._bodies)
 
     def seen(
-        self, faces: Faces, t: IntArray, eyes: FloatArray, which: IntArray, looks: IntArray,
+        self, faces: Faces, t: IntArray, eyes: FloatArray, counts: IntArray, looks: IntArray,
         people: bool,
-    ) -> Columns | None:  # fmt: skip
-        """Returns columns of `SeenFaces` and `SeenPeople`, or None if NumPy must find them.
+    ) -> Seen | None:  # fmt: skip
+        """Returns the faces and people that views see; None if NumPy must find them.
 
         Parameters
         ----------
-        t, eyes : steps [e], increasing, and places [e, 3] m
-        which, looks : [n] of each view, the number of its place and that of its orientation
+        t, eyes, counts : steps [e], increasing, places [e, 3] m, and numbers [e] of views
+        looks : [n] numbers of the orientations, place by place
         people : solid angles are asked for
         """
-        is_sorted = bool((np.diff(which) >= 0).all())
-        order = np.arange(len(which)) if is_sorted else np.argsort(which, kind="stable")
-        first = np.searchsorted(which[order], np.arange(len(eyes) + 1))
-        looks, parts, begin = _plain(looks[order], np.int64), list[kernel.Found](), 0
+        ends, looks = np.cumsum(counts), _plain(looks, np.int64)
+        first, parts, begin = np.concatenate([[0], ends]), list[Seen](), 0
         for end in [*(np.flatnonzero(np.diff(t)) + 1).tolist(), len(t)]:
             part = self.at_step(
                 faces, int(t[begin]), eyes[begin:end],
@@ -67,17 +71,13 @@ class CompiledSight:
                 return None
             parts.append(part)
             begin = end
-        counts, *seen = (np.concatenate(column) for column in zip(*parts, strict=True))
-        n_people, columns = seen[2] if people else np.zeros_like(counts), (seen[:2], seen[3:])
-        if is_sorted:
-            return (np.repeat(order, counts), *columns[0], np.repeat(order, n_people), *columns[1])
-        return (*_as_given(order, counts, columns[0]), *_as_given(order, n_people, columns[1]))
+        return Seen.joined(parts)
 
     def at_step(
         self, faces: Faces, t: int, eyes: FloatArray, first: IntArray, looks: IntArray,
         people: bool = False,
-    ) -> kernel.Found | None:  # fmt: skip
-        """Returns the faces that views see at a step; None if a person is cut into too many pieces.
+    ) -> Seen | None:  # fmt: skip
+        """Returns the same for views at a step; None if a person is cut into too many pieces.
 
         Parameters
         ----------
@@ -87,9 +87,9 @@ class CompiledSight:
         people : solid angles are asked for
         """
         persons, before = self._people(faces, t - faces.first), self._before(faces, t - faces.first)
-        most = int(np.diff(first).max(initial=0))
-        memory, eyes = kernel.memory_for(persons, before, most), _plain(eyes)
-        found = kernel.Found.empty(
+        most, eyes = int(np.diff(first).max(initial=0)), _plain(eyes)
+        memory = self._memory(persons, before, most)
+        found = self._room(
             len(looks), 16 * len(looks) + most * len(persons.areas),
             2 * len(looks) + most * len(persons.reaches) if people else 0,
         )  # fmt: skip
@@ -99,10 +99,25 @@ class CompiledSight:
                 self._lens, persons, before, eyes, first, looks, memory, found, done
             ))  # fmt: skip
             if done.eyes < 0:
+                self._mine.memory = None
                 return None
             if done.eyes == len(eyes):
-                return found.filled(done)
-            found = found.doubled()
+                return _filled(found, done, len(looks))
+            found = self._mine.found = found.doubled()
+
+    def _memory(self, persons: kernel.People, before: kernel.Before, most: int) -> kernel.Memory:
+        """Returns the memory that this thread works in, for places with so many views at most."""
+        found = self._mine.memory
+        if found is None or len(found.views) < most:
+            found = self._mine.memory = kernel.memory_for(persons, before, most)
+        return found
+
+    def _room(self, views: int, faces: int, people: int) -> kernel.Found:
+        """Returns the arrays that this thread writes entries to, with at least so much room."""
+        found = self._mine.found
+        if found is None or not found.has_room(views, faces, people):
+            found = self._mine.found = kernel.Found.empty(views, faces, people)
+        return found if people else found._replace(n_people=found.n_people[:0])
 
     def _people(self, faces: Faces, step: int) -> kernel.People:
         n = len(faces.reaches)
@@ -123,17 +138,16 @@ class CompiledSight:
         )  # fmt: skip
 
 
-def _as_given(order: IntArray, counts: IntArray, columns: Sequence[NDArray[Any]]) -> Columns:
-    """Returns the views and columns of entries in the order in which the views were given.
-
-    Parameters
-    ----------
-    order, counts : [n] numbers of the views that the entries come in, and entries of each
-    """
-    sizes, starts = np.empty_like(counts), np.empty_like(counts)
-    sizes[order], starts[order] = counts, np.cumsum(counts) - counts
-    at = spans(starts, sizes)
-    return np.repeat(np.arange(len(counts)), sizes), *(column[at] for column in columns)
+def _filled(found: kernel.Found, done: kernel.Total, views: int) -> Seen:
+    """Returns copies of the entries that the kernel has written."""
+    counts, n, m = found.counts[:views].copy(), done.faces, done.people
+    n_people = found.n_people[:views].copy() if len(found.n_people) else np.zeros_like(counts)
+    return Seen(
+        SeenFaces(counts, found.faces[:n].copy(), found.pixels[:n].copy()),
+        SeenPeople(
+            n_people, found.people[:m].copy(), found.visible[:m].copy(), found.unhidden[:m].copy()
+        ),
+    )
 
 
 def call_once() -> None:

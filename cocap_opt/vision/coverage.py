@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from cocap_opt.arithmetic import spans
 from cocap_opt.data import BoolArray, FloatArray, IntArray
@@ -92,8 +92,8 @@ class GrowingTable:
     ) -> None:
         self._views, self._n_places, self._reachable = views, n_places, reachable
         self._threads = threads or usable_cores()
-        self._rows = [_Column(part) for part in _NO_ROWS]
-        self._first_step, self._whole = first_step, _Whole(first_step, [0] * len(self._rows))
+        self._columns = [_Column(kind) for kind in (np.int64, np.int64, np.int64, np.float64)]
+        self._first_step, self._whole = first_step, _Whole(first_step, [0] * len(self._columns))
 
     @property
     def steps(self) -> int:
@@ -123,7 +123,7 @@ class GrowingTable:
         self._views.prepare(int(sizes.sum()), stop)
         progress(done, total)
         stop.check()
-        pool, clock, found = ThreadPoolExecutor(self._threads), Clock(), [_NO_ROWS]
+        pool, clock, found = ThreadPoolExecutor(self._threads), Clock(), list[_Rows]()
         try:
             for batch, rows in _in_turn(
                 pool, partial(_seen_by, self._views), self._batches(sizes), self._threads
@@ -131,8 +131,8 @@ class GrowingTable:
                 found.append(rows)
                 done += len(batch.at.places)
                 if batch.steps:
-                    self._keep(found, batch.steps)
-                    found = [_NO_ROWS]
+                    self._keep(found, batch.steps, total / done)
+                    found.clear()
                 progress(done, total)
                 if done < total:
                     stop.check()
@@ -162,27 +162,34 @@ class GrowingTable:
                 yield _Batch(part)
             yield _Batch(last, steps[-1] + 1)
 
-    def _keep(self, found: "list[_SeenRows]", steps: int) -> None:
+    def _keep(self, found: "list[_Rows]", steps: int, ahead: float) -> None:
         """Takes up the rows of all batches of some steps, and counts the steps as done.
+
+        Parameters
+        ----------
+        ahead : times the length of now that the whole table may have
 
         The steps and the lengths of the columns change in one moment, after all columns have grown:
         an error or an interrupt before leaves the table as it was.
         """
-        rows = _in_order(_joined(found), self._n_places)
+        rows = _joined(found)
+        order = _by_orientation(rows.nodes, self._n_places)
+        entries = spans((np.cumsum(rows.counts) - rows.counts)[order], rows.counts[order])
         self._cut_back()
-        for column, part in zip(self._rows, rows, strict=True):
-            column.append(part)
-        self._whole = _Whole(steps, [len(column) for column in self._rows])
+        taken = (order, order, entries, entries)
+        for column, part, numbers in zip(self._columns, rows, taken, strict=True):
+            column.append(part, numbers, ahead)
+        self._whole = _Whole(steps, [len(column) for column in self._columns])
 
     def _cut_back(self) -> None:
         """Removes what an error has left that came while columns grew."""
-        for column, length in zip(self._rows, self._whole.lengths, strict=True):
+        for column, length in zip(self._columns, self._whole.lengths, strict=True):
             column.cut(length)
 
     def table(self) -> CoverageTable:
         """Returns the table of the steps that are done."""
         self._cut_back()
-        nodes, counts, view_sums, pixels = (column.given() for column in self._rows)
+        nodes, counts, view_sums, pixels = (column.given() for column in self._columns)
         indptr = np.concatenate([[0], np.cumsum(counts)])
         return CoverageTable(nodes=nodes, indptr=indptr, view_sums=view_sums, pixels=pixels)
 
@@ -217,12 +224,18 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-# A few rows of a table: nodes [n], the number of entries of each [n], and view sums and coverage
-# (px/m2) of all entries [nnz].
-_SeenRows = tuple[IntArray, IntArray, IntArray, FloatArray]
 _MEASURED = 1.0  # s, after which the time that is left is known by that which has passed
+_SPARE = 1.1  # times the room that a column is expected to need
 _AHEAD = 2  # batches of each thread that are begun before the first of them is taken
-_NO_ROWS: _SeenRows = (_NONE, _NONE, _NONE, np.zeros(0))
+
+
+class _Rows(NamedTuple):
+    """A few rows of a table, each of a state that sees anything."""
+
+    nodes: IntArray  # [n]
+    counts: IntArray  # [n] number of entries of each
+    view_sums: IntArray  # [nnz]
+    pixels: FloatArray  # [nnz] px/m2
 
 
 class _Batch(NamedTuple):
@@ -240,36 +253,39 @@ class _Whole(NamedTuple):
 
 
 class _Column:
-    """A column of a table that grows where it is: joined parts would take memory twice."""
+    """A column of a table that grows, with room for what is expected to follow.
 
-    def __init__(self, empty: NDArray[Any]) -> None:
-        self._values, self._is_given = empty.copy(), False
+    So it is hardly ever copied; memory that nothing was written to is none.
+    """
+
+    def __init__(self, kind: DTypeLike) -> None:
+        self._room, self._length = np.empty(0, kind), 0
 
     def __len__(self) -> int:
-        return len(self._values)
+        return self._length
 
-    def append(self, part: NDArray[Any]) -> None:
-        """Appends a part."""
-        n = len(self._values)
-        if self._is_given:  # and stays as it is
-            self._values, self._is_given = np.concatenate([self._values, part]), False
-        else:  # nobody else knows the array; a system moves large ones without copying them
-            self._values.resize(n + len(part), refcheck=False)
-            self._values[n:] = part
+    def append(self, part: NDArray[Any], numbers: IntArray, ahead: float) -> None:
+        """Appends those of the values of a part that have these numbers, in this order.
+
+        Parameters
+        ----------
+        ahead : times the length of then that the whole column may have
+        """
+        n, end = self._length, self._length + len(numbers)
+        if end > len(self._room):
+            room = np.empty(int(end * max(ahead, 1.0) * _SPARE), self._room.dtype)
+            room[:n] = self._room[:n]
+            self._room = room
+        np.take(part, numbers, out=self._room[n:end], mode="clip")  # "raise" would copy them again
+        self._length = end
 
     def cut(self, length: int) -> None:
-        """Removes all values after the first `length`; nothing if there are no more."""
-        if len(self._values) == length:
-            return
-        if self._is_given:
-            self._values, self._is_given = self._values[:length].copy(), False
-        else:
-            self._values.resize(length, refcheck=False)
+        """Forgets all values after the first `length`."""
+        self._length = min(self._length, length)
 
     def given(self) -> NDArray[Any]:
-        """Returns the column as it is now."""
-        self._is_given = True
-        return self._values
+        """Returns the column as it is now; what is appended later comes after it."""
+        return self._room[: self._length]
 
 
 def _groups(sizes: IntArray, batch: int) -> Iterator[list[int]]:
@@ -292,12 +308,12 @@ def _groups(sizes: IntArray, batch: int) -> Iterator[list[int]]:
 
 def _in_turn(
     pool: ThreadPoolExecutor,
-    find: Callable[[Viewpoints], _SeenRows],
+    find: Callable[[Viewpoints], _Rows],
     batches: Iterator[_Batch],
     threads: int,
-) -> Iterator[tuple[_Batch, _SeenRows]]:
+) -> Iterator[tuple[_Batch, _Rows]]:
     """Yields batches with their rows, while the pool is busy with those that follow."""
-    begun = deque[tuple[_Batch, Future[_SeenRows]]]()
+    begun = deque[tuple[_Batch, Future[_Rows]]]()
     for batch in batches:
         begun.append((batch, pool.submit(find, batch.at)))
         if len(begun) > _AHEAD * threads:
@@ -308,28 +324,25 @@ def _in_turn(
         yield first, rows.result()
 
 
-def _seen_by(views: StateViews, at: Viewpoints) -> _SeenRows:
+def _seen_by(views: StateViews, at: Viewpoints) -> _Rows:
     """Returns the rows of those views that see anything."""
     seen = views.look(at)
-    counts = np.bincount(seen.rows, minlength=len(at.looks))
-    seeing = np.flatnonzero(counts)
-    nodes, counts = at.nodes(seeing, views.graph.n_places, views.n_states), counts[seeing]
-    view_sums = np.repeat(nodes // views.n_states * views.width, counts) + seen.columns
-    return nodes, counts, view_sums, seen.amounts
+    seeing = np.flatnonzero(seen.counts)
+    nodes, counts = at.nodes(seeing, views.graph.n_places, views.n_states), seen.counts[seeing]
+    first = nodes // views.n_states * views.width
+    return _Rows(nodes, counts, seen.columns + np.repeat(first, counts), seen.amounts)
 
 
-def _joined(parts: list[_SeenRows]) -> _SeenRows:
-    nodes, counts, view_sums, pixels = (np.concatenate(x) for x in zip(*parts, strict=True))
-    return nodes, counts, view_sums, pixels
+def _joined(parts: list[_Rows]) -> _Rows:
+    if len(parts) == 1:
+        return parts[0]
+    return _Rows._make(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
-def _in_order(rows: _SeenRows, n_places: int) -> _SeenRows:
-    """Returns the same rows, sorted by node; those with the same orientation are so already."""
-    nodes, counts, view_sums, pixels = rows
+def _by_orientation(nodes: IntArray, n_places: int) -> IntArray:
+    """Returns the order of nodes of which those with the same orientation are sorted already."""
     looks = nodes // n_places
     looks -= looks.min(initial=np.iinfo(np.int64).max)
     if looks.max(initial=0) < 2**16:  # sorted in a time that grows with their number only
         looks = looks.astype(np.uint16)
-    order = np.argsort(looks, kind="stable")
-    entries = spans((np.cumsum(counts) - counts)[order], counts[order])
-    return nodes[order], counts[order], view_sums[entries], pixels[entries]
+    return np.argsort(looks, kind="stable")

@@ -81,9 +81,11 @@ class Reach(NamedTuple):
 
     def has(self, step: int, eyes: FloatArray) -> bool:
         """Returns True if places [n, 3] m are in the boxes of a step."""
-        boxes, places = self.at(step), eyes[:, None, :2]
-        inside = ((places >= boxes[:, :2]) & (places <= boxes[:, 2:])).all(axis=2)
-        return bool(np.asarray(inside).any(axis=1).all())
+        x, y = np.ascontiguousarray(eyes[:, :2].T)
+        inside = np.zeros(len(eyes), dtype=bool)
+        for left, low, right, high in self.at(step):
+            inside |= (x >= left) & (x <= right) & (y >= low) & (y <= high)
+        return bool(inside.all())
 
 
 class FaceGeometry:

@@ -28,13 +28,8 @@ from cocap_opt.problem import Camera
 from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.faces import FaceGeometry, Planes
 from cocap_opt.vision.projection import dot
-from cocap_opt.vision.views import (
-    NO_COLUMNS,
-    PinholeViews,
-    SeenColumns,
-    SeenFaces,
-    StateViews,
-)
+from cocap_opt.vision.seen import SeenColumns, SeenFaces
+from cocap_opt.vision.views import PinholeViews, StateViews
 
 _DEPTH = 1e-3  # m, by which lines of sight are inside of a column at least
 _PARTS = 4  # of a cell along x and y, at most
@@ -152,20 +147,22 @@ class UnhiddenViews:
         self._screens = _screens_of(views.geometry) if isinstance(views, PinholeViews) else None
 
     def at(self, t: int, reachable: BoolArray) -> SeenColumns:
-        """Returns the most that the reachable states [S] may see of each face at step t.
+        """Returns the most that states [S] may see of each face at step t; nothing if unreachable.
 
-        Its rows are the states, increasing. A camera that sees past obstacles sees what it sees.
-        Of people who count, all are seen of whom anything may be seen.
+        A camera that sees past obstacles sees what it sees. Of people who count, all are seen of
+        whom anything may be seen.
         """
         views = self._views
         if self._screens is None or not isinstance(views, PinholeViews):
             states = np.flatnonzero(reachable)
             seen = views.seen(t * views.n_states + states)
-            return seen._replace(rows=states[seen.rows])
+            counts = np.zeros(views.n_states, dtype=np.int64)
+            counts[states] = seen.counts
+            return seen._replace(counts=counts)
         wanted = reachable.reshape(len(views.axes), -1)
         places = np.flatnonzero(wanted.any(axis=0))
         if not views.n_faces or not len(places):
-            return NO_COLUMNS
+            return SeenColumns.nothing(views.n_states)
         eyes, planes = views.eyes(places), views.geometry.planes(t)
         hidden = self._screens.hide(
             planes.middles[:, :2], planes.radii, planes.middles[:, 2] + planes.halves, eyes
@@ -178,11 +175,12 @@ class UnhiddenViews:
         ]
         rows, faces, pixels = (np.concatenate(column) for column in zip(*parts, strict=True))
         states = np.arange(len(views.axes))[:, None] * views.graph.n_places + places
-        of_faces = SeenFaces(states.take(rows), faces, pixels)
+        rows = states.take(rows)
+        of_faces = SeenFaces(np.bincount(rows, minlength=views.n_states), faces, pixels)
         if views.at_least is None:
             return SeenColumns(*of_faces)
         people = len(views.problem.actors)
-        pairs = np.unique(of_faces.rows * people + views.problem.face_owner[faces])
+        pairs = np.unique(rows * people + views.problem.face_owner[faces])
         return SeenColumns.merged(of_faces, *np.divmod(pairs, people), views.n_faces)
 
 

@@ -176,20 +176,17 @@ class Found(NamedTuple):
             np.empty(people),
         )  # fmt: skip
 
+    def has_room(self, views: int, faces: int, people: int) -> bool:
+        """Returns True where `empty` with these numbers has no more room."""
+        rooms = len(self.counts), len(self.faces), len(self.people)
+        return rooms[0] >= views and rooms[1] >= faces and rooms[2] >= people
+
     def doubled(self) -> Self:
         """Returns the same entries with twice the room."""
         return self._replace(
             faces=_doubled(self.faces), pixels=_doubled(self.pixels),
             people=_doubled(self.people), visible=_doubled(self.visible),
             unhidden=_doubled(self.unhidden),
-        )  # fmt: skip
-
-    def filled(self, done: Total) -> Self:
-        """Returns the entries that there are."""
-        return self._replace(
-            faces=self.faces[: done.faces], pixels=self.pixels[: done.faces],
-            people=self.people[: done.people], visible=self.visible[: done.people],
-            unhidden=self.unhidden[: done.people],
         )  # fmt: skip
 
 
@@ -829,7 +826,8 @@ def _look(
                 )  # fmt: skip
                 area, angle = area + more[0], angle + more[1]
             memory.seen[view, f] = lens.image if area > lens.image else area
-            memory.visible[view, person] += angle
+            if measures:
+                memory.visible[view, person] += angle
     return True
 
 
@@ -873,7 +871,8 @@ def cover(
     eyes : [E, 3] m
     first : [E + 1] first view of each eye
     looks : [n] orientation of each view
-    memory : to work in, of `memory_for` with these people and bodies
+    memory : to work in, of `memory_for` with people and bodies of these shapes; it can be used
+        again unless a person was cut into too many pieces
     found : entries, written from where `done` says; solid angles are measured if its `n_people` is
         not empty
     done : the eyes that are done, and how many faces and people they see

@@ -20,10 +20,13 @@ class Viewpoints(NamedTuple):
     def reachable(cls, step: int, states: BoolArray, n_places: int) -> Self:
         """Returns those of the states [S] at a step that are true; state o P + p is at place p."""
         by_place = states.reshape(-1, n_places)
-        places = np.flatnonzero(by_place.any(axis=0))
-        wanted = np.ascontiguousarray(by_place[:, places].T)
-        looks = np.flatnonzero(wanted) % max(len(by_place), 1)
-        counts = np.count_nonzero(wanted, axis=1)
+        is_used, n = by_place.any(axis=0), len(by_place)
+        places = np.flatnonzero(is_used)
+        if (by_place.all(axis=0) == is_used).all():  # as after a few steps, and then faster
+            looks, counts = np.tile(np.arange(n), len(places)), np.full(len(places), n)
+        else:
+            wanted = np.ascontiguousarray(by_place[:, places].T)
+            looks, counts = np.flatnonzero(wanted) % n, np.count_nonzero(wanted, axis=1)
         return cls(np.full(len(places), step), places, counts, looks)
 
     @classmethod
@@ -51,6 +54,6 @@ class Viewpoints(NamedTuple):
 
     def nodes(self, views: IntArray, n_places: int, n_states: int) -> IntArray:
         """Returns the nodes of some views; node t S + s is state s at step t."""
-        at = np.searchsorted(np.cumsum(self.counts), views, side="right")
-        states = self.looks[views] * n_places + self.places[at]
-        return np.asarray(self.steps[at] * n_states + states)
+        which = self.which[views]
+        first = self.steps * n_states + self.places
+        return np.asarray(self.looks[views] * n_places + first[which])

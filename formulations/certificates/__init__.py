@@ -31,8 +31,8 @@ Below both, the trusted core, about 5,400 lines:
   `robot`, `rules`, `scene`, `shapes`; the scene, and which conflicts it forbids.
 - `world`: `columns`, `triangles`, `workspace`; what is solid.
 - `graph`: `charges`, `motion`, `move_rewards`, `timegraph`; which moves there are.
-- `vision`: `bodies`, `candidates`, `coverage`, `faces`, `projection`, `shadows`, `viewpoints`,
-  `views`, `visibility`; what a view sees.
+- `vision`: `bodies`, `candidates`, `coverage`, `faces`, `projection`, `seen`, `shadows`,
+  `sights`, `viewpoints`, `views`, `visibility`; what a view sees.
 - `model`: `coverage_tables`, `model`, `places`; which drones share a graph, and its states.
 - `files`: `documents`, `strict_json`; reading files, and the digest that ties one to its scene.
 - `objective`, `returns`, `arithmetic`, `data`; weights and J, concave returns, sums of floats, and

@@ -30,11 +30,12 @@ from cocap_opt.problem import (
 )
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Clock, Stop, TimeLimit, never
-from cocap_opt.vision import coverage, views
+from cocap_opt.vision import coverage, sights, views
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable
 from cocap_opt.vision.faces import FaceGeometry
+from cocap_opt.vision.seen import SeenColumns, SeenFaces, SeenPeople
 from cocap_opt.vision.viewpoints import Viewpoints
-from cocap_opt.vision.views import SeenColumns, SeenFaces, SeenPeople, StateViews
+from cocap_opt.vision.views import StateViews
 from cocap_opt.world.workspace import HeightMap, Mesh
 
 pytestmark = [
@@ -56,7 +57,7 @@ def seen(problem: Problem, nodes: IntArray, use: Kernel) -> tuple[SeenColumns, S
     graph = graph_of(problem)
     found = StateViews.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(views, "KERNEL", use)
+        patch.setattr(sights, "KERNEL", use)
         return found.seen(nodes), found.people(nodes)
 
 
@@ -108,7 +109,7 @@ def test_rows_of_a_part_are_those_of_the_whole_table(
     for use in (kernel, of_views(NotLoaded)):
         found = StateViews.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(views, "KERNEL", use)
+            patch.setattr(sights, "KERNEL", use)
             table = grown(found, whole)
             looked = list[Viewpoints]()
             patch.setattr(found, "look", partial(noted, looked, found.look))
@@ -143,7 +144,7 @@ def test_tables_are_the_same(scene: str, kernel: Kernel, monkeypatch: pytest.Mon
     """Whole tables, made by threads, in batches of another size, to the last bit."""
     tables: list[list[CoverageTable]] = []
     for use in (kernel, of_views(NotLoaded)):
-        monkeypatch.setattr(views, "KERNEL", use)
+        monkeypatch.setattr(sights, "KERNEL", use)
         model = Model(load_scene(scene, 1), use_cache=False)
         model.prepare_all()
         tables.append([model.coverage(robot_class) for robot_class in model.classes])
@@ -167,23 +168,31 @@ def test_numpy_takes_over_where_there_is_no_room(
         np.testing.assert_array_equal(ours, theirs)
 
 
+def behind_posts(*actors: Actor) -> Problem:
+    """A drone before 600 posts with a wide body behind them, after other actors."""
+    y = 25.0 + 0.025 * (np.arange(600) - 299.5)
+    posts = tuple(Mesh.box((25.5, a - 0.005, 0.0), (25.51, a + 0.005, 6.0)) for a in y.tolist())
+    wide = Cuboid(length=0.5, width=30.0, height=8.0)
+    return Problem(
+        name="",
+        height_map=HeightMap(heights=np.zeros((60, 50))),
+        robots=(Robot(start=State(0, 25), motion=Motion(radius=0), camera=Camera(tilts=(0.0,))),),
+        actors=(
+            *actors,
+            Actor(poses=np.tile([40.5, 25.0, 0.0, 0.0], (2, 1)), shape=wide),
+        ),
+        meshes=posts,
+        horizon=1,
+    )
+
+
 def test_numpy_takes_over_behind_very_many_posts(
     kernel: Kernel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """More shadows fall on parts of a person than the kernel has room for, which it notices."""
     from cocap_opt.vision.compiled_sight import CompiledSight
 
-    y = 25.0 + 0.025 * (np.arange(600) - 299.5)
-    posts = tuple(Mesh.box((25.5, a - 0.005, 0.0), (25.51, a + 0.005, 6.0)) for a in y.tolist())
-    wide = Cuboid(length=0.5, width=30.0, height=8.0)
-    problem = Problem(
-        name="",
-        height_map=HeightMap(heights=np.zeros((60, 50))),
-        robots=(Robot(start=State(0, 25), motion=Motion(radius=0), camera=Camera(tilts=(0.0,))),),
-        actors=(Actor(poses=np.tile([40.5, 25.0, 0.0, 0.0], (2, 1)), shape=wide),),
-        meshes=posts,
-        horizon=1,
-    )
+    problem = behind_posts()
     graph, found = graph_of(problem), list[object]()
     nodes = graph.n_states + np.array([graph.index(State(0, 25))])
     at_step = CompiledSight.at_step
@@ -198,9 +207,24 @@ def test_numpy_takes_over_behind_very_many_posts(
     assert len(seen(problem, nodes, kernel)[0].rows)
 
 
+def test_what_the_kernel_gave_up_leaves_nothing_behind(
+    kernel: Kernel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It had seen somebody by then; the next view, from elsewhere, sees nobody."""
+    monkeypatch.setattr(sights, "KERNEL", kernel)
+    problem = behind_posts(Actor(poses=np.tile([8.5, 25.0, 0.0, 0.0], (2, 1))))
+    graph = graph_of(problem)
+    views = StateViews.of(FaceGeometry(problem), problem, graph, problem.robots[0].camera)
+    before, away = (
+        graph.n_states + graph.index(State(x, 25, heading=h)) for x, h in [(0, 0), (59, 0)]
+    )
+    assert set(views.people(np.array([before])).people.tolist()) == {0, 1}
+    assert not len(views.people(np.array([away])).people)
+
+
 def test_plain_views_use_no_compiled_code(kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever checks bounds trusts NumPy's way alone."""
-    monkeypatch.setattr(views, "KERNEL", kernel)
+    monkeypatch.setattr(sights, "KERNEL", kernel)
     from cocap_opt.vision import compiled_sight
 
     monkeypatch.setattr(compiled_sight, "CompiledSight", None)
@@ -273,7 +297,7 @@ def test_a_table_that_takes_long_is_compiled_in_its_midst(
     tables, spent = list[CoverageTable](), list[float]()
     for use in (of_views(NotLoaded), of_views()):
         loads_or_compiles(use, False, monkeypatch)
-        monkeypatch.setattr(views, "KERNEL", use)
+        monkeypatch.setattr(sights, "KERNEL", use)
         if slow:
             monkeypatch.setattr(coverage, "Clock", Hurried)
         monkeypatch.setattr(use, "spend", spent.append)
@@ -313,7 +337,7 @@ def test_meshes_that_are_not_convex_are_seen_by_rays(
     """The kernel knows of no rays, and is not asked."""
     problem = load_scene("bridge", 0)
     rough = problem.meshes[0].replace(triangles=problem.meshes[0].triangles[:-1])
-    monkeypatch.setattr(views, "KERNEL", kernel)
+    monkeypatch.setattr(sights, "KERNEL", kernel)
     graph = graph_of(problem)
     found = StateViews.of(
         FaceGeometry(problem.replace(meshes=(rough,))), problem, graph, problem.robots[0].camera

@@ -178,8 +178,8 @@ def test_marks_are_beside_the_source_where_no_folder_can_be_written(
 def test_processes_know_without_numba_that_nothing_is_kept(tmp_path: Path) -> None:
     """Importing it takes half a second, and short runs have no use for it."""
     code = (
-        "import sys; from cocap_opt.vision import views; views.KERNEL.spend(10.0); "
-        "print(views.KERNEL.is_loaded, 'numba' in sys.modules)"
+        "import sys; from cocap_opt.vision import sights; sights.KERNEL.spend(10.0); "
+        "print(sights.KERNEL.is_loaded, 'numba' in sys.modules)"
     )
     environment = {
         **os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_CPU_NAME": "none such",

@@ -32,9 +32,10 @@ from cocap_opt.vision.bodies import Bodies
 from cocap_opt.vision.candidates import Skyline
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable
 from cocap_opt.vision.faces import FaceGeometry, Reach
+from cocap_opt.vision.seen import SeenColumns
 from cocap_opt.vision.shadows import Shadows
 from cocap_opt.vision.viewpoints import Viewpoints
-from cocap_opt.vision.views import SeenColumns, StateViews
+from cocap_opt.vision.views import StateViews
 from cocap_opt.world.workspace import HeightMap
 
 
@@ -466,15 +467,15 @@ def test_a_column_that_cannot_grow_doubles_no_row(
     whole, _ = grows(1, 60, monkeypatch)
     whole.grow()
     broken, _ = grows(1, 60, monkeypatch)
-    append, calls = broken._rows[column].append, list[int]()
+    append, calls = broken._columns[column].append, list[int]()
 
-    def fails_once(part: NDArray[Any]) -> None:
-        calls.append(len(part))
-        append(part)
+    def fails_once(part: NDArray[Any], numbers: IntArray, ahead: float) -> None:
+        calls.append(len(numbers))
+        append(part, numbers, ahead)
         if len(calls) == 2:
             raise MemoryError
 
-    monkeypatch.setattr(broken._rows[column], "append", fails_once)
+    monkeypatch.setattr(broken._columns[column], "append", fails_once)
     with pytest.raises(MemoryError):
         broken.grow()
     steps = broken.steps

@@ -40,13 +40,13 @@ print(has_taken_over, np.array_equal(found, backward_sweep(graph, reward)))
 # What Ctrl-C meets in `plan` and `gap` while coverage is compiled.
 INTERRUPTED = """
 from cocap_opt.stop import Interrupt, LimitReached
-from cocap_opt.vision import views
+from cocap_opt.vision import sights
 
 with Interrupt.caught() as interrupt:
     try:
-        views.KERNEL.prepare(1e9, interrupt)
+        sights.KERNEL.prepare(1e9, interrupt)
     except LimitReached as reached:
-        print(reached.limit, views.KERNEL.is_loaded)
+        print(reached.limit, sights.KERNEL.is_loaded)
 """
 
 

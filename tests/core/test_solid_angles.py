@@ -16,7 +16,8 @@ from cocap_opt.problem import Camera, Cone, Problem
 from cocap_opt.scenarios import load_scene
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.projection import Projection, solid_angles
-from cocap_opt.vision.views import SeenPeople, StateViews
+from cocap_opt.vision.seen import SeenPeople
+from cocap_opt.vision.views import StateViews
 
 
 def of_first_robot(problem: Problem) -> StateViews:

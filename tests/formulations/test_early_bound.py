@@ -32,7 +32,7 @@ SLACK = 1e-9  # relative, of sums
 @pytest.fixture(autouse=True)
 def small_batches(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A limit can fall between any two steps, and no table is known from before."""
-    monkeypatch.setattr("cocap_opt.vision.views._BATCH", 50)
+    monkeypatch.setattr("cocap_opt.vision.sights._BATCH", 50)
     monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
 
 

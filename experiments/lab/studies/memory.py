@@ -35,7 +35,7 @@ from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
-from cocap_opt.vision import views
+from cocap_opt.vision import sights
 from cocap_opt.vision.cache import TableCache
 
 def most():
@@ -43,7 +43,7 @@ def most():
 
 scene, plain = sys.argv[1], sys.argv[2] == "plain"
 if not plain:
-    views.KERNEL.load()
+    sights.KERNEL.load()
     value_iteration.KERNEL.load()
 problem = load_scene(scene)
 model = Model(problem, use_cache=False, plain=plain)

@@ -34,7 +34,7 @@ from cocap_opt.objective import marginal_reward
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import never
-from cocap_opt.vision import views
+from cocap_opt.vision import sights
 from cocap_opt.vision.coverage import usable_cores
 
 _TABLE, _WITHOUT = "speed.csv", "... without compiled code / with it"
@@ -144,7 +144,7 @@ def _sweep(scene: str) -> float:
 
 def _coverage() -> list[_Speed]:
     """Measures the coverage of all reachable states, compiled, and beside it NumPy's way."""
-    views.KERNEL.load()
+    sights.KERNEL.load()
     figures, taken = list[_Speed](), dict[str, float]()
     for scene, repeats, target in (
         ("bottleneck", 5, "< 0.1"), ("passage", 5, "< 0.1"), ("field", 5, "< 0.15"),
@@ -172,7 +172,7 @@ def _cores() -> list[_Speed]:
 def _gain(problem: Problem) -> float:
     """Returns the time that coverage takes on one core, over that on all of them."""
     covered = partial(_covered, problem, False)
-    views.KERNEL.load()
+    sights.KERNEL.load()
     ratios = []
     for _ in range(3):  # in turns, so that both meet the same noise
         together = _passed(covered)

@@ -29,7 +29,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.run.options import Option
 from cocap_opt.scenarios.built_in.field import field
 from cocap_opt.stop import Clock
-from cocap_opt.vision.views import KERNEL
+from cocap_opt.vision.sights import KERNEL
 
 _TABLE = "coverage.csv"
 _CELLS, ACTORS, STEPS, _SEED = 120, 6, 60, 0

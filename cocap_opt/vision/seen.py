@@ -1,0 +1,149 @@
+"""Faces and people that views see, view by view: by pixels and by solid angles."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cocap_opt.arithmetic import spans
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+
+_SHARE_ROUNDING = 1e-9  # by which a share may be too small: that of a whole person is 1
+
+
+class SeenFaces(NamedTuple):
+    """The faces that views see."""
+
+    counts: IntArray  # [n] number of faces that each view sees
+    faces: IntArray  # [nnz] view by view, increasing for each
+    pixels: FloatArray  # [nnz] px/m2, > 0
+
+    @property
+    def rows(self) -> IntArray:
+        """Numbers of the views [nnz], increasing, one for each face that is seen."""
+        return _rows(self.counts)
+
+
+class SeenPeople(NamedTuple):
+    """The people that views see, in whole or in part, by solid angles."""
+
+    counts: IntArray  # [n] number of people that each view sees
+    people: IntArray  # [nnz] view by view, increasing for each
+    visible: FloatArray  # [nnz] sr, > 0, of what is visible in the image
+    unhidden: FloatArray  # [nnz] sr, with nothing in the way and no edge of the image
+
+    @property
+    def rows(self) -> IntArray:
+        """Numbers of the views [nnz], increasing, one for each person who is seen."""
+        return _rows(self.counts)
+
+    @property
+    def shares(self) -> FloatArray:
+        """Shares [nnz] that are visible of what there is with nothing in the way, 0 to 1."""
+        return np.minimum(self.visible / self.unhidden, 1.0)
+
+
+class Seen(NamedTuple):
+    """The faces that views see, and the people, if these are asked for."""
+
+    faces: SeenFaces
+    people: SeenPeople
+
+    @classmethod
+    def nothing(cls, n: int) -> Self:
+        """Returns that n views see nothing."""
+        counts, none = np.zeros(n, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        pixels = angles = np.zeros(0)
+        return cls(SeenFaces(counts, none, pixels), SeenPeople(counts, none, angles, angles))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Returns all that the views of several parts see, one after the other."""
+        faces, people = zip(*parts, strict=True)
+        return cls(SeenFaces(*_joined(faces)), SeenPeople(*_joined(people)))
+
+    def taken(self, order: IntArray) -> Self:
+        """Returns the faces and people of the views order[0], order[1], .. alone."""
+        return type(self)(
+            SeenFaces(*taken(order, *self.faces)), SeenPeople(*taken(order, *self.people))
+        )
+
+
+class SeenColumns(NamedTuple):
+    """The faces that views see, and the people, where these count.
+
+    Columns are numbered as those of `Problem.step_view_sums`: faces, then people.
+    """
+
+    counts: IntArray  # [n] number of columns that each view sees
+    columns: IntArray  # [nnz] view by view, increasing for each
+    amounts: FloatArray  # [nnz] px/m2 of a face, > 0; 1 for a person who is seen well enough
+
+    @property
+    def rows(self) -> IntArray:
+        """Numbers of the views [nnz], increasing, one for each column that is seen."""
+        return _rows(self.counts)
+
+    @classmethod
+    def nothing(cls, n: int) -> Self:
+        """Returns that n views see nothing."""
+        return cls(*Seen.nothing(n).faces)
+
+    @classmethod
+    def of(cls, seen: Seen, n_faces: int, at_least: float) -> Self:
+        """Returns faces, and people of whom at least a share is visible.
+
+        Parameters
+        ----------
+        at_least : share of the solid angle that a person has with nothing in the way
+        """
+        people = seen.people
+        counts = np.flatnonzero(are_seen(people.shares, at_least))
+        return cls.merged(seen.faces, people.rows[counts], people.people[counts], n_faces)
+
+    @classmethod
+    def merged(cls, faces: SeenFaces, rows: IntArray, people: IntArray, n_faces: int) -> Self:
+        """Returns the faces that views see, and after those of each view the people who count.
+
+        Parameters
+        ----------
+        rows, people : view, increasing, and person, increasing for each view
+        """
+        total = len(faces.faces) + len(people)
+        columns, amounts = np.empty(total, dtype=np.int64), np.ones(total)
+        is_face = np.ones(total, dtype=bool)
+        at_people = np.cumsum(faces.counts)[rows] + np.arange(len(rows))
+        is_face[at_people] = False
+        columns[at_people], columns[is_face] = people + n_faces, faces.faces
+        amounts[is_face] = faces.pixels
+        return cls(faces.counts + np.bincount(rows, minlength=len(faces.counts)), columns, amounts)
+
+
+def are_seen(shares: FloatArray, at_least: float) -> BoolArray:
+    """Returns true where a share of a person is as large as one must be for the person to count."""
+    return np.asarray(shares >= at_least - _SHARE_ROUNDING)
+
+
+def taken(order: IntArray, counts: IntArray, *columns: NDArray[Any]) -> list[NDArray[Any]]:
+    """Returns the counts and the columns of views order[0], order[1], ..
+
+    Parameters
+    ----------
+    order : [m] numbers of the views
+    counts : [n] number of entries of each view
+    columns : of the entries [nnz], view by view
+    """
+    sizes = counts[order]
+    entries = spans((np.cumsum(counts) - counts)[order], sizes)
+    return [sizes, *(column[entries] for column in columns)]
+
+
+def _joined(parts: Sequence[SeenFaces | SeenPeople]) -> list[NDArray[Any]]:
+    if len(parts) == 1:
+        return list(parts[0])
+    return [np.concatenate(column) for column in zip(*parts, strict=True)]
+
+
+def _rows(counts: IntArray) -> IntArray:
+    return np.repeat(np.arange(len(counts)), counts)

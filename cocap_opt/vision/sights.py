@@ -1,0 +1,348 @@
+"""Sights: coverage by cameras at any places, which look in any directions."""
+
+import math
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cocap_opt.arithmetic import spans
+from cocap_opt.compiling import Kernel
+from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.problem import Camera, Cone, Problem
+from cocap_opt.stop import Clock, Stop
+from cocap_opt.vision.faces import FaceGeometry, Faces, Reach
+from cocap_opt.vision.projection import Projection, dot, solid_angles
+from cocap_opt.vision.seen import Seen, SeenFaces, SeenPeople
+from cocap_opt.vision.visibility import IN_ITS_PLANE, Sightings, Visibility
+
+if TYPE_CHECKING:
+    from cocap_opt.vision.compiled_sight import CompiledSight
+
+KERNEL = Kernel(
+    "cocap_opt.vision.compiled_sight", "coverage", compiling=13.0,
+    functions="cocap_opt.vision.view_kernel",
+)  # fmt: skip
+ON_THE_EDGE = 1e-9  # rad, by which an actor may be beyond the edge of a cone
+_EACH = 5e-7  # s, at least, of NumPy's way for a view of a person: measured in streets
+# Most views at once, and views times actors, so that limits are checked every 0.3 s or so.
+_BATCH, _BATCH_ACTORS = 8_192, 65_000
+_FASTER = 16  # times as many by the compiled kernel
+_BATCH_RAYS = 400_000  # views times faces times the squared samples of a triangle
+
+
+class PinholeSight:
+    """Coverage by a pinhole camera from any places, which looks along any axes.
+
+        coverage = area of the image of what is visible of the face, in px / area of the face
+
+    The solid angles of people are sums over the same parts of their faces; with nothing in the way
+    they are those of all faces that are turned to the camera.
+
+    What is visible depends on the camera's place only, not on its orientation (`visibility`): the
+    whole face, nothing, or some convex pieces of it.
+
+    Parameters
+    ----------
+    axes : [O, 3, 3] right, up and forward unit vectors of its orientations
+    plain : without compiled code
+    reach : the places it is mostly asked for; elsewhere it takes longer
+
+    Attributes
+    ----------
+    may_be_compiled : the compiled kernel may find what is seen
+    """
+
+    def __init__(
+        self,
+        geometry: FaceGeometry,
+        problem: Problem,
+        camera: Camera,
+        axes: FloatArray,
+        plain: bool = False,
+        reach: Reach | None = None,
+    ) -> None:
+        self._geometry, self._reach = geometry, reach
+        # Past meshes that are not convex only NumPy's way is there.
+        self.may_be_compiled = not plain and geometry.mesh is None
+        self._projection = Projection(camera)
+        self._image = float(camera.width * camera.height)  # px
+        self._slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
+        self._axes = axes
+        self._owners, self._n_actors = problem.face_owner, len(problem.actors)
+        self._samples = problem.face_samples
+        self._visibility = Visibility(geometry, problem)
+
+    @cached_property
+    def _compiled(self) -> "CompiledSight":
+        from cocap_opt.vision.compiled_sight import CompiledSight
+
+        first = np.searchsorted(self._owners, np.arange(self._n_actors + 1))
+        return CompiledSight(self._geometry.fixed, first, self._projection, self._axes)
+
+    @property
+    def batch(self) -> int:
+        """Number of views that take a fraction of a second."""
+        most = min(_BATCH, _BATCH_ACTORS // max(self._n_actors, 1))
+        if self.may_be_compiled and KERNEL.is_loaded:
+            most *= _FASTER
+        if self._geometry.mesh is not None:
+            rays = len(self._owners) * self._samples**2
+            most = min(most, _BATCH_RAYS // max(rays, 1))
+        return max(most, 1)
+
+    def expected(self, seconds: float) -> float:
+        """Returns the seconds that views take, once compiled, that take so many now."""
+        return KERNEL.expected(seconds) if self.may_be_compiled else seconds
+
+    def prepare(self, views: int, stop: Stop | None) -> None:
+        """Loads what finds many views, if that is soon repaid; with a stop compiles it, too."""
+        self.prepare_more(_EACH * views * self._n_actors, stop)
+
+    def prepare_more(self, seconds: float, stop: Stop | None) -> None:
+        """Loads what finds views, or with a stop compiles it, if that is repaid.
+
+        Parameters
+        ----------
+        seconds : that they would take as they are found now
+        """
+        if self.may_be_compiled:
+            KERNEL.prepare(seconds, stop)
+
+    def advise(self, seconds: float) -> None:
+        """Says, once, what compiled code would have saved of so many seconds."""
+        if self.may_be_compiled:
+            KERNEL.advise("coverage", seconds)
+
+    def seen(
+        self,
+        t: IntArray,
+        eyes: FloatArray,
+        counts: IntArray,
+        looks: IntArray,
+        steps: tuple[int, int] | None = None,
+        people: bool = False,
+    ) -> Seen:
+        """Returns the faces and people that views [n] see, which are given place by place.
+
+        Parameters
+        ----------
+        t, eyes, counts : steps [e], increasing, places [e, 3] (m from the geometry's origin), and
+            numbers [e] of views from there
+        looks : [n] numbers of the axes
+        steps : the first and last of those that views are asked for in parts, so that what all
+            parts need is made once; if not given, the views are all
+        people : the solid angles of people are asked for, too
+        """
+        if not len(self._owners) or not len(looks):
+            return Seen.nothing(len(looks))
+        faces = self._faces(*(steps or (int(t[0]), int(t[-1]))), eyes)
+        if self.may_be_compiled and KERNEL.is_loaded:
+            found = self._compiled.seen(faces, t, eyes, counts, looks, people)
+            if found is not None:
+                return found
+            if len(looks) * self._n_actors > _BATCH_ACTORS and len(eyes) > 1:
+                return self._in_halves(t, eyes, counts, looks, faces, people)
+        clock = Clock()
+        which = np.repeat(np.arange(len(counts)), counts)
+        seen = self._seen_plainly(faces, t, eyes, which, looks, people)
+        if self.may_be_compiled:
+            KERNEL.spend(clock.seconds)
+        return seen
+
+    def _seen_plainly(
+        self, faces: Faces, t: IntArray, eyes: FloatArray, which: IntArray, orientation: IntArray,
+        people: bool,
+    ) -> Seen:  # fmt: skip
+        """Finds what `seen` returns without the kernel.
+
+        Parameters
+        ----------
+        which, orientation : [n] of each view, the number of its place and that of its axes
+        """
+        at, n_faces = t - faces.first, len(self._owners)
+        in_view = self._in_view(
+            faces.middles[at[which]] - eyes[which, None], faces.reaches, orientation
+        )
+        wanted = np.zeros((len(eyes), in_view.shape[1]), dtype=bool)
+        state, actor = np.nonzero(in_view)
+        wanted[which[state], actor] = True
+        sight = self._visibility.of(faces, at, eyes, wanted)
+        # Only faces that are turned to the camera are seen.
+        row, face = np.nonzero(sight.whole[which] & in_view[:, self._owners])
+        eye = which[row]
+        polygons = faces.polygons[at[eye], face] - eyes[eye, None]
+        parts = [(row, face, self._images(polygons, orientation[row], people))]
+        if len(sight.eyes):
+            parts.append(self._in_pieces(sight, which, orientation, in_view, people))
+        row, face, images = (
+            np.concatenate(columns, axis=-1) for columns in zip(*parts, strict=True)
+        )
+        area = images[0]
+        kept = np.flatnonzero(area > 0)
+        kept = kept[np.argsort(row[kept] * n_faces + face[kept])]
+        counts = np.bincount(row[kept], minlength=len(which))
+        seen = SeenFaces(counts, face[kept], area[kept] / faces.areas[face[kept]])
+        if not people:
+            return Seen.nothing(len(which))._replace(faces=seen)
+        pairs = row * self._n_actors + self._owners[face]
+        sums = np.bincount(pairs, images[1], minlength=len(which) * self._n_actors)
+        visible: FloatArray = sums.reshape(len(which), self._n_actors).astype(np.float64)
+        row, person = np.nonzero(visible)
+        unhidden = self._unhidden(faces, at[which[row]], eyes[which[row]], person)
+        counts = np.count_nonzero(visible, axis=1)
+        return Seen(seen, SeenPeople(counts, person, visible[row, person], unhidden))
+
+    def _faces(self, first: int, last: int, eyes: FloatArray) -> Faces:
+        """Returns the geometry at the steps first..last, for eyes [e, 3] among others."""
+        reach = self._reach
+        if reach is not None and not reach.has(last, eyes):
+            reach = None
+        return self._geometry.between(first, last, reach)
+
+    def _unhidden(
+        self, faces: Faces, steps: IntArray, eyes: FloatArray, people: IntArray
+    ) -> FloatArray:
+        """Returns the solid angles [n] of people [n] from eyes [n, 3], with nothing in the way."""
+        n_faces = np.bincount(self._owners, minlength=self._n_actors)
+        entry = np.repeat(np.arange(len(people)), n_faces[people])
+        face = spans((np.cumsum(n_faces) - n_faces)[people], n_faces[people])
+        polygons = faces.polygons[steps[entry], face] - eyes[entry, None]
+        turned = -dot(polygons[:, 0], faces.normals[steps[entry], face]) > IN_ITS_PLANE
+        angles = solid_angles(polygons[turned])
+        return np.asarray(np.bincount(entry[turned], weights=angles, minlength=len(people)))
+
+    def _in_halves(
+        self, t: IntArray, eyes: FloatArray, counts: IntArray, looks: IntArray, faces: Faces,
+        people: bool,
+    ) -> Seen:  # fmt: skip
+        """Finds what `seen` returns for one half of the places, then for the other half.
+
+        It is called where the kernel had no room for the pieces of a person. Halving goes on until
+        it has room, or so few places are left that NumPy's way takes a fraction of a second.
+        """
+        steps, middle = (faces.first, faces.first + len(faces.polygons) - 1), len(eyes) // 2
+        views = int(counts[:middle].sum())
+        return Seen.joined([
+            self.seen(t[:middle], eyes[:middle], counts[:middle], looks[:views], steps, people),
+            self.seen(t[middle:], eyes[middle:], counts[middle:], looks[views:], steps, people),
+        ])  # fmt: skip
+
+    def _in_pieces(
+        self, sight: Sightings, which: IntArray, orientation: IntArray, in_view: BoolArray,
+        people: bool,
+    ) -> tuple[IntArray, IntArray, FloatArray]:  # fmt: skip
+        """Returns states, faces and `_images` [m, n] of all faces seen in part."""
+        # Sightings are in the order of their eyes: those of one eye are one span.
+        first = np.searchsorted(sight.eyes, np.arange(len(sight.whole)))
+        counts = np.bincount(sight.eyes, minlength=len(first))
+        row = np.repeat(np.arange(len(which)), counts[which])
+        at = spans(first[which], counts[which])
+        ours = in_view[row, self._owners[sight.faces[at]]]
+        row, at = row[ours], at[ours]
+        entry = np.repeat(np.arange(len(at)), sight.counts[at])
+        piece = spans(sight.first[at], sight.counts[at])
+        looks = orientation[row[entry]]
+        images = self._images(sight.pieces[piece], looks, people)
+        if sight.veil is not None:
+            axes = self._axes[looks]
+            wanted = images[0] > 0
+            images = images * sight.veil.shares(piece, wanted, self._projection, axes, people)
+        images = np.array([
+            np.bincount(entry, weights=image, minlength=len(at)) for image in images
+        ])  # fmt: skip
+        images[0] = np.minimum(images[0], self._image)
+        return row, sight.faces[at], images
+
+    def _images(self, polygons: FloatArray, orientation: IntArray, people: bool) -> FloatArray:
+        """Returns areas [n] in px of the images of polygons [n, V, 3], relative to the eye.
+
+        Below them, if people are asked for, their solid angles in sr: [2, n] instead of [1, n].
+        """
+        # The area of a face that nearly touches the camera may be rounded beyond the image, or nan.
+        with np.errstate(over="ignore", invalid="ignore"):
+            images = self._projection.images(self._in_camera(polygons, orientation), people)
+            images[0] = np.minimum(images[0], self._image)
+        return images
+
+    def _in_camera(self, points: FloatArray, orientation: IntArray) -> FloatArray:
+        """Returns points [n, k, 3], relative to cameras, right, up and forward of them."""
+        axes = self._axes[orientation][:, None]
+        return np.stack([dot(points, axes[:, :, k]) for k in range(3)], axis=-1)
+
+    def _in_view(
+        self, middles: FloatArray, reaches: FloatArray, orientation: IntArray
+    ) -> BoolArray:
+        """Returns an array [n, A], true if spheres may be in the image of each camera.
+
+        Parameters
+        ----------
+        middles : [n, A, 3] m, relative to the cameras
+        reaches : [A] m
+        """
+        u, v, depth = np.moveaxis(self._in_camera(middles, orientation), -1, 0)
+        in_view = np.ones(u.shape, dtype=bool)
+        for slope, off in zip(self._slopes, (u, v), strict=True):
+            in_view &= slope * depth - np.abs(off) >= -reaches * math.hypot(1.0, slope)
+        return in_view
+
+
+class ConeSight:
+    """Coverage by a `Cone` from any places, of all faces of the actors that it detects."""
+
+    def __init__(self, geometry: FaceGeometry, problem: Problem, cone: Cone) -> None:
+        self._geometry = geometry
+        self._problem = problem
+        self._cone = cone
+
+    def coverage(self, t: int, eyes: FloatArray, yaw: FloatArray) -> FloatArray:
+        """Returns the coverage [n, F] in 1/m2 of every face at step t.
+
+        Parameters
+        ----------
+        eyes, yaw : places [n, 3] (m from the geometry's origin) and directions [n] (rad)
+        """
+        ways, turned = self.ways(t, eyes)
+        ahead = np.abs(ways[..., 0] * np.cos(yaw)[:, None] + ways[..., 1] * np.sin(yaw)[:, None])
+        detected = self.detected(t, eyes, yaw)[:, self._problem.face_owner]
+        result: FloatArray = detected * self.law(ahead, turned, ways)
+        return result
+
+    def detected(
+        self, t: int, eyes: FloatArray, yaw: FloatArray, edge: float = ON_THE_EDGE
+    ) -> BoolArray:
+        """Returns an array [n, A], true if an actor is in the cone towards [n] or [1] (rad)."""
+        return np.asarray(self._off(t, eyes, yaw) <= self._cone.opening / 2 + edge)
+
+    def _feet(self, t: int) -> FloatArray:
+        """Returns the actors' foot points [A, 3] m."""
+        feet = np.array([actor.poses[t, :3] for actor in self._problem.actors]).reshape(-1, 3)
+        return np.asarray(feet - self._geometry.origin)
+
+    def _off(self, t: int, eyes: FloatArray, yaw: FloatArray) -> FloatArray:
+        """Returns the angles [n, A] (rad) between look directions [n] or [1] and the actors."""
+        ways = self._feet(t)[None] - eyes[:, None]  # [n, A, 3]
+        off = np.arctan2(ways[..., 1], ways[..., 0]) - yaw[:, None]
+        result: FloatArray = np.abs((off + np.pi) % (2 * np.pi) - np.pi)
+        return result
+
+    def ways(self, t: int, eyes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Returns the ways [n, F, 3] m to the faces, and how far [n, F] these are turned to them.
+
+        All faces count as if they were on the ground.
+        """
+        faces, ground = self._geometry.planes(t), self._feet(t)[self._problem.face_owner, 2]
+        targets = np.column_stack([faces.centres[:, :2], ground])
+        ways = targets[None] - eyes[:, None]
+        return ways, np.maximum(-dot(ways, faces.normals), 0.0)
+
+    @staticmethod
+    def law(ahead: FloatArray, turned: FloatArray, ways: FloatArray) -> FloatArray:
+        """Returns the coverage [..] of faces at ways [.., 3], so far ahead and turned to it."""
+        square = dot(ways, ways)
+        square = np.where(square > 0, square, np.inf)  # where the eye is, nothing is seen
+        result: FloatArray = ahead * turned / square**2
+        return result
+
+
+# Most states at once, and states times actors, so that limits are checked every 0.3 s or so.
