@@ -25,7 +25,7 @@ _AT_ONCE = 4  # parts in a pool of threads, between looks at the clock
 _SECONDS = 0.7  # after which a sample of large parts is large enough
 # Bytes of a face seen from a state while drones are planned, without those of states: more than 35
 # while the table is made and written to the cache. Measured, and rounded up: see `study memory`.
-BYTES_PER_ENTRY = 45
+BYTES_PER_ENTRY = 50
 
 
 class CoverageEstimate(NamedTuple):
