@@ -21,6 +21,7 @@ from cocap_opt.referee import check as judge_plan
 from cocap_opt.result import Reason, Result
 from cocap_opt.run.judged import below_certificate
 from cocap_opt.run.verified import ProvedBound, Verified
+from cocap_opt.run.view_share import proved_in
 
 
 def check(problem: Problem, plan: Plan | Result | None) -> Verdict:
@@ -105,7 +106,7 @@ def verify(
     ]
     for claim in given:
         if isinstance(claim, Result):
-            _require_consistent(claim)
+            _require_consistent(problem, claim)
     values = [
         claim.value for claim in given if isinstance(claim, Result) and claim.plan is not None
     ]
@@ -128,16 +129,16 @@ def _claim(claim: Plan | Result | Bound | None, problem: Problem) -> Plan | Resu
     return claim
 
 
-def _require_consistent(claim: Result) -> None:
+def _require_consistent(problem: Problem, claim: Result) -> None:
     """Checks what a result says of its plan and bound, besides J."""
     bound = bound_in(claim)
     for name in ("value", "bound"):
         require_number(getattr(claim, name), name)
-    if claim.reason is Reason.INFEASIBLE and bound is not None and bound.proved >= 0:
+    if claim.reason is Reason.INFEASIBLE and bound is not None and proved_in(problem, bound) >= 0:
         raise ValueError("reason: the result claims that there is no plan; its file does not")
     if claim.plan is None and claim.value != -inf:
         raise ValueError(f"reward: the result claims {claim.value!r} and has no plan")
-    if words := below_certificate(claim):
+    if words := below_certificate(problem, claim):
         raise ValueError(words)
 
 

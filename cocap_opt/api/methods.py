@@ -11,7 +11,7 @@ from cocap_opt.method import START_AND_REPORT, Method
 from cocap_opt.planners import RECOMMENDED, Planner
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
-from cocap_opt.run.engine import SOLVERS, run
+from cocap_opt.run.engine import SOLVERS
 from cocap_opt.run.forecast import warn_of_limit
 from cocap_opt.run.judged import Judged
 from cocap_opt.run.kept_share import run_keeping
@@ -219,7 +219,7 @@ def _require_callable(option: str, given: object, known: Iterable[str]) -> None:
 def _answer(problem: Problem, given: object, method: Method[R], stop: Stop, **options: Any) -> R:
     """Runs a method, and returns its result with the referee's J."""
     name = name_of(given)
-    judged: Judged[R] = run(problem, method, stop, name=name, **options)
+    judged: Judged[R] = run_keeping(problem, method, stop, name=name, **options)
     return judged.answer(problem, name)
 
 

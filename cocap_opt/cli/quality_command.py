@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from cocap_opt.cli.options import FLAG, Json, PlanPath, Scene, Seed, Whole, load_planned
 from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError, within
-from cocap_opt.files.documents import SceneFile, encode
+from cocap_opt.files.documents import encode
 from cocap_opt.footage.quality import Assumptions, Quality
 from cocap_opt.footage.summary import OfPerson, whole_percent
 from cocap_opt.output.files import (
@@ -162,10 +162,9 @@ def _proved(
     if output is not None:
         contents = {}
         for number, result in enumerate(limits.results, 1):
-            if result.certificate is not None:
-                scene = SceneFile.of(limits.scene(number))
-                contents[output / f"seen-by-{number}.scene.json"] = encode(scene)
-                contents[output / f"seen-by-{number}.bound.json"] = encode(result.certificate)
+            if (file := result.certificate) is not None:
+                file = file.with_objective(limits.scene(number).objective)
+                contents[output / f"seen-by-{number}.bound.json"] = encode(file)
         save_files(contents)
         for old in output.glob("seen-by-*.json"):
             if old not in contents:  # of more drones, or of another scene

@@ -77,6 +77,12 @@ def _export(
             "than all pixels can pay"
         ),
     ] = None,
+    views_share: Annotated[
+        float | None,
+        Parameter(
+            help="share of all views that there could be, such as 0.95, that plans are to keep"
+        ),
+    ] = None,
     camera: Annotated[
         str | None, Parameter(help="another camera on all drones; `cocap-opt scenes` lists them")
     ] = None,
@@ -116,7 +122,8 @@ def _export(
     if over_time:
         objective = problem.objective.replace(over_time=True)
         problem = problem.replace(name=f"{problem.name}-over-time", objective=objective)
-    problem = _counting(problem, views, views_weight)  # by default of the cameras, so after these
+    # The default weight is by the cameras, so after these.
+    problem = _counting(problem, views, views_weight, views_share)
     answer: Record = {"scene": problem.name, "seed": seed, "digest": problem_digest(problem)}
     if as_graph:
         answer["drone"] = _drone(drone or 0, problem)
@@ -130,18 +137,20 @@ def _export(
 
 
 def _counting(
-    problem: Problem, cameras: int | None, weight: float | Literal["first"] | None
-) -> Problem:
-    """Returns the problem as `--views` and `--views-weight` ask for it; its name tells it."""
-    if cameras is None and weight is not None:
-        raise UsageError("--views-weight: is for a scene with --views")
+    problem: Problem, cameras: int | None, weight: float | Literal["first"] | None,
+    share: float | None,
+) -> Problem:  # fmt: skip
+    """Returns the problem as `--views` and what belongs to it ask for it; its name tells it."""
+    for option, value in (("--views-weight", weight), ("--views-share", share)):
+        if cameras is None and value is not None:
+            raise UsageError(f"{option}: is for a scene with --views")
     if cameras is None:
         return problem
     try:
-        found = with_views(problem, cameras, weight)
+        found = with_views(problem, cameras, weight, share=share)
     except ProblemError as error:
         field, _, words = str(error).partition(": ")
-        option = "--views" if field == "cameras" else "--views-weight"
+        option = {"cameras": "--views", "share": "--views-share"}.get(field, "--views-weight")
         raise UsageError(f"{option}: {words}") from error
     return found.replace(name=f"{problem.name}-views{cameras}")
 

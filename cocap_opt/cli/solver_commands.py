@@ -43,7 +43,7 @@ from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
-from cocap_opt.run.engine import SOLVERS, run
+from cocap_opt.run.engine import SOLVERS
 from cocap_opt.run.forecast import warn_of_limit
 from cocap_opt.run.judged import Judged, RefereeError
 from cocap_opt.run.kept_share import run_keeping
@@ -258,7 +258,7 @@ class _Task(NamedTuple):
         with Watch.on_terminal(f"{problem.name} seed {self.seed}") as watch:
             report = trace.beside(watch.report())
             try:
-                judged: Judged[CertifiedResult] = run(
+                judged: Judged[CertifiedResult] = run_keeping(
                     problem, method, allowance.begin(stop), watch=watch,
                     start=self.start, report=report, gap=gap,
                 )  # fmt: skip

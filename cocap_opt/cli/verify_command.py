@@ -107,6 +107,8 @@ def _verify(
         raise UsageError("--networkx: name a certificate or a proof")
     if plain and not claims.bounds:
         raise UsageError("--plain: name a certificate or a proof")
+    if len({bound.objective for bound in claims.bounds.values()}) > 1:
+        raise UsageError("FILE: the bounds are on several objectives; check them one at a time")
     bounds, failed = claims.proved(networkx, time_limit, plain)
     verified = Verified.of(
         claims.problem, claims.plan, claims.plan_file, bounds=bounds, failed=failed, plain=plain
@@ -160,6 +162,38 @@ def _between_cells(path: Path, problem: Problem) -> tuple[float, ...] | None:
         return next((rewards for rewards in found if rewards is not None), None)
     except ProblemError as error:
         raise FileError(str(error)) from error
+
+
+def _of_bound(verified: Verified) -> Iterator[str]:
+    """Yields in words which plans a bound holds for, and why it may be high."""
+    views = verified.problem.objective.views
+    if verified.is_of_share:
+        asked = f"{100 * ((views and views.share) or 0):g} % of views"
+        if verified.no_plan:
+            yield f"proved: no plan keeps {asked}"
+        elif verified.plan is None or verified.keeps_share:
+            yield f"the bound holds for plans that keep {asked}"
+        else:
+            yield f"the bound holds for plans that keep {asked}, which this one does not"
+    elif verified.no_plan:
+        yield _NO_PLAN
+    elif verified.is_on_other_objective:
+        assert verified.proved is not None
+        yield f"bound and reward_there are of another objective: {_told(verified.proved.problem)}"
+    if verified.optimistic:
+        yield _OPTIMISTIC
+
+
+def _told(problem: Problem) -> str:
+    """Says of which weights of pixels and views the objective of a problem is."""
+    views = problem.objective.views
+    if views is None:
+        return "no views count"
+    weights = sorted(set(views.weights(len(problem.actors)) or (0.0,)))
+    words = " to ".join(f"{weight:g}" for weight in weights[:: max(len(weights) - 1, 1)])
+    if not problem.objective.pixels:
+        return f"views alone, up to {views.cameras} of a person, each {words}"
+    return f"{words} for each view, up to {views.cameras} of a person"
 
 
 class _Claims(NamedTuple):
@@ -220,12 +254,15 @@ class _Claims(NamedTuple):
             If one is too large for networkx.
         """
         bounds, failed = list[ProvedBound](), list[str]()
-        model = Model(self.problem, plain=True) if self.bounds else None
-        if model is not None:
-            warn_of_checking(model, [*self.bounds.values()], seconds)
+        if not self.bounds:
+            return bounds, failed
+        try:
+            model = Model(next(iter(self.bounds.values())).problem_of(self.problem), plain=True)
+        except CertificateError as error:
+            raise FileError(f"{next(iter(self.bounds))}: {error}") from error
+        warn_of_checking(model, [*self.bounds.values()], seconds)
         stop = TimeLimit(seconds) if math.isfinite(seconds) else never
         for path, file in self.bounds.items():
-            assert model is not None
             name = printable(str(path))
             with Watch.on_terminal(name) as watch:
                 part = "leaf" if isinstance(file, ProofFile) else "search of a step"
@@ -298,10 +335,10 @@ class _Claims(NamedTuple):
                 }
             if verified.plain:
                 found["plain"] = True
-            if verified.no_plan:
-                found["message"] = _NO_PLAN
-            elif verified.optimistic:
-                found["message"] = _OPTIMISTIC
+            if verified.is_on_other_objective and not verified.is_of_share:
+                found |= {"reward_there": finite(verified.reward_there)}
+            if words := "; ".join(_of_bound(verified)):
+                found["message"] = words
         if words := "; ".join(self._made_otherwise(verified)):
             found["message"] = "; ".join(filter(None, (found.get("message", ""), words)))
         found["optimal"] = None

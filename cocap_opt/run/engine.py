@@ -21,6 +21,7 @@ from cocap_opt.result import Result
 from cocap_opt.run.judged import Judged, RefereeError, below_certificate
 from cocap_opt.run.options import Allowance
 from cocap_opt.run.own_planners import usable_result
+from cocap_opt.run.view_share import proved_in
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import LimitReached, Stop, TimeLimit, never
 from cocap_opt.timing import timed
@@ -116,10 +117,11 @@ def _without_claims(name: str, problem: Problem, result: Result) -> Result:
     file = result.certificate if isinstance(result, CertifiedResult) else None
     if file is None:
         return replace(result, bound=math.inf)
-    if words := below_certificate(result):
+    if words := below_certificate(problem, result):
         raise RefereeError(f"{name}: {words}")
     try:
-        return replace(result, bound=verify(problem, file, model=compiled(problem)).bound)
+        proved = verify(problem, file, model=compiled(problem)).bound
+        return replace(result, bound=proved_in(problem, file, proved))
     except CertificateError as error:
         raise RefereeError(f"{name}: certificate: {error}") from error
 

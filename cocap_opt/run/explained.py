@@ -60,7 +60,7 @@ class Explained:
         model, file, pricing, _ = proved
         if verified.understated:  # the gap is to what is proved, not to what is claimed
             file = msgspec.structs.replace(file, bound=pricing.bound)
-        found = explain(model, plan, verified.reward, file, pricing.bound)
+        found = explain(model, plan, verified.reward_there, file, pricing.bound)
         return cls(model, plan, found, pricing.leaves)
 
     @property

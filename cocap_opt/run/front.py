@@ -24,6 +24,7 @@ from cocap_opt.referee import check
 from cocap_opt.run.view_share import (
     most_views,
     seen_share,
+    told_share,
     views_alone,
     views_asked,
     views_of,
@@ -88,6 +89,7 @@ class Front:
     problem : the scene; J is its reward without views, with pixels of weight 1 if they had none
     views : the cameras from which on more drones add nothing, the share of a person that must be
         visible, the people who count, and the share of all views that is asked for, if one is
+    with_own : J is the problem's own, with its weight of views, instead
     plans : those that no other plan is better than in both, the fewest views first; each has
         `plan`, `reward` (J) and `views` (V)
     half_planes : in the order in which they were proved; each has `bound`, which no plan exceeds,
@@ -98,6 +100,7 @@ class Front:
     views: Views
     plans: tuple[PlanPoint, ...] = ()
     half_planes: tuple[HalfPlane, ...] = ()
+    with_own: bool = False
 
     @classmethod
     def of(
@@ -131,12 +134,26 @@ class Front:
         if not direction.reward:
             return views_alone(self.problem, self.views)
         given, people = self.problem.objective, len(self.problem.actors)
-        weights = tuple(direction.views * weight for weight in self.views.weights(people))
-        weight = weights if isinstance(self.views.weight, tuple) else direction.views
+        present = given.views.weights(people) if given.views and self.with_own else (0.0,) * people
+        weights = tuple(
+            weight + direction.views * counted
+            for weight, counted in zip(present, self.views.weights(people), strict=True)
+        )
+        weight = weights if len(set(weights)) > 1 else max(weights, default=direction.views)
         objective = given.replace(
-            pixels=given.pixels or 1.0, views=self.views.replace(weight=weight, share=None)
+            pixels=given.pixels if self.with_own else given.pixels or 1.0,
+            views=self.views.replace(weight=weight, share=None),
         )
         return self.problem.replace(objective=objective)
+
+    def file(self, plane: HalfPlane) -> CertificateFile | ProofFile | None:
+        """Returns the certificate of a half-plane as one for the problem: it has its objective."""
+        objective = self.scene(plane.direction).objective
+        given = self.problem.objective
+        views = None if given.views is None else given.views.replace(share=None)
+        if plane.file is None or objective == given.replace(views=views):
+            return plane.file
+        return plane.file.with_objective(objective)
 
     def point(self, plan: Plan) -> PlanPoint | None:
         """Returns where a plan stands; None if it breaks a rule."""
@@ -238,14 +255,14 @@ class Front:
         """
         edges = [d for d in self.directions() if self.room(d) > _CLOSED] or self.directions()
         new = [d for d in edges if not self.tries(d)]
-        asked = self._asked_direction()
+        asked = self.asked_direction()
         return asked if asked in new else max(new or edges, key=self.room)
 
     def tries(self, direction: Direction) -> int:
         """Returns the number of half-planes that there are of a direction."""
         return sum(_alike(direction, p.direction, self._scale) for p in self.half_planes)
 
-    def _asked_direction(self) -> Direction | None:
+    def asked_direction(self) -> Direction | None:
         """Returns the direction across the edge with the share that is asked for, if there is one.
 
         Without such an edge nothing between two plans is to be found.
@@ -367,14 +384,8 @@ class Front:
     def _told(self, share: float) -> str:
         """Returns the sentence on a share of all views that is asked for."""
         views = share * self.most_views
-        found, bound = self.best_with(views), self.reward_bound(views)
-        if bound < 0:
-            return f"no plan of these drones keeps {100 * share:g} %: that is proved"
-        words = "none was found"
-        if found is not None:
-            words = f"the best one found has J = {found.reward:,.2f}"
-        proved = f"; none has more than {rounded_up(bound, 2)}" if bound < math.inf else ""
-        return f"with {100 * share:g} % of views {words}{proved}"
+        found = self.best_with(views)
+        return told_share(share, None if found is None else found.reward, self.reward_bound(views))
 
     def __str__(self) -> str:
         found = [f"{p.views:g} views, J = {p.reward:,.2f}" for p in self.plans]

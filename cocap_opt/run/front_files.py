@@ -1,7 +1,7 @@
-"""The folder of a trade-off: plans, and scenes with the bounds that prove its half-planes.
+"""The folder of a trade-off: plans, and the bounds that prove its half-planes.
 
-Each direction is a scene of its own, so that `cocap-opt verify` checks its bound. What is read is
-checked again: a bound by its certificate, a plan by the referee.
+Each bound's file has the objective of its direction, so that `cocap-opt verify` checks it with the
+scene. What is read is checked again: a bound by its certificate, a plan by the referee.
 """
 
 from collections.abc import Iterator
@@ -12,7 +12,6 @@ from cocap_opt.console.progress import Watch
 from cocap_opt.files.documents import (
     FileError,
     PlanFile,
-    SceneFile,
     decode_document,
     encode,
     problem_digest,
@@ -30,7 +29,7 @@ from cocap_opt.referee import check
 from cocap_opt.run.front import VIEWS_ALONE, Direction, Front, HalfPlane
 from cocap_opt.stop import Stop, never
 
-_SCENE, _BOUND, _PLAN = "direction-{}.scene.json", "direction-{}.bound.json", "plan-{}.json"
+_BOUND, _PLAN = "direction-{}.bound.json", "plan-{}.json"
 TABLE = "front.csv"
 
 
@@ -38,16 +37,14 @@ def save(front: Front, folder: Path) -> None:
     """Writes a trade-off's files; those of more plans or bounds than there are now are removed."""
     make_folder(folder)
     contents: dict[Path, bytes] = {}
-    proved = [(plane.direction, plane.file) for plane in front.half_planes if plane.file]
-    for n, (direction, certificate) in enumerate(proved, 1):
-        contents[folder / _SCENE.format(n)] = encode(SceneFile.of(front.scene(direction)))
+    for n, certificate in enumerate(filter(None, map(front.file, front.half_planes)), 1):
         contents[folder / _BOUND.format(n)] = encode(certificate)
     for n, point in enumerate(front.plans, 1):
         reward = check(front.problem, point.plan).reward
         file = PlanFile.of(front.problem, point.plan, reward, planner="front")
         contents[folder / _PLAN.format(n)] = encode(file)
     save_files(contents)
-    for name in (_SCENE, _BOUND, _PLAN):
+    for name in (_BOUND, _PLAN):
         for old in _numbered(folder, name):
             if old not in contents:
                 old.unlink()
@@ -67,18 +64,16 @@ def read(front: Front, folder: Path, stop: Stop = never, watch: Watch | None = N
         At a limit.
     """
     planes, watch = [], watch or Watch()
-    paths = [*_numbered(folder, _SCENE)]
+    paths = [*_numbered(folder, _BOUND)]
     for number, path in enumerate(paths, 1):
         watch.begin(f"{front.problem.name}, bound {number} of {len(paths)} is checked")
-        scene = decode_document(read_bytes(path), str(path), SceneFile).problem
-        direction = _direction(front, scene, path)
-        where = path.with_name(path.name.replace(".scene.", ".bound."))
-        file = decode_document(read_bytes(where), str(where), CertificateFile, ProofFile)
+        file = decode_document(read_bytes(path), str(path), CertificateFile, ProofFile)
         assert isinstance(file, CertificateFile | ProofFile)
         try:
-            bound = verify(scene, file, stop=stop).bound
+            direction = _direction(front, file.problem_of(front.problem), path)
+            bound = verify(front.problem, file, stop=stop).bound
         except CertificateError as error:
-            raise FileError(f"{where}: {error}") from error
+            raise FileError(f"{path}: {error}") from error
         planes.append(HalfPlane(direction, bound, file))
     plans = []
     for path in _numbered(folder, _PLAN):

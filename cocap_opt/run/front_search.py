@@ -2,8 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from cocap_opt.console.progress import Watch
+from cocap_opt.method import Method
 from cocap_opt.model import share_coverage
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.run.engine import BOUND_METHOD, run
@@ -43,16 +45,22 @@ def explored(
         watch.begin(f"{front.problem.name}, direction {number + 1} of {directions}")
         direction = front.next_direction()
         time = seconds * 2 ** front.tries(direction)
-        front = _towards(front, direction, stop, time, planner, bound, watch)
+        front = towards(front, direction, stop, time, planner, bound, watch)
         keep(front)
     return front
 
 
-def _towards(
-    front: Front, direction: Direction, stop: Stop, seconds: float, planner: str, bound: str,
-    watch: Watch,
+def towards(
+    front: Front, direction: Direction, stop: Stop, seconds: float, planner: str,
+    bound: str | Method[Any], watch: Watch, **options: Any,
 ) -> Front:  # fmt: skip
-    """Returns the trade-off with a plan and a half-plane of a direction."""
+    """Returns the trade-off with a plan and a half-plane of a direction.
+
+    Parameters
+    ----------
+    seconds : for both, coverage not included
+    options : of `run`, for the bound
+    """
     scene = front.scene(direction)
     share_coverage(scene, front.scene(REWARD_ALONE))
     made = run(scene, planner, stop, allowance=Allowance(_OF_PLANNER * seconds), watch=watch).result
@@ -61,7 +69,7 @@ def _towards(
     left = Allowance(max(seconds - made.seconds, _LEAST))
     result = run(
         scene, bound, stop, allowance=left, watch=watch,
-        start=None if start is None else start.plan,
+        start=None if start is None else start.plan, **options,
     ).result  # fmt: skip
     plane = HalfPlane(direction, result.bound, result.certificate)
     front = replace(front, half_planes=(*front.half_planes, plane))

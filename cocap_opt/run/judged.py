@@ -13,7 +13,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Reason, Result, relative_gap
 from cocap_opt.run.options import Allowance
-from cocap_opt.run.view_share import missed_share
+from cocap_opt.run.view_share import missed_share, proved_in
 from cocap_opt.stop import Clock
 
 _log = logging.getLogger(__name__)
@@ -44,12 +44,15 @@ def finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def below_certificate(result: Result) -> str:
+def below_certificate(problem: Problem, result: Result) -> str:
     """Says that a result claims a lower bound than its certificate does; empty if it does not."""
     file = result.certificate if isinstance(result, CertifiedResult) else None
-    if file is None or result.bound >= file.proved - ROUNDING * abs(file.proved):
+    if file is None:
         return ""
-    return f"bound: the result claims {result.bound!r}, its file {file.proved!r}"
+    proved = proved_in(problem, file)
+    if result.bound >= proved - ROUNDING * abs(proved):
+        return ""
+    return f"bound: the result claims {result.bound!r}, its file {proved!r}"
 
 
 class Judged(NamedTuple, Generic[_R_co]):
@@ -71,7 +74,7 @@ class Judged(NamedTuple, Generic[_R_co]):
             If the plan cannot be flown, has another J than claimed, or is better than the bound, or
             the bound is lower than the certificate says.
         """
-        if words := below_certificate(result):
+        if words := below_certificate(problem, result):
             raise RefereeError(f"{name}: {words}")
         if result.plan is None:
             return Judged(result, None)

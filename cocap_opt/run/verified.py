@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple, Self
 
 from cocap_opt.files.documents import PlanFile, other_coverage, problem_digest
@@ -21,6 +22,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import relative_gap
 from cocap_opt.run.judged import ROUNDING
+from cocap_opt.run.view_share import bound_with_share, missed_share
 from cocap_opt.stop import Stop, never
 from cocap_opt.text import other_scene
 
@@ -37,6 +39,11 @@ class ProvedBound(NamedTuple):
     pricing: Pricing  # what the sweep finds of it
     second_opinion: SecondOpinion | None = None  # what networkx finds; None if nobody has asked
 
+    @property
+    def problem(self) -> Problem:
+        """The problem that the bound is on: the scene, mostly with its own objective."""
+        return self.model.problem
+
     @classmethod
     def of(
         cls,
@@ -52,6 +59,8 @@ class ProvedBound(NamedTuple):
 
         Parameters
         ----------
+        model : of the problem that the bound is on, or of the same with another objective, and then
+            one is made of that
         by_networkx : it is added up a second time, with networkx
         progress : told how many leaves are done, and of how many
         second : told how many best paths networkx has found, and of how many
@@ -67,12 +76,15 @@ class ProvedBound(NamedTuple):
         TooLargeError
             If it is to be priced by networkx, and is too large for that.
         """
+        problem = file.problem_of(model.problem)
+        if problem.objective != model.problem.objective:
+            model = Model(problem, plain=True)
         if by_networkx:
-            require_small(model.problem, file)
-        pricing = verify(model.problem, file, progress, model, stop, plain)
+            require_small(problem, file)
+        pricing = verify(problem, file, progress, model, stop, plain)
         if not by_networkx:
             return cls(model, file, pricing)
-        opinion = SecondOpinion.of(model.problem, file, second)
+        opinion = SecondOpinion.of(problem, file, second)
         if not opinion.agrees(pricing):
             raise CertificateError(
                 f"bound: the sweep finds {pricing.bound!r}, networkx {opinion.bound!r}, so one of "
@@ -125,6 +137,8 @@ class Verified:
         """
         verdict = None if plan is None else check(problem, plan)
         proved = min(bounds, key=lambda bound: bound.pricing.bound, default=None)
+        if len({bound.problem.objective for bound in bounds}) > 1:
+            raise ValueError("bounds: are on several objectives; check them one at a time")
         found = cls(problem, plan, verdict, proved, plain=plain)
         violations = [*found._of_plan(claimed, values), *failed]
         return replace(found, violations=tuple(violations or found._of_both()))
@@ -136,12 +150,53 @@ class Verified:
         return self.verdict.reward if self.verdict is not None and flown else -math.inf
 
     @property
+    def is_on_other_objective(self) -> bool:
+        """The bound is on another objective than the scene's: it weighs views otherwise."""
+        return self.proved is not None and self.proved.problem.objective != self.problem.objective
+
+    @property
+    def is_of_share(self) -> bool:
+        """The bound holds for plans that keep the share of views that the scene asks for."""
+        return self.is_on_other_objective and self._with_share(self._numbers) < math.inf
+
+    @cached_property
+    def keeps_share(self) -> bool:
+        """The plan keeps that share, if one is asked for."""
+        return self.plan is not None and not missed_share(self.problem, self.plan)
+
+    @cached_property
+    def reward_there(self) -> float:
+        """J of the plan with the objective that the bound's file is for, mostly the scene's."""
+        if not self.is_on_other_objective or self.plan is None or self.reward == -math.inf:
+            return self.reward
+        assert self.proved is not None
+        return check(self.proved.problem, self.plan).reward
+
+    @property
+    def compared(self) -> float:
+        """J of the plan that the bound is compared with."""
+        return self.reward if self.is_of_share else self.reward_there
+
+    @property
     def bound(self) -> float:
         """The lowest bound that is proved, to which gaps are; infinite without one.
 
-        It is what the file claims, or where its numbers prove clearly less, what they prove.
+        It is what the file claims, or where its numbers prove clearly less, what they prove; where
+        the file has more weight of views than the scene, for the share that the scene asks for, it
+        is that of plans that keep the share.
         """
+        return self._with_share(self._numbers) if self.is_of_share else self._numbers
+
+    @property
+    def _numbers(self) -> float:
+        """The bound on the objective that the file is for."""
         return self.proved_bound if self.understated else self.claimed_bound
+
+    def _with_share(self, bound: float) -> float:
+        """Returns the bound for plans that keep the share; infinite where it says nothing of it."""
+        if self.proved is None:
+            return math.inf
+        return bound_with_share(self.problem, self.proved.problem, bound)
 
     @property
     def claimed_bound(self) -> float:
@@ -178,8 +233,10 @@ class Verified:
 
     @property
     def gap(self) -> float:
-        """The relative gap, (bound - reward) / bound; infinite where one of them is missing."""
-        return relative_gap(self.reward, self.bound)
+        """The relative gap, (bound - compared) / bound; infinite where one of them is missing."""
+        if self.is_of_share and not self.keeps_share:
+            return math.inf
+        return relative_gap(self.compared, self.bound)
 
     @property
     def no_plan(self) -> bool:
@@ -195,7 +252,7 @@ class Verified:
         gap = f"{100 * self.gap:.4f} %" if math.isfinite(self.gap) else "none"
         if self.verdict is None:
             return f"Verified(bound {self.bound:,.2f}, no plan given)"
-        return f"Verified(J {self.reward:,.2f}, bound {self.bound:,.2f}, gap {gap})"
+        return f"Verified(J {self.compared:,.2f}, bound {self.bound:,.2f}, gap {gap})"
 
     def _of_plan(self, claimed: PlanFile | None, values: Sequence[float]) -> Iterator[str]:
         """Yields what is wrong with the plan, and with what is claimed of it."""
@@ -216,9 +273,9 @@ class Verified:
 
     def _of_both(self) -> Iterator[str]:
         """Yields what contradicts each other in a plan and a bound of which all claims hold."""
-        if self.verdict is None:
+        if self.verdict is None or (self.is_of_share and not self.keeps_share):
             return
         if self.no_plan:
             yield "plan: it obeys the rules, though it is proved that no plan does"
-        elif self.reward > self.bound + ROUNDING * abs(self.bound):
+        elif self.compared > self.bound + ROUNDING * abs(self.bound):
             yield "reward: it is above the bound, so one of the two is wrong"

@@ -12,8 +12,10 @@ import numpy as np
 
 from cocap_opt.data import FloatArray
 from cocap_opt.footage.quality import Assumptions, Quality, person_steps
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.referee import check
+from cocap_opt.text import rounded_up
 
 _ROUNDING = 1e-9  # relative
 _KEPT = 64  # plans of a trade-off, which are told after each direction
@@ -72,6 +74,78 @@ def seen_share(problem: Problem, plan: Plan, views: Views) -> float:
     found = Quality.of(problem, plan, assumptions=assumptions)
     seen, total = weights[found.views >= views.cameras].sum(), weights.sum()
     return float(seen / total) if total else math.nan
+
+
+def bound_with_share(problem: Problem, other: Problem, bound: float) -> float:
+    """Returns the J that no plan that keeps the share asked for exceeds, by a bound elsewhere.
+
+    With a multiplier m >= 0 of the share, a bound B on J + m V, and the least V that is to be kept,
+
+        J <= B - m V.
+
+    Parameters
+    ----------
+    other : the problem with more weight of views, m for each person at least, or with views alone
+    bound : on its J
+
+    Returns
+    -------
+    float
+        -inf where no plan keeps the share; inf where the bound says nothing of it, or no share is
+        asked for.
+    """
+    given, heavier = problem.objective.views, other.objective.views
+    if given is None or heavier is None or given.share is None:
+        return math.inf
+    if (given.cameras, given.at_least) != (heavier.cameras, heavier.at_least):
+        return math.inf
+    kept = given.share * most_views(problem, given.cameras) * (1 - _ROUNDING)
+    is_alone = other.objective == views_alone(problem, heavier).objective
+    if not is_alone and other.objective.replace(views=given) != problem.objective:
+        return math.inf
+    people = len(problem.actors)
+    before = (0.0,) * people if is_alone else given.weights(people)
+    more = np.subtract(heavier.weights(people), before)
+    counted = (counted_weights(problem) > 0).any(axis=0)
+    if not counted.any() or more.min() < 0:
+        return math.inf
+    taken = float(more[counted].min()) * kept
+    rest = bound - taken + _ROUNDING * (abs(bound) + taken)
+    if rest < 0:  # neither J nor V is
+        return -math.inf
+    return math.inf if is_alone else rest
+
+
+def proved_in(
+    problem: Problem, file: CertificateFile | ProofFile, bound: float | None = None
+) -> float:
+    """Returns the bound on J of a problem that a file claims, by its own objective or the scene's.
+
+    Where the objective is its own, that is of plans that keep the share of views asked for.
+
+    Parameters
+    ----------
+    bound : that its numbers prove, in place of the one that it claims
+    """
+    other, proved = file.problem_of(problem), file.proved if bound is None else bound
+    if other.objective == problem.objective:
+        return proved
+    return bound_with_share(problem, other, proved)
+
+
+def told_share(share: float, reward: float | None, bound: float) -> str:
+    """Says what is known of the plans that keep a share of views.
+
+    Parameters
+    ----------
+    reward : J of the best one; None if none is known
+    bound : J that none of them exceeds; negative: there is none
+    """
+    if bound < 0:
+        return f"no plan of these drones keeps {100 * share:g} %: that is proved"
+    words = "none was found" if reward is None else f"the best one found has J = {reward:,.2f}"
+    proved = f"; none has more than {rounded_up(bound, 2)}" if bound < math.inf else ""
+    return f"with {100 * share:g} % of views {words}{proved}"
 
 
 def missed_share(problem: Problem, plan: Plan) -> str:

@@ -159,7 +159,8 @@ class PlanRow:
         result = judged.result
         row = PlanRow.of(problem, seed, method if result.plan else None, judged)
         messages = [row.message] if row.message else []
-        if result.reason is Reason.INFEASIBLE and result.bound < 0:
+        of_share = result.certificate is not None and result.certificate.objective is not UNSET
+        if not of_share and result.reason is Reason.INFEASIBLE and result.bound < 0:
             messages.append("proved: no plan obeys the rules, no J is below 0")
         if result.certificate is None and math.isfinite(result.bound):
             messages.append(f"no certificate: the bound is what {method} proves by itself")

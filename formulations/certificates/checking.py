@@ -36,7 +36,8 @@ def verify(
     ----------
     progress : told how many leaves of a proof are done, or searches of a staged certificate, and
         of how many
-    model : of the problem, made without the cache; so that several files share its coverage
+    model : of the problem that the bound is on, made without the cache, so that several files share
+        its coverage; one of another problem is not used
     plain : use no code that is compiled by numba, which only staged certificates would; their
         searches take about twenty times as long then
 
@@ -49,8 +50,10 @@ def verify(
         If the searches of a staged certificate take too long, or a limit is reached: the claim may
         hold all the same.
     """
+    problem = file.problem_of(problem)
     if file.digest == problem_digest(problem):
-        model = Model(problem, plain=True) if model is None else model
+        if model is None or problem_digest(model.problem) != file.digest:
+            model = Model(problem, plain=True)
         model = model.disaggregated() if file.classes == "single" else model
         try:
             model.prepare_all(stop)

@@ -9,18 +9,18 @@ import math
 from collections.abc import Iterator
 from functools import lru_cache
 from itertools import pairwise
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
 
 import msgspec
 import numpy as np
 from msgspec import UNSET, UnsetType
 
-from cocap_opt.data import FloatArray
+from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import SAMPLED, Document
 from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.model import Model
-from cocap_opt.problem import Problem, State
+from cocap_opt.problem import Objective, Problem, State
 from cocap_opt.stop import Stop, never
 
 MOST_NODES = 1_000_000
@@ -307,7 +307,27 @@ class _Claim(Document, frozen=True, kw_only=True):
     method: str
     classes: Classes = "alike"
     coverage_version: int | None = None
+    objective: Objective | UnsetType = UNSET
     bound: float | None  # None: -infinity, there is no plan
+
+    def problem_of(self, scene: Problem) -> Problem:
+        """Returns the problem that the bound is on: a scene, or it with another objective.
+
+        Raises
+        ------
+        CertificateError
+            If the scene has not the people whom the objective weighs.
+        """
+        if isinstance(self.objective, UnsetType):
+            return scene
+        try:
+            return scene.replace(objective=self.objective)
+        except ProblemError as error:
+            raise CertificateError(f"objective: does not fit the scene; {error}") from error
+
+    def with_objective(self, objective: Objective) -> Self:
+        """Returns the file of a problem with this objective as one of the scene with another."""
+        return msgspec.structs.replace(self, objective=objective)
 
     @property
     def proved(self) -> float:
@@ -327,6 +347,8 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     classes : what numbers of classes count. `alike`: classes of robots that differ only in their
         start, numbered by their first robot; `single`: robots
     coverage_version : of the law by which pixels were computed; null: nobody wrote it
+    objective : that J has in place of the scene's, where views have another weight than in the
+        scene: digest and bound are those of the scene with this objective
     bound : J that no plan exceeds, as claimed; null: there is no plan
     coverage : `optimistic` where the bound was computed with coverage that a limit had cut short:
         at the steps left open nothing hid anybody. The claim is checked on the true coverage
@@ -388,6 +410,8 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
     classes : what numbers of classes count. `alike`: classes of robots that differ only in their
         start, numbered by their first robot; `single`: robots
     coverage_version : of the law by which pixels were computed; null: nobody wrote it
+    objective : that J has in place of the scene's, where views have another weight than in the
+        scene: digest and bound are those of the scene with this objective
     bound : J that no plan exceeds, as claimed; null: there is no plan
     nodes : the first is the root; children come after their parent, and each has one
     """

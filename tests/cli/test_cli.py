@@ -945,6 +945,11 @@ WRONG = [
     (["plan", "corridor", "-o", "x" * 300], "x" * 300 + ": cannot be written"),
     (["export", "corridor", "--views", "0", "-o", "x.json"], "--views: must be 1..64, not 0"),
     (["export", "corridor", "--views-weight", "2", "-o", "x.json"], "is for a scene with --views"),
+    (["export", "corridor", "--views-share", "0.9", "-o", "x.json"], "is for a scene with --views"),
+    (
+        ["export", "corridor", "--views", "2", "--views-share", "2", "-o", "x.json"],
+        "--views-share: must be 0..1, not 2.0",
+    ),
     (
         ["export", "corridor", "--views", "2", "--views-weight", "-2", "-o", "x.json"],
         "--views-weight: must be 0..1e+12, not -2.0",

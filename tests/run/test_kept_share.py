@@ -1,9 +1,24 @@
 """Plans that keep the share of views that is asked for."""
 
+import math
+from contextlib import suppress
+from itertools import product
+from typing import Any
+
+import msgspec
 import pytest
+from brute_force import all_paths
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec import UnsetType
+from pool import problems
+from strategies import examples
 from trade_offs import crossroads
 
 import cocap_opt as co
+from cocap_opt.files.documents import problem_digest
+from cocap_opt.problem import Objective, Plan, Problem
+from cocap_opt.referee import check
 from cocap_opt.run.front import Front
 from cocap_opt.run.view_share import missed_share
 
@@ -30,3 +45,100 @@ def test_a_share_that_no_plan_keeps_is_said() -> None:
     alone = asked.replace(objective=asked.objective.replace(views=without.replace(share=None)))
     assert result.value == co.plan(alone).value
     assert "fewer than 100 %" in result.message
+
+
+@examples(25)
+@given(
+    problems(most_plans=300), st.sampled_from([1, 2]), st.sampled_from([0.3, 0.6, 0.9]),
+    st.sampled_from([0.0, 1.0]),
+)  # fmt: skip
+def test_no_plan_that_keeps_the_share_exceeds_the_bound(
+    problem: Problem, cameras: int, share: float, weight: float
+) -> None:
+    """Of all plans that obey the rules, by brute force; the certificate is checked, too."""
+    asked = co.with_views(problem, cameras=cameras, weight=weight, share=share)
+    paths = [all_paths(asked, robot) for robot in range(len(asked.robots))]
+    plans = [Plan(paths=chosen) for chosen in product(*paths)]
+    kept = [check(asked, p).reward for p in plans if check(asked, p).valid and keeps(asked, p)]
+    best = max(kept, default=-math.inf)
+    result = co.solve(asked)
+    assert result.bound >= best - 1e-9 * (1 + abs(best))
+    if result.plan is not None and keeps(asked, result.plan):
+        assert check(asked, result.plan).valid
+        assert result.value <= best + 1e-9 * (1 + abs(best))
+        assert co.verify(asked, result).bound == pytest.approx(result.bound, rel=1e-6)
+    elif result.plan is None and result.certificate is not None:
+        assert best == -math.inf
+        assert co.verify(asked, result.certificate).no_plan
+    assert result.certificate is None or co.verify(asked, result.certificate).bound >= best - 1e-9
+
+
+def keeps(problem: Problem, plan: Plan) -> bool:
+    """A plan keeps the share."""
+    return not missed_share(problem, plan)
+
+
+@pytest.fixture(scope="module")
+def proved() -> tuple[Problem, co.CertifiedResult]:
+    """A share that the scene's own weight misses, and the best plan that keeps it."""
+    asked = co.with_views(crossroads(), cameras=1, weight=1.0, share=0.6)
+    result = co.solve(asked)
+    assert result.certificate is not None
+    return asked, result
+
+
+def test_a_proof_has_the_multiplier_of_the_share(
+    proved: tuple[Problem, co.CertifiedResult],
+) -> None:
+    """Four views of six are asked for; the bound is on J and so much more weight of views."""
+    asked, result = proved
+    assert result.plan is not None and result.certificate is not None
+    objective = result.certificate.objective
+    assert not isinstance(objective, UnsetType) and objective.views is not None
+    multiplier = result.statistics["multiplier of the share"]
+    assert multiplier > 0 and objective.views.weight == 1.0 + multiplier
+    assert result.bound == pytest.approx(result.certificate.proved - 0.6 * 6 * multiplier)
+    assert result.value == check(asked, result.plan).reward <= result.bound
+    verified = co.verify(asked, result)
+    assert (verified.reward, verified.bound) == (result.value, result.bound)
+    assert verified.gap == result.gap and co.explain(asked, result).attrs["bound"] > result.bound
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"pixels": 0.5}, {"stationarity": 1.0}, {"views": None}, {"views": {"cameras": 2}},
+        {"views": {"at_least": 0.5}}, {"views": {"weight": 0.5}}, {"views": {"weight": [1.0]}},
+    ],
+)  # fmt: skip
+def test_an_altered_objective_is_refused(
+    change: dict[str, Any], proved: tuple[Problem, co.CertifiedResult]
+) -> None:
+    """Its digest tells; with that of the altered objective its numbers prove less, or no share."""
+    asked, result = proved
+    file = result.certificate
+    assert file is not None and not isinstance(file.objective, UnsetType)
+    content = msgspec.to_builtins(file.objective)
+    views = change.get("views")
+    content |= change if views is None else {"views": content["views"] | views}
+    altered = file.with_objective(msgspec.convert(content, Objective))
+    with pytest.raises(co.CertificateError, match=r"digest|objective"):
+        co.verify(asked, altered)
+    with suppress(co.CertificateError):
+        digest = problem_digest(altered.problem_of(asked))
+        verified = co.verify(asked, msgspec.structs.replace(altered, digest=digest))
+        assert verified.bound >= result.value or not verified.is_of_share
+
+
+def test_a_plan_below_the_share_has_no_gap_to_its_bound(
+    proved: tuple[Problem, co.CertifiedResult],
+) -> None:
+    """It may have more J than all plans that keep the share: that contradicts nothing."""
+    asked, result = proved
+    views = asked.objective.views
+    assert views is not None
+    alone = asked.replace(objective=asked.objective.replace(views=views.replace(share=None)))
+    plan = co.plan(alone).plan
+    assert plan is not None and not keeps(asked, plan)
+    verified = co.verify(asked, plan, result.certificate)
+    assert verified.reward > verified.bound and verified.gap == math.inf
