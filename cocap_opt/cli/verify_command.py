@@ -6,6 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
+import msgspec
 import numpy as np
 from cyclopts import Parameter
 
@@ -33,7 +34,7 @@ from cocap_opt.output.printing import (
     print_result,
     print_texts,
 )
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.run.explained import Explained
 from cocap_opt.run.explained_tables import explained_tables
 from cocap_opt.run.explained_words import explained_sentences
@@ -107,8 +108,6 @@ def _verify(
         raise UsageError("--networkx: name a certificate or a proof")
     if plain and not claims.bounds:
         raise UsageError("--plain: name a certificate or a proof")
-    if len({bound.objective for bound in claims.bounds.values()}) > 1:
-        raise UsageError("FILE: the bounds are on several objectives; check them one at a time")
     bounds, failed = claims.proved(networkx, time_limit, plain)
     verified = Verified.of(
         claims.problem, claims.plan, claims.plan_file, bounds=bounds, failed=failed, plain=plain
@@ -124,6 +123,9 @@ def _verify(
         **claims.answer(verified),
     }
     explained = Explained.of(verified) if explain else None
+    if explained is not None and verified.is_on_other_objective:
+        words = "the terms explain the gap on the file's objective"
+        answer["message"] = "; ".join(filter(None, (answer.get("message", ""), words)))
     if explain and json:
         answer["explanation"] = _data(explained) if explained else None
     print_result(answer if json else answer | claims.by_person(verified), json)
@@ -167,7 +169,9 @@ def _between_cells(path: Path, problem: Problem) -> tuple[float, ...] | None:
 def _of_bound(verified: Verified) -> Iterator[str]:
     """Yields in words which plans a bound holds for, and why it may be high."""
     views = verified.problem.objective.views
-    if verified.is_of_share:
+    if verified.bound_there < 0:
+        yield _NO_PLAN
+    elif verified.is_of_share:
         asked = f"{100 * ((views and views.share) or 0):g} % of views"
         if verified.no_plan:
             yield f"proved: no plan keeps {asked}"
@@ -175,25 +179,33 @@ def _of_bound(verified: Verified) -> Iterator[str]:
             yield f"the bound holds for plans that keep {asked}"
         else:
             yield f"the bound holds for plans that keep {asked}, which this one does not"
-    elif verified.no_plan:
-        yield _NO_PLAN
     elif verified.is_on_other_objective:
         assert verified.proved is not None
-        yield f"bound and reward_there are of another objective: {_told(verified.proved.problem)}"
+        told = _told(verified.proved.problem.objective, verified.problem.objective)
+        yield f"the file's bound is on another objective: {told}"
     if verified.optimistic:
         yield _OPTIMISTIC
 
 
-def _told(problem: Problem) -> str:
-    """Says of which weights of pixels and views the objective of a problem is."""
-    views = problem.objective.views
-    if views is None:
-        return "no views count"
-    weights = sorted(set(views.weights(len(problem.actors)) or (0.0,)))
-    words = " to ".join(f"{weight:g}" for weight in weights[:: max(len(weights) - 1, 1)])
-    if not problem.objective.pixels:
-        return f"views alone, up to {views.cameras} of a person, each {words}"
-    return f"{words} for each view, up to {views.cameras} of a person"
+def _told(objective: Objective, given: Objective) -> str:
+    """Says in which weights an objective differs from another."""
+    before = msgspec.structs.asdict(given)
+    found = msgspec.structs.asdict(objective)
+    return ", ".join(
+        f"{name} {_weight(value)}" for name, value in found.items() if value != before[name]
+    )
+
+
+def _weight(value: object) -> str:
+    """Returns a field of an objective in words."""
+    if not isinstance(value, Views):
+        return "none" if value is None else f"{value}"
+    weights = sorted(set(value.weights(1)))
+    words = " to ".join(f"{weight:g}" for weight in (weights[0], weights[-1]))
+    return (
+        f"of weight {words if len(weights) > 1 else f'{weights[0]:g}'}, up to {value.cameras} of a "
+        f"person, from {100 * value.at_least:g} % of them on"
+    )
 
 
 class _Claims(NamedTuple):
@@ -336,7 +348,10 @@ class _Claims(NamedTuple):
             if verified.plain:
                 found["plain"] = True
             if verified.is_on_other_objective and not verified.is_of_share:
-                found |= {"reward_there": finite(verified.reward_there)}
+                found |= {
+                    "reward_there": finite(verified.reward_there),
+                    "bound_there": finite(verified.bound_there),
+                }
             if words := "; ".join(_of_bound(verified)):
                 found["message"] = words
         if words := "; ".join(self._made_otherwise(verified)):

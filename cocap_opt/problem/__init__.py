@@ -24,7 +24,6 @@ from cocap_opt.problem.shapes import Cuboid, Prism, Shape, TriangulatedCuboid
 
 __all__ = [
     "COVERAGE_VERSION",
-    "LEAST_SHARE",
     "NO_RULES",
     "SEPARATION",
     "VERTEX_ONLY",

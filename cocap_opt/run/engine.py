@@ -117,9 +117,9 @@ def _without_claims(name: str, problem: Problem, result: Result) -> Result:
     file = result.certificate if isinstance(result, CertifiedResult) else None
     if file is None:
         return replace(result, bound=math.inf)
-    if words := below_certificate(problem, result):
-        raise RefereeError(f"{name}: {words}")
     try:
+        if words := below_certificate(problem, result):
+            raise RefereeError(f"{name}: {words}")
         proved = verify(problem, file, model=compiled(problem)).bound
         return replace(result, bound=proved_in(problem, file, proved))
     except CertificateError as error:

@@ -171,7 +171,7 @@ def gaps_of(
         If it proves that there is no plan.
     """
     model, _, pricing, _ = ProvedBound.of(Model(problem, plain=True), file)
-    rewards = [check(problem, plan).reward for plan in plans]
+    rewards = [check(model.problem, plan).reward for plan in plans]
     return [
         explain(model, plan, reward, file, pricing.bound)
         for plan, reward in zip(plans, rewards, strict=True)

@@ -22,12 +22,14 @@ from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem import Plan, Problem, Views
 from cocap_opt.referee import check
 from cocap_opt.run.view_share import (
+    lagrangian_bound,
     most_views,
     seen_share,
     told_share,
     views_alone,
     views_asked,
     views_of,
+    views_to_keep,
 )
 from cocap_opt.text import rounded_up
 
@@ -89,7 +91,7 @@ class Front:
     problem : the scene; J is its reward without views, with pixels of weight 1 if they had none
     views : the cameras from which on more drones add nothing, the share of a person that must be
         visible, the people who count, and the share of all views that is asked for, if one is
-    with_own : J is the problem's own, with its weight of views, instead
+    base : the problem whose reward is J: without views, or with a weight of views of its own
     plans : those that no other plan is better than in both, the fewest views first; each has
         `plan`, `reward` (J) and `views` (V)
     half_planes : in the order in which they were proved; each has `bound`, which no plan exceeds,
@@ -98,9 +100,9 @@ class Front:
 
     problem: Problem
     views: Views
+    base: Problem
     plans: tuple[PlanPoint, ...] = ()
     half_planes: tuple[HalfPlane, ...] = ()
-    with_own: bool = False
 
     @classmethod
     def of(
@@ -122,7 +124,11 @@ class Front:
         ProblemError
             If a number is out of range; it names the field.
         """
-        return cls(problem, views_asked(problem, cameras, at_least, share))
+        views, given = views_asked(problem, cameras, at_least, share), problem.objective
+        objective = given.replace(
+            pixels=given.pixels or 1.0, views=views.replace(weight=0.0, share=None)
+        )
+        return cls(problem, views, problem.replace(objective=objective))
 
     def is_of(self, other: "Front") -> bool:
         """Returns True for two trade-offs of one problem in which the same views count."""
@@ -133,31 +139,29 @@ class Front:
         """Returns the problem whose objective is the weighted sum of J and V."""
         if not direction.reward:
             return views_alone(self.problem, self.views)
-        given, people = self.problem.objective, len(self.problem.actors)
-        present = given.views.weights(people) if given.views and self.with_own else (0.0,) * people
+        if not direction.views:
+            return self.base
+        given, people = self.base.objective, len(self.problem.actors)
+        assert given.views is not None
         weights = tuple(
             weight + direction.views * counted
-            for weight, counted in zip(present, self.views.weights(people), strict=True)
+            for weight, counted in zip(
+                given.views.weights(people), self.views.weights(people), strict=True
+            )
         )
         weight = weights if len(set(weights)) > 1 else max(weights, default=direction.views)
-        objective = given.replace(
-            pixels=given.pixels if self.with_own else given.pixels or 1.0,
-            views=self.views.replace(weight=weight, share=None),
-        )
-        return self.problem.replace(objective=objective)
+        views = given.views.replace(weight=weight, share=None)
+        return self.problem.replace(objective=given.replace(views=views))
 
     def file(self, plane: HalfPlane) -> CertificateFile | ProofFile | None:
         """Returns the certificate of a half-plane as one for the problem: it has its objective."""
-        objective = self.scene(plane.direction).objective
-        given = self.problem.objective
-        views = None if given.views is None else given.views.replace(share=None)
-        if plane.file is None or objective == given.replace(views=views):
+        if plane.file is None or plane.file.digest == problem_digest(self.problem):
             return plane.file
-        return plane.file.with_objective(objective)
+        return plane.file.with_objective(self.scene(plane.direction).objective)
 
     def point(self, plan: Plan) -> PlanPoint | None:
         """Returns where a plan stands; None if it breaks a rule."""
-        verdict = check(self.scene(REWARD_ALONE), plan)
+        verdict = check(self.base, plan)
         if not verdict.valid:
             return None
         return PlanPoint(plan, verdict.reward, views_of(self.problem, plan, self.views))
@@ -190,7 +194,7 @@ class Front:
             return -math.inf
         return min(
             (
-                plane.bound - plane.direction.views * views
+                lagrangian_bound(plane.bound, plane.direction.views, views)
                 for plane in self.half_planes
                 if plane.direction.reward
             ),
@@ -269,7 +273,7 @@ class Front:
         """
         if self.views.share is None:
             return None
-        views = self.views.share * self.most_views
+        views = views_to_keep(self.problem, self.views)
         edges = ((a, b) for a, b in pairwise(self._hull()) if a.views < views <= b.views)
         return next((_direction_across(a, b) for a, b in edges), None)
 
@@ -277,7 +281,7 @@ class Front:
     def _scale(self) -> float:
         """J that counts as much as a view where all count."""
         most = max((point.reward for point in self.plans), default=1.0)
-        return max(most, 1e-9) / max(self.most_views, 1.0)
+        return max(most, 1e-9) / (self.most_views or 1.0)
 
     def _hull(self) -> list[PlanPoint]:
         """Returns the plans that are best in some direction, the fewest views first."""
@@ -383,7 +387,7 @@ class Front:
 
     def _told(self, share: float) -> str:
         """Returns the sentence on a share of all views that is asked for."""
-        views = share * self.most_views
+        views = views_to_keep(self.problem, self.views)
         found = self.best_with(views)
         return told_share(share, None if found is None else found.reward, self.reward_bound(views))
 

@@ -30,6 +30,7 @@ from cocap_opt.run.front import VIEWS_ALONE, Direction, Front, HalfPlane
 from cocap_opt.stop import Stop, never
 
 _BOUND, _PLAN = "direction-{}.bound.json", "plan-{}.json"
+_SCENE = "direction-{}.scene.json"  # that bounds had beside them before they named an objective
 TABLE = "front.csv"
 
 
@@ -44,7 +45,7 @@ def save(front: Front, folder: Path) -> None:
         file = PlanFile.of(front.problem, point.plan, reward, planner="front")
         contents[folder / _PLAN.format(n)] = encode(file)
     save_files(contents)
-    for name in (_BOUND, _PLAN):
+    for name in (_BOUND, _PLAN, _SCENE):
         for old in _numbered(folder, name):
             if old not in contents:
                 old.unlink()
@@ -69,6 +70,8 @@ def read(front: Front, folder: Path, stop: Stop = never, watch: Watch | None = N
         watch.begin(f"{front.problem.name}, bound {number} of {len(paths)} is checked")
         file = decode_document(read_bytes(path), str(path), CertificateFile, ProofFile)
         assert isinstance(file, CertificateFile | ProofFile)
+        if (folder / path.name.replace(".bound.", ".scene.")).exists():
+            raise FileError(f"{path}: is of an older version, with a scene beside it; remove both")
         try:
             direction = _direction(front, file.problem_of(front.problem), path)
             bound = verify(front.problem, file, stop=stop).bound

@@ -9,7 +9,7 @@ from cocap_opt.method import Method
 from cocap_opt.model import share_coverage
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.run.engine import BOUND_METHOD, run
-from cocap_opt.run.front import REWARD_ALONE, Direction, Front, HalfPlane
+from cocap_opt.run.front import Direction, Front, HalfPlane
 from cocap_opt.run.options import Allowance
 from cocap_opt.stop import Stop, never
 
@@ -62,7 +62,7 @@ def towards(
     options : of `run`, for the bound
     """
     scene = front.scene(direction)
-    share_coverage(scene, front.scene(REWARD_ALONE))
+    share_coverage(scene, front.base)
     made = run(scene, planner, stop, allowance=Allowance(_OF_PLANNER * seconds), watch=watch).result
     front = front.with_plans([made.plan] if made.plan is not None else [])
     start = front.best_in(direction)

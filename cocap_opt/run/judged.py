@@ -50,7 +50,7 @@ def below_certificate(problem: Problem, result: Result) -> str:
     if file is None:
         return ""
     proved = proved_in(problem, file)
-    if result.bound >= proved - ROUNDING * abs(proved):
+    if result.bound == proved or result.bound >= proved - ROUNDING * abs(proved):
         return ""
     return f"bound: the result claims {result.bound!r}, its file {proved!r}"
 

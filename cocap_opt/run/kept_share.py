@@ -2,44 +2,27 @@
 
 The weight of views may leave plans below the share. For a planner views are then given more weight,
 four times as much each time, and people come before all else at last; the first plan that keeps the
-share counts. A method that proves bounds looks for the multiplier of the share, as a trade-off
-(`front`) does for weights: with it, a bound on J and so much more weight of views bounds the J of
-all plans that keep the share.
+share counts. What methods do that prove bounds is in `proved_share`.
 """
 
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
-from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError
-from cocap_opt.formulations.result import OPTIMALITY, proved_by
 from cocap_opt.method import Method
 from cocap_opt.model import share_coverage
-from cocap_opt.planners import RECOMMENDED
-from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem import Problem
 from cocap_opt.referee import check
-from cocap_opt.result import Reason, relative_gap
 from cocap_opt.run.engine import record_of, run
-from cocap_opt.run.front import REWARD_ALONE, VIEWS_ALONE, Direction, Front, HalfPlane
-from cocap_opt.run.front_search import towards
 from cocap_opt.run.judged import Judged
-from cocap_opt.run.options import Allowance
-from cocap_opt.run.view_share import (
-    bound_with_share,
-    missed_share,
-    most_views,
-    told_share,
-    views_asked,
-)
-from cocap_opt.stop import Clock, Stop
+from cocap_opt.run.proved_share import solve_with_share
+from cocap_opt.run.view_share import keeps_share, missed_share
+from cocap_opt.stop import Stop
 from cocap_opt.vision.default_weights import FIRST, default_weights, with_views
 
 _HEAVIER = (4.0, 16.0, 64.0)  # times the weight that the objective has
-_RUNS, _LEAST = 3, 0.2  # each run has that part of the time that is left, and so many seconds
-_DONE = Reason.OPTIMAL, Reason.INFEASIBLE
 
 
 def run_keeping(
@@ -58,7 +41,7 @@ def run_keeping(
     if views is None or views.share is None:
         return run(problem, method, stop, **options)
     if record_of(method).bounds:
-        return _proved_keeping(problem, method, stop, **options)
+        return solve_with_share(problem, method, stop, **options)
     first = run(problem, method, stop, **options)
     seconds = first.result.seconds
     if not _misses(problem, first):
@@ -83,72 +66,9 @@ def run_keeping(
     return first._replace(result=replace(first.result, message="; ".join(filter(None, said))))
 
 
-def _proved_keeping(
-    problem: Problem, method: str | Method[Any], stop: Stop, start: Plan | None = None,
-    watch: Watch | None = None, gap: float = OPTIMALITY, **options: Any,
-) -> Judged[Any]:  # fmt: skip
-    """Looks for the best plan that keeps the share, and for the multiplier of the least bound."""
-    share_of, clock, watch = views_asked(problem), Clock(), watch or Watch()
-    assert share_of.share is not None
-    kept = share_of.share * most_views(problem, share_of.cameras)
-    options |= {"watch": watch, "gap": gap}  # of all runs
-    part = Allowance(stop.seconds_left / _RUNS)
-    first = run(problem, method, stop, start=start, allowance=part, **options)
-    if first.result.reason in _DONE or stop.reached() is not None:
-        if not _misses(problem, first) or first.result.reason is Reason.INFEASIBLE:
-            return first
-    elif not _misses(problem, first):
-        return run(problem, method, stop, start=first.result.plan, **options)
-    plans = [plan for plan in (start, first.result.plan) if plan is not None]
-    first_plane = HalfPlane(REWARD_ALONE, first.result.bound, first.result.certificate)
-    front = Front(problem, share_of, half_planes=(first_plane,), with_own=True).with_plans(plans)
-    rest = {name: option for name, option in options.items() if name != "report"}
-    while stop.reached() is None and (direction := _next(front, kept, gap)) is not None:
-        seconds = max(stop.seconds_left / _RUNS, _LEAST)
-        front = towards(front, direction, stop, seconds, RECOMMENDED, method, **rest)
-    plane = min(front.half_planes, key=partial(_with_share, front))
-    bound, best, file = _with_share(front, plane), front.best_with(kept), front.file(plane)
-    told = told_share(share_of.share, None if best is None else best.reward, bound)
-    result = replace(first.result, seconds=clock.seconds, limit=stop.reached(), statistics={})
-    if bound < 0:
-        result = replace(
-            result, plan=None, value=-math.inf, bound=bound, message=told, certificate=file,
-            reason=Reason.INFEASIBLE, limit=None,
-        )  # fmt: skip
-    elif best is not None:
-        ended = Reason.FINISHED if result.limit is None else Reason.STOPPED
-        result = replace(
-            result, plan=best.plan, value=best.reward, bound=bound, message=told, certificate=file,
-            reason=proved_by(best.reward, bound) or ended,
-            statistics={"multiplier of the share": plane.direction.views},
-        )  # fmt: skip
-    else:  # the bound of all plans holds for the first one as well
-        result = replace(result, message="; ".join(filter(None, (result.message, told))))
-    judged = Judged.of(options.get("name") or str(method), problem, result)
-    return judged._replace(coverage_seconds=first.coverage_seconds, views=first.views)
-
-
-def _next(front: Front, kept: float, gap: float) -> Direction | None:
-    """Returns the direction that tells more of plans that keep so many views, if one does."""
-    best, bound = front.best_with(kept), front.reward_bound(kept)
-    if bound < 0 or (best is not None and relative_gap(best.reward, bound) <= gap):
-        return None
-    if not front.tries(VIEWS_ALONE):
-        return VIEWS_ALONE
-    asked = front.asked_direction()
-    return None if asked is None or front.tries(asked) else asked
-
-
-def _with_share(front: Front, plane: HalfPlane) -> float:
-    """Returns the J that no plan that keeps the share exceeds by one half-plane."""
-    if plane.direction == REWARD_ALONE:
-        return plane.bound
-    return bound_with_share(front.problem, front.scene(plane.direction), plane.bound)
-
-
 def _misses(problem: Problem, judged: Judged[Any]) -> bool:
-    """Returns True if there is no plan that obeys the rules and keeps the share."""
-    return not judged.valid or bool(missed_share(problem, judged.result.plan))
+    """Returns True if the result has no plan that obeys the rules and keeps the share."""
+    return not judged.valid or not keeps_share(problem, judged.result.plan)
 
 
 def _heavier(problem: Problem) -> Iterator[tuple[str, Problem]]:
@@ -156,14 +76,16 @@ def _heavier(problem: Problem) -> Iterator[tuple[str, Problem]]:
     views, people = problem.objective.views, problem.actors
     assert views is not None
     weights = views.weights(len(people))
-    if not any(weights):
-        weights = default_weights(people, problem.robots)
+    try:
+        weights = weights if any(weights) else default_weights(people, problem.robots)
+    except ProblemError:  # a drone has no pictures, by which a weight could be found
+        return
     for factor in _HEAVIER:
         weight = tuple(factor * weight for weight in weights)
         heavier = problem.objective.replace(views=views.replace(weight=weight))
         yield f"{factor:g} times the weight of views", problem.replace(objective=heavier)
     try:
         first = with_views(problem, views.cameras, FIRST, views.at_least, views.share)
-    except ProblemError:  # a drone has no pictures, by which a weight could be found
+    except ProblemError:
         return
     yield "people before all pixels", first

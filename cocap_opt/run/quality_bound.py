@@ -110,8 +110,9 @@ class QualityBound:
         """
         watch, results = watch or Watch(), []
         begin = start if start is not None and check(self.problem, start).valid else None
+        first = self.scene(1)  # one object, whose coverage is found again
         for scene in self._scenes():
-            share_coverage(scene, self.scene(1))
+            share_coverage(scene, first)
             result = run(
                 scene, bound, stop, allowance=Allowance(seconds), watch=watch, start=begin,
                 gap=self._gap(scene),

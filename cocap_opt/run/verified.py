@@ -22,7 +22,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import relative_gap
 from cocap_opt.run.judged import ROUNDING
-from cocap_opt.run.view_share import bound_with_share, missed_share
+from cocap_opt.run.view_share import bound_with_share, keeps_share, proved_in
 from cocap_opt.stop import Stop, never
 from cocap_opt.text import other_scene
 
@@ -136,9 +136,9 @@ class Verified:
         plain : bounds were checked without any compiled code
         """
         verdict = None if plan is None else check(problem, plan)
-        proved = min(bounds, key=lambda bound: bound.pricing.bound, default=None)
-        if len({bound.problem.objective for bound in bounds}) > 1:
-            raise ValueError("bounds: are on several objectives; check them one at a time")
+        proved = min(
+            bounds, key=lambda b: proved_in(problem, b.file, b.pricing.bound), default=None
+        )
         found = cls(problem, plan, verdict, proved, plain=plain)
         violations = [*found._of_plan(claimed, values), *failed]
         return replace(found, violations=tuple(violations or found._of_both()))
@@ -151,52 +151,50 @@ class Verified:
 
     @property
     def is_on_other_objective(self) -> bool:
-        """The bound is on another objective than the scene's: it weighs views otherwise."""
+        """The file's bound is on another objective than the scene's, as of views alone."""
         return self.proved is not None and self.proved.problem.objective != self.problem.objective
 
     @property
     def is_of_share(self) -> bool:
         """The bound holds for plans that keep the share of views that the scene asks for."""
-        return self.is_on_other_objective and self._with_share(self._numbers) < math.inf
+        return self.is_on_other_objective and self._share_bound < math.inf
 
     @cached_property
     def keeps_share(self) -> bool:
         """The plan keeps that share, if one is asked for."""
-        return self.plan is not None and not missed_share(self.problem, self.plan)
+        return self.plan is not None and keeps_share(self.problem, self.plan)
 
     @cached_property
     def reward_there(self) -> float:
-        """J of the plan with the objective that the bound's file is for, mostly the scene's."""
+        """J of the plan with the objective that the file is for, mostly the scene's."""
         if not self.is_on_other_objective or self.plan is None or self.reward == -math.inf:
             return self.reward
         assert self.proved is not None
         return check(self.proved.problem, self.plan).reward
 
     @property
-    def compared(self) -> float:
-        """J of the plan that the bound is compared with."""
-        return self.reward if self.is_of_share else self.reward_there
+    def bound_there(self) -> float:
+        """The lowest bound with that objective: what the file claims, or clearly less, proves."""
+        return self.proved_bound if self.understated else self.claimed_bound
 
     @property
     def bound(self) -> float:
-        """The lowest bound that is proved, to which gaps are; infinite without one.
+        """The lowest bound on J that is proved, to which gaps are; infinite without one.
 
-        It is what the file claims, or where its numbers prove clearly less, what they prove; where
-        the file has more weight of views than the scene, for the share that the scene asks for, it
-        is that of plans that keep the share.
+        Where the file has another objective, with more weight of views for the share that the scene
+        asks for, it is that of plans that keep the share. Of no other objective it says anything
+        but that there is no plan at all.
         """
-        return self._with_share(self._numbers) if self.is_of_share else self._numbers
+        if not self.is_on_other_objective or self.bound_there < 0:
+            return self.bound_there
+        return self._share_bound
 
-    @property
-    def _numbers(self) -> float:
-        """The bound on the objective that the file is for."""
-        return self.proved_bound if self.understated else self.claimed_bound
-
-    def _with_share(self, bound: float) -> float:
-        """Returns the bound for plans that keep the share; infinite where it says nothing of it."""
+    @cached_property
+    def _share_bound(self) -> float:
+        """The bound for plans that keep the share; infinite where the file says nothing of it."""
         if self.proved is None:
             return math.inf
-        return bound_with_share(self.problem, self.proved.problem, bound)
+        return bound_with_share(self.problem, self.proved.problem, self.bound_there)
 
     @property
     def claimed_bound(self) -> float:
@@ -233,10 +231,10 @@ class Verified:
 
     @property
     def gap(self) -> float:
-        """The relative gap, (bound - compared) / bound; infinite where one of them is missing."""
+        """The relative gap, (bound - reward) / bound; infinite where one of them is missing."""
         if self.is_of_share and not self.keeps_share:
             return math.inf
-        return relative_gap(self.compared, self.bound)
+        return relative_gap(self.reward, self.bound)
 
     @property
     def no_plan(self) -> bool:
@@ -246,13 +244,13 @@ class Verified:
     @property
     def is_optimal(self) -> bool:
         """All claims hold, and the bound leaves nothing open above the plan."""
-        return not self.violations and self.gap <= OPTIMALITY
+        return not self.violations and self.gap <= OPTIMALITY and self.keeps_share
 
     def __repr__(self) -> str:
         gap = f"{100 * self.gap:.4f} %" if math.isfinite(self.gap) else "none"
         if self.verdict is None:
             return f"Verified(bound {self.bound:,.2f}, no plan given)"
-        return f"Verified(J {self.compared:,.2f}, bound {self.bound:,.2f}, gap {gap})"
+        return f"Verified(J {self.reward:,.2f}, bound {self.bound:,.2f}, gap {gap})"
 
     def _of_plan(self, claimed: PlanFile | None, values: Sequence[float]) -> Iterator[str]:
         """Yields what is wrong with the plan, and with what is claimed of it."""
@@ -273,9 +271,9 @@ class Verified:
 
     def _of_both(self) -> Iterator[str]:
         """Yields what contradicts each other in a plan and a bound of which all claims hold."""
-        if self.verdict is None or (self.is_of_share and not self.keeps_share):
+        if self.verdict is None:
             return
-        if self.no_plan:
+        if self.bound_there < 0:
             yield "plan: it obeys the rules, though it is proved that no plan does"
-        elif self.compared > self.bound + ROUNDING * abs(self.bound):
+        elif self.reward_there > self.bound_there + ROUNDING * abs(self.bound_there):
             yield "reward: it is above the bound, so one of the two is wrong"

@@ -76,16 +76,41 @@ def seen_share(problem: Problem, plan: Plan, views: Views) -> float:
     return float(seen / total) if total else math.nan
 
 
-def bound_with_share(problem: Problem, other: Problem, bound: float) -> float:
-    """Returns the J that no plan that keeps the share asked for exceeds, by a bound elsewhere.
+def views_to_keep(problem: Problem, views: Views) -> float:
+    """Returns the least V of a plan that keeps the share of all views that is asked for.
 
-    With a multiplier m >= 0 of the share, a bound B on J + m V, and the least V that is to be kept,
+    Where all person-steps count alike, V is a multiple of what one of them counts.
+    """
+    least = (views.share or 0.0) * most_views(problem, views.cameras)
+    counted = counted_weights(problem)
+    units = np.unique(counted[counted > 0])
+    if len(units) != 1:
+        return least
+    unit = float(units[0])
+    return unit * math.ceil(least / unit * (1 - _ROUNDING) - _ROUNDING)
 
-        J <= B - m V.
+
+def lagrangian_bound(bound: float, multiplier: float, views: float) -> float:
+    """Returns the J that no plan of at least so many views exceeds, by a bound on J + m V.
+
+        J <= B - m V
 
     Parameters
     ----------
-    other : the problem with more weight of views, m for each person at least, or with views alone
+    bound, multiplier : B, and m >= 0, the Lagrange multiplier of V >= views
+    """
+    taken = multiplier * views
+    if not taken or math.isinf(bound):
+        return bound
+    return bound - taken + _ROUNDING * (abs(bound) + taken)
+
+
+def bound_with_share(problem: Problem, other: Problem, bound: float) -> float:
+    """Returns the J that no plan that keeps the share asked for exceeds, by a bound elsewhere.
+
+    Parameters
+    ----------
+    other : the problem with more weight of views for each person who counts, or with views alone
     bound : on its J
 
     Returns
@@ -99,21 +124,19 @@ def bound_with_share(problem: Problem, other: Problem, bound: float) -> float:
         return math.inf
     if (given.cameras, given.at_least) != (heavier.cameras, heavier.at_least):
         return math.inf
-    kept = given.share * most_views(problem, given.cameras) * (1 - _ROUNDING)
+    people, counted = len(problem.actors), (counted_weights(problem) > 0).any(axis=0)
+    weights, kept = np.array(heavier.weights(people)), views_to_keep(problem, given)
+    if not counted.any():
+        return math.inf
+    found = math.inf
+    if other.objective.replace(views=given) == problem.objective:
+        more = weights - given.weights(people)
+        if more.min() >= 0:
+            found = lagrangian_bound(bound, float(more[counted].min()), kept)
     is_alone = other.objective == views_alone(problem, heavier).objective
-    if not is_alone and other.objective.replace(views=given) != problem.objective:
-        return math.inf
-    people = len(problem.actors)
-    before = (0.0,) * people if is_alone else given.weights(people)
-    more = np.subtract(heavier.weights(people), before)
-    counted = (counted_weights(problem) > 0).any(axis=0)
-    if not counted.any() or more.min() < 0:
-        return math.inf
-    taken = float(more[counted].min()) * kept
-    rest = bound - taken + _ROUNDING * (abs(bound) + taken)
-    if rest < 0:  # neither J nor V is
+    if is_alone and lagrangian_bound(bound, float(weights[counted].min()), kept) < 0:
         return -math.inf
-    return math.inf if is_alone else rest
+    return found if found >= 0 else -math.inf  # no J is negative
 
 
 def proved_in(
@@ -148,15 +171,21 @@ def told_share(share: float, reward: float | None, bound: float) -> str:
     return f"with {100 * share:g} % of views {words}{proved}"
 
 
-def missed_share(problem: Problem, plan: Plan) -> str:
-    """Says that a plan does not keep the share of views that is asked for; empty if it does."""
+def keeps_share(problem: Problem, plan: Plan) -> bool:
+    """Returns True for a plan that keeps the share of views that is asked for, if one is."""
     asked = views_asked(problem)
     if asked.share is None:
+        return True
+    return views_of(problem, plan, asked) >= views_to_keep(problem, asked) * (1 - _ROUNDING)
+
+
+def missed_share(problem: Problem, plan: Plan) -> str:
+    """Says that a plan does not keep the share of views that is asked for; empty if it does."""
+    if keeps_share(problem, plan):
         return ""
+    asked = views_asked(problem)
     most, kept = most_views(problem, asked.cameras), views_of(problem, plan, asked)
-    if kept >= asked.share * most * (1 - _ROUNDING):
-        return ""
     return (
-        f"{kept:g} of {most:g} views are kept, fewer than {100 * asked.share:g} %: `front` finds "
-        "the best plan that keeps them, or proves that none does"
+        f"{kept:g} of {most:g} views are kept, fewer than {100 * (asked.share or 0):g} %: `solve` "
+        "looks for the best plan that keeps them, or a proof that none does"
     )

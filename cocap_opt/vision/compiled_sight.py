@@ -106,7 +106,10 @@ class CompiledSight:
             found = self._mine.found = found.doubled()
 
     def _memory(self, persons: kernel.People, before: kernel.Before, most: int) -> kernel.Memory:
-        """Returns the memory that this thread works in, for places with so many views at most."""
+        """Returns the memory that this thread works in, for places with so many views at most.
+
+        The shapes of people and bodies are those of the sight at all steps.
+        """
         found = self._mine.memory
         if found is None or len(found.views) < most:
             found = self._mine.memory = kernel.memory_for(persons, before, most)

@@ -63,10 +63,10 @@ class Seen(NamedTuple):
         faces, people = zip(*parts, strict=True)
         return cls(SeenFaces(*_joined(faces)), SeenPeople(*_joined(people)))
 
-    def taken(self, order: IntArray) -> Self:
+    def take(self, order: IntArray) -> Self:
         """Returns the faces and people of the views order[0], order[1], .. alone."""
         return type(self)(
-            SeenFaces(*taken(order, *self.faces)), SeenPeople(*taken(order, *self.people))
+            SeenFaces(*_taken(order, *self.faces)), SeenPeople(*_taken(order, *self.people))
         )
 
 
@@ -88,7 +88,7 @@ class SeenColumns(NamedTuple):
     @classmethod
     def nothing(cls, n: int) -> Self:
         """Returns that n views see nothing."""
-        return cls(*Seen.nothing(n).faces)
+        return cls(np.zeros(n, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
 
     @classmethod
     def of(cls, seen: Seen, n_faces: int, at_least: float) -> Self:
@@ -99,8 +99,8 @@ class SeenColumns(NamedTuple):
         at_least : share of the solid angle that a person has with nothing in the way
         """
         people = seen.people
-        counts = np.flatnonzero(are_seen(people.shares, at_least))
-        return cls.merged(seen.faces, people.rows[counts], people.people[counts], n_faces)
+        kept = np.flatnonzero(are_seen(people.shares, at_least))
+        return cls.merged(seen.faces, people.rows[kept], people.people[kept], n_faces)
 
     @classmethod
     def merged(cls, faces: SeenFaces, rows: IntArray, people: IntArray, n_faces: int) -> Self:
@@ -125,7 +125,7 @@ def are_seen(shares: FloatArray, at_least: float) -> BoolArray:
     return np.asarray(shares >= at_least - _SHARE_ROUNDING)
 
 
-def taken(order: IntArray, counts: IntArray, *columns: NDArray[Any]) -> list[NDArray[Any]]:
+def _taken(order: IntArray, counts: IntArray, *columns: NDArray[Any]) -> list[NDArray[Any]]:
     """Returns the counts and the columns of views order[0], order[1], ..
 
     Parameters

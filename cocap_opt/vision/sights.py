@@ -127,8 +127,8 @@ class PinholeSight:
 
         Parameters
         ----------
-        t, eyes, counts : steps [e], increasing, places [e, 3] (m from the geometry's origin), and
-            numbers [e] of views from there
+        t, eyes, counts : steps [e], not decreasing, places [e, 3] (m from the geometry's origin),
+            and numbers [e] of views from there
         looks : [n] numbers of the axes
         steps : the first and last of those that views are asked for in parts, so that what all
             parts need is made once; if not given, the views are all
@@ -343,6 +343,3 @@ class ConeSight:
         square = np.where(square > 0, square, np.inf)  # where the eye is, nothing is seen
         result: FloatArray = ahead * turned / square**2
         return result
-
-
-# Most states at once, and states times actors, so that limits are checked every 0.3 s or so.

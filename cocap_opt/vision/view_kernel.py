@@ -178,8 +178,9 @@ class Found(NamedTuple):
 
     def has_room(self, views: int, faces: int, people: int) -> bool:
         """Returns True where `empty` with these numbers has no more room."""
-        rooms = len(self.counts), len(self.faces), len(self.people)
-        return rooms[0] >= views and rooms[1] >= faces and rooms[2] >= people
+        given = self.counts, self.n_people, self.faces, self.people
+        needed = views, views if people else 0, faces, people
+        return all(len(column) >= number for column, number in zip(given, needed, strict=True))
 
     def doubled(self) -> Self:
         """Returns the same entries with twice the room."""

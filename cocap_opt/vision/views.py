@@ -118,7 +118,9 @@ class StateViews(ABC):
         """Returns the faces and, if asked for, people that nodes [n] see; see `seen`."""
 
     def seen(self, nodes: IntArray, steps: tuple[int, int] | None = None) -> SeenColumns:
-        """Returns the columns that nodes [n], increasing, see; node t S + s is state s at step t.
+        """Returns the columns that nodes [n] see, whose steps do not decrease.
+
+        Node t S + s is state s at step t.
 
         Parameters
         ----------
@@ -218,7 +220,7 @@ class PinholeViews(StateViews):
         by_place = np.argsort(which, kind="stable")
         counts = np.bincount(which, minlength=len(viewpoints))
         found = self._pinhole.seen(t, self.eyes(place), counts, look[by_place], steps, people)
-        return found.taken(np.argsort(by_place))
+        return found.take(np.argsort(by_place))
 
     def look(self, at: Viewpoints) -> SeenColumns:
         """Returns the columns that views [n] see, which are given place by place."""

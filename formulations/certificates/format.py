@@ -326,7 +326,7 @@ class _Claim(Document, frozen=True, kw_only=True):
             raise CertificateError(f"objective: does not fit the scene; {error}") from error
 
     def with_objective(self, objective: Objective) -> Self:
-        """Returns the file of a problem with this objective as one of the scene with another."""
+        """Returns the file with the objective that its bound is on written in."""
         return msgspec.structs.replace(self, objective=objective)
 
     @property
@@ -347,8 +347,8 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     classes : what numbers of classes count. `alike`: classes of robots that differ only in their
         start, numbered by their first robot; `single`: robots
     coverage_version : of the law by which pixels were computed; null: nobody wrote it
-    objective : that J has in place of the scene's, where views have another weight than in the
-        scene: digest and bound are those of the scene with this objective
+    objective : the objective that the bound is on, complete; left out: the scene's. `digest` is
+        that of the scene with this objective
     bound : J that no plan exceeds, as claimed; null: there is no plan
     coverage : `optimistic` where the bound was computed with coverage that a limit had cut short:
         at the steps left open nothing hid anybody. The claim is checked on the true coverage
@@ -358,7 +358,7 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     older = SAMPLED
     kind: ClassVar[str] = "certificate"
     format: Literal["cocap-opt certificate"] = "cocap-opt certificate"
-    version: Literal[4, 5] = 5
+    version: Literal[4, 5, 6] = 6
     coverage: Literal["optimistic"] | UnsetType = UNSET
     certificate: Certificate | Staged
 
@@ -410,15 +410,15 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
     classes : what numbers of classes count. `alike`: classes of robots that differ only in their
         start, numbered by their first robot; `single`: robots
     coverage_version : of the law by which pixels were computed; null: nobody wrote it
-    objective : that J has in place of the scene's, where views have another weight than in the
-        scene: digest and bound are those of the scene with this objective
+    objective : the objective that the bound is on, complete; left out: the scene's. `digest` is
+        that of the scene with this objective
     bound : J that no plan exceeds, as claimed; null: there is no plan
     nodes : the first is the root; children come after their parent, and each has one
     """
 
     older = SAMPLED
     format: Literal["cocap-opt proof"] = "cocap-opt proof"
-    version: Literal[3, 4] = 4
+    version: Literal[3, 4, 5] = 5
     nodes: tuple[Branch | Leaf, ...]
 
     kind: ClassVar[str] = "proof"

@@ -190,4 +190,5 @@ def test_what_no_plan_can_do_stands_beside_the_plan(
     for number, bound in enumerate(told["sums"], 1):
         file = tmp_path / "proof" / f"seen-by-{number}.bound.json"
         verified = Run(capsys, "verify", SCENE, file, "--json").json
-        assert verified["bound"] == bound and "views alone" in verified["message"]
+        assert verified["bound_there"] == bound and verified["bound"] is None
+        assert "another objective: pixels 0.0" in verified["message"]

@@ -222,6 +222,37 @@ def test_what_the_kernel_gave_up_leaves_nothing_behind(
     assert not len(views.people(np.array([away])).people)
 
 
+def test_views_with_and_without_people_take_turns(
+    kernel: Kernel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The room for people is not lost where only that for faces has to grow in between."""
+    monkeypatch.setattr(sights, "KERNEL", kernel)
+    crowd = [
+        Actor(poses=np.tile([10.5 + k % 8, 20.5 + k // 8, 0.0, 0.0], (2, 1))) for k in range(40)
+    ]
+    camera = Camera(tilts=(0.0,))
+    problem = Problem(
+        name="", height_map=HeightMap(heights=np.zeros((60, 50))), actors=tuple(crowd), horizon=1,
+        robots=(Robot(start=State(0, 22), motion=Motion(radius=0), camera=camera),),
+    )  # fmt: skip
+    graph = graph_of(problem)
+
+    def found(views: StateViews, cells: list[int], people: bool) -> list[IntArray]:
+        nodes = np.array([graph.n_states + graph.index(State(x, 22)) for x in cells])
+        return [*(views.people(nodes) if people else views.seen(nodes))]
+
+    def fresh() -> StateViews:
+        return StateViews.of(FaceGeometry(problem), problem, graph, camera)
+
+    same = fresh()
+    away, near = [*range(40, 52)], [*range(10)]
+    for cells, people in ((away, True), (near, False), (near[:2], True)):
+        for ours, theirs in zip(
+            found(same, cells, people), found(fresh(), cells, people), strict=True
+        ):
+            np.testing.assert_array_equal(ours, theirs)
+
+
 def test_plain_views_use_no_compiled_code(kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever checks bounds trusts NumPy's way alone."""
     monkeypatch.setattr(sights, "KERNEL", kernel)
