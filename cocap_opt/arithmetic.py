@@ -22,3 +22,11 @@ def spans(first: IntArray, counts: IntArray) -> IntArray:
     ends = np.cumsum(counts)
     result: IntArray = np.arange(int(counts.sum())) + np.repeat(first + counts - ends, counts)
     return result
+
+
+def entries_of(rows: IntArray, counts: IntArray) -> IntArray:
+    """Returns the numbers of all entries of some rows, of which row k has `counts` [k].
+
+    Entries are numbered row by row, as in compressed sparse rows.
+    """
+    return spans((np.cumsum(counts) - counts)[rows], counts[rows])

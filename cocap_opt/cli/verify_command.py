@@ -200,10 +200,10 @@ def _weight(value: object) -> str:
     """Returns a field of an objective in words."""
     if not isinstance(value, Views):
         return "none" if value is None else f"{value}"
-    weights = sorted(set(value.weights(1)))
-    words = " to ".join(f"{weight:g}" for weight in (weights[0], weights[-1]))
+    weights = value.weights(1)
+    least, most = f"{min(weights, default=0.0):g}", f"{max(weights, default=0.0):g}"
     return (
-        f"of weight {words if len(weights) > 1 else f'{weights[0]:g}'}, up to {value.cameras} of a "
+        f"of weight {least if least == most else f'{least} to {most}'}, up to {value.cameras} of a "
         f"person, from {100 * value.at_least:g} % of them on"
     )
 

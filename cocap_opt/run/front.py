@@ -383,13 +383,10 @@ class Front:
         elif math.isfinite(self.gap):
             yield f"between plans and proofs there is at most {rounded_up(100 * self.gap, 2)} %"
         if self.views.share is not None:
-            yield self._told(self.views.share)
-
-    def _told(self, share: float) -> str:
-        """Returns the sentence on a share of all views that is asked for."""
-        views = views_to_keep(self.problem, self.views)
-        found = self.best_with(views)
-        return told_share(share, None if found is None else found.reward, self.reward_bound(views))
+            kept = views_to_keep(self.problem, self.views)
+            best = self.best_with(kept)
+            reward = None if best is None else best.reward
+            yield told_share(self.views.share, reward, self.reward_bound(kept))
 
     def __str__(self) -> str:
         found = [f"{p.views:g} views, J = {p.reward:,.2f}" for p in self.plans]

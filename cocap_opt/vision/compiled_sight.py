@@ -56,7 +56,7 @@ class CompiledSight:
 
         Parameters
         ----------
-        t, eyes, counts : steps [e], increasing, places [e, 3] m, and numbers [e] of views
+        t, eyes, counts : steps [e], not decreasing, places [e, 3] m, and numbers [e] of views
         looks : [n] numbers of the orientations, place by place
         people : solid angles are asked for
         """

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from cocap_opt.arithmetic import spans
+from cocap_opt.arithmetic import entries_of, spans
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.stop import Clock, Stop, never
 from cocap_opt.vision.viewpoints import Viewpoints
@@ -167,14 +167,14 @@ class GrowingTable:
 
         Parameters
         ----------
-        ahead : times the length of now that the whole table may have
+        ahead : times the length of now, 1 or more, that the whole table may have
 
         The steps and the lengths of the columns change in one moment, after all columns have grown:
         an error or an interrupt before leaves the table as it was.
         """
         rows = _joined(found)
         order = _by_orientation(rows.nodes, self._n_places)
-        entries = spans((np.cumsum(rows.counts) - rows.counts)[order], rows.counts[order])
+        entries = entries_of(order, rows.counts)
         self._cut_back()
         taken = (order, order, entries, entries)
         for column, part, numbers in zip(self._columns, rows, taken, strict=True):
@@ -269,11 +269,11 @@ class _Column:
 
         Parameters
         ----------
-        ahead : times the length of then that the whole column may have
+        ahead : times the length of then, 1 or more, that the whole column may have
         """
         n, end = self._length, self._length + len(numbers)
         if end > len(self._room):
-            room = np.empty(int(end * max(ahead, 1.0) * _SPARE), self._room.dtype)
+            room = np.empty(int(end * ahead * _SPARE), self._room.dtype)
             room[:n] = self._room[:n]
             self._room = room
         np.take(part, numbers, out=self._room[n:end], mode="clip")  # "raise" would copy them again

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from cocap_opt.arithmetic import spans
+from cocap_opt.arithmetic import entries_of
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 
 _SHARE_ROUNDING = 1e-9  # by which a share may be too small: that of a whole person is 1
@@ -134,9 +134,8 @@ def _taken(order: IntArray, counts: IntArray, *columns: NDArray[Any]) -> list[ND
     counts : [n] number of entries of each view
     columns : of the entries [nnz], view by view
     """
-    sizes = counts[order]
-    entries = spans((np.cumsum(counts) - counts)[order], sizes)
-    return [sizes, *(column[entries] for column in columns)]
+    entries = entries_of(order, counts)
+    return [counts[order], *(column[entries] for column in columns)]
 
 
 def _joined(parts: Sequence[SeenFaces | SeenPeople]) -> list[NDArray[Any]]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cocap_opt.arithmetic import spans
+from cocap_opt.arithmetic import entries_of, spans
 from cocap_opt.compiling import Kernel
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.problem import Camera, Cone, Problem
@@ -206,7 +206,7 @@ class PinholeSight:
         """Returns the solid angles [n] of people [n] from eyes [n, 3], with nothing in the way."""
         n_faces = np.bincount(self._owners, minlength=self._n_actors)
         entry = np.repeat(np.arange(len(people)), n_faces[people])
-        face = spans((np.cumsum(n_faces) - n_faces)[people], n_faces[people])
+        face = entries_of(people, n_faces)
         polygons = faces.polygons[steps[entry], face] - eyes[entry, None]
         turned = -dot(polygons[:, 0], faces.normals[steps[entry], face]) > IN_ITS_PLANE
         angles = solid_angles(polygons[turned])

@@ -318,8 +318,8 @@ class _Claim(Document, frozen=True, kw_only=True):
         CertificateError
             If the scene has not the people whom the objective weighs.
         """
-        if isinstance(self.objective, UnsetType):
-            return scene
+        if isinstance(self.objective, UnsetType) or self.objective == scene.objective:
+            return scene  # the same object, by which its digest is known
         try:
             return scene.replace(objective=self.objective)
         except ProblemError as error:
