@@ -1,3 +1,11 @@
-"""Relations between robots: teams, constraints, best responses, pair iteration, re-plans."""
+"""Relations between robots: teams, best responses to them, and searches made of these."""
 
-__all__ = ["best_response", "pair_iteration", "team"]
+__all__ = [
+    "best_response",
+    "low_level",
+    "neighbourhoods",
+    "pair_iteration",
+    "responses",
+    "restricted_value_iteration",
+    "team",
+]

@@ -24,6 +24,15 @@ paper's background section speaks of least cost. How nodes are made is in
 
 from collections.abc import Iterator
 
+from cocap_opt.coordination.low_level import LowLevel, PlannedTeam, value_iteration
+from cocap_opt.coordination.responses import (
+    Planning,
+    Responses,
+    followed,
+    greedily,
+    greedily_in_rounds,
+    in_rounds,
+)
 from cocap_opt.planners.constraint_tree import (
     ConstraintTree,
     FocalNodes,
@@ -32,15 +41,6 @@ from cocap_opt.planners.constraint_tree import (
     SparePlan,
 )
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
-from cocap_opt.planners.low_level import LowLevel, PlannedTeam, value_iteration
-from cocap_opt.planners.responses import (
-    Planning,
-    Responses,
-    followed,
-    greedily,
-    greedily_in_rounds,
-    in_rounds,
-)
 from cocap_opt.planners.results import result_of, result_without_conflicts
 from cocap_opt.planners.view_search import Undiscounted, ViewSearch
 from cocap_opt.problem import Problem

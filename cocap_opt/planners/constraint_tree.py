@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from cocap_opt.coordination.best_response import forbid
+from cocap_opt.coordination.low_level import PlannedTeam
+from cocap_opt.coordination.responses import Planning, Responses, followed, greedily, one_by_one
 from cocap_opt.graph.charges import NO_CHARGES, Charges
-from cocap_opt.planners.low_level import PlannedTeam
-from cocap_opt.planners.responses import Planning, Responses, followed, greedily, one_by_one
 from cocap_opt.planners.results import hovering, result_of
 from cocap_opt.problem import Conflict
 from cocap_opt.result import Result

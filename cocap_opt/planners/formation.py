@@ -21,13 +21,14 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from cocap_opt.coordination.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import marginal_gain
-from cocap_opt.planners.low_level import LazyCoverage, SingleRobotPath, SingleRobotTask
+from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.problem import Camera, Problem, Robot
 from cocap_opt.result import Result

@@ -6,15 +6,20 @@ robot's best path as if it were alone, loses what the robots' knowledge of one a
 it is the baseline of this name in Hughes et al. 2024 (arXiv 2404.03103).
 """
 
-from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
-from cocap_opt.planners.low_level import LowLevel, SingleRobotPath, SingleRobotTask, value_iteration
-from cocap_opt.planners.responses import (
+from cocap_opt.coordination.low_level import (
+    LowLevel,
+    SingleRobotPath,
+    SingleRobotTask,
+    value_iteration,
+)
+from cocap_opt.coordination.responses import (
     Planning,
     Responses,
     followed,
     greedily,
     greedily_in_rounds,
 )
+from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
 from cocap_opt.planners.results import hovering, result_of, without_a_path
 from cocap_opt.problem import Problem
 from cocap_opt.result import Result

@@ -15,13 +15,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.coordination.best_response import best_response
+from cocap_opt.coordination.low_level import PlannedTeam, SingleRobotPath
 from cocap_opt.coordination.pair_iteration import PairIteration
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.model import Model, Path, RobotClass, compiled
 from cocap_opt.objective import objective
-from cocap_opt.planners.low_level import PlannedTeam, SingleRobotPath
 from cocap_opt.planners.results import result_of, result_without_conflicts
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result, UnsupportedError

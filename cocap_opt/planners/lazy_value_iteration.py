@@ -19,13 +19,13 @@ takes a tenth of what it takes alone.
 
 import numpy as np
 
+from cocap_opt.coordination.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.graph.frames import Frame
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model, Path
-from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
 from cocap_opt.stop import Limit, Stop
 

@@ -10,13 +10,14 @@ from itertools import product
 import numpy as np
 
 from cocap_opt.coordination.best_response import avoid_paths
+from cocap_opt.coordination.low_level import PlannedTeam, SingleRobotPath
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import best_path, leads_to_goal
 from cocap_opt.model import Model, RobotClass, compiled
 from cocap_opt.objective import marginal_gain
-from cocap_opt.planners.low_level import LazyCoverage, PlannedTeam, SingleRobotPath
+from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.planners.results import result_of, without_a_path
 from cocap_opt.problem import Cell, Problem, State
 from cocap_opt.result import Reason, Result

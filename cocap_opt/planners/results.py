@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+from cocap_opt.coordination.low_level import PlannedTeam, SingleRobotPath
 from cocap_opt.coordination.team import Team
-from cocap_opt.planners.low_level import PlannedTeam, SingleRobotPath
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit
 

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cocap_opt.coordination.low_level import LowLevel, PlannedTeam, value_iteration
+from cocap_opt.coordination.responses import Responses, followed, one_by_one, then_in_rounds
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
-from cocap_opt.planners.low_level import LowLevel, PlannedTeam, value_iteration
-from cocap_opt.planners.responses import Responses, followed, one_by_one, then_in_rounds
 from cocap_opt.planners.results import hovering, result_of
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result

@@ -27,13 +27,14 @@ from itertools import count
 
 import numpy as np
 
+from cocap_opt.coordination.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.data import IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import leads_to_goal
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_gain
-from cocap_opt.planners.low_level import LazyCoverage, SingleRobotPath, SingleRobotTask
+from cocap_opt.planners.lazy_coverage import LazyCoverage
 from cocap_opt.problem import Problem
 
 # The gamma that needs the fewest views for 95 % of the J that CoCap has with value iteration, as

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from pool import meetings, problems
 from strategies import WALL, Calls, examples, standing, tiny
 
+from cocap_opt.coordination.low_level import SingleRobotTask
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.model import Model, compiled
 from cocap_opt.planners import PLANNERS, Planner
@@ -30,7 +31,6 @@ from cocap_opt.planners.formation import (
     formation,
 )
 from cocap_opt.planners.greedy import myopic
-from cocap_opt.planners.low_level import SingleRobotTask
 from cocap_opt.planners.one_step import one_step
 from cocap_opt.problem import Actor, Airspace, Camera, Cone, Motion, Plan, Problem, Robot, State
 from cocap_opt.referee import check

@@ -8,26 +8,26 @@ from hypothesis import strategies as st
 from pool import meetings, problems
 from strategies import WALL, examples, standing, tiny
 
-from cocap_opt.graph.charges import NO_CHARGES
-from cocap_opt.model import compiled
-from cocap_opt.planners import PLANNERS
-from cocap_opt.planners.cocap import cocap
-from cocap_opt.planners.cocap_lns import (
-    LARGEST,
-    _exchanged,
-    _neighbours,
-    cocap_lns,
-    neighbourhood_search,
-)
-from cocap_opt.planners.constraint_tree import FocalNodes, Node, OpenNodes
-from cocap_opt.planners.low_level import (
+from cocap_opt.coordination.low_level import (
     PlannedTeam,
     SingleRobotPath,
     SingleRobotTask,
     value_iteration,
 )
-from cocap_opt.planners.responses import Responses, followed, one_by_one
-from cocap_opt.planners.restricted_value_iteration import RestrictedValueIteration
+from cocap_opt.coordination.neighbourhoods import (
+    LARGEST,
+    _exchanged,
+    _neighbours,
+    neighbourhood_search,
+)
+from cocap_opt.coordination.responses import Responses, followed, one_by_one
+from cocap_opt.coordination.restricted_value_iteration import RestrictedValueIteration
+from cocap_opt.graph.charges import NO_CHARGES
+from cocap_opt.model import compiled
+from cocap_opt.planners import PLANNERS
+from cocap_opt.planners.cocap import cocap
+from cocap_opt.planners.cocap_lns import cocap_lns
+from cocap_opt.planners.constraint_tree import FocalNodes, Node, OpenNodes
 from cocap_opt.planners.sequential import best_of_orders, sequential, sequential_rounds
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.referee import check

@@ -10,6 +10,7 @@ from pool import meetings, problems
 from strategies import Calls, examples
 from test_planners import blocked_at_random, close, meadow, seen_by_others
 
+from cocap_opt.coordination.low_level import SingleRobotPath, SingleRobotTask, value_iteration
 from cocap_opt.experiments.lab.studies.coverage.town import town
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.value_iteration import backward_sweep
@@ -19,7 +20,6 @@ from cocap_opt.planners import PLANNERS, lazy_value_iteration
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
-from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask, value_iteration
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
 from cocap_opt.problem import Camera, Problem
 from cocap_opt.referee import check

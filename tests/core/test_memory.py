@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from strategies import tiny
 
 from cocap_opt import memory
+from cocap_opt.coordination.low_level import SingleRobotTask
 from cocap_opt.data import ProblemError
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model import Model
 from cocap_opt.planners.lazy_value_iteration import LazyValueIteration
-from cocap_opt.planners.low_level import SingleRobotTask
 from cocap_opt.problem import Motion
 from cocap_opt.world.workspace import HeightMap, Workspace
 

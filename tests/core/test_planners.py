@@ -29,6 +29,13 @@ from strategies import (
     tiny,
 )
 
+from cocap_opt.coordination.low_level import (
+    LowLevel,
+    PlannedTeam,
+    SingleRobotPath,
+    SingleRobotTask,
+    value_iteration,
+)
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.networks import time_expanded_graph
 from cocap_opt.method import Method
@@ -38,13 +45,6 @@ from cocap_opt.planners import PLANNERS, constraint_tree
 from cocap_opt.planners.cocap import cocap
 from cocap_opt.planners.greedy import greedy, greedy_rounds
 from cocap_opt.planners.joint import joint
-from cocap_opt.planners.low_level import (
-    LowLevel,
-    PlannedTeam,
-    SingleRobotPath,
-    SingleRobotTask,
-    value_iteration,
-)
 from cocap_opt.planners.results import hovering
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.planners.view_search import Compounded, Undiscounted, ViewSearch

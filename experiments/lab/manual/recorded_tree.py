@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from cocap_opt.coordination.low_level import value_iteration
+from cocap_opt.coordination.responses import Responses
 from cocap_opt.planners.cocap import algorithm_1
 from cocap_opt.planners.constraint_tree import ConstraintTree, Node, OpenNodes
-from cocap_opt.planners.low_level import value_iteration
-from cocap_opt.planners.responses import Responses
 from cocap_opt.problem import Cell, Conflict, Plan, Problem
 from cocap_opt.stop import never
 

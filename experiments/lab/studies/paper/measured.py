@@ -14,6 +14,8 @@ from statistics import median
 from typing import NamedTuple
 
 from cocap_opt.console.streams import say
+from cocap_opt.coordination.low_level import SingleRobotPath, value_iteration
+from cocap_opt.coordination.responses import Responses, followed, in_rounds
 from cocap_opt.experiments.lab.results import read_csv
 from cocap_opt.experiments.lab.studies.runs import TimedRun, processor_seconds
 from cocap_opt.experiments.sweeps.cells import SweepCell
@@ -25,8 +27,6 @@ from cocap_opt.model import Model, compiled
 from cocap_opt.output.files import save_csv
 from cocap_opt.planners import PLANNERS, RECOMMENDED
 from cocap_opt.planners.cocap import cocap
-from cocap_opt.planners.low_level import SingleRobotPath, value_iteration
-from cocap_opt.planners.responses import Responses, followed, in_rounds
 from cocap_opt.planners.results import result_of
 from cocap_opt.planners.view_search import Compounded, ViewSearch
 from cocap_opt.problem import Plan, Problem

@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.coordination.low_level import SingleRobotPath, SingleRobotTask, value_iteration
+from cocap_opt.coordination.responses import Responses, followed, one_by_one
 from cocap_opt.experiments.lab.studies.quality.rows import PlanRow, rounded
 from cocap_opt.footage.quality import Quality
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import compiled
 from cocap_opt.planners import RECOMMENDED
-from cocap_opt.planners.low_level import SingleRobotPath, SingleRobotTask, value_iteration
-from cocap_opt.planners.responses import Responses, followed, one_by_one
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.run.engine import run

@@ -7,9 +7,9 @@ are not planned yet, `in_rounds` plans each again against all others until nobod
 from collections.abc import Callable, Iterator, Sequence
 from itertools import cycle
 
+from cocap_opt.coordination.low_level import LowLevel, PlannedTeam, SingleRobotPath, SingleRobotTask
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.model import compiled
-from cocap_opt.planners.low_level import LowLevel, PlannedTeam, SingleRobotPath, SingleRobotTask
 from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, LimitReached, Stop
 

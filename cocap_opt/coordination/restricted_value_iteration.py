@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cocap_opt.coordination.low_level import PlannedTeam, SingleRobotPath, SingleRobotTask
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.move_rewards import Bonuses
@@ -25,7 +26,6 @@ from cocap_opt.graph.timegraph import CLOSED, TimeGraph
 from cocap_opt.graph.value_iteration import backward_sweep
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import marginal_reward
-from cocap_opt.planners.low_level import PlannedTeam, SingleRobotPath, SingleRobotTask
 from cocap_opt.stop import Stop
 
 
