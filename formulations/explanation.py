@@ -40,10 +40,10 @@ from cocap_opt.formulations.certificates import (
     Staged,
 )
 from cocap_opt.formulations.certificates.pricing import CertificatePrices
-from cocap_opt.formulations.certificates.resources import PathCells, Resource
+from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.certificates.sweep import values_to_go
 from cocap_opt.graph.charges import Charges
-from cocap_opt.model import Model, Path
+from cocap_opt.model import Model, Path, PathCells
 from cocap_opt.problem import Objective, Plan, State
 
 _NOTHING = 1e-9  # bound of a scene in which there is nothing to be had, but for rounding

@@ -38,7 +38,7 @@ ORDER = {
         "files", "compiling",
         "graph", "plausibility", "vision", "referee", "flight", "footage", "model", "timing",
         "objective",
-        "coordination", "method", "planners",
+        "coordination", "mixtures", "method", "planners",
     ),
     "formulations": (
         "certificates", "explanation", "second_opinion", "result", "simple_bounds",

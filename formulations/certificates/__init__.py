@@ -33,7 +33,7 @@ Below both, the trusted core, about 5,400 lines:
 - `graph`: `charges`, `motion`, `move_rewards`, `timegraph`; which moves there are.
 - `vision`: `bodies`, `candidates`, `coverage`, `faces`, `projection`, `seen`, `shadows`,
   `sights`, `viewpoints`, `views`, `visibility`; what a view sees.
-- `model`: `coverage_tables`, `model`, `places`; which drones share a graph, and its states.
+- `model`: `coverage_tables`, `model`, `path_cells`, `places`; who shares a graph, and its states.
 - `files`: `documents`, `strict_json`; reading files, and the digest that ties one to its scene.
 - `objective`, `returns`, `arithmetic`, `data`; weights and J, concave returns, sums of floats, and
   checks of fields.

@@ -16,26 +16,10 @@ from typing import ClassVar, NamedTuple
 import msgspec
 
 from cocap_opt.graph.charges import Charges
-from cocap_opt.model import Model, Path
+from cocap_opt.model import Model, PathCells
 from cocap_opt.problem import Cell, Problem, State
 
 MOST_MOVES = 2000  # of one resource
-
-
-class PathCells(NamedTuple):
-    """A path of one robot with the cells that it passes, which is all that resources look at."""
-
-    class_number: int  # of the robot's class
-    states: Path  # T+1 state numbers
-    cells: tuple[Cell, ...]  # T+1
-
-    @classmethod
-    def of(cls, model: Model, robot: int, path: Path) -> "PathCells":
-        """Returns the path of a robot, which is given in state numbers, with its cells."""
-        robot_class = model.class_of[robot]
-        number = model.classes.index(robot_class)
-        cells, n_places = model.places.cells[number], robot_class.graph.n_places
-        return cls(number, path, tuple([cells[state % n_places] for state in path]))
 
 
 class _Footprint(NamedTuple):

@@ -6,53 +6,14 @@ The defaults were tuned on the built-in scenes; where one scene decided, its nam
 docstring gives the units and the meanings that the reference lists.
 """
 
-import inspect
-import math
-import re
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
-from typing import Annotated
+from dataclasses import dataclass, field, fields
 
-_Share = Annotated[float, "between 0 and 1"]
-_Shares = tuple[_Share, ...]
-
-
-class _Section:
-    """The parameters of one part of the search, checked where they are made."""
-
-    def __post_init__(self) -> None:
-        """Raises ValueError, which names the parameter, for a number that makes no sense."""
-        for parameter in fields(self):  # type: ignore[arg-type]  # its subclasses are dataclasses
-            given, default = getattr(self, parameter.name), parameter.default
-            several = given if isinstance(default, tuple) else (given,)
-            whole, is_share = isinstance(default, int), parameter.type in (_Share, _Shares)
-            largest = 1 if is_share else math.inf
-            if not isinstance(several, tuple) or not all(
-                _is_allowed(number, whole, largest) for number in several
-            ):
-                kind = "a whole number" if whole else "a number"
-                most = " between 0 and 1" if is_share else " from 0 on"
-                raise ValueError(
-                    f"{type(self).__name__}.{parameter.name}: {given!r} is not {kind}{most}"
-                )
-
-    @classmethod
-    def told(cls) -> dict[str, tuple[str, str]]:
-        """Returns unit and meaning of each parameter by its name, as the docstring has them."""
-        listed = (inspect.getdoc(cls) or "").partition("----------\n")[2]
-        parts = re.findall(r"^(\w+) : (.+)\n((?: {4}.+\n?)+)", listed, re.MULTILINE)
-        return {name: (unit, " ".join(meaning.split())) for name, unit, meaning in parts}
-
-
-def _is_allowed(number: object, whole: bool, largest: float) -> bool:
-    """Returns True for a finite number from 0 to the largest, whole where it has to be."""
-    if isinstance(number, bool) or not isinstance(number, int if whole else int | float):
-        return False
-    return math.isfinite(number) and 0 <= number <= largest
+from cocap_opt.mixtures.parameters import AscentParameters, Section, Share, Shares
 
 
 @dataclass(frozen=True)
-class SearchParameters(_Section):
+class SearchParameters(Section):
     """The parameters that all nodes share: accuracy, and the responses of local search.
 
     Attributes
@@ -81,7 +42,7 @@ class SearchParameters(_Section):
 
 
 @dataclass(frozen=True)
-class RelaxationParameters(_Section):
+class RelaxationParameters(Section):
     """The relaxation of a node: accuracy, rounds of cuts, pricing between multipliers.
 
     Attributes
@@ -122,17 +83,17 @@ class RelaxationParameters(_Section):
     least_cut: float = 2e-6
     most_cut_rounds: int = 20
     most_cuts: int = 300
-    early: _Share = 0.1
+    early: Share = 0.1
     tail: float = 1e-5
-    tail_open: _Share = 0.05
+    tail_open: Share = 0.05
     most_penalty_raises: int = 8
-    smoothing: _Shares = (0.25, 0.5, 0.75)
+    smoothing: Shares = (0.25, 0.5, 0.75)
     least_responses: int = 2
     most_idle: int = 12
 
 
 @dataclass(frozen=True)
-class RootParameters(_Section):
+class RootParameters(Section):
     """The root: its first mixture, and what is tried before the tree.
 
     Attributes
@@ -171,17 +132,17 @@ class RootParameters(_Section):
     most_raises: int = 80
     least_amount: float = 0.01
     most_disaggregated: int = 20_000_000
-    least_gain: _Share = 0.12
+    least_gain: Share = 0.12
     few_joint_states: float = 2e7
     last_look: int = 10
     last_look_far: int = 35
     many_pairings: int = 5
     far: float = 0.003
-    least_gain_far: _Share = 0.02
+    least_gain_far: Share = 0.02
 
 
 @dataclass(frozen=True)
-class LargeRootParameters(_Section):
+class LargeRootParameters(Section):
     """The root of very many robots, without masters: whose turn it is, and moves over known arcs.
 
     Moves are those of a large neighbourhood search (Shaw 1998).
@@ -224,14 +185,14 @@ class LargeRootParameters(_Section):
     nearly: float = 0.004
     moves: int = 250
     patience: float = 1.2
-    least_gain: _Share = 5e-4
+    least_gain: Share = 5e-4
     most_others: int = 3
     most_turns: int = 20
     neighbours: int = 4
 
 
 @dataclass(frozen=True)
-class TreeParameters(_Section):
+class TreeParameters(Section):
     """The nodes below the root: when they are branched on, and diving.
 
     Attributes
@@ -256,11 +217,11 @@ class TreeParameters(_Section):
         amounts nearer than this to an integer count as integral in a dive
     """
 
-    rough: _Share = 0.1
-    rough_root: _Share = 0.02
+    rough: Share = 0.1
+    rough_root: Share = 0.02
     nearly_integral: float = 1e-7
     dive_nearly: float = 0.75
-    dive_share: _Share = 0.15
+    dive_share: Share = 0.15
     most_dive_rounds: int = 40
     dive_pricings: int = 2
     dive_responses: int = 10
@@ -268,7 +229,7 @@ class TreeParameters(_Section):
 
 
 @dataclass(frozen=True)
-class EnvelopeParameters(_Section):
+class EnvelopeParameters(Section):
     """Step envelopes: rounds, and how long the search of a step may take.
 
     Attributes
@@ -320,14 +281,14 @@ class EnvelopeParameters(_Section):
     few_nodes: int = 10_000
     responses: int = 10
     most_corrections: int = 4
-    least_round: _Share = 0.05
+    least_round: Share = 0.05
     wide: float = 8.0
-    least_wide: _Share = 0.12
-    least_listed: _Share = 0.1
+    least_wide: Share = 0.12
+    least_listed: Share = 0.1
 
 
 @dataclass(frozen=True)
-class ListParameters(_Section):
+class ListParameters(Section):
     """The lists of states that step envelopes are searched among: their lengths and their slack.
 
     Attributes
@@ -375,7 +336,7 @@ class ListParameters(_Section):
     most_first: int = 200
     fewest: int = 30
     most: int = 600
-    mean: _Share = 0.6
+    mean: Share = 0.6
     long_search: float = 200_000.0
     shorter: float = 0.2
     not_ended: float = 20.0
@@ -389,7 +350,7 @@ class ListParameters(_Section):
 
 
 @dataclass(frozen=True)
-class TrialParameters(_Section):
+class TrialParameters(Section):
     """Trials of the paths of all robots together: when they are made, and of how many nodes.
 
     Attributes
@@ -417,15 +378,15 @@ class TrialParameters(_Section):
     fewest_nodes: int = 100_000
     fewest_plain_nodes: int = 5_000
     more_nodes: float = 2.0
-    share_of_nodes: _Share = 0.25
-    shares: _Shares = (0.75, 0.5, 0.375, 0.25, 0.125, 0.0)
+    share_of_nodes: Share = 0.25
+    shares: Shares = (0.75, 0.5, 0.375, 0.25, 0.125, 0.0)
     next_times: int = 10
     most_nodes: int = 300_000_000
     first_times: int = 10
 
 
 @dataclass(frozen=True)
-class BundleParameters(_Section):
+class BundleParameters(Section):
     """The bundle method over prices of states (Kiwiel 1990), and its search for joint states.
 
     Attributes
@@ -456,9 +417,9 @@ class BundleParameters(_Section):
 
     most_iterations: int = 60
     most_listed_iterations: int = 14
-    converged: _Share = 0.02
-    serious: _Share = 0.1
-    good: _Share = 0.3
+    converged: Share = 0.02
+    serious: Share = 0.1
+    good: Share = 0.3
     first_weight: float = 5.0
     most_heights: int = 30
     known_starts: int = 6
@@ -468,7 +429,7 @@ class BundleParameters(_Section):
 
 
 @dataclass(frozen=True)
-class RecombinationParameters(_Section):
+class RecombinationParameters(Section):
     """Recombination: the best plan along the states of several plans.
 
     Attributes
@@ -497,7 +458,7 @@ class RecombinationParameters(_Section):
 
 
 @dataclass(frozen=True)
-class RuledAscentParameters(_Section):
+class RuledAscentParameters(Section):
     """The ascent of a mixture under collision rules and cuts, for very many robots.
 
     Attributes
@@ -533,32 +494,7 @@ class RuledAscentParameters(_Section):
 
 
 @dataclass(frozen=True)
-class AscentParameters(_Section):
-    """The ascent of the first mixture, without a master: steps by its gradient.
-
-    Attributes
-    ----------
-    power : of the gradient
-        1 is safe and slow; 3 does not settle under rules (field-large)
-    most_steps : steps
-        in which a mixture is raised between two pricings
-    rough : share
-        of bound less value: what these steps may leave to gain
-    least_mean : J
-        a robot that gains no more keeps its amounts
-    least_amount : of a robot
-        below which a column is dropped
-    """
-
-    power: float = 2.0
-    most_steps: int = 60
-    rough: _Share = 0.02
-    least_mean: float = 1e-6
-    least_amount: float = 1e-4
-
-
-@dataclass(frozen=True)
-class AlikeCutParameters(_Section):
+class AlikeCutParameters(Section):
     """Envelope cuts where many robots of one class share a view sum.
 
     Attributes
@@ -584,12 +520,12 @@ class AlikeCutParameters(_Section):
     most_added: int = 60
     most_rounds: int = 12
     most_growing: int = 4000
-    nearly: _Share = 0.02
+    nearly: Share = 0.02
     least_mass: float = 1e-6
 
 
 @dataclass(frozen=True)
-class LocalSearchParameters(_Section):
+class LocalSearchParameters(Section):
     """Local search: roundings of a mixture, best responses, best pairs.
 
     Attributes
@@ -616,7 +552,7 @@ class LocalSearchParameters(_Section):
     most_pairs: int = 250_000
     most_partners: int = 5
     perturbed: int = 3
-    promising: _Share = 0.01
+    promising: Share = 0.01
     least_amount: float = 1e-6
     found_amount: float = 0.05
     most_in_vain: int = 8
@@ -641,7 +577,7 @@ class Parameters:
     bundle: BundleParameters = BundleParameters()
     recombination: RecombinationParameters = RecombinationParameters()
     ruled_ascent: RuledAscentParameters = RuledAscentParameters()
-    ascent: AscentParameters = AscentParameters()
+    ascent: AscentParameters = field(default_factory=AscentParameters)
     alike_cuts: AlikeCutParameters = AlikeCutParameters()
     local_search: LocalSearchParameters = LocalSearchParameters()
 

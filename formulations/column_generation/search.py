@@ -9,8 +9,6 @@ import numpy as np
 
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile, Staged
 from cocap_opt.formulations.certificates.staged import Narrowing
-from cocap_opt.formulations.column_generation.master.columns import Arc
-from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.master.pricing import Pricer
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS, Parameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
@@ -25,6 +23,8 @@ from cocap_opt.formulations.result import (
     proved_by,
     silent,
 )
+from cocap_opt.mixtures.columns import Arc
+from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.model import Model
 from cocap_opt.problem import Plan
 from cocap_opt.result import Reason, relative_gap

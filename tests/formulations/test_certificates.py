@@ -50,14 +50,14 @@ from cocap_opt.formulations.certificates import (
     verify,
 )
 from cocap_opt.formulations.certificates.envelope import Cut
-from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, PathCells, Swap, Visit
+from cocap_opt.formulations.certificates.resources import Cells, Move, Moves, Swap, Visit
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.relaxations.collision_rows import CliquesOfMoves
 from cocap_opt.formulations.relaxations.separation import MOST_BREAKPOINTS, Seen, phi_of
 from cocap_opt.formulations.result import certify
 from cocap_opt.formulations.second_opinion import TooLargeError, _highest_corner
 from cocap_opt.graph.networks import time_expanded_graph
-from cocap_opt.model import Model, compiled
+from cocap_opt.model import Model, PathCells, compiled
 from cocap_opt.problem import NO_RULES, Cell, Objective, Plan, Problem, State
 from cocap_opt.referee import _Referee
 from cocap_opt.scenarios import load_scene

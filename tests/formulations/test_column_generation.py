@@ -13,7 +13,6 @@ from cocap_opt.formulations.certificates import Decision, Pricing, verify
 from cocap_opt.formulations.certificates.resources import (
     Cells,
     Move,
-    PathCells,
     Swap,
     Visit,
     charges_of,
@@ -22,11 +21,11 @@ from cocap_opt.formulations.column_generation.branch_and_price import (
     branch_and_price,
     column_generation,
 )
-from cocap_opt.formulations.column_generation.master.columns import Arc, Column
+from cocap_opt.formulations.column_generation.master.arc_users import users_of
 from cocap_opt.formulations.column_generation.master.master import Master
 from cocap_opt.formulations.column_generation.master.master_program import _ConicProgram
-from cocap_opt.formulations.column_generation.master.mixture import Mixture, ResourceUse
 from cocap_opt.formulations.column_generation.master.pricing import Pricer
+from cocap_opt.formulations.column_generation.master.resource_use import ResourceUse, roots_seen
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.primal.local_search import LocalSearch, ResponseLimit
 from cocap_opt.formulations.column_generation.search import Search
@@ -36,7 +35,9 @@ from cocap_opt.formulations.column_generation.tree.root import Root
 from cocap_opt.formulations.result import OPTIMALITY, BoundMethod, Snapshot
 from cocap_opt.graph.timegraph import CLOSED
 from cocap_opt.graph.value_iteration import backward_sweep
-from cocap_opt.model import Model, compiled
+from cocap_opt.mixtures.columns import Arc, Column
+from cocap_opt.mixtures.mixture import Mixture
+from cocap_opt.model import Model, PathCells, compiled
 from cocap_opt.objective import objective
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
@@ -236,7 +237,7 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
         ]
         if moved[0] != moved[1]:
             resources += [Move(t, moved, number), Swap(t, moved), Swap(t, moved[::-1])]
-        rows = Arc.users(model, Column.of(model, robot, path.states).arcs, resources)
+        rows = users_of(model, Column.of(model, robot, path.states).arcs, resources)
         assert [len(row) for row in rows] == [r.used_by(model, path) for r in resources]
 
 
@@ -317,7 +318,7 @@ def test_a_mixture_is_split_by_view_sum() -> None:
     mixture = np.array([0.25, 0.75])
     parts = {
         view_sum: (seen.roots, seen.amounts)
-        for view_sum, seen in Mixture(columns, mixture).seen(problem.returns.n_roots)
+        for view_sum, seen in roots_seen(Mixture(columns, mixture), problem.returns.n_roots)
     }
     assert set(parts) == {int(g) for c in columns for g in c.view_sums}
     for robot_class, (roots, amounts) in parts.items():
@@ -326,7 +327,7 @@ def test_a_mixture_is_split_by_view_sum() -> None:
             for c, weight in zip(columns, mixture.tolist(), strict=True)
         )
         assert float(roots @ amounts) == pytest.approx(total)
-    assert Mixture(columns, np.zeros(2)).seen(problem.returns.n_roots) == []
+    assert roots_seen(Mixture(columns, np.zeros(2)), problem.returns.n_roots) == []
 
 
 @pytest.mark.parametrize("units", [0, 1, pytest.param(5, marks=pytest.mark.slow)])

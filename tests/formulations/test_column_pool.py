@@ -11,15 +11,15 @@ from hypothesis import given
 from pool import meetings, problems
 from strategies import Calls, examples
 
-from cocap_opt.formulations.column_generation.master.columns import Column
-from cocap_opt.formulations.column_generation.master.mixture import Mixture
-from cocap_opt.formulations.column_generation.master.mixture_ascent import mixture_ascent
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.formulations.column_generation.primal import local_search
-from cocap_opt.formulations.column_generation.primal.column_pool import ColumnPool
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.primal.local_search import LocalSearch, ResponseLimit
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.mixtures.column_pool import ColumnPool
+from cocap_opt.mixtures.columns import Column
+from cocap_opt.mixtures.mixture import Mixture
+from cocap_opt.mixtures.mixture_ascent import mixture_ascent
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import objective
 from cocap_opt.problem import Plan, Problem
@@ -36,7 +36,7 @@ def pooled(model: Model) -> tuple[ColumnPool, list[list[Column]]]:
     pool, own = ColumnPool(model), [{} for _ in model.problem.robots]
     if search.alone.bound > -np.inf:
         steps = islice(
-            mixture_ascent(model, search.pricer, search.alone, never, DEFAULTS.ascent), 3
+            mixture_ascent(model, search.pricer.of_prices, search.alone, never, DEFAULTS.ascent), 3
         )
         for column, amount in chain.from_iterable(mixture.used() for mixture, _, _ in steps):
             pool.add(column, amount)
@@ -161,7 +161,7 @@ def test_more_responses_find_no_worse_plans_and_each_is_told() -> None:
     model = compiled(load_scene("bottleneck", 1))
     search = Search(model)
     *_, (mixture, _, _) = islice(
-        mixture_ascent(model, search.pricer, search.alone, never, DEFAULTS.ascent), 6
+        mixture_ascent(model, search.pricer.of_prices, search.alone, never, DEFAULTS.ascent), 6
     )
     values = []
     for allowed in (1, 20, 60):

@@ -14,16 +14,11 @@ from scipy import sparse
 from strategies import examples
 
 from cocap_opt.formulations.certificates import Decision, Pricing, verify
-from cocap_opt.formulations.certificates.resources import PathCells
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.master import Master
-from cocap_opt.formulations.column_generation.master.mixture import Mixture
-from cocap_opt.formulations.column_generation.master.mixture_ascent import (
-    MixtureProgram,
-    RuledProgram,
-)
 from cocap_opt.formulations.column_generation.master.pricing import Pricer
+from cocap_opt.formulations.column_generation.master.resource_use import roots_seen
+from cocap_opt.formulations.column_generation.master.ruled_program import RuledProgram
 from cocap_opt.formulations.column_generation.parameters import (
     DEFAULTS,
     LargeRootParameters,
@@ -35,7 +30,12 @@ from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
-from cocap_opt.model import Model, compiled
+from cocap_opt.mixtures.columns import Column
+from cocap_opt.mixtures.mixture import Mixture
+from cocap_opt.mixtures.mixture_ascent import (
+    MixtureProgram,
+)
+from cocap_opt.model import Model, PathCells, compiled
 from cocap_opt.objective import objective
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Problem, Views
@@ -97,10 +97,10 @@ def test_a_master_of_one_path_for_each_drone_is_worth_their_objective(
     amounts, base = np.ones(len(columns)), MixtureProgram(model, columns)
     numbers, none = np.arange(len(columns)), sparse.csr_array((len(columns), 0))
     ruled = RuledProgram(base, numbers, [], none, np.zeros(0), 1.0, 1e-6)
-    judged, duals = base.judged(amounts)
+    judged, prices = base.judged(amounts)
     assert judged == pytest.approx(value, rel=1e-9, abs=1e-9)
     assert ruled.value(amounts) == pytest.approx(value, rel=1e-9, abs=1e-4)
-    for multipliers in (duals, Duals(*ruled.multipliers(amounts)[:2])):
+    for multipliers in (Duals(*prices), Duals(*ruled.multipliers(amounts)[:2])):
         assert not multipliers.beta[problem.returns.n_roots :].any()
         assert Pricer(model)(multipliers).bound >= value - 1e-6 * (1 + abs(value))
 
@@ -111,7 +111,9 @@ def test_mixtures_offer_no_counts_to_cuts(problem: Problem, seed: int) -> None:
     """All roots that they see are offered, and nothing else."""
     columns = random_columns(compiled(problem), np.random.default_rng(seed))
     n_roots = problem.returns.n_roots
-    seen = [view_sum for view_sum, _ in Mixture(columns, np.ones(len(columns))).seen(n_roots)]
+    seen = [
+        view_sum for view_sum, _ in roots_seen(Mixture(columns, np.ones(len(columns))), n_roots)
+    ]
     assert seen == sorted({v for c in columns for v in c.view_sums.tolist() if v < n_roots})
 
 

@@ -18,12 +18,8 @@ from cocap_opt.formulations.certificates.envelope import Curve, Cut
 from cocap_opt.formulations.certificates.format import MOST_WORK
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.formulations.column_generation.master.alike_cuts import _grown_multisets, alike_cut
-from cocap_opt.formulations.column_generation.master.mixture_ascent import (
-    RuledProgram,
-    mixture_ascent,
-    raised,
-)
 from cocap_opt.formulations.column_generation.master.pricing import Priced
+from cocap_opt.formulations.column_generation.master.ruled_program import RuledProgram
 from cocap_opt.formulations.column_generation.parameters import (
     DEFAULTS,
     LargeRootParameters,
@@ -34,6 +30,10 @@ from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot, _RuledAscent
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.mixtures.mixture_ascent import (
+    mixture_ascent,
+    raised,
+)
 from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.referee import check
@@ -116,7 +116,13 @@ def test_every_step_under_rules_gives_a_bound(problem: Problem) -> None:
     if search.alone.bound == -np.inf or problem.objective.over_time:
         return
     mixture, _, first = next(
-        mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent)
+        mixture_ascent(
+            search.model,
+            search.pricer.of_prices,
+            search.alone,
+            never,
+            DEFAULTS.ascent,
+        )
     )
     ascent = _RuledAscent(search, mixture, first)
     best = optimum(problem).value
@@ -137,7 +143,14 @@ def test_plans_over_known_arcs_obey_the_rules_and_get_no_worse(problem: Problem)
     if search.alone.bound == -np.inf or search.incumbent is None or problem.objective.over_time:
         return
     steps = islice(
-        mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent), 3
+        mixture_ascent(
+            search.model,
+            search.pricer.of_prices,
+            search.alone,
+            never,
+            DEFAULTS.ascent,
+        ),
+        3,
     )
     columns = [column for _, _, priced in steps for column in priced.columns]
     arcs = ArcSearch(
@@ -156,7 +169,13 @@ def test_work_without_masters_asks_often_whether_to_stop() -> None:
     """Mixtures are raised, and plans changed, in steps; a large team's take tenths of a second."""
     search = Search(compiled(load_scene("corridor", 0)))
     columns = next(
-        mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent)
+        mixture_ascent(
+            search.model,
+            search.pricer.of_prices,
+            search.alone,
+            never,
+            DEFAULTS.ascent,
+        )
     )[0].columns
     robots = np.array([column.robot for column in columns])
     amounts = np.full(len(robots), 0.5)
@@ -176,7 +195,14 @@ def test_moves_over_known_arcs_make_a_good_plan_of_hovering_drones(scene: str) -
     """Twenty moves over the arcs of four pricings come within half a percent of the optimum."""
     search = Search(compiled(load_scene(scene, 0)))
     steps = islice(
-        mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent), 4
+        mixture_ascent(
+            search.model,
+            search.pricer.of_prices,
+            search.alone,
+            never,
+            DEFAULTS.ascent,
+        ),
+        4,
     )
     columns = [column for _, _, priced in steps for column in priced.columns]
     assert search.incumbent is not None and search.value < 0.5 * OPTIMA[scene]
@@ -193,7 +219,13 @@ def large_root(scene: str) -> LargeRoot:
     """The root of a scene after a first ascent, as if it were large."""
     search = Search(compiled(load_scene(scene, 0)))
     mixture, _, priced = next(
-        mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent)
+        mixture_ascent(
+            search.model,
+            search.pricer.of_prices,
+            search.alone,
+            never,
+            DEFAULTS.ascent,
+        )
     )
     return LargeRoot(search, mixture, min(search.alone, priced, key=bound_of))
 

@@ -12,9 +12,9 @@ from strategies import examples
 
 from cocap_opt.formulations.certificates import Pricing
 from cocap_opt.formulations.column_generation.master.master import Master
-from cocap_opt.formulations.column_generation.master.mixture_ascent import mixture_ascent
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.formulations.column_generation.search import Search
+from cocap_opt.mixtures.mixture_ascent import mixture_ascent
 from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import load_scene
@@ -29,7 +29,14 @@ def test_every_mixture_gives_a_bound_and_whole_robots(problem: Problem) -> None:
     if search.alone.bound == -np.inf:
         return
     for mixture, value, priced in islice(
-        mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent), 3
+        mixture_ascent(
+            search.model,
+            search.pricer.of_prices,
+            search.alone,
+            never,
+            DEFAULTS.ascent,
+        ),
+        3,
     ):
         robots = [column.robot for column in mixture.columns]
         amounts = np.bincount(robots, mixture.amounts, len(problem.robots))
@@ -44,7 +51,9 @@ def test_every_mixture_gives_a_bound_and_whole_robots(problem: Problem) -> None:
 def test_a_mixture_is_raised_to_what_a_master_finds(scene: str) -> None:
     """After some steps, value and bound enclose the same columns' master within a third of 1 %."""
     search = Search(compiled(load_scene(scene, 0)))
-    steps = mixture_ascent(search.model, search.pricer, search.alone, never, DEFAULTS.ascent)
+    steps = mixture_ascent(
+        search.model, search.pricer.of_prices, search.alone, never, DEFAULTS.ascent
+    )
     mixture, value, priced = list(islice(steps, 12))[-1]
     master = Master(search.model, penalty=1e6)
     for column in mixture.columns:

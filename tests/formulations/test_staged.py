@@ -50,8 +50,7 @@ from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan, _Ch
 from cocap_opt.formulations.certificates.staged.search import MostProfitable, all_that_count
 from cocap_opt.formulations.certificates.staged.stages import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.master.columns import Arc
-from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.flow_paths import mixture_of_flow
 from cocap_opt.formulations.column_generation.parameters import (
     EnvelopeParameters,
     ListParameters,
@@ -77,6 +76,8 @@ from cocap_opt.formulations.explanation import explain
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.result import OPTIMALITY, certify
 from cocap_opt.formulations.second_opinion import TooLargeError, require_small
+from cocap_opt.mixtures.columns import Arc
+from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.model import Model, compiled
 from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.referee import check
@@ -565,7 +566,7 @@ def test_a_flow_is_split_into_paths_with_the_same_flow(problem: Problem) -> None
             return
         for column in incumbent.columns:
             flow.update(dict.fromkeys(column.arcs, 0.5))
-    mixture, again = Mixture.of_flow(model, flow), Counter[Arc]()
+    mixture, again = mixture_of_flow(model, flow), Counter[Arc]()
     for column, amount in mixture.used():
         again.update(dict.fromkeys(column.arcs, amount))
     assert dict(again) == pytest.approx(dict(flow))
@@ -578,12 +579,12 @@ def test_a_flow_that_runs_dry_gives_what_paths_there_are() -> None:
     assert incumbent is not None
     first, second = incumbent.columns
     whole = dict.fromkeys(first.arcs, 0.75) | dict.fromkeys(second.arcs, 1e-9)
-    mixture = Mixture.of_flow(model, whole)
+    mixture = mixture_of_flow(model, whole)
     assert [(column.key, amount) for column, amount in mixture.used()] == [(first.key, 0.75)]
     ends_early = dict.fromkeys(first.arcs[:-1], 1.0) | dict.fromkeys(second.arcs, 1.0)
-    mixture = Mixture.of_flow(model, ends_early)
+    mixture = mixture_of_flow(model, ends_early)
     assert [(column.key, amount) for column, amount in mixture.used()] == [(second.key, 1.0)]
-    assert Mixture.of_flow(model, {}).columns == []
+    assert mixture_of_flow(model, {}).columns == []
 
 
 def test_a_search_that_is_too_long_says_so() -> None:

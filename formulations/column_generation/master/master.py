@@ -13,9 +13,9 @@ from collections.abc import Collection, Iterable
 from cocap_opt.formulations.certificates import Decision
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
-from cocap_opt.formulations.column_generation.master.columns import Arc, Column
+from cocap_opt.formulations.column_generation.master.flow_paths import LEAST_USE
 from cocap_opt.formulations.column_generation.master.master_program import MasterProgram, Solution
-from cocap_opt.formulations.column_generation.master.mixture import LEAST_USE
+from cocap_opt.mixtures.columns import Arc, Column
 from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop, never
 

@@ -26,12 +26,14 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates import Decision
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
-from cocap_opt.formulations.column_generation.master.columns import Arc, Column
-from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.arc_users import users_of
+from cocap_opt.formulations.column_generation.master.flow_paths import mixture_of_flow
 from cocap_opt.formulations.relaxations.duals import Duals, repaired_roots
 from cocap_opt.formulations.relaxations.separation import phi_of
 from cocap_opt.formulations.solvers import solve_cones
 from cocap_opt.graph.move_rewards import Bonuses
+from cocap_opt.mixtures.columns import Arc, Column
+from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.model import Model, Path
 from cocap_opt.stop import Stop
 
@@ -243,7 +245,7 @@ class MasterProgram:
         flow = dict(zip(self._arcs, values["flow"].tolist(), strict=True))
         solution = Solution(
             value=-value * self._unit,
-            mixture=Mixture.of_flow(self._model, flow, known),
+            mixture=mixture_of_flow(self._model, flow, known),
             slack=float(np.maximum(values["slack"], 0.0).sum()),
             duals=self._duals(multipliers),
             is_solved=is_solved,
@@ -272,7 +274,7 @@ class MasterProgram:
     def _add_resources(self, program: _ConicProgram) -> None:
         """Adds rows sign * (flow on the arcs that use a resource) - slack <= limit."""
         decided = [decision.resource for decision in self._decisions]
-        using = Arc.users(self._model, self._arcs, [*self._rows, *decided])
+        using = users_of(self._model, self._arcs, [*self._rows, *decided])
         signs = np.array([1.0] * len(self._rows) + [float(d.sign) for d in self._decisions])
         limits = np.array([float(d.sign * d.robots) for d in self._decisions])
         first = 0

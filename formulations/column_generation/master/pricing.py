@@ -16,11 +16,9 @@ from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.certificates import Decision
 from cocap_opt.formulations.certificates.resources import Resource, charges_of
-from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.relaxations.duals import Duals
-from cocap_opt.graph.move_rewards import Bonuses
-from cocap_opt.graph.timegraph import CLOSED
-from cocap_opt.graph.value_iteration import backward_sweep, best_path
+from cocap_opt.mixtures.columns import Column
+from cocap_opt.mixtures.prices import PricedViews, Prices
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
@@ -37,41 +35,27 @@ class Pricer:
     """Prices the multipliers of one model; raises LimitReached before its stop is exceeded."""
 
     def __init__(self, model: Model, stop: Stop = never) -> None:
-        self.model, self._stop = model, stop
+        self.model, self._views = model, PricedViews(model, stop)
         self._weights = model.problem.view_sum_weights
-        # Coverage as sparse matrices, nodes by view sums. Some classes share a table.
-        self._tables = [id(model.coverage(robot_class)) for robot_class in model.classes]
-        self._pixels: dict[int, sparse.csr_array] = {}
-        self._roots: dict[int, sparse.csr_array] = {}
         self._by_view_sum: dict[int, sparse.csc_array] = {}  # roots, once there are cuts
-        for robot_class in model.classes:
-            table = model.coverage(robot_class)
-            if id(table) not in self._pixels:
-                shape = len(table.nodes), len(self._weights)
-                by_node = table.view_sums, table.indptr
-                self._pixels[id(table)] = sparse.csr_array((table.pixels, *by_node), shape)
-                self._roots[id(table)] = sparse.csr_array((np.sqrt(table.pixels), *by_node), shape)
 
     def __call__(self, duals: Duals, decisions: Sequence[Decision] = ()) -> Priced:
         """Returns the bound of multipliers for plans that obey the decisions, and new columns."""
-        model, bonuses = self.model, Bonuses.of(self.model.problem.objective)
+        model, base = self.model, self._views.at(duals.alpha, duals.beta)
         bound, costs = self._constant(duals, decisions), _costs(duals, decisions)
-        of_roots, of_pixels = self._weights * duals.alpha, self._weights * duals.beta
-        base = {at: self._roots[at] @ of_roots + self._pixels[at] @ of_pixels for at in self._roots}
         columns = []
         for number, robot_class in enumerate(model.classes):
             reward = model.spread(robot_class, self._prices(number, duals, base))
             charges = charges_of(model, number, costs)
-            value = backward_sweep(
-                robot_class.graph, reward, bonuses, charges, robot_class.goal, self._stop
-            )
-            for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
-                bound += float(value[0, start])
-                if value[0, start] > CLOSED:
-                    path = best_path(robot_class.graph, value, start, bonuses, charges)
-                    assert path is not None
-                    columns.append(Column.of(model, robot, tuple(path)))
+            for worth, column in self._views.best_paths(number, reward, charges):
+                bound += worth
+                if column is not None:
+                    columns.append(column)
         return Priced(bound, duals, columns)
+
+    def of_prices(self, prices: Prices) -> Priced:
+        """Returns the bound that prices alone prove, and new columns."""
+        return self(Duals(*prices))
 
     def _constant(self, duals: Duals, decisions: Sequence[Decision]) -> float:
         """Returns the part of the bound that no path decides."""
@@ -98,12 +82,12 @@ class Pricer:
         ----------
         base : of each table, the prices of its nodes by alpha and beta [n]
         """
-        table = self._tables[number]
+        table = self._views.tables[number]
         prices = base[table].copy()
         for cut, share in duals.cuts:
             if share > 0:
                 if table not in self._by_view_sum:
-                    self._by_view_sum[table] = self._roots[table].tocsc()
+                    self._by_view_sum[table] = self._views.roots[table].tocsc()
                 seen = self._by_view_sum[table]
                 part = slice(*seen.indptr[cut.view_sum : cut.view_sum + 2])
                 phi = cut.phi(number, seen.data[part])

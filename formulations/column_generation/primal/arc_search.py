@@ -14,11 +14,11 @@ from itertools import pairwise
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.parameters import LargeRootParameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
+from cocap_opt.mixtures.columns import Column
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_gain
 from cocap_opt.stop import Stop

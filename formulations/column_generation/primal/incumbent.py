@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 from cocap_opt.coordination.team import Team
 from cocap_opt.formulations.certificates.resources import Visit
-from cocap_opt.formulations.column_generation.master.columns import Column
-from cocap_opt.formulations.column_generation.master.mixture import Mixture, ResourceUse
+from cocap_opt.formulations.column_generation.master.resource_use import ResourceUse
 from cocap_opt.formulations.relaxations.flow import Flow
+from cocap_opt.mixtures.columns import Column
+from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.model import Model, Path
 from cocap_opt.problem import Plan
 

@@ -19,18 +19,18 @@ import numpy as np
 from cocap_opt.coordination.best_response import best_response
 from cocap_opt.coordination.pair_iteration import PairIteration
 from cocap_opt.data import BoolArray, FloatArray, IntArray
-from cocap_opt.formulations.column_generation.master.columns import Arc, Column
-from cocap_opt.formulations.column_generation.master.mixture import Mixture
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS, LocalSearchParameters
-from cocap_opt.formulations.column_generation.primal.column_pool import (
-    ColumnPool,
-    LocalOptimum,
-    PlanKey,
-)
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
+from cocap_opt.mixtures.column_pool import (
+    ColumnPool,
+    LocalOptimum,
+    PlanKey,
+)
+from cocap_opt.mixtures.columns import Arc, Column
+from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, LimitReached, Stop, never

@@ -24,8 +24,8 @@ from cocap_opt.formulations.certificates.staged import (
     may_be_used,
 )
 from cocap_opt.formulations.column_generation.parameters import RecombinationParameters
-from cocap_opt.formulations.column_generation.primal.column_pool import PlanKey
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
+from cocap_opt.mixtures.column_pool import PlanKey
 from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 

@@ -44,8 +44,7 @@ from cocap_opt.formulations.certificates.staged import (
     most_profitable,
 )
 from cocap_opt.formulations.certificates.staged.search import MostProfitable
-from cocap_opt.formulations.column_generation.master.columns import Arc, Column
-from cocap_opt.formulations.column_generation.master.mixture import Mixture
+from cocap_opt.formulations.column_generation.master.flow_paths import mixture_of_flow
 from cocap_opt.formulations.column_generation.parameters import EnvelopeParameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.counting import (
@@ -57,6 +56,7 @@ from cocap_opt.formulations.column_generation.step_envelopes.list_lengths import
 from cocap_opt.formulations.column_generation.step_envelopes.path_trials import PathTrials
 from cocap_opt.formulations.column_generation.step_envelopes.price_bundle import PriceBundle
 from cocap_opt.formulations.relaxations.duals import Duals
+from cocap_opt.mixtures.columns import Arc, Column
 from cocap_opt.problem import COVERAGE_VERSION
 
 METHOD = "step-envelopes"
@@ -355,7 +355,7 @@ class _Envelopes:
         """
         before = self.search.value
         self.search.allow_responses(self.responses)
-        self.search.look_for_plans(Mixture.of_flow(self.search.model, flow), flow.keys())
+        self.search.look_for_plans(mixture_of_flow(self.search.model, flow), flow.keys())
         self.search.recombine(self.narrowing)
         self.responses = (
             self._parameters.responses

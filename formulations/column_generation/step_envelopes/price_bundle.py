@@ -27,12 +27,12 @@ from cocap_opt.arithmetic import exact_sum
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.formulations.certificates.format import StepPrices
 from cocap_opt.formulations.certificates.staged import JointStates, Narrowing
-from cocap_opt.formulations.column_generation.master.columns import Arc
 from cocap_opt.formulations.column_generation.parameters import BundleParameters
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.solvers import solve_cones
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.value_iteration import backward_sweep, best_path
+from cocap_opt.mixtures.columns import Arc
 from cocap_opt.model import Path
 from cocap_opt.stop import Stop
 

@@ -15,14 +15,10 @@ from scipy import sparse
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.master.alike_cuts import alike_cut
-from cocap_opt.formulations.column_generation.master.columns import Arc, Column
-from cocap_opt.formulations.column_generation.master.mixture import Mixture
-from cocap_opt.formulations.column_generation.master.mixture_ascent import (
-    MixtureProgram,
-    RuledProgram,
-    raised,
-)
+from cocap_opt.formulations.column_generation.master.arc_users import users_of
 from cocap_opt.formulations.column_generation.master.pricing import Priced
+from cocap_opt.formulations.column_generation.master.resource_use import roots_seen, violated_rows
+from cocap_opt.formulations.column_generation.master.ruled_program import RuledProgram
 from cocap_opt.formulations.column_generation.parameters import (
     LargeRootParameters,
     RuledAscentParameters,
@@ -32,6 +28,12 @@ from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.duals import Duals
 from cocap_opt.formulations.relaxations.separation import Seen, loose_view_sums
+from cocap_opt.mixtures.columns import Column
+from cocap_opt.mixtures.mixture import Mixture
+from cocap_opt.mixtures.mixture_ascent import (
+    MixtureProgram,
+    raised,
+)
 from cocap_opt.model import Model, Path
 
 
@@ -95,7 +97,7 @@ class _RuledAscent:
 
     def _add_rows(self) -> None:
         """Adds the conflict rows that the mixture breaks."""
-        for resource in self.mixture.violated_rows(self._search.model, self._parameters.broken):
+        for resource in violated_rows(self.mixture, self._search.model, self._parameters.broken):
             self.rows.setdefault(resource, len(self.rows))
         new = len(self.rows) - len(self._charges)
         self._charges = np.append(self._charges, np.zeros(new))
@@ -150,7 +152,7 @@ class _RuledAscent:
 
         It raises LimitReached between two of them.
         """
-        for view_sum, seen in self.mixture.seen(self._search.model.problem.returns.n_roots):
+        for view_sum, seen in roots_seen(self.mixture, self._search.model.problem.returns.n_roots):
             self._search.stop.check()
             if seen.classes.min() == seen.classes.max():
                 yield view_sum, seen
@@ -159,7 +161,7 @@ class _RuledAscent:
 def _uses(model: Model, columns: Sequence[Column], rows: Collection[Resource]) -> sparse.csr_array:
     """Returns a 1 for each resource that a column uses [n, rows]."""
     horizon = model.problem.horizon
-    using = Arc.users(model, [arc for column in columns for arc in column.arcs], [*rows])
+    using = users_of(model, [arc for column in columns for arc in column.arcs], [*rows])
     at = np.repeat(np.arange(len(rows)), [len(arcs) for arcs in using])
     of = np.array([arc // horizon for arcs in using for arc in arcs], dtype=np.int64)
     return sparse.csr_array((np.ones(len(of)), (of, at)), (len(columns), len(rows)))

@@ -18,16 +18,21 @@ import numpy as np
 
 from cocap_opt.formulations.certificates import CertificateFile, Decision
 from cocap_opt.formulations.certificates.resources import Resource
-from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.master import BEST_ACCURACY, Master
 from cocap_opt.formulations.column_generation.master.master_program import Solution
-from cocap_opt.formulations.column_generation.master.mixture import Mixture, ResourceUse
 from cocap_opt.formulations.column_generation.master.pricing import Priced
+from cocap_opt.formulations.column_generation.master.resource_use import (
+    ResourceUse,
+    roots_seen,
+    violated_rows,
+)
 from cocap_opt.formulations.column_generation.parameters import RelaxationParameters
 from cocap_opt.formulations.column_generation.primal.incumbent import Incumbent
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.relaxations.separation import loose_view_sums
 from cocap_opt.formulations.result import certify
+from cocap_opt.mixtures.columns import Column
+from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.stop import LimitReached
 
 _LEAST_SHARE = 1e-6  # of a cut in a solution, from which on it is kept
@@ -180,7 +185,7 @@ class Relaxation:
     def _enlarge_master(self, solution: Solution, columns: list[Column], wanted: float) -> int:
         """Adds broken conflict rows and, unless converged, columns; returns how many are new."""
         converged = self.best.bound - solution.value <= wanted
-        broken = solution.mixture.violated_rows(self.search.model, self._parameters.broken)
+        broken = violated_rows(solution.mixture, self.search.model, self._parameters.broken)
         rows = sum(self.master.add_row(resource) for resource in broken)
         return rows if converged and not rows else self._add_columns(columns) + rows
 
@@ -213,7 +218,7 @@ class Relaxation:
         used = [cut for cut, share in solution.duals.cuts if share > _LEAST_SHARE]
         self.master.cuts = used
         loose = loose_view_sums(
-            solution.mixture.seen(problem.returns.n_roots), self.master.cuts, search.weights,
+            roots_seen(solution.mixture, problem.returns.n_roots), self.master.cuts, search.weights,
             search.model.class_sizes, self._parameters.least_cut * abs(self.best.bound),
             search.stop,
         )  # fmt: skip

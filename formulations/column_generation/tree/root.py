@@ -7,13 +7,13 @@ import numpy as np
 
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.column_generation.master.master import Master
-from cocap_opt.formulations.column_generation.master.mixture import Mixture
-from cocap_opt.formulations.column_generation.master.mixture_ascent import mixture_ascent
 from cocap_opt.formulations.column_generation.parameters import RootParameters
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.step_envelopes.envelopes import step_envelopes
 from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot
 from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
+from cocap_opt.mixtures.mixture import Mixture
+from cocap_opt.mixtures.mixture_ascent import mixture_ascent
 
 
 @dataclass
@@ -80,7 +80,11 @@ class Root:
         """
         search, relaxation = self.search, self.relaxation
         steps = mixture_ascent(
-            search.model, search.pricer, relaxation.best, search.stop, search.parameters.ascent
+            search.model,
+            search.pricer.of_prices,
+            relaxation.best,
+            search.stop,
+            search.parameters.ascent,
         )
         mixture = Mixture([], np.zeros(0))
         with search.rounding_at_a_limit(lambda: mixture):

@@ -11,13 +11,13 @@ from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates import Branch, Decision, Leaf, Pricing, ProofFile
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
-from cocap_opt.formulations.column_generation.master.columns import Column
 from cocap_opt.formulations.column_generation.master.master import Master
-from cocap_opt.formulations.column_generation.master.mixture import INTEGRAL, ResourceUse
 from cocap_opt.formulations.column_generation.master.pricing import Priced
+from cocap_opt.formulations.column_generation.master.resource_use import INTEGRAL, ResourceUse
 from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 from cocap_opt.formulations.column_generation.tree.root import Root
+from cocap_opt.mixtures.columns import Column
 from cocap_opt.problem import COVERAGE_VERSION
 
 # Penalty, columns, rows and cuts that a node takes over from its parent's relaxation.

@@ -1,17 +1,15 @@
 """Columns: paths of single robots with what they see, and the arcs along them."""
 
-from collections import defaultdict
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from cocap_opt.coordination.best_response import avoid_paths
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.certificates.resources import PathCells, Resource
 from cocap_opt.graph.charges import Charges
 from cocap_opt.graph.move_rewards import Bonuses
-from cocap_opt.model import Model, Path, RobotClass
+from cocap_opt.model import Model, Path, PathCells, RobotClass
 from cocap_opt.problem import Problem
 
 ClassState = tuple[int, int]  # class number, state number
@@ -51,38 +49,6 @@ class Arc(NamedTuple):
             by_step[t] = [arc for arc in arcs_then if arc.enters in reached]
             reached = {arc.leaves for arc in by_step[t]}
         return by_step
-
-    @staticmethod
-    def users(
-        model: Model, arcs: "Sequence[Arc]", resources: Sequence[Resource]
-    ) -> list[list[int]]:
-        """Returns the numbers of the arcs that use each resource.
-
-        A state is used by the arcs into it, a start by those out of it.
-        """
-        into: dict[tuple[int, int, int], list[int]] = defaultdict(list)  # by class, step and place
-        along: dict[tuple[int, int, int, int], list[int]] = defaultdict(list)  # and the next place
-        n_places = [robot_class.graph.n_places for robot_class in model.classes]
-        for k, (number, t, tail, head) in enumerate(arcs):
-            start, end = tail % n_places[number], head % n_places[number]
-            along[number, t, start, end].append(k)
-            into[number, t + 1, end].append(k)
-            if t == 0:
-                into[number, 0, start].append(k)
-        found = []
-        for resource in resources:
-            t, numbers = resource.t, list[int]()
-            for number in range(len(model.classes)):
-                used = resource.footprint(model, number)
-                for place in used.places:
-                    numbers += into.get((number, t, place), [])
-                for start, end in used.moves:
-                    numbers += along.get((number, t, start, end), [])
-                for state in used.states:
-                    near = into.get((number, t, state % n_places[number]), [])
-                    numbers += [k for k in near if (arcs[k].head if t else arcs[k].tail) == state]
-            found.append(numbers)
-        return found
 
 
 class Column(NamedTuple):

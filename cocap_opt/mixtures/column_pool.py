@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray
-from cocap_opt.formulations.column_generation.master.columns import Column
+from cocap_opt.mixtures.columns import Column
 from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_gain
 from cocap_opt.problem import Problem

@@ -1,0 +1,35 @@
+"""Mixtures of columns: some of each robot's paths, each flown in part."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray
+from cocap_opt.mixtures.columns import Column
+
+
+class Mixture(NamedTuple):
+    """Columns with weights; the weights of each robot's columns add up to 1, or nearly so."""
+
+    columns: list[Column]
+    amounts: FloatArray  # [n] how much of a robot takes each column
+
+    def joined(self, columns: Sequence[Column]) -> "Mixture":
+        """Returns the mixture with new columns; each gets as much as one of its robot's."""
+        known = {column.key for column in self.columns}
+        new = [column for column in columns if column.key not in known]
+        all_columns = [*self.columns, *new]
+        robots = np.array([column.robot for column in all_columns])
+        amounts = np.append(self.amounts, (1 / np.bincount(robots)[robots])[len(known) :])
+        return Mixture(all_columns, amounts / np.bincount(robots, amounts)[robots])
+
+    def raised(self, amounts: FloatArray, least: float) -> "Mixture":
+        """Returns the columns with new amounts [n], but those that have no more than the least."""
+        kept = np.flatnonzero(amounts > least)
+        return Mixture([self.columns[n] for n in kept.tolist()], amounts[kept])
+
+    def used(self, least: float = 1e-9) -> Iterator[tuple[Column, float]]:
+        """Yields the columns with larger amounts than `least`, and the amounts."""
+        for n in np.flatnonzero(self.amounts > least).tolist():
+            yield self.columns[n], float(self.amounts[n])

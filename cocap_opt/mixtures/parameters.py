@@ -1,0 +1,69 @@
+"""Parameters of searches: numbers with units and meanings, checked where they are made."""
+
+import inspect
+import math
+import re
+from dataclasses import dataclass, fields
+from typing import Annotated
+
+Share = Annotated[float, "between 0 and 1"]
+Shares = tuple[Share, ...]
+
+
+class Section:
+    """The parameters of one part of the search, checked where they are made."""
+
+    def __post_init__(self) -> None:
+        """Raises ValueError, which names the parameter, for a number that makes no sense."""
+        for parameter in fields(self):  # type: ignore[arg-type]  # its subclasses are dataclasses
+            given, default = getattr(self, parameter.name), parameter.default
+            several = given if isinstance(default, tuple) else (given,)
+            whole, is_share = isinstance(default, int), parameter.type in (Share, Shares)
+            largest = 1 if is_share else math.inf
+            if not isinstance(several, tuple) or not all(
+                _is_allowed(number, whole, largest) for number in several
+            ):
+                kind = "a whole number" if whole else "a number"
+                most = " between 0 and 1" if is_share else " from 0 on"
+                raise ValueError(
+                    f"{type(self).__name__}.{parameter.name}: {given!r} is not {kind}{most}"
+                )
+
+    @classmethod
+    def told(cls) -> dict[str, tuple[str, str]]:
+        """Returns unit and meaning of each parameter by its name, as the docstring has them."""
+        listed = (inspect.getdoc(cls) or "").partition("----------\n")[2]
+        parts = re.findall(r"^(\w+) : (.+)\n((?: {4}.+\n?)+)", listed, re.MULTILINE)
+        return {name: (unit, " ".join(meaning.split())) for name, unit, meaning in parts}
+
+
+def _is_allowed(number: object, whole: bool, largest: float) -> bool:
+    """Returns True for a finite number from 0 to the largest, whole where it has to be."""
+    if isinstance(number, bool) or not isinstance(number, int if whole else int | float):
+        return False
+    return math.isfinite(number) and 0 <= number <= largest
+
+
+@dataclass(frozen=True)
+class AscentParameters(Section):
+    """The ascent of the first mixture, without a master: steps by its gradient.
+
+    Attributes
+    ----------
+    power : of the gradient
+        1 is safe and slow; 3 does not settle under rules (field-large)
+    most_steps : steps
+        in which a mixture is raised between two pricings
+    rough : share
+        of bound less value: what these steps may leave to gain
+    least_mean : J
+        a robot that gains no more keeps its amounts
+    least_amount : of a robot
+        below which a column is dropped
+    """
+
+    power: float = 2.0
+    most_steps: int = 60
+    rough: Share = 0.02
+    least_mean: float = 1e-6
+    least_amount: float = 1e-4

@@ -1,0 +1,123 @@
+"""Prices of what is seen, and the paths that are worth most at them.
+
+Of a view sum with pixels p_i of robot i, the root of all is less than
+
+    sum_i (alpha sqrt(p_i) + beta p_i) + (1 - alpha)^2 / (4 beta),
+
+so that robots can be paid one by one: alpha for each root, beta for each px/m2. Where many robots
+see a face alpha is small, and a view of what others miss pays more. Good prices are those of a good
+mixture (`mixture_ascent`). At any prices one backward sweep finds the best paths of a whole class.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple, Self
+
+import numpy as np
+from scipy import sparse
+
+from cocap_opt.data import FloatArray
+from cocap_opt.graph.charges import NO_CHARGES, Charges
+from cocap_opt.graph.move_rewards import Bonuses
+from cocap_opt.graph.timegraph import CLOSED
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
+from cocap_opt.mixtures.columns import Column
+from cocap_opt.model import Model
+from cocap_opt.problem import Problem
+from cocap_opt.stop import Stop, never
+
+
+class Prices(NamedTuple):
+    """Payments to a robot for what it sees of each view sum."""
+
+    alpha: FloatArray  # [Z] of the root of its pixels
+    beta: FloatArray  # [Z] m/px^0.5, of its pixels
+
+    @classmethod
+    def alone(cls, problem: Problem) -> Self:
+        """Returns the prices that pay every view as if nobody else saw the face."""
+        zeros = problem.no_pixels()
+        return cls(zeros + 1.0, zeros)
+
+
+class Priced(NamedTuple):
+    """The best paths at some prices."""
+
+    bound: float  # J of which no mixture has more, but for rounding; proves nothing
+    prices: Prices
+    columns: list[Column]  # of each robot that has a path
+
+
+class PricedViews:
+    """The views of all states of a model, ready to be priced.
+
+    Attributes
+    ----------
+    roots : of each coverage table by its id, as a sparse matrix of nodes by view sums; some classes
+        share a table
+    """
+
+    def __init__(self, model: Model, stop: Stop = never) -> None:
+        self.model, self._stop = model, stop
+        self._weights = model.problem.view_sum_weights
+        self._pixels: dict[int, sparse.csr_array] = {}
+        self.roots: dict[int, sparse.csr_array] = {}
+        self.tables = [id(model.coverage(robot_class)) for robot_class in model.classes]
+        for robot_class in model.classes:
+            table = model.coverage(robot_class)
+            if id(table) not in self._pixels:
+                shape = len(table.nodes), len(self._weights)
+                by_node = table.view_sums, table.indptr
+                self._pixels[id(table)] = sparse.csr_array((table.pixels, *by_node), shape)
+                self.roots[id(table)] = sparse.csr_array((np.sqrt(table.pixels), *by_node), shape)
+
+    def at(self, alpha: FloatArray, beta: FloatArray) -> dict[int, FloatArray]:
+        """Returns the prices of the nodes [n] of each table at alpha and beta [Z]."""
+        of_roots, of_pixels = self._weights * alpha, self._weights * beta
+        return {
+            at: roots @ of_roots + self._pixels[at] @ of_pixels for at, roots in self.roots.items()
+        }
+
+    def best_paths(
+        self, number: int, reward: FloatArray, charges: Charges = NO_CHARGES
+    ) -> Iterator[tuple[float, Column | None]]:
+        """Yields the worth and the column of the best path of each robot of a class.
+
+        The worth is `CLOSED`, and there is no column, where a robot has no path.
+
+        Parameters
+        ----------
+        reward : [T+1, S] of states
+
+        Raises
+        ------
+        LimitReached
+            At a limit.
+        """
+        robot_class = self.model.classes[number]
+        graph, bonuses = robot_class.graph, Bonuses.of(self.model.problem.objective)
+        value = backward_sweep(graph, reward, bonuses, charges, robot_class.goal, self._stop)
+        for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
+            worth, column = float(value[0, start]), None
+            if worth > CLOSED:
+                path = best_path(graph, value, start, bonuses, charges)
+                assert path is not None
+                column = Column.of(self.model, robot, tuple(path))
+            yield worth, column
+
+    def priced(self, prices: Prices) -> Priced:
+        """Returns the best paths at some prices, without regard for rules.
+
+        Raises
+        ------
+        LimitReached
+            At a limit.
+        """
+        kappas = self.model.problem.returns.kappas(*prices)
+        bound, columns, of_nodes = float(self._weights @ kappas), [], self.at(*prices)
+        for number, robot_class in enumerate(self.model.classes):
+            reward = self.model.spread(robot_class, of_nodes[self.tables[number]])
+            for worth, column in self.best_paths(number, reward):
+                bound += worth
+                if column is not None:
+                    columns.append(column)
+        return Priced(bound, prices, columns)

@@ -1,0 +1,23 @@
+"""Paths with the cells that they pass."""
+
+from typing import NamedTuple
+
+from cocap_opt.model.coverage_tables import Path
+from cocap_opt.model.model import Model
+from cocap_opt.problem import Cell
+
+
+class PathCells(NamedTuple):
+    """A path of one robot with the cells that it passes, which is all that rules look at."""
+
+    class_number: int  # of the robot's class
+    states: Path  # T+1 state numbers
+    cells: tuple[Cell, ...]  # T+1
+
+    @classmethod
+    def of(cls, model: Model, robot: int, path: Path) -> "PathCells":
+        """Returns the path of a robot, which is given in state numbers, with its cells."""
+        robot_class = model.class_of[robot]
+        number = model.classes.index(robot_class)
+        cells, n_places = model.places.cells[number], robot_class.graph.n_places
+        return cls(number, path, tuple([cells[state % n_places] for state in path]))

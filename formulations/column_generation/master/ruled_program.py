@@ -1,0 +1,104 @@
+"""Mixtures under conflict rows and envelope cuts, where a master would take too long.
+
+As in `mixtures.mixture_ascent` the root of a view sum is a smooth minimum of its bounds; here also
+of the heights H of its envelope cuts. Each bound has a share of the root's multiplier, in
+proportion to its value to the power -(k+1). A conflict row has a multiplier that rises with its
+excess over one use, as in an augmented Lagrangian: mu <- max(0, mu + rho (uses - 1)). Whatever the
+multipliers, pricing gives a bound.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import sparse
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.formulations.certificates.envelope import Cut
+from cocap_opt.formulations.relaxations.separation import phi_of
+from cocap_opt.mixtures.mixture_ascent import SHARPNESS, MixtureProgram, together_of
+
+_DARK = 1e-6  # px^0.5/m: a root below it is none, so that nothing is divided by it
+
+
+class RuledProgram:
+    """The amounts of some columns, under conflict rows and envelope cuts.
+
+    Parameters
+    ----------
+    base : the same without them
+    classes : [n] class number of each column
+    uses : [n, rows] of resources by columns
+    charges : [rows] multipliers at a use of 1
+    steepness : by how much they rise with each robot too many
+    least_share : of a root's multiplier, from which on pixels have one of their own
+    """
+
+    def __init__(
+        self, base: MixtureProgram, classes: IntArray, cuts: Sequence[Cut], uses: sparse.csr_array,
+        charges: FloatArray, steepness: float, least_share: float,
+    ) -> None:  # fmt: skip
+        self._base, self._uses = base, uses
+        self._heights = _cut_heights(base, classes, cuts)
+        self._charges, self._steepness, self._least_share = charges, steepness, least_share
+        self._at = np.array([cut.view_sum for cut in cuts], dtype=np.int64)
+        self._constants = np.array([cut.constant for cut in cuts])
+
+    def _bounds(self, amounts: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Returns the bounds on the roots of view sums: R, S and H, and the least of them."""
+        alone = amounts @ self._base.roots
+        together = together_of(self._base.returns, amounts @ self._base.pixels)
+        heights = self._constants + amounts @ self._heights
+        least = np.minimum(alone, together)
+        np.minimum.at(least, self._at, heights)
+        return alone, together, heights, least
+
+    def value(self, amounts: FloatArray) -> float:
+        """Returns the value of a mixture, without regard for conflicts."""
+        least = self._bounds(amounts)[-1]
+        seen = np.where(least > _DARK, least, 0.0)
+        return float(self._base.weights @ seen + amounts @ self._base.bonus)
+
+    def multipliers(
+        self, amounts: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Returns alpha [Z], beta [Z], the shares [cuts] and the charges [rows] of a mixture."""
+        at, (alone, together, heights, least) = self._at, self._bounds(amounts)
+        seen = least > _DARK
+        least = np.where(seen, least, 1.0)
+        of_alone, oftogether_of, of_cuts = (
+            np.minimum(bounds / np.maximum(values, _DARK), 1.0) ** (SHARPNESS + 1)
+            for bounds, values in ((least, alone), (least, together), (least[at], heights))
+        )
+        total = of_alone + oftogether_of + np.bincount(at, of_cuts, minlength=len(least))
+        total = np.where(seen, total, 1.0)
+        share = oftogether_of / total
+        # The rounding of what alpha leaves would outweigh so small a beta: it has none, and alpha
+        # a little more than is left.
+        nearly = share < self._least_share
+        alpha = np.where(seen, of_alone / total + np.where(nearly, share + 1e-12, 0.0), 1.0)
+        beta = np.where(seen & ~nearly, share / (2 * np.maximum(together, _DARK)), 0.0)
+        beta[self._base.returns.n_roots :] = 0.0
+        charges = self._charges + self._steepness * (amounts @ self._uses - 1)
+        shares = np.where(seen[at], of_cuts / total[at], 0.0)
+        return alpha, beta, shares, np.maximum(charges, 0.0)
+
+    def gradient(self, amounts: FloatArray) -> FloatArray:
+        """Returns the payment for each column by the multipliers, less its charges [n]."""
+        alpha, beta, shares, charges = self.multipliers(amounts)
+        prices = self._base.priced(alpha, beta)
+        prices += self._heights @ (self._base.weights[self._at] * shares)
+        prices -= self._uses @ charges
+        return prices
+
+
+def _cut_heights(base: MixtureProgram, classes: IntArray, cuts: Sequence[Cut]) -> sparse.csr_array:
+    """Returns by how much each column raises the heights of cuts [n, cuts]."""
+    by_view_sum = base.roots.tocsc()
+    values, at, ends = [np.zeros(0)], [np.zeros(0, dtype=np.int64)], [0]
+    for cut in cuts:
+        part = slice(*by_view_sum.indptr[cut.view_sum : cut.view_sum + 2])
+        at.append(by_view_sum.indices[part].astype(np.int64))
+        values.append(phi_of(cut, classes[at[-1]], by_view_sum.data[part]))
+        ends.append(ends[-1] + len(at[-1]))
+    shape = len(classes), len(cuts)
+    return sparse.csc_array((np.concatenate(values), np.concatenate(at), ends), shape).tocsr()
