@@ -172,12 +172,14 @@ def _angles(option: str, text: str) -> tuple[float, ...]:
 
 def kernels() -> tuple[Kernel, ...]:
     """Returns all kernels of this project."""
+    from cocap_opt.coordination import restricted_value_iteration
     from cocap_opt.formulations.certificates.staged import compiled_search
     from cocap_opt.formulations.column_generation.step_envelopes import known_states
     from cocap_opt.graph import value_iteration
     from cocap_opt.vision import sights
 
-    return sights.KERNEL, value_iteration.KERNEL, compiled_search.KERNEL, known_states.KERNEL
+    modules = sights, value_iteration, restricted_value_iteration, compiled_search, known_states
+    return tuple(module.KERNEL for module in modules)
 
 
 def _compile() -> int:

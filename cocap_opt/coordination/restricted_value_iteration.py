@@ -1,155 +1,36 @@
 """Value iteration over few states of each robot, for search near a plan.
 
-Nearly all states of a robot stay out of question whatever the others do. With those that are left
-and the edges between them in arrays, a best response takes a seventh of the time of one over all
-states on a small map, and no longer on a large one. It may miss the best path, which a best
-response over all states then finds. States restricted to so many a step are a restricted decision
-diagram (Bergman, Cire, van Hoeve and Hooker 2016).
-
-The states are found step by step from the start, as in beam search: of those that the states kept
-at one step lead to, those are kept through which the best paths lead. Half of them are the best if
-all others keep their paths, half if the robot were alone: others will change theirs. What is ahead
-of a state is known exactly, by value iteration with nobody in the way.
+With the states that are worth a look (`kept_states`) and the edges between them in arrays, a best
+response takes a seventh of the time of one over all states on a small map, and no longer on a large
+one; compiled (`response_kernel`), a fraction of that. It may miss the best path, which a best
+response over all states then finds. Half of the states are the best if all others keep their paths,
+half if the robot were alone: others will change theirs. Or all of them are the best at some prices,
+which know what others can see.
 """
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Self
 
 import numpy as np
 
+from cocap_opt.compiling import Kernel
+from cocap_opt.coordination.kept_states import (
+    Beam,
+    Layer,
+    without_dead_ends,
+    worth_of,
+    worths_of,
+)
 from cocap_opt.coordination.low_level import PlannedTeam, SingleRobotPath, SingleRobotTask
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.charges import Charges
-from cocap_opt.graph.move_rewards import Bonuses
-from cocap_opt.graph.timegraph import CLOSED, TimeGraph
-from cocap_opt.graph.value_iteration import backward_sweep
-from cocap_opt.model import Model, Path, RobotClass
+from cocap_opt.graph.timegraph import CLOSED
+from cocap_opt.model import Model, Path
 from cocap_opt.objective import marginal_reward
-from cocap_opt.stop import Stop
+from cocap_opt.stop import Clock, Stop
 
-
-class _Layer(NamedTuple):
-    """The n states kept at one step, and the m edges to them from those of the step before."""
-
-    states: IntArray  # [n] increasing
-    before: FloatArray  # [2, n] best rewards of the steps before, beside the others and alone
-    tails: IntArray  # [m] positions among the states of the step before, increasing
-    heads: IntArray  # [m] positions among `states`; of one tail the calmest edge comes first
-    rewards: FloatArray  # [m] of the edges themselves
-
-
-_Worth = tuple[FloatArray, FloatArray]  # [T+1, S] each: rewards of states, and with what is ahead
-
-
-def _worth(model: Model, robot_class: RobotClass, pixels: FloatArray, stop: Stop) -> _Worth:
-    """Returns the worth of a class's states with nobody in the way; raises LimitReached.
-
-    Parameters
-    ----------
-    pixels : [Z] px/m2 that others have in every view sum
-    """
-    reward, goal = marginal_reward(model, robot_class, pixels), robot_class.goal
-    bonuses = Bonuses.of(model.problem.objective)
-    return reward, backward_sweep(robot_class.graph, reward, bonuses, goal=goal, stop=stop)
-
-
-class _Beam:
-    """Finds the states that are kept, step by step.
-
-    Parameters
-    ----------
-    width : states that are kept at a step at most, beside the one on the robot's path in `team`
-    worth : what the states of its class are worth beside the others, and alone
-    """
-
-    def __init__(
-        self, team: PlannedTeam, robot: int, width: int, worth: tuple[_Worth, _Worth]
-    ) -> None:
-        self._graph, self._width, self._worth = team.model.class_of[robot].graph, width, worth
-        self._path = team.path(robot)
-        self._bonuses = Bonuses.of(team.model.problem.objective)
-        lengths = (np.array(self._graph.moves) ** 2).sum(axis=1)
-        self._moves, self._turns = np.argsort(lengths, kind="stable"), _turns(self._graph)
-        self._position = np.empty(self._graph.n_states, dtype=np.int64)  # of `_numbered` states
-
-    def layers(self) -> Iterator[_Layer]:
-        """Yields the layers of all steps."""
-        nothing = np.zeros(0, dtype=np.int64)
-        layer = _Layer(np.array(self._path[:1]), np.zeros((2, 1)), nothing, nothing, np.zeros(0))
-        yield layer
-        for t in range(len(self._path) - 1):
-            layer = self._after(t, layer)
-            yield layer
-
-    def _after(self, t: int, layer: _Layer) -> _Layer:
-        """Returns the layer after that of step t."""
-        tails, heads = self._edges(t, layer.states)
-        rewards = np.zeros(len(heads))
-        if not self._bonuses.none:
-            rewards = self._bonuses.of_edges(self._graph.shape, layer.states[tails], heads)
-        states = self._numbered(heads)
-        to, before = self._position[heads], np.full((2, len(states)), CLOSED)
-        kept = np.zeros(len(states), dtype=np.bool_)
-        for best, so_far, (reward, value) in zip(before, layer.before, self._worth, strict=True):
-            gained = so_far + reward[t, layer.states]
-            np.maximum.at(best, to, gained[tails] + rewards)
-            kept |= self._kept(t + 1, states, best + value[t + 1, states])
-        edges, position = kept[to], np.cumsum(kept) - 1
-        return _Layer(
-            states[kept], before[:, kept], tails[edges], position[to[edges]], rewards[edges]
-        )
-
-    def _edges(self, t: int, states: IntArray) -> tuple[IntArray, IntArray]:
-        """Returns all edges from states at t: positions of the tails, and states at t+1."""
-        orientation, place = np.divmod(states, self._graph.n_places)
-        places = self._graph.heads_at(t, place)[self._moves].T[:, :, None]  # [n, K, 1]
-        turned = self._turns[orientation][:, None, :]  # [n, 1, turns]
-        there = (places >= 0) & (turned >= 0)
-        return np.nonzero(there)[0], (turned * self._graph.n_places + places)[there]
-
-    def _numbered(self, states: IntArray) -> IntArray:
-        """Returns which states there are, increasing, and takes down their positions."""
-        numbers = np.arange(len(states))
-        self._position[states] = numbers
-        found = np.sort(states[self._position[states] == numbers])
-        self._position[found] = np.arange(len(found))
-        return found
-
-    def _kept(self, t: int, states: IntArray, through: FloatArray) -> BoolArray:
-        """Returns half of those that are kept at t, by the value of the best path through each."""
-        kept = through > CLOSED
-        if np.count_nonzero(kept) > self._width // 2:
-            kept[np.argsort(-through, kind="stable")[self._width // 2 :]] = False
-            kept[self._position[self._path[t]]] = True
-        return kept
-
-
-def _turns(graph: TimeGraph) -> IntArray:
-    """Returns the orientations that one step can turn to [O, n], smallest turn first, then -1."""
-    headings, pitches = graph.shape[:2]
-    turns = np.full((graph.n_orientations, max(map(len, graph.turns))), -1)
-    for tail, heads in enumerate(graph.turns):
-        (before, pitch), (after, pitched) = divmod(tail, pitches), np.divmod(heads, pitches)
-        turn = np.minimum((after - before) % headings, (before - after) % headings)
-        order = np.lexsort([np.abs(pitched - pitch), turn])
-        turns[tail, : len(heads)] = np.array(heads)[order]
-    return turns
-
-
-def _without_dead_ends(layers: list[_Layer]) -> list[_Layer]:
-    """Returns layers in which all states but the last ones have a way on."""
-    result = [layers[-1]]
-    for layer in reversed(layers[:-1]):
-        after, goes_on = result.pop(), np.zeros(len(layer.states), dtype=np.bool_)
-        goes_on[after.tails] = True
-        position, edges = np.cumsum(goes_on) - 1, goes_on[layer.heads]
-        result.append(after._replace(tails=position[after.tails]))
-        states, before = layer.states[goes_on], layer.before[:, goes_on]
-        heads = position[layer.heads[edges]]
-        result.append(_Layer(states, before, layer.tails[edges], heads, layer.rewards[edges]))
-    return result[::-1]
-
+KERNEL = Kernel("cocap_opt.coordination.response_kernel", "best responses", compiling=3.0)
 
 # States of a robot that are kept at a step. Measured on passage and bottleneck-tight, seeds 0 to 9:
 # J is 0.14 and 0.09 % below the optimum with 80, 0.11 and 0.05 % with 120, and 0.12 and 0.07 % with
@@ -162,24 +43,68 @@ class RestrictedValueIteration:
 
     Parameters
     ----------
-    team : whole; what states are worth is what they add to what the others see in it
-    width : states that are kept at each step at most, beside those of the robot's path in `team`
-
-    Raises
-    ------
-    LimitReached
-        If a limit is reached before the states are there.
+    graphs : the states of each robot
     """
 
-    def __init__(self, team: PlannedTeam, stop: Stop, width: int = _WIDTH) -> None:
-        model, nothing = team.model, team.model.problem.no_pixels()
-        alone = [_worth(model, robot_class, nothing, stop) for robot_class in model.classes]
-        self._graphs = []
+    def __init__(self, graphs: Sequence["_Graph"]) -> None:
+        self._graphs = graphs
+
+    @classmethod
+    def beside(cls, team: PlannedTeam, stop: Stop, width: int = _WIDTH) -> Self:
+        """Returns that over the states worth most beside the others of a team, and alone.
+
+        Parameters
+        ----------
+        team : whole
+        width : states that are kept at each step at most, beside those of the path in `team`
+
+        Raises
+        ------
+        LimitReached
+            If a limit is reached before the states are there.
+        """
+        model, nothing, graphs = team.model, team.model.problem.no_pixels(), []
+        rewards = [marginal_reward(model, robot_class, nothing) for robot_class in model.classes]
+        alone = worths_of(model, rewards, stop)
         for robot, robot_class in enumerate(model.class_of):
-            beside = _worth(model, robot_class, team.pixels(without=robot), stop)
-            worth = beside, alone[model.classes.index(robot_class)]
-            layers = _without_dead_ends(list(_Beam(team, robot, width, worth).layers()))
-            self._graphs.append(_Graph(model, robot, layers))
+            reward = marginal_reward(model, robot_class, team.pixels(without=robot))
+            worth = (
+                worth_of(model, robot_class, reward, stop),
+                alone[model.classes.index(robot_class)],
+            )
+            graphs.append(_Graph.of(Beam(team, robot, width, worth), model, robot))
+        return cls(graphs)
+
+    @classmethod
+    def at_rewards(
+        cls,
+        team: PlannedTeam,
+        rewards: Sequence[FloatArray],
+        known: Sequence[BoolArray],
+        stop: Stop,
+        width: int,
+    ) -> Self:
+        """Returns that over the states worth most by rewards of each class.
+
+        Parameters
+        ----------
+        team : whole
+        rewards : [T+1, S] of the states of each class
+        known : [T+1, S] of each class, the states that are kept wherever they are reached
+        width : states that are kept at each step at most, beside those
+
+        Raises
+        ------
+        LimitReached
+            If a limit is reached before the states are there.
+        """
+        model, graphs = team.model, []
+        worths = worths_of(model, rewards, stop)
+        for robot, robot_class in enumerate(model.class_of):
+            number = model.classes.index(robot_class)
+            beam = Beam(team, robot, width, [worths[number]], known[number])
+            graphs.append(_Graph.of(beam, model, robot))
+        return cls(graphs)
 
     def __call__(self, task: SingleRobotTask) -> SingleRobotPath:
         """Plan a task.
@@ -201,6 +126,8 @@ class _Keys:
 
     def __init__(self, keys: IntArray) -> None:
         self._keys, self.of = np.unique(keys, return_inverse=True)  # [U], [N] positions among them
+        self._by_key = np.argsort(self.of, kind="stable")
+        self._first = self.of[self._by_key].searchsorted(np.arange(len(self._keys) + 1))
 
     def __len__(self) -> int:
         return len(self._keys)
@@ -212,11 +139,21 @@ class _Keys:
         which = np.flatnonzero(self._keys[at] == keys)
         return which, at[which]
 
+    def members(self, at: IntArray) -> tuple[IntArray, IntArray]:
+        """Returns the nodes [m] of some keys, by their positions, and the number [m] of the key."""
+        sizes = self._first[at + 1] - self._first[at]
+        return self._by_key[_ranges(self._first[at], sizes)], np.repeat(np.arange(len(at)), sizes)
+
 
 class _Graph:
     """The kept states of a robot at all steps, the N nodes, and the M edges between them."""
 
-    def __init__(self, model: Model, robot: int, layers: list[_Layer]) -> None:
+    @classmethod
+    def of(cls, beam: Beam, model: Model, robot: int) -> Self:
+        """Returns the states that a beam keeps of a robot, but for dead ends."""
+        return cls(model, robot, without_dead_ends(list(beam.layers())))
+
+    def __init__(self, model: Model, robot: int, layers: list[Layer]) -> None:
         graph, sizes = model.class_of[robot].graph, [len(layer.states) for layer in layers]
         t = np.repeat(np.arange(len(layers)), sizes)
         states = np.concatenate([layer.states for layer in layers])
@@ -224,14 +161,12 @@ class _Graph:
         self._n_states, self._n_places = graph.n_states, graph.n_places
         self._connect(layers, np.cumsum([0, *sizes]))
         self._look(model, robot, t * graph.n_states + states)
-        places = states % graph.n_places
-        self._places = _Keys(t * graph.n_places + places)
+        self._place = states % graph.n_places  # [N]
+        self._places = _Keys(t * graph.n_places + self._place)
         self._nodes = _Keys(t * graph.n_states + states)
-        self._shifts = np.sort(graph.shifts)
-        shift = self._shifts.searchsorted(places[self._heads] - places[self._tails])
-        self._moves = self._places.of[self._tails] * len(self._shifts) + shift  # [M]
+        self._charges = np.zeros(len(self._heads))  # [M] of moves, 0 between two responses
 
-    def _connect(self, layers: list[_Layer], first: IntArray) -> None:
+    def _connect(self, layers: list[Layer], first: IntArray) -> None:
         """Numbers the edges.
 
         Parameters
@@ -241,11 +176,12 @@ class _Graph:
         into = [
             (layer, *ends) for layer, *ends in zip(layers[1:], first[:-2], first[1:-1], strict=True)
         ]
-        self._tails = np.concatenate([layer.tails + tail for layer, tail, _ in into])
+        tails = np.concatenate([layer.tails + tail for layer, tail, _ in into])
         self._heads = np.concatenate([layer.heads + head for layer, _, head in into])
         rewards = np.concatenate([layer.rewards for layer, *_ in into])
-        self._rewards = rewards if rewards.any() else None
-        self._indptr = self._tails.searchsorted(np.arange(first[-1] + 1))
+        self._rewards = rewards if rewards.any() else rewards[:0]
+        self._numbers_of_heads = self._heads.astype(np.uint32)  # less to read
+        self._indptr = tails.searchsorted(np.arange(first[-1] + 1))
         self._last = slice(int(first[-2]), int(first[-1]))  # nodes of the last step
         # From the last step but one to the first, its nodes and edges; the position [m] of each
         # edge's head among the nodes of the next step, and [n] of each node's first edge.
@@ -259,11 +195,13 @@ class _Graph:
     def _look(self, model: Model, robot: int, nodes: IntArray) -> None:
         """Takes down what nodes see, entry by entry."""
         table = model.coverage(model.class_of[robot])
-        which, entries = table.entries(nodes)
-        self._seeing, self._rows = np.unique(which, return_index=True)  # nodes, their first entries
+        self._seeing, entries = table.entries(nodes)  # the node of each entry, increasing
+        self._entries = self._seeing.searchsorted(np.arange(len(nodes) + 1))  # first of each node
         self._view_sums, self._pixels = table.view_sums[entries], table.pixels[entries]
         self._returns = model.problem.returns
-        self._weights = model.problem.view_sum_weights[self._view_sums]
+        self._numbers_of_view_sums = self._view_sums.astype(np.uint32)
+        self._weights_of_all = model.problem.view_sum_weights
+        self._weights = self._weights_of_all[self._view_sums]
 
     def best_path(self, pixels: FloatArray, charges: Charges) -> Path | None:
         """Returns the best path; None where the charges leave none.
@@ -272,15 +210,43 @@ class _Graph:
         ----------
         pixels : [Z] px/m2 that the other robots have in every view sum
         """
-        value = self._rewards_of_nodes(pixels, charges)
-        edge_rewards = self._rewards_of_edges(charges)
-        ahead = np.empty(len(self._heads))  # value of taking each edge
-        after = self._last
+        cost, charged = self._cost_of_nodes(charges), self._charge_edges(charges)
+        if KERNEL.is_loaded:
+            path = self._by_kernel(pixels, cost, charged)
+        else:
+            clock = Clock()
+            path = self._by_numpy(pixels, cost, charged)
+            KERNEL.spend(clock.seconds)
+        self._charges[charged] = 0.0
+        return path
+
+    def _by_kernel(self, pixels: FloatArray, cost: FloatArray, charged: IntArray) -> Path | None:
+        from cocap_opt.coordination.response_kernel import best_nodes
+
+        value, path = np.empty(len(cost)), np.empty(len(self._steps) + 1, dtype=np.int64)
+        is_charged = np.zeros(len(cost), dtype=np.bool_)
+        is_charged[self._indptr.searchsorted(charged, side="right") - 1] = True
+        returns = self._returns
+        best_nodes(
+            self._entries, self._numbers_of_view_sums, self._pixels, pixels,
+            returns.values(pixels), self._weights_of_all, returns.n_roots, returns.caps,
+            self._indptr, self._numbers_of_heads, self._rewards, self._charges, is_charged,
+            cost, self._last.start, value, path,
+        )  # fmt: skip
+        return None if value[0] == CLOSED else tuple(self._states[node] for node in path.tolist())
+
+    def _by_numpy(self, pixels: FloatArray, cost: FloatArray, charged: IntArray) -> Path | None:
+        gain = self._returns.gains(pixels, self._view_sums, self._pixels)
+        gain *= self._weights
+        value = np.bincount(self._seeing, gain, len(cost)) - cost
+        along = np.empty(len(self._heads))  # value of taking each edge
+        after, is_rewarded = self._last, len(self._rewards) > 0
         for nodes, edges, heads, tails in self._steps:
-            values = ahead[edges]
+            values = along[edges]
             value[after].take(heads, out=values, mode="clip")  # without a copy, unlike "raise"
-            if edge_rewards is not None:
-                values += edge_rewards[edges]
+            if is_rewarded or ((edges.start <= charged) & (charged < edges.stop)).any():
+                rewards = self._rewards[edges] if is_rewarded else 0.0
+                values += rewards - self._charges[edges]
             value[nodes] += np.maximum.reduceat(values, tails)
             after = nodes
         if value[0] == CLOSED:
@@ -288,17 +254,13 @@ class _Graph:
         node, path = 0, [self._states[0]]
         for _ in self._steps:
             first, end = self._indptr[node : node + 2]
-            node = self._heads[first + ahead[first:end].argmax()]
+            node = self._heads[first + along[first:end].argmax()]
             path.append(self._states[node])
         return tuple(path)
 
-    def _rewards_of_nodes(self, pixels: FloatArray, charges: Charges) -> FloatArray:
-        """Returns the marginal rewards [N] less what is charged for places and states."""
-        gain = self._returns.gains(pixels, self._view_sums, self._pixels)
-        gain *= self._weights
-        value = np.zeros(len(self._states))
-        if len(gain):
-            value[self._seeing] = np.add.reduceat(gain, self._rows)
+    def _cost_of_nodes(self, charges: Charges) -> FloatArray:
+        """Returns the costs [N] of places and states."""
+        cost = np.zeros(len(self._states))
         places, _, states = charges.parts
         for keys, n, (charged, costs) in (
             (self._places, self._n_places, places),
@@ -306,17 +268,31 @@ class _Graph:
         ):
             if len(charged):
                 which, at = keys.found(charged[:, 0] * n + charged[:, 1])
-                value -= np.bincount(at, costs[which], len(keys))[keys.of]
-        return value
+                cost += np.bincount(at, costs[which], len(keys))[keys.of]
+        return cost
 
-    def _rewards_of_edges(self, charges: Charges) -> FloatArray | None:
-        """Returns the rewards [M] of edges less what is charged for moves; None if all are 0."""
+    def _charge_edges(self, charges: Charges) -> IntArray:
+        """Charges the edges for their moves; returns those that are charged."""
         _, (charged, costs), _ = charges.parts
         if not len(charged):
-            return self._rewards
+            return _NONE
         t, tails, heads = charged.T
         which, at = self._places.found(t * self._n_places + tails)
-        shift = self._shifts.searchsorted((heads - tails)[which])
-        at, size = at * len(self._shifts) + shift, len(self._places) * len(self._shifts)
-        cost: FloatArray = np.bincount(at, costs[which], size)[self._moves]
-        return -cost if self._rewards is None else self._rewards - cost
+        nodes, of_node = self._places.members(at)
+        sizes = self._indptr[nodes + 1] - self._indptr[nodes]
+        edges = _ranges(self._indptr[nodes], sizes)
+        of_edge = which[np.repeat(of_node, sizes)]  # of the charges, that of each edge
+        same = self._place[self._heads[edges]] == heads[of_edge]
+        found: IntArray = edges[same]
+        np.add.at(self._charges, found, costs[of_edge[same]])
+        return found
+
+
+_NONE = np.zeros(0, dtype=np.int64)
+
+
+def _ranges(first: IntArray, sizes: IntArray) -> IntArray:
+    """Returns the numbers first, first + 1, .. of each range, so many, one range after another."""
+    ends = np.cumsum(sizes)
+    numbers: IntArray = np.arange(sizes.sum()) + np.repeat(first - ends + sizes, sizes)
+    return numbers

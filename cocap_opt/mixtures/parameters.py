@@ -67,3 +67,31 @@ class AscentParameters(Section):
     rough: Share = 0.02
     least_mean: float = 1e-6
     least_amount: float = 1e-4
+
+
+@dataclass(frozen=True)
+class PlanSearchParameters(Section):
+    """The search for plans with a pool of columns.
+
+    Attributes
+    ----------
+    width : states
+        of a robot at a step that prices keep, besides those of known columns
+    draws : roundings
+        at random, of which the best is taken up
+    responses : responses per robot
+        of the neighbourhood search from each plan that is taken up
+    least_amount : of a robot
+        from which on a column of a mixture is used
+    found_amount : of a robot
+        that the columns of each plan that was found add to a pool
+    most_in_vain : plans
+        one after the other, that are taken up without a better one
+    """
+
+    width: int = 120
+    draws: int = 60
+    responses: int = 10
+    least_amount: float = 1e-6
+    found_amount: float = 0.05
+    most_in_vain: int = 12

@@ -77,6 +77,12 @@ class PricedViews:
             at: roots @ of_roots + self._pixels[at] @ of_pixels for at, roots in self.roots.items()
         }
 
+    def rewards(self, prices: Prices) -> list[FloatArray]:
+        """Returns the payments for the states [T+1, S] of each class."""
+        of_nodes = self.at(*prices)
+        both = zip(self.model.classes, self.tables, strict=True)
+        return [self.model.spread(robot_class, of_nodes[table]) for robot_class, table in both]
+
     def best_paths(
         self, number: int, reward: FloatArray, charges: Charges = NO_CHARGES
     ) -> Iterator[tuple[float, Column | None]]:
@@ -113,9 +119,8 @@ class PricedViews:
             At a limit.
         """
         kappas = self.model.problem.returns.kappas(*prices)
-        bound, columns, of_nodes = float(self._weights @ kappas), [], self.at(*prices)
-        for number, robot_class in enumerate(self.model.classes):
-            reward = self.model.spread(robot_class, of_nodes[self.tables[number]])
+        bound, columns = float(self._weights @ kappas), []
+        for number, reward in enumerate(self.rewards(prices)):
             for worth, column in self.best_paths(number, reward):
                 bound += worth
                 if column is not None:

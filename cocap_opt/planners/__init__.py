@@ -24,7 +24,7 @@ class Planner(Protocol):
 
 # The nearest to the optimum of those that take problems of any size, and what commands use if no
 # planner is named.
-RECOMMENDED = "cocap-lns"
+RECOMMENDED = "cocap-prices"
 
 _ALONE = "no drone alone can better it"
 _COMPLETE = "a plan, or the proof that there is none, if it is not stopped"
@@ -113,6 +113,12 @@ PLANNERS: Mapping[str, Method[Result]] = MappingProxyType(
         "cocap-lns": _planner(
             "cocap_lns:cocap_lns",
             "sequential (cocap-focal where it fails), rounds, large neighbourhood search",
+            f"{_COMPLETE}; {_ALONE}",
+            **_SOLVES,
+        ),
+        "cocap-prices": _planner(
+            "cocap_prices:cocap_prices",
+            "sequential (cocap-focal where it fails), rounds, searches where prices point",
             f"{_COMPLETE}; {_ALONE}",
             **_SOLVES,
         ),

@@ -58,21 +58,28 @@ def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) 
     return result_of(hovering(team), limit, {"responses": asked.asked})
 
 
+def first_plan(nobody: PlannedTeam, responses: Responses, stop: Stop) -> Iterator[PlannedTeam]:
+    """Yields the team as it is planned for the first time; it is not whole if there is no plan."""
+    team = nobody
+    for team in then_in_rounds(nobody, responses):
+        yield team
+    if not team.is_whole:
+        tree = ConstraintTree(nobody, responses, stop, FocalNodes(), greedily_in_rounds)
+        found = algorithm_1(tree)
+        if found is not None:
+            yield found.team
+
+
 def _better_and_better(
     nobody: PlannedTeam, responses: Responses, stop: Stop, asked: int
 ) -> Iterator[PlannedTeam]:
     """Yields the team as it is planned, and then each better one."""
     team = nobody
-    for team in then_in_rounds(nobody, responses):
+    for team in first_plan(nobody, responses, stop):
         yield team
     if not team.is_whole:
-        found = algorithm_1(
-            ConstraintTree(nobody, responses, stop, FocalNodes(), greedily_in_rounds)
-        )
-        if found is None:
-            return
-        yield (team := found.team)
-    restricted = Responses(RestrictedValueIteration(team, stop), stop)
+        return
+    restricted = Responses(RestrictedValueIteration.beside(team, stop), stop)
     for better in neighbourhood_search(team, restricted, asked, np.random.default_rng(0)):
         yield (team := better)
     yield from in_rounds(team, responses)

@@ -323,7 +323,7 @@ def test_scenes_are_warned_of_and_recipes_printed(
     run = Run(capsys, "plan", scene, "--json")
     assert run.json["reward"] == 0
     assert "no drone sees anybody" in run.json["message"]
-    assert "seed 0, cocap-lns: no drone sees anybody at any step" in caplog.text
+    assert "seed 0, cocap-prices: no drone sees anybody at any step" in caplog.text
     assert "person 0 is off the map at 3 of 3 steps" in caplog.text
     assert "the start at (2.5, 6.5)" not in caplog.text
 

@@ -227,7 +227,7 @@ def test_responses_over_few_states(problem: Problem, width: int) -> None:
     """They keep to charges, lose nothing, and are the best of all if all states are kept."""
     assume(not problem.objective.over_time)
     team = _planned(problem)
-    restricted = RestrictedValueIteration(team, never, width)
+    restricted = RestrictedValueIteration.beside(team, never, width)
     for robot in range(team.size):
         for charges in (NO_CHARGES, team.avoiding(robot)):
             seen = team.pixels(without=robot)

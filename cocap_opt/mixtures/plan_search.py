@@ -1,0 +1,124 @@
+"""Plans that a mixture leads to: roundings, best responses over few states, neighbourhoods.
+
+The prices of a mixture say which states are worth a look; best responses over these take a
+millisecond or two. Again and again the best of some random roundings of all columns that are known
+(`column_pool`) is taken up: its robots answer one another until none gains, and a short large
+neighbourhood search goes on from there. The columns of each plan that is found join the pool, so
+that roundings put the parts of good plans together.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from cocap_opt.coordination.low_level import PlannedTeam, SingleRobotPath
+from cocap_opt.coordination.neighbourhoods import neighbourhood_search
+from cocap_opt.coordination.responses import Responses, in_rounds
+from cocap_opt.coordination.restricted_value_iteration import RestrictedValueIteration
+from cocap_opt.data import FloatArray
+from cocap_opt.mixtures.column_pool import ColumnPool, LocalOptimum, PlanKey
+from cocap_opt.mixtures.columns import Column
+from cocap_opt.mixtures.mixture import Mixture
+from cocap_opt.mixtures.parameters import PlanSearchParameters
+from cocap_opt.model import Model
+from cocap_opt.stop import Stop
+
+
+def team_of(model: Model, columns: Iterable[Column]) -> PlannedTeam:
+    """Returns the team that flies one column for each robot, in the robots' order."""
+    found = []
+    for column in columns:
+        pixels = column.added_to(model.problem.no_pixels())
+        found.append(SingleRobotPath(column.path, pixels, 0))
+    return PlannedTeam(model, tuple(found))
+
+
+def columns_of(team: PlannedTeam) -> list[Column]:
+    """Returns the columns of a whole team."""
+    return [Column.of(team.model, robot, path) for robot, path in enumerate(team.paths)]
+
+
+class PlanSearch:
+    """Search for plans with a pool of columns.
+
+    Parameters
+    ----------
+    parameters : that guide it
+    """
+
+    def __init__(
+        self, model: Model, stop: Stop, rng: np.random.Generator, parameters: PlanSearchParameters
+    ) -> None:
+        self._model, self._stop, self._rng, self._parameters = model, stop, rng, parameters
+        self._pool, self._taken_up = ColumnPool(model), set[PlanKey]()
+        self._known = [
+            np.zeros((model.problem.horizon + 1, c.graph.n_states), dtype=np.bool_)
+            for c in model.classes
+        ]
+
+    def add_mixture(self, mixture: Mixture) -> None:
+        """Adds the columns of a mixture to the pool, with their amounts."""
+        for column, amount in mixture.used(self._parameters.least_amount):
+            self._add(column, amount)
+
+    def add_team(self, team: PlannedTeam) -> None:
+        """Adds the columns of a whole team to the pool."""
+        for column in columns_of(team):
+            self._add(column, self._parameters.found_amount)
+
+    def _add(self, column: Column, amount: float) -> None:
+        self._pool.add(column, amount)
+        path = column.path
+        self._known[column.along.class_number][np.arange(len(path)), list(path)] = True
+
+    def better_teams(
+        self, team: PlannedTeam, rewards: Sequence[FloatArray]
+    ) -> Iterator[PlannedTeam]:
+        """Yields each better team than a whole one, until the search stands still.
+
+        Parameters
+        ----------
+        rewards : [T+1, S] of the states of each class, by which they are worth a look
+
+        Raises
+        ------
+        LimitReached
+            At a limit.
+        """
+        parameters = self._parameters
+        low_level = RestrictedValueIteration.at_rewards(
+            team, rewards, self._known, self._stop, parameters.width
+        )
+        responses, in_vain = Responses(low_level, self._stop), 0
+        while in_vain < parameters.most_in_vain:
+            in_vain += 1
+            start = self._drawn()
+            found = team if start is None else team_of(self._model, start)
+            for better in self._improved(found, responses):
+                found = better
+                if found.gains_over(team):
+                    team, in_vain = found, 0
+                    yield team
+            self._taken_up.add(found.paths)
+            self.add_team(found)
+
+    def _improved(self, team: PlannedTeam, responses: Responses) -> Iterator[PlannedTeam]:
+        """Yields a team, and each better one that responses and neighbourhoods lead to."""
+        yield team
+        for better in in_rounds(team, responses):
+            yield (team := better)
+        asked = responses.asked + self._parameters.responses * team.size
+        yield from neighbourhood_search(team, responses, asked, self._rng)
+
+    def _drawn(self) -> tuple[Column, ...] | None:
+        """Returns the best of some roundings that is not taken up yet; None if none is left."""
+        best: LocalOptimum | None = None
+        for found in self._pool.drawn(self._rng, self._parameters.draws):
+            self._stop.check()
+            key = tuple(column.path for column in found[1])
+            if key not in self._taken_up and (best is None or found[0] > best[0]):
+                best = found
+        if best is None:
+            return None
+        self._taken_up.add(tuple(column.path for column in best[1]))
+        return best[1]
