@@ -44,7 +44,7 @@ def gap(
     scenes : names, files, problems, or functions that make the problem of a seed; one, or several
     planners : names in `PLANNERS` or `EXACT`, "module:function", names that installed packages
         offer, or callables that take a problem and a stop and return a `Result`, as `plan` takes
-        them; if not given greedy, sequential, cocap, cocap-vs, cocap-lns, and with one or two
+        them; if not given greedy, sequential, cocap, cocap-vs, cocap-prices, and with one or two
         drones joint
     seeds : of the scenes, or words such as "0-3"; a scene that is the same for several seeds is
         taken once, and so is a problem, whose seed is 0

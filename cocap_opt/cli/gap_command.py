@@ -227,7 +227,7 @@ def _gap(
     """Print the gap table: every planner's J against the best certified bound.
 
     gap is to the bound under the scene's rules, gap_free to that without any rules.
-    Planners, if none is named: greedy, sequential, cocap, cocap-vs, cocap-lns, and
+    Planners, if none is named: greedy, sequential, cocap, cocap-vs, cocap-prices, and
     with one or two drones joint.
     What is in the folder of --out already is not computed again; of a scene, seed
     and planner its table has the newest row, with the lowest bound that was proved.

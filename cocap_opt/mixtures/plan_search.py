@@ -7,7 +7,7 @@ neighbourhood search goes on from there. The columns of each plan that is found 
 that roundings put the parts of good plans together.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -38,18 +38,29 @@ def columns_of(team: PlannedTeam) -> list[Column]:
     return [Column.of(team.model, robot, path) for robot, path in enumerate(team.paths)]
 
 
+def _nothing(*_: object) -> None:
+    """Tells nobody."""
+
+
 class PlanSearch:
     """Search for plans with a pool of columns.
 
     Parameters
     ----------
     parameters : that guide it
+    tell : told each plan where the search from one start ends
     """
 
     def __init__(
-        self, model: Model, stop: Stop, rng: np.random.Generator, parameters: PlanSearchParameters
+        self,
+        model: Model,
+        stop: Stop,
+        rng: np.random.Generator,
+        parameters: PlanSearchParameters,
+        tell: Callable[[PlannedTeam], None] = _nothing,
     ) -> None:
         self._model, self._stop, self._rng, self._parameters = model, stop, rng, parameters
+        self._tell = tell
         self._pool, self._taken_up = ColumnPool(model), set[PlanKey]()
         self._known = [
             np.zeros((model.problem.horizon + 1, c.graph.n_states), dtype=np.bool_)
@@ -101,6 +112,7 @@ class PlanSearch:
                     yield team
             self._taken_up.add(found.paths)
             self.add_team(found)
+            self._tell(found)
 
     def _improved(self, team: PlannedTeam, responses: Responses) -> Iterator[PlannedTeam]:
         """Yields a team, and each better one that responses and neighbourhoods lead to."""

@@ -9,7 +9,13 @@ docstring gives the units and the meanings that the reference lists.
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 
-from cocap_opt.mixtures.parameters import AscentParameters, Section, Share, Shares
+from cocap_opt.mixtures.parameters import (
+    AscentParameters,
+    PlanSearchParameters,
+    Section,
+    Share,
+    Shares,
+)
 
 
 @dataclass(frozen=True)
@@ -114,13 +120,6 @@ class RootParameters(Section):
     few_joint_states : joint states of all steps
         up to which step envelopes have stages before any cuts: half of the time of cuts on
         the bottleneck, which has fewer
-    last_look : iterations' worth of responses
-        for plans once the root is solved
-    last_look_far : iterations' worth of responses
-        likewise, far from proved: ruling out states needs a good plan
-    many_pairings : robots
-        fewer have few pairings, which are soon found (heavy_mixing of Hughes et al.: 12 of
-        60 s saved)
     far : relative gap
         that no tree closes soon: any gain above `least_gain_far` is taken
     least_gain_far : share
@@ -134,9 +133,6 @@ class RootParameters(Section):
     most_disaggregated: int = 20_000_000
     least_gain: Share = 0.12
     few_joint_states: float = 2e7
-    last_look: int = 10
-    last_look_far: int = 35
-    many_pairings: int = 5
     far: float = 0.003
     least_gain_far: Share = 0.02
 
@@ -580,6 +576,9 @@ class Parameters:
     ascent: AscentParameters = field(default_factory=AscentParameters)
     alike_cuts: AlikeCutParameters = AlikeCutParameters()
     local_search: LocalSearchParameters = LocalSearchParameters()
+    plan_search: PlanSearchParameters = field(
+        default_factory=lambda: PlanSearchParameters(most_in_vain=6)
+    )
 
     def rows(self) -> Iterator[tuple[str, str, str, str]]:
         """Yields name, value, unit and meaning of each parameter, as the reference lists them."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import msgspec
 import numpy as np
 
+from cocap_opt.coordination.low_level import PlannedTeam
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile, Staged
 from cocap_opt.formulations.certificates.staged import Narrowing
 from cocap_opt.formulations.column_generation.master.pricing import Pricer
@@ -25,6 +26,8 @@ from cocap_opt.formulations.result import (
 )
 from cocap_opt.mixtures.columns import Arc
 from cocap_opt.mixtures.mixture import Mixture
+from cocap_opt.mixtures.plan_search import PlanSearch, columns_of, team_of
+from cocap_opt.mixtures.prices import Prices
 from cocap_opt.model import Model
 from cocap_opt.problem import Plan
 from cocap_opt.result import Reason, relative_gap
@@ -141,6 +144,27 @@ class Search:
     def look_for_plans(self, mixture: Mixture, arcs: Collection[Arc]) -> None:
         """Offers the plan that local search makes of a mixture."""
         self.offer(self.local_search.from_mixture(mixture, arcs, self.incumbent))
+
+    def search_for_plans(self, mixture: Mixture, duals: Duals) -> None:
+        """Offers the plans that a mixture and its prices lead to; raises LimitReached.
+
+        It needs an incumbent to begin with.
+        """
+        model, plan = self.model, self.incumbent
+        if plan is None or len(plan.columns) < 2:
+            return
+
+        def tell(team: PlannedTeam) -> None:
+            self.recombination.add(Incumbent(model, tuple(columns_of(team))))
+            self.report_again()
+
+        search = PlanSearch(model, self.stop, self.rng, self.parameters.plan_search, tell)
+        search.add_mixture(mixture)
+        team = team_of(model, plan.columns)
+        search.add_team(team)
+        rewards = self.pricer.rewards(Prices(duals.alpha, duals.beta))
+        for better in search.better_teams(team, rewards):
+            self.offer(Incumbent.of(model, columns_of(better)))
 
     def narrowing(self, duals: Duals) -> Narrowing | None:
         """Returns where better plans can be, by multipliers.

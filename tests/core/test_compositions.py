@@ -36,7 +36,7 @@ from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit, Stop, WorkLimit, never
 from cocap_opt.world.workspace import HeightMap
 
-SETTLED = ("sequential-rounds", "cocap-focal", "cocap-lns")
+SETTLED = ("sequential-rounds", "cocap-focal", "cocap-lns", "cocap-prices")
 crowds = st.one_of(problems(), meetings(), meetings(team=3))
 
 

@@ -20,3 +20,8 @@ def of_views(kind: type[Kernel] = Kernel) -> Kernel:
 def of_sweeps(kind: type[Kernel] = Kernel) -> Kernel:
     """That of value iteration."""
     return kind("cocap_opt.graph.sweep_kernel", "value iteration", 4.0)
+
+
+def of_responses(kind: type[Kernel] = Kernel) -> Kernel:
+    """That of best responses over few states."""
+    return kind("cocap_opt.coordination.response_kernel", "best responses", 3.0)

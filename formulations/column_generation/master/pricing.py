@@ -53,6 +53,10 @@ class Pricer:
                     columns.append(column)
         return Priced(bound, duals, columns)
 
+    def rewards(self, prices: Prices) -> list[FloatArray]:
+        """Returns the payments for the states [T+1, S] of each class."""
+        return self._views.rewards(prices)
+
     def of_prices(self, prices: Prices) -> Priced:
         """Returns the bound that prices alone prove, and new columns."""
         return self(Duals(*prices))

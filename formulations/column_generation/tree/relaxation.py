@@ -176,6 +176,15 @@ class Relaxation:
         if self.solution is None:
             return
         self.search.look_for_plans(self.solution.mixture, self.master.arcs)
+        self._recombine()
+
+    def search_for_plans(self) -> None:
+        """Offers the plans to which prices point, and recombination; raises LimitReached."""
+        if self.solution is not None:
+            self.search.search_for_plans(self.solution.mixture, self.best.duals)
+            self._recombine()
+
+    def _recombine(self) -> None:
         if self.decisions or not self.search.can_recombine:
             return
         narrowing = self.search.narrowing(self.best.duals)

@@ -68,6 +68,7 @@ class Root:
                     self._try_step_envelopes(self._parameters.few_joint_states)
                     if self.search.is_proved(self.cutoff()):
                         return
+                    self._search_for_plans()
             self.relaxation.solve(self.cutoff, self.rough)
 
     def _ascend(self, enough: float) -> Mixture:
@@ -136,13 +137,7 @@ class Root:
         self.solve_aggregated()
         if self.relaxation.is_stuck or self._is_closed():
             return
-        many = len(self.search.model.problem.robots) >= self._parameters.many_pairings
-        self.search.allow_responses(
-            self._parameters.last_look_far
-            if many and self._is_far()
-            else self._parameters.last_look
-        )
-        self.relaxation.look_for_plans()
+        self._search_for_plans()
         self._try_step_envelopes()
         if self.search.is_proved(self.cutoff()) or not self._can_disaggregate():
             return
@@ -162,6 +157,11 @@ class Root:
             aggregated.search.offer_spare(self.relaxation.certificate("column-generation"))
         self.relaxation = aggregated
 
+    def _search_for_plans(self) -> None:
+        """Looks for plans where the prices so far point, unless nothing is open."""
+        if not self.relaxation.is_stuck and not self._is_closed():
+            self.relaxation.search_for_plans()
+
     def _try_step_envelopes(self, most_joint: float = np.inf) -> None:
         """Looks for a lower bound by step envelopes, unless too many joint states are left."""
         if not self.relaxation.is_stuck and not self._is_closed():
@@ -175,11 +175,6 @@ class Root:
         """Returns True if nothing is open."""
         cutoff = self.cutoff()
         return self.relaxation.best.bound <= cutoff or self.search.is_proved(cutoff)
-
-    def _is_far(self) -> bool:
-        """Returns True if the root leaves more open than a tree closes soon."""
-        bound = self.relaxation.best.bound
-        return bound - self.cutoff() >= self._parameters.far * bound
 
     def _can_disaggregate(self) -> bool:
         """Returns True if the root is still open, and its robots can be disaggregated."""

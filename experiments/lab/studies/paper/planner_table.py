@@ -23,6 +23,7 @@ from cocap_opt.stop import NO_LIMIT
 
 _IN_SHORT = (  # planners of the README's table
     "greedy", "sequential", "sequential-rounds", "best-of-orders", "cocap", "cocap-vs", "cocap-lns",
+    "cocap-prices",
 )  # fmt: skip
 
 
