@@ -100,11 +100,9 @@ class PlanSearch:
         low_level = RestrictedValueIteration.at_rewards(
             team, rewards, self._known, self._stop, parameters.width
         )
-        responses, in_vain = Responses(low_level, self._stop), 0
+        responses, in_vain, start = Responses(low_level, self._stop), 0, team
         while in_vain < parameters.most_in_vain:
-            in_vain += 1
-            start = self._drawn()
-            found = team if start is None else team_of(self._model, start)
+            in_vain, found = in_vain + 1, start
             for better in self._improved(found, responses):
                 found = better
                 if found.gains_over(team):
@@ -113,6 +111,7 @@ class PlanSearch:
             self._taken_up.add(found.paths)
             self.add_team(found)
             self._tell(found)
+            start = self._drawn() or team
 
     def _improved(self, team: PlannedTeam, responses: Responses) -> Iterator[PlannedTeam]:
         """Yields a team, and each better one that responses and neighbourhoods lead to."""
@@ -122,7 +121,7 @@ class PlanSearch:
         asked = responses.asked + self._parameters.responses * team.size
         yield from neighbourhood_search(team, responses, asked, self._rng)
 
-    def _drawn(self) -> tuple[Column, ...] | None:
+    def _drawn(self) -> PlannedTeam | None:
         """Returns the best of some roundings that is not taken up yet; None if none is left."""
         best: LocalOptimum | None = None
         for found in self._pool.drawn(self._rng, self._parameters.draws):
@@ -133,4 +132,4 @@ class PlanSearch:
         if best is None:
             return None
         self._taken_up.add(tuple(column.path for column in best[1]))
-        return best[1]
+        return team_of(self._model, best[1])

@@ -118,7 +118,7 @@ PLANNERS: Mapping[str, Method[Result]] = MappingProxyType(
         ),
         "cocap-prices": _planner(
             "cocap_prices:cocap_prices",
-            "sequential (cocap-focal where it fails), rounds, searches where prices point",
+            "sequential (cocap-focal where it fails), then searches where prices point",
             f"{_COMPLETE}; {_ALONE}",
             **_SOLVES,
         ),

@@ -14,6 +14,7 @@ import numpy as np
 from cocap_opt.coordination.low_level import PlannedTeam, value_iteration
 from cocap_opt.coordination.neighbourhoods import neighbourhood_search
 from cocap_opt.coordination.responses import (
+    Planning,
     Responses,
     followed,
     greedily_in_rounds,
@@ -58,10 +59,12 @@ def cocap_lns(problem: Problem, stop: Stop = never, responses: int = RESPONSES) 
     return result_of(hovering(team), limit, {"responses": asked.asked})
 
 
-def first_plan(nobody: PlannedTeam, responses: Responses, stop: Stop) -> Iterator[PlannedTeam]:
+def first_plan(
+    nobody: PlannedTeam, responses: Responses, stop: Stop, planning: Planning
+) -> Iterator[PlannedTeam]:
     """Yields the team as it is planned for the first time; it is not whole if there is no plan."""
     team = nobody
-    for team in then_in_rounds(nobody, responses):
+    for team in planning(nobody, responses):
         yield team
     if not team.is_whole:
         tree = ConstraintTree(nobody, responses, stop, FocalNodes(), greedily_in_rounds)
@@ -75,7 +78,7 @@ def _better_and_better(
 ) -> Iterator[PlannedTeam]:
     """Yields the team as it is planned, and then each better one."""
     team = nobody
-    for team in first_plan(nobody, responses, stop):
+    for team in first_plan(nobody, responses, stop, then_in_rounds):
         yield team
     if not team.is_whole:
         return

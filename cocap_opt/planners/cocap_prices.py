@@ -1,4 +1,4 @@
-"""Plans where prices point, from the first plan of `cocap-lns` on.
+"""Plans where prices point, from a plan of each drone in turn on.
 
 A mixture flies several paths of each drone in part. The best mixture without rules is a concave
 program, and mixture ascent comes near it within dozens of steps. Its prices say what a view is
@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from cocap_opt.coordination.low_level import PlannedTeam, value_iteration
-from cocap_opt.coordination.responses import Responses, followed, in_rounds
+from cocap_opt.coordination.responses import Responses, followed, in_rounds, one_by_one
 from cocap_opt.mixtures.mixture_ascent import mixture_ascent
 from cocap_opt.mixtures.parameters import AscentParameters, PlanSearchParameters
 from cocap_opt.mixtures.plan_search import PlanSearch
@@ -44,7 +44,9 @@ _STANDS_STILL = "stands still: raising the mixture again has brought nothing bet
 
 @timed
 def cocap_prices(problem: Problem, stop: Stop = never) -> Result:
-    """Plan each robot as `cocap_lns` does at first, then search where prices of mixtures point.
+    """Plan each robot in turn, as `sequential` does, then search where prices of mixtures point.
+
+    Where that fails, the constraint tree goes on, as in `cocap_lns`.
 
     Returns
     -------
@@ -86,7 +88,7 @@ class _Learning:
     def better_and_better(self, nobody: PlannedTeam) -> Iterator[PlannedTeam]:
         """Yields the team as it is planned, and then each better one."""
         team = nobody
-        for team in first_plan(nobody, self.responses, self._stop):
+        for team in first_plan(nobody, self.responses, self._stop, one_by_one):
             yield team
         if team.is_whole and team.size > 1:
             yield from self._searched(team)

@@ -248,7 +248,7 @@ def test_what_is_damaged_and_cannot_be_removed_is_not_used(
 
 @pytest.mark.parametrize(
     ("has_numba", "words"),
-    [(True, ": `cocap-opt compile` (25 s"), (False, ": `pip install -e '.[fast]'`, which")],
+    [(True, ": `cocap-opt compile` (28 s"), (False, ": `pip install -e '.[fast]'`, which")],
 )
 def test_advice_is_given_once(
     has_numba: bool, words: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
