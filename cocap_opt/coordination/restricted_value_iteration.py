@@ -67,6 +67,7 @@ class RestrictedValueIteration:
         rewards = [marginal_reward(model, robot_class, nothing) for robot_class in model.classes]
         alone = worths_of(model, rewards, stop)
         for robot, robot_class in enumerate(model.class_of):
+            stop.check()
             reward = marginal_reward(model, robot_class, team.pixels(without=robot))
             worth = (
                 worth_of(model, robot_class, reward, stop),
@@ -101,6 +102,7 @@ class RestrictedValueIteration:
         model, graphs = team.model, []
         worths = worths_of(model, rewards, stop)
         for robot, robot_class in enumerate(model.class_of):
+            stop.check()
             number = model.classes.index(robot_class)
             beam = Beam(team, robot, width, [worths[number]], known[number])
             graphs.append(_Graph.of(beam, model, robot))
@@ -211,13 +213,17 @@ class _Graph:
         pixels : [Z] px/m2 that the other robots have in every view sum
         """
         cost, charged = self._cost_of_nodes(charges), self._charge_edges(charges)
+        try:
+            return self._found(pixels, cost, charged)
+        finally:
+            self._charges[charged] = 0.0
+
+    def _found(self, pixels: FloatArray, cost: FloatArray, charged: IntArray) -> Path | None:
         if KERNEL.is_loaded:
-            path = self._by_kernel(pixels, cost, charged)
-        else:
-            clock = Clock()
-            path = self._by_numpy(pixels, cost, charged)
-            KERNEL.spend(clock.seconds)
-        self._charges[charged] = 0.0
+            return self._by_kernel(pixels, cost, charged)
+        clock = Clock()
+        path = self._by_numpy(pixels, cost, charged)
+        KERNEL.spend(clock.seconds)
         return path
 
     def _by_kernel(self, pixels: FloatArray, cost: FloatArray, charged: IntArray) -> Path | None:

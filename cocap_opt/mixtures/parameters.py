@@ -46,7 +46,7 @@ def _is_allowed(number: object, whole: bool, largest: float) -> bool:
 
 @dataclass(frozen=True)
 class AscentParameters(Section):
-    """The ascent of the first mixture, without a master: steps by its gradient.
+    """The ascent of a mixture, without a master: steps by its gradient.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class PlanSearchParameters(Section):
 
     width: int = 120
     draws: int = 60
-    responses: int = 10
+    responses: int = 20
     least_amount: float = 1e-6
     found_amount: float = 0.05
     most_in_vain: int = 12

@@ -47,6 +47,9 @@ class PlanSearch:
 
     Parameters
     ----------
+    model : whose robots all have a path
+    stop : stopping criterion
+    rng : of roundings and neighbourhoods
     parameters : that guide it
     tell : told each plan where the search from one start ends
     """

@@ -39,7 +39,7 @@ class Prices(NamedTuple):
         return cls(zeros + 1.0, zeros)
 
 
-class Priced(NamedTuple):
+class BestPaths(NamedTuple):
     """The best paths at some prices."""
 
     bound: float  # J of which no mixture has more, but for rounding; proves nothing
@@ -50,8 +50,14 @@ class Priced(NamedTuple):
 class PricedViews:
     """The views of all states of a model, ready to be priced.
 
+    Parameters
+    ----------
+    model : whose coverage is there
+    stop : stopping criterion of sweeps
+
     Attributes
     ----------
+    tables : of each class, the id of its coverage table
     roots : of each coverage table by its id, as a sparse matrix of nodes by view sums; some classes
         share a table
     """
@@ -110,7 +116,7 @@ class PricedViews:
                 column = Column.of(self.model, robot, tuple(path))
             yield worth, column
 
-    def priced(self, prices: Prices) -> Priced:
+    def priced(self, prices: Prices) -> BestPaths:
         """Returns the best paths at some prices, without regard for rules.
 
         Raises
@@ -125,4 +131,4 @@ class PricedViews:
                 bound += worth
                 if column is not None:
                     columns.append(column)
-        return Priced(bound, prices, columns)
+        return BestPaths(bound, prices, columns)

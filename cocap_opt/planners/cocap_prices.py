@@ -4,8 +4,8 @@ A mixture flies several paths of each drone in part. The best mixture without ru
 program, and mixture ascent comes near it within dozens of steps. Its prices say what a view is
 worth once the others do well, and its paths are parts of good plans (`mixtures.plan_search`). Each
 time the search stands still, the mixture is raised for twice as many steps, and the search goes on
-with its new paths and prices, until that has gained nothing. Rounds of best responses over all
-states end each search.
+with its new paths and prices, until that has gained nothing, or often enough. Rounds of best
+responses over all states end each search.
 
 Source: the restricted master heuristics of column generation, Joncour et al. 2010; here the mixture
 is raised without a linear program.
@@ -33,10 +33,8 @@ from cocap_opt.timing import timed
 # Measured on field, field-long and Hughes et al.'s scenes: 0.02 loses 0.15 % of what long scenes
 # have after ten seconds.
 _ENOUGH = 0.01  # of the bound on mixtures, to which the first one is raised
-_SLOW, _PATIENCE = (
-    0.8,
-    8,
-)  # a mixture that keeps this share of what is open, in so many steps, is it
+_SLOW = 0.8
+_PATIENCE = 8  # steps  # a mixture that keeps this share of what is open, in so many steps, is it
 _MOST_SEARCHES = 8
 
 _STANDS_STILL = "stands still: raising the mixture again has brought nothing better"
@@ -53,7 +51,7 @@ def cocap_prices(problem: Problem, stop: Stop = never) -> Result:
     Result
         No robot alone can better its plan, unless a limit has stopped it: then it is the best plan
         so far. `statistics` holds the number of `responses` over all states, of `mixtures`, and of
-        `searches`; `message` says that the planner stands still.
+        `searches`; `message` says so where the planner stands still.
     """
     learning = _Learning(Responses(value_iteration, stop), stop)
     nobody = learning.responses.nobody(problem)
@@ -61,7 +59,7 @@ def cocap_prices(problem: Problem, stop: Stop = never) -> Result:
     if limit is None and not team.is_whole:
         return Result.without_plan(Reason.INFEASIBLE, EXHAUSTED)
     result = result_of(hovering(team), limit, learning.statistics)
-    if limit is None and learning.searches:
+    if limit is None and learning.stands_still:
         result = replace(result, message="; ".join(filter(None, (result.message, _STANDS_STILL))))
     return result
 
@@ -73,11 +71,13 @@ class _Learning:
     ----------
     responses : over all states
     searches : that have begun
+    stands_still : the last search has gained nothing, with a mixture that was raised again
     """
 
     def __init__(self, responses: Responses, stop: Stop) -> None:
         self.responses, self._stop = responses, stop
         self.searches = self._mixtures = 0
+        self.stands_still = False
 
     @property
     def statistics(self) -> dict[str, float]:
@@ -116,7 +116,8 @@ class _Learning:
                 yield (team := better)
             for better in in_rounds(team, self.responses):
                 yield (team := better)
-            if self.searches == _MOST_SEARCHES or (self.searches > 1 and team is before):
+            self.stands_still = self.searches > 1 and team is before
+            if self.stands_still or self.searches == _MOST_SEARCHES:
                 return
             next_search = 2 * self._mixtures
 

@@ -577,7 +577,7 @@ class Parameters:
     alike_cuts: AlikeCutParameters = AlikeCutParameters()
     local_search: LocalSearchParameters = LocalSearchParameters()
     plan_search: PlanSearchParameters = field(
-        default_factory=lambda: PlanSearchParameters(most_in_vain=6)
+        default_factory=lambda: PlanSearchParameters(responses=10, most_in_vain=6)
     )
 
     def rows(self) -> Iterator[tuple[str, str, str, str]]:

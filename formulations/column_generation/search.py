@@ -146,15 +146,19 @@ class Search:
         self.offer(self.local_search.from_mixture(mixture, arcs, self.incumbent))
 
     def search_for_plans(self, mixture: Mixture, duals: Duals) -> None:
-        """Offers the plans that a mixture and its prices lead to; raises LimitReached.
+        """Offers the plans that a mixture and its prices lead to, from the incumbent on.
 
-        It needs an incumbent to begin with.
+        Raises
+        ------
+        LimitReached
+            At a limit.
         """
         model, plan = self.model, self.incumbent
         if plan is None or len(plan.columns) < 2:
             return
 
         def tell(team: PlannedTeam) -> None:
+            # All that a search ends with obeys the rules: it keeps to charges.
             self.recombination.add(Incumbent(model, tuple(columns_of(team))))
             self.report_again()
 

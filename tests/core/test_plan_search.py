@@ -24,7 +24,19 @@ from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit, WorkLimit, never
+from cocap_opt.stop import Limit, Stop, never
+
+
+class Asked(Stop):
+    """Stopping criterion that is reached after so many questions."""
+
+    def __init__(self, calls: int) -> None:
+        self.left = calls
+
+    def reached(self) -> Limit | None:
+        """Count down."""
+        self.left -= 1
+        return Limit.TIME if self.left < 0 else None
 
 
 def first_mixture(problem: Problem, steps: int = 3) -> tuple[PlannedTeam, PlanSearch, PricedViews]:
@@ -106,12 +118,18 @@ def test_it_finds_more_than_neighbourhoods_alone(scene: str) -> None:
 
 
 def test_a_limit_leaves_the_best_plan_so_far() -> None:
-    """The search is anytime: it obeys a limit, and has then at least the first plan."""
-    problem = load_scene("corridor", 0)
-    result = cocap_prices(problem, WorkLimit(0))
-    assert result.limit in (None, Limit.WORK)
-    assert result.plan is not None
-    assert check(problem, result.plan).valid
+    """The search is anytime: stopped later it is better, and never worse than the first plan."""
+    problem, values = load_scene("bottleneck", 0), []
+    for calls in (400, 1_000, 2_000):
+        result = cocap_prices(problem, Asked(calls))
+        assert result.limit is Limit.TIME
+        assert result.plan is not None
+        assert not check(problem, result.plan).conflicts
+        values.append(result.value)
+    assert values == sorted(values)
+    first = PLANNERS["sequential"](problem, never).value
+    assert values[0] >= first
+    assert values[-1] > first
 
 
 def test_a_drone_alone_needs_no_prices() -> None:

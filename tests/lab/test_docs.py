@@ -120,7 +120,9 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
     "motion.radius: must allow at most 1 m/s": (
         SHOW, swapped("scene.toml", "endurance = 1200", "speed = 1"),
     ),
-    "cannot fly this: acceleration": (FLY, lambda: None),
+    "cannot fly this: acceleration": (
+        f"plan scene.toml --planner cocap-lns -o plan.json; {FLY}", lambda: None,
+    ),
     "comes nearer than 4.5 m to person 1": (
         f"plan scene.toml --planner sequential -o plan.json; {FLY}",
         swapped("scene.toml", "people = 3.5", "people = 4.5"),

@@ -65,13 +65,13 @@ class RuledProgram:
         at, (alone, together, heights, least) = self._at, self._bounds(amounts)
         seen = least > _DARK
         least = np.where(seen, least, 1.0)
-        of_alone, oftogether_of, of_cuts = (
+        of_alone, of_together, of_cuts = (
             np.minimum(bounds / np.maximum(values, _DARK), 1.0) ** (SHARPNESS + 1)
             for bounds, values in ((least, alone), (least, together), (least[at], heights))
         )
-        total = of_alone + oftogether_of + np.bincount(at, of_cuts, minlength=len(least))
+        total = of_alone + of_together + np.bincount(at, of_cuts, minlength=len(least))
         total = np.where(seen, total, 1.0)
-        share = oftogether_of / total
+        share = of_together / total
         # The rounding of what alpha leaves would outweigh so small a beta: it has none, and alpha
         # a little more than is left.
         nearly = share < self._least_share

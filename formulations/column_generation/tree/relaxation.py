@@ -180,9 +180,12 @@ class Relaxation:
 
     def search_for_plans(self) -> None:
         """Offers the plans to which prices point, and recombination; raises LimitReached."""
-        if self.solution is not None:
-            self.search.search_for_plans(self.solution.mixture, self.best.duals)
-            self._recombine()
+        if self.solution is None:
+            return
+        if self.search.incumbent is None:
+            self.look_for_plans()  # a first one, to search from
+        self.search.search_for_plans(self.solution.mixture, self.best.duals)
+        self._recombine()
 
     def _recombine(self) -> None:
         if self.decisions or not self.search.can_recombine:
