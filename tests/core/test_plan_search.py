@@ -8,6 +8,7 @@ from counting import either
 from hypothesis import assume, given
 from pool import meetings, problems
 from strategies import examples
+from test_compositions import Asked
 
 from cocap_opt.coordination.low_level import PlannedTeam
 from cocap_opt.mixtures.columns import Column
@@ -24,19 +25,7 @@ from cocap_opt.problem import Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit, Stop, never
-
-
-class Asked(Stop):
-    """Stopping criterion that is reached after so many questions."""
-
-    def __init__(self, calls: int) -> None:
-        self.left = calls
-
-    def reached(self) -> Limit | None:
-        """Count down."""
-        self.left -= 1
-        return Limit.TIME if self.left < 0 else None
+from cocap_opt.stop import Limit, never
 
 
 def first_mixture(problem: Problem, steps: int = 3) -> tuple[PlannedTeam, PlanSearch, PricedViews]:
