@@ -37,7 +37,7 @@ _SLOW = 0.8
 _PATIENCE = 8  # steps  # a mixture that keeps this share of what is open, in so many steps, is it
 _MOST_SEARCHES = 8
 
-_STANDS_STILL = "stands still: raising the mixture again has brought nothing better"
+_STANDS_STILL = "stands still: its last search found nothing better"
 
 
 @timed
