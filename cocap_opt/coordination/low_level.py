@@ -6,7 +6,7 @@ views that it touches; the others need the coverage of all states before.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from cocap_opt.coordination.best_response import best_response
 from cocap_opt.coordination.team import Team
@@ -34,6 +34,12 @@ class SingleRobotPath(NamedTuple):
     evaluated: int  # states whose coverage was needed for the first time
     limit: Limit | None = None  # that was near when it was found: there may be a better one
 
+    @classmethod
+    def of(cls, model: Model, robot: int, path: Path | None) -> Self:
+        """Returns a path for which no state was evaluated; None: there is none."""
+        pixels = model.problem.no_pixels() if path is None else model.robot_pixels(robot, path)
+        return cls(path, pixels, 0)
+
     def added_to(self, pixels: FloatArray) -> FloatArray:
         """Returns view sums [Z] and those along this path together."""
         return pixels + self.pixels
@@ -60,6 +66,4 @@ def value_iteration(task: SingleRobotTask) -> SingleRobotPath:
     task.stop.check()
     model.prepare(model.class_of[task.robot], task.stop)
     path = best_response(model, task.robot, task.pixels, task.charges, task.stop)
-    if path is None:
-        return SingleRobotPath(None, model.problem.no_pixels(), 0)
-    return SingleRobotPath(path, model.robot_pixels(task.robot, path), 0)
+    return SingleRobotPath.of(model, task.robot, path)

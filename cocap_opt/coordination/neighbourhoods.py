@@ -88,8 +88,7 @@ def _exchanged(
         changed = team
         for robot, end in ((first, ends[1]), (second, ends[0])):
             path = team.path(robot)[:t] + end
-            pixels = team.model.robot_pixels(robot, path)
-            changed = changed.with_path(robot, SingleRobotPath(path, pixels, 0))
+            changed = changed.with_path(robot, SingleRobotPath.of(team.model, robot, path))
         now = [changed.cells(i)[t - 1 : t + 1] for i in range(team.size)]
         pairs = ((i, k) for i in (first, second) for k in range(team.size) if k != i)
         if not any(conflict(now[i], now[k]) for i, k in pairs):

@@ -14,6 +14,7 @@ from typing import Self
 
 import numpy as np
 
+from cocap_opt.arithmetic import spans
 from cocap_opt.compiling import Kernel
 from cocap_opt.coordination.kept_states import (
     Beam,
@@ -118,9 +119,7 @@ class RestrictedValueIteration:
         """
         task.stop.check()
         path = self._graphs[task.robot].best_path(task.pixels, task.charges)
-        if path is None:
-            return SingleRobotPath(None, task.model.problem.no_pixels(), 0)
-        return SingleRobotPath(path, task.model.robot_pixels(task.robot, path), 0)
+        return SingleRobotPath.of(task.model, task.robot, path)
 
 
 class _Keys:
@@ -144,7 +143,7 @@ class _Keys:
     def members(self, at: IntArray) -> tuple[IntArray, IntArray]:
         """Returns the nodes [m] of some keys, by their positions, and the number [m] of the key."""
         sizes = self._first[at + 1] - self._first[at]
-        return self._by_key[_ranges(self._first[at], sizes)], np.repeat(np.arange(len(at)), sizes)
+        return self._by_key[spans(self._first[at], sizes)], np.repeat(np.arange(len(at)), sizes)
 
 
 class _Graph:
@@ -286,7 +285,7 @@ class _Graph:
         which, at = self._places.found(t * self._n_places + tails)
         nodes, of_node = self._places.members(at)
         sizes = self._indptr[nodes + 1] - self._indptr[nodes]
-        edges = _ranges(self._indptr[nodes], sizes)
+        edges = spans(self._indptr[nodes], sizes)
         of_edge = which[np.repeat(of_node, sizes)]  # of the charges, that of each edge
         same = self._place[self._heads[edges]] == heads[of_edge]
         found: IntArray = edges[same]
@@ -295,10 +294,3 @@ class _Graph:
 
 
 _NONE = np.zeros(0, dtype=np.int64)
-
-
-def _ranges(first: IntArray, sizes: IntArray) -> IntArray:
-    """Returns the numbers first, first + 1, .. of each range, so many, one range after another."""
-    ends = np.cumsum(sizes)
-    numbers: IntArray = np.arange(sizes.sum()) + np.repeat(first - ends + sizes, sizes)
-    return numbers

@@ -38,8 +38,8 @@ def columns_of(team: PlannedTeam) -> list[Column]:
     return [Column.of(team.model, robot, path) for robot, path in enumerate(team.paths)]
 
 
-def _nothing(*_: object) -> None:
-    """Tells nobody."""
+def tell_nobody(*_: object) -> None:
+    """Does nothing with what it is told."""
 
 
 class PlanSearch:
@@ -51,7 +51,7 @@ class PlanSearch:
     stop : stopping criterion
     rng : of roundings and neighbourhoods
     parameters : that guide it
-    tell : told each plan where the search from one start ends
+    tell : told the columns of each plan with which the search from a start ends
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class PlanSearch:
         stop: Stop,
         rng: np.random.Generator,
         parameters: PlanSearchParameters,
-        tell: Callable[[PlannedTeam], None] = _nothing,
+        tell: Callable[[Sequence[Column]], None] = tell_nobody,
     ) -> None:
         self._model, self._stop, self._rng, self._parameters = model, stop, rng, parameters
         self._tell = tell
@@ -77,7 +77,10 @@ class PlanSearch:
 
     def add_team(self, team: PlannedTeam) -> None:
         """Adds the columns of a whole team to the pool."""
-        for column in columns_of(team):
+        self._add_plan(columns_of(team))
+
+    def _add_plan(self, columns: Sequence[Column]) -> None:
+        for column in columns:
             self._add(column, self._parameters.found_amount)
 
     def _add(self, column: Column, amount: float) -> None:
@@ -112,8 +115,9 @@ class PlanSearch:
                     team, in_vain = found, 0
                     yield team
             self._taken_up.add(found.paths)
-            self.add_team(found)
-            self._tell(found)
+            columns = columns_of(found)
+            self._add_plan(columns)
+            self._tell(columns)
             start = self._drawn() or team
 
     def _improved(self, team: PlannedTeam, responses: Responses) -> Iterator[PlannedTeam]:

@@ -9,7 +9,7 @@ see a face alpha is small, and a view of what others miss pays more. Good prices
 mixture (`mixture_ascent`). At any prices one backward sweep finds the best paths of a whole class.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -89,32 +89,34 @@ class PricedViews:
         both = zip(self.model.classes, self.tables, strict=True)
         return [self.model.spread(robot_class, of_nodes[table]) for robot_class, table in both]
 
-    def best_paths(
-        self, number: int, reward: FloatArray, charges: Charges = NO_CHARGES
-    ) -> Iterator[tuple[float, Column | None]]:
-        """Yields the worth and the column of the best path of each robot of a class.
+    def with_best_paths(
+        self, bound: float, rewards: Iterable[FloatArray], charges: Iterable[Charges]
+    ) -> tuple[float, list[Column]]:
+        """Returns a bound's constant and the worth of all robots' best paths together, and these.
 
         The worth is `CLOSED`, and there is no column, where a robot has no path.
 
         Parameters
         ----------
-        reward : [T+1, S] of states
+        rewards : [T+1, S] of the states of each class
+        charges : of each class
 
         Raises
         ------
         LimitReached
             At a limit.
         """
-        robot_class = self.model.classes[number]
-        graph, bonuses = robot_class.graph, Bonuses.of(self.model.problem.objective)
-        value = backward_sweep(graph, reward, bonuses, charges, robot_class.goal, self._stop)
-        for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
-            worth, column = float(value[0, start]), None
-            if worth > CLOSED:
-                path = best_path(graph, value, start, bonuses, charges)
-                assert path is not None
-                column = Column.of(self.model, robot, tuple(path))
-            yield worth, column
+        bonuses, columns = Bonuses.of(self.model.problem.objective), []
+        for robot_class, reward, charge in zip(self.model.classes, rewards, charges, strict=True):
+            graph, goal = robot_class.graph, robot_class.goal
+            value = backward_sweep(graph, reward, bonuses, charge, goal, self._stop)
+            for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
+                bound += float(value[0, start])
+                if value[0, start] > CLOSED:
+                    path = best_path(graph, value, start, bonuses, charge)
+                    assert path is not None
+                    columns.append(Column.of(self.model, robot, tuple(path)))
+        return bound, columns
 
     def priced(self, prices: Prices) -> BestPaths:
         """Returns the best paths at some prices, without regard for rules.
@@ -124,11 +126,7 @@ class PricedViews:
         LimitReached
             At a limit.
         """
-        kappas = self.model.problem.returns.kappas(*prices)
-        bound, columns = float(self._weights @ kappas), []
-        for number, reward in enumerate(self.rewards(prices)):
-            for worth, column in self.best_paths(number, reward):
-                bound += worth
-                if column is not None:
-                    columns.append(column)
+        constant = float(self._weights @ self.model.problem.returns.kappas(*prices))
+        nothing = [NO_CHARGES] * len(self.model.classes)
+        bound, columns = self.with_best_paths(constant, self.rewards(prices), nothing)
         return BestPaths(bound, prices, columns)

@@ -12,7 +12,6 @@ is raised without a linear program.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from cocap_opt.mixtures.plan_search import PlanSearch
 from cocap_opt.mixtures.prices import PricedViews, Prices
 from cocap_opt.planners.cocap import EXHAUSTED
 from cocap_opt.planners.cocap_lns import first_plan
-from cocap_opt.planners.results import hovering, result_of
+from cocap_opt.planners.results import hovering, result_of, with_message
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Stop, never
@@ -33,8 +32,8 @@ from cocap_opt.timing import timed
 # Measured on field, field-long and Hughes et al.'s scenes: 0.02 loses 0.15 % of what long scenes
 # have after ten seconds.
 _ENOUGH = 0.01  # of the bound on mixtures, to which the first one is raised
-_SLOW = 0.8
-_PATIENCE = 8  # steps  # a mixture that keeps this share of what is open, in so many steps, is it
+# Or as far as it gets: so many steps that leave so large a share of what is open are slow.
+_PATIENCE, _SLOW = 8, 0.8
 _MOST_SEARCHES = 8
 
 _STANDS_STILL = "stands still: its last search found nothing better"
@@ -60,7 +59,7 @@ def cocap_prices(problem: Problem, stop: Stop = never) -> Result:
         return Result.without_plan(Reason.INFEASIBLE, EXHAUSTED)
     result = result_of(hovering(team), limit, learning.statistics)
     if limit is None and learning.stands_still:
-        result = replace(result, message="; ".join(filter(None, (result.message, _STANDS_STILL))))
+        return with_message(result, _STANDS_STILL)
     return result
 
 

@@ -370,9 +370,7 @@ def joint(problem: Problem, stop: Stop = never) -> Result:
             Reason.INFEASIBLE, "no plan obeys the rules: no pair of paths is left"
         )
     if model.cut_short_by:
-        found = (
-            SingleRobotPath(path, model.robot_pixels(i, path), 0) for i, path in enumerate(paths)
-        )
+        found = (SingleRobotPath.of(model, i, path) for i, path in enumerate(paths))
         return result_of(PlannedTeam(model, tuple(found)), model.cut_short_by, {})
     value = objective(model, paths)
     return Result(model.plan(paths), value, Reason.OPTIMAL, bound=value)

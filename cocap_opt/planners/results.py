@@ -94,6 +94,11 @@ def result_without_conflicts(
     if not staying or staying == safe.size:  # the latter is said of any plan
         return result
     words = f"{staying} of {safe.size} drones stay at their starts, clear of the others"
+    return with_message(result, words)
+
+
+def with_message(result: Result, words: str) -> Result:
+    """Returns a result that says something more."""
     return replace(result, message="; ".join(filter(None, (result.message, words))))
 
 

@@ -1,13 +1,12 @@
 """The state that all nodes of one search share: model, limits, and the best plan so far."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import msgspec
 import numpy as np
 
-from cocap_opt.coordination.low_level import PlannedTeam
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile, Staged
 from cocap_opt.formulations.certificates.staged import Narrowing
 from cocap_opt.formulations.column_generation.master.pricing import Pricer
@@ -24,7 +23,7 @@ from cocap_opt.formulations.result import (
     proved_by,
     silent,
 )
-from cocap_opt.mixtures.columns import Arc
+from cocap_opt.mixtures.columns import Arc, Column
 from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.mixtures.plan_search import PlanSearch, columns_of, team_of
 from cocap_opt.mixtures.prices import Prices
@@ -157,16 +156,16 @@ class Search:
         if plan is None or len(plan.columns) < 2:
             return
 
-        def tell(team: PlannedTeam) -> None:
+        def tell(columns: Sequence[Column]) -> None:
             # All that a search ends with obeys the rules: it keeps to charges.
-            self.recombination.add(Incumbent(model, tuple(columns_of(team))))
+            self.recombination.add(Incumbent(model, tuple(columns)))
             self.report_again()
 
         search = PlanSearch(model, self.stop, self.rng, self.parameters.plan_search, tell)
         search.add_mixture(mixture)
         team = team_of(model, plan.columns)
         search.add_team(team)
-        rewards = self.pricer.rewards(Prices(duals.alpha, duals.beta))
+        rewards = self.pricer.views.rewards(Prices(duals.alpha, duals.beta))
         for better in search.better_teams(team, rewards):
             self.offer(Incumbent.of(model, columns_of(better)))
 

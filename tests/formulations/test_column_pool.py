@@ -5,6 +5,7 @@ from itertools import chain, islice, product
 import hypothesis.strategies as st
 import numpy as np
 import pytest
+from ascent import raised_mixtures
 from brute_force import optimum
 from counting import either
 from hypothesis import given
@@ -19,13 +20,11 @@ from cocap_opt.formulations.column_generation.search import Search
 from cocap_opt.mixtures.column_pool import ColumnPool
 from cocap_opt.mixtures.columns import Column
 from cocap_opt.mixtures.mixture import Mixture
-from cocap_opt.mixtures.mixture_ascent import mixture_ascent
 from cocap_opt.model import Model, compiled
 from cocap_opt.objective import objective
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import never
 
 some_problems = either(st.one_of(meetings(), problems(robots=[2, 3], goals=False)))
 
@@ -35,9 +34,7 @@ def pooled(model: Model) -> tuple[ColumnPool, list[list[Column]]]:
     search = Search(model)
     pool, own = ColumnPool(model), [{} for _ in model.problem.robots]
     if search.alone.bound > -np.inf:
-        steps = islice(
-            mixture_ascent(model, search.pricer.of_prices, search.alone, never, DEFAULTS.ascent), 3
-        )
+        steps = islice(raised_mixtures(search), 3)
         for column, amount in chain.from_iterable(mixture.used() for mixture, _, _ in steps):
             pool.add(column, amount)
             own[column.robot][column.path] = column
@@ -160,9 +157,7 @@ def test_more_responses_find_no_worse_plans_and_each_is_told() -> None:
     """The course of local search does not depend on how long it may go on; it is never silent."""
     model = compiled(load_scene("bottleneck", 1))
     search = Search(model)
-    *_, (mixture, _, _) = islice(
-        mixture_ascent(model, search.pricer.of_prices, search.alone, never, DEFAULTS.ascent), 6
-    )
+    *_, (mixture, _, _) = islice(raised_mixtures(search), 6)
     values = []
     for allowed in (1, 20, 60):
         allowance, told = ResponseLimit(allowed), []

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import hypothesis.strategies as st
 import numpy as np
 import pytest
+from ascent import raised_mixtures
 from brute_force import optimum
 from counting import either
 from hypothesis import given
@@ -31,7 +32,6 @@ from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot, 
 from cocap_opt.formulations.relaxations.separation import Seen
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.mixtures.mixture_ascent import (
-    mixture_ascent,
     raised,
 )
 from cocap_opt.model import compiled
@@ -115,15 +115,7 @@ def test_every_step_under_rules_gives_a_bound(problem: Problem) -> None:
     search = Search(compiled(problem))
     if search.alone.bound == -np.inf or problem.objective.over_time:
         return
-    mixture, _, first = next(
-        mixture_ascent(
-            search.model,
-            search.pricer.of_prices,
-            search.alone,
-            never,
-            DEFAULTS.ascent,
-        )
-    )
+    mixture, _, first = next(raised_mixtures(search))
     ascent = _RuledAscent(search, mixture, first)
     best = optimum(problem).value
     for _ in range(4):
@@ -143,13 +135,7 @@ def test_plans_over_known_arcs_obey_the_rules_and_get_no_worse(problem: Problem)
     if search.alone.bound == -np.inf or search.incumbent is None or problem.objective.over_time:
         return
     steps = islice(
-        mixture_ascent(
-            search.model,
-            search.pricer.of_prices,
-            search.alone,
-            never,
-            DEFAULTS.ascent,
-        ),
+        raised_mixtures(search),
         3,
     )
     columns = [column for _, _, priced in steps for column in priced.columns]
@@ -168,15 +154,7 @@ def test_plans_over_known_arcs_obey_the_rules_and_get_no_worse(problem: Problem)
 def test_work_without_masters_asks_often_whether_to_stop() -> None:
     """Mixtures are raised, and plans changed, in steps; a large team's take tenths of a second."""
     search = Search(compiled(load_scene("corridor", 0)))
-    columns = next(
-        mixture_ascent(
-            search.model,
-            search.pricer.of_prices,
-            search.alone,
-            never,
-            DEFAULTS.ascent,
-        )
-    )[0].columns
+    columns = next(raised_mixtures(search))[0].columns
     robots = np.array([column.robot for column in columns])
     amounts = np.full(len(robots), 0.5)
     with pytest.raises(LimitReached):
@@ -195,13 +173,7 @@ def test_moves_over_known_arcs_make_a_good_plan_of_hovering_drones(scene: str) -
     """Twenty moves over the arcs of four pricings come within half a percent of the optimum."""
     search = Search(compiled(load_scene(scene, 0)))
     steps = islice(
-        mixture_ascent(
-            search.model,
-            search.pricer.of_prices,
-            search.alone,
-            never,
-            DEFAULTS.ascent,
-        ),
+        raised_mixtures(search),
         4,
     )
     columns = [column for _, _, priced in steps for column in priced.columns]
@@ -218,15 +190,7 @@ def test_moves_over_known_arcs_make_a_good_plan_of_hovering_drones(scene: str) -
 def large_root(scene: str) -> LargeRoot:
     """The root of a scene after a first ascent, as if it were large."""
     search = Search(compiled(load_scene(scene, 0)))
-    mixture, _, priced = next(
-        mixture_ascent(
-            search.model,
-            search.pricer.of_prices,
-            search.alone,
-            never,
-            DEFAULTS.ascent,
-        )
-    )
+    mixture, _, priced = next(raised_mixtures(search))
     return LargeRoot(search, mixture, min(search.alone, priced, key=bound_of))
 
 

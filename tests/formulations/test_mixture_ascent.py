@@ -4,6 +4,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from ascent import raised_mixtures
 from brute_force import optimum
 from counting import either
 from hypothesis import given
@@ -12,13 +13,10 @@ from strategies import examples
 
 from cocap_opt.formulations.certificates import Pricing
 from cocap_opt.formulations.column_generation.master.master import Master
-from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.formulations.column_generation.search import Search
-from cocap_opt.mixtures.mixture_ascent import mixture_ascent
 from cocap_opt.model import compiled
 from cocap_opt.problem import Problem
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import never
 
 
 @examples(8)
@@ -29,13 +27,7 @@ def test_every_mixture_gives_a_bound_and_whole_robots(problem: Problem) -> None:
     if search.alone.bound == -np.inf:
         return
     for mixture, value, priced in islice(
-        mixture_ascent(
-            search.model,
-            search.pricer.of_prices,
-            search.alone,
-            never,
-            DEFAULTS.ascent,
-        ),
+        raised_mixtures(search),
         3,
     ):
         robots = [column.robot for column in mixture.columns]
@@ -51,9 +43,7 @@ def test_every_mixture_gives_a_bound_and_whole_robots(problem: Problem) -> None:
 def test_a_mixture_is_raised_to_what_a_master_finds(scene: str) -> None:
     """After some steps, value and bound enclose the same columns' master within a third of 1 %."""
     search = Search(compiled(load_scene(scene, 0)))
-    steps = mixture_ascent(
-        search.model, search.pricer.of_prices, search.alone, never, DEFAULTS.ascent
-    )
+    steps = raised_mixtures(search)
     mixture, value, priced = list(islice(steps, 12))[-1]
     master = Master(search.model, penalty=1e6)
     for column in mixture.columns:

@@ -32,30 +32,29 @@ class Priced(NamedTuple):
 
 
 class Pricer:
-    """Prices the multipliers of one model; raises LimitReached before its stop is exceeded."""
+    """Prices the multipliers of one model; raises LimitReached before its stop is exceeded.
+
+    Attributes
+    ----------
+    views : of all its states, to be priced
+    """
 
     def __init__(self, model: Model, stop: Stop = never) -> None:
-        self.model, self._views = model, PricedViews(model, stop)
+        self.model, self.views = model, PricedViews(model, stop)
         self._weights = model.problem.view_sum_weights
         self._by_view_sum: dict[int, sparse.csc_array] = {}  # roots, once there are cuts
 
     def __call__(self, duals: Duals, decisions: Sequence[Decision] = ()) -> Priced:
         """Returns the bound of multipliers for plans that obey the decisions, and new columns."""
-        model, base = self.model, self._views.at(duals.alpha, duals.beta)
-        bound, costs = self._constant(duals, decisions), _costs(duals, decisions)
-        columns = []
-        for number, robot_class in enumerate(model.classes):
-            reward = model.spread(robot_class, self._prices(number, duals, base))
-            charges = charges_of(model, number, costs)
-            for worth, column in self._views.best_paths(number, reward, charges):
-                bound += worth
-                if column is not None:
-                    columns.append(column)
+        model, base = self.model, self.views.at(duals.alpha, duals.beta)
+        constant, costs = self._constant(duals, decisions), _costs(duals, decisions)
+        rewards = (
+            model.spread(robot_class, self._prices(number, duals, base))
+            for number, robot_class in enumerate(model.classes)
+        )
+        charges = (charges_of(model, number, costs) for number in range(len(model.classes)))
+        bound, columns = self.views.with_best_paths(constant, rewards, charges)
         return Priced(bound, duals, columns)
-
-    def rewards(self, prices: Prices) -> list[FloatArray]:
-        """Returns the payments for the states [T+1, S] of each class."""
-        return self._views.rewards(prices)
 
     def of_prices(self, prices: Prices) -> Priced:
         """Returns the bound that prices alone prove, and new columns."""
@@ -86,12 +85,12 @@ class Pricer:
         ----------
         base : of each table, the prices of its nodes by alpha and beta [n]
         """
-        table = self._views.tables[number]
+        table = self.views.tables[number]
         prices = base[table].copy()
         for cut, share in duals.cuts:
             if share > 0:
                 if table not in self._by_view_sum:
-                    self._by_view_sum[table] = self._views.roots[table].tocsc()
+                    self._by_view_sum[table] = self.views.roots[table].tocsc()
                 seen = self._by_view_sum[table]
                 part = slice(*seen.indptr[cut.view_sum : cut.view_sum + 2])
                 phi = cut.phi(number, seen.data[part])

@@ -31,6 +31,7 @@ from cocap_opt.mixtures.column_pool import (
 )
 from cocap_opt.mixtures.columns import Arc, Column
 from cocap_opt.mixtures.mixture import Mixture
+from cocap_opt.mixtures.plan_search import tell_nobody
 from cocap_opt.model import Model, RobotClass
 from cocap_opt.problem import Problem
 from cocap_opt.stop import Limit, LimitReached, Stop, never
@@ -58,10 +59,6 @@ class ResponseLimit(Stop):
         self.left -= 1
 
 
-def _nothing(*_: object) -> None:
-    """Tells nobody."""
-
-
 @dataclass(frozen=True)
 class LocalSearch:
     """Improves plans of a model; where it is stopped, it returns the best plan so far.
@@ -78,8 +75,8 @@ class LocalSearch:
     stop: Stop = never
     allowance: ResponseLimit = field(default_factory=ResponseLimit)
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
-    tell: Callable[[], None] = _nothing
-    found: Callable[[Incumbent], None] = _nothing
+    tell: Callable[[], None] = tell_nobody
+    found: Callable[[Incumbent], None] = tell_nobody
     taken_up: set[PlanKey] = field(default_factory=set)
     parameters: LocalSearchParameters = DEFAULTS.local_search
 

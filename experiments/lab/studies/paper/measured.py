@@ -55,8 +55,7 @@ def polished(problem: Problem, stop: Stop = never, *, plan: Plan) -> Result:
     responses = Responses(value_iteration, stop)
     team = responses.nobody(problem)
     for robot, path in enumerate(team.model.paths(plan)):
-        pixels = team.model.robot_pixels(robot, path)
-        team = team.with_path(robot, SingleRobotPath(path, pixels, 0))
+        team = team.with_path(robot, SingleRobotPath.of(team.model, robot, path))
     team, limit = followed(team, in_rounds(team, responses))
     return result_of(team, limit)
 
