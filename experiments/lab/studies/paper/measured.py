@@ -41,7 +41,8 @@ _REPEATS = 3  # of what is quick
 _QUICK, _SLOW = 0.1, 10.0  # s: repeated below the first, not even timed again from the second on
 _KEPT = (
     "scene", "seed", "planner", "reward", "bound", "gap", "reason", "limit", "seconds",
-    "coverage_seconds", "views", "conflicts", "robots", "actors", "steps", "time_limit",
+    "coverage_seconds", "views", "conflicts", "seen_by_two", "seen_by_three", "median_error",
+    "robots", "actors", "steps", "time_limit",
     "bound_time_limit", "bound_reason", "bound_free_reason", "optimum", "optimum_free",
     "bound_free", "gap_free", "digest",
 )  # fmt: skip
