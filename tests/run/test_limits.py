@@ -199,10 +199,21 @@ def test_a_resolution_at_which_drones_fly_farther_says_so(town: Path) -> None:
 
 def written_into(recipe: str, words: str) -> str:
     """Returns a recipe with the fields of a change, each in the table that it names."""
-    for field, value, table in re.findall(r"(\w+) = (.+?) in (\[+[\w.]+\]+)", words):
-        recipe = re.sub(rf"^{field} = .*\n", "", recipe, flags=re.MULTILINE)
-        recipe = recipe.replace(f"{table}\n", f"{table}\n{field} = {value}\n", 1)
+    for fields, table in re.findall(r"(\w+ = .+?) in (\[+[\w.]+\]+)", words):
+        for line in re.split(r", (?=\w+ = )", fields):
+            field = line.partition(" = ")[0]
+            recipe = re.sub(rf"^{field} = .*\n", "", recipe, flags=re.MULTILINE)
+            recipe = recipe.replace(f"{table}\n", f"{table}\n{line}\n", 1)
     return recipe
+
+
+def test_changes_of_several_fields_are_written_each_on_a_line() -> None:
+    """A table may have several of them, and values have commas of their own."""
+    words = "window = [20, 10, 60, 65], resolution = 1.5 in [map] and radius = 2 in [drones.motion]"
+    lines = written_into(RECIPE, words).splitlines()
+    assert lines[1:4] == ["[map]", "resolution = 1.5", "window = [20, 10, 60, 65]"]
+    assert "radius = 2" in lines
+    assert "radius = 3" not in lines
 
 
 @pytest.mark.slow(seconds=7)
