@@ -24,7 +24,7 @@ Table = list[dict[str, str]]
 _HEADING = 12  # characters of a line of a heading in LaTeX
 _LARGE = 1000  # rewards from which on no decimals are shown
 AGAINST = "sequential"  # what the paper compares itself with
-_PLANNERS, _DIFFERENCES, _PRICE, _CAMERAS, _TIME = (
+_PLANNERS, _DIFFERENCES, _PRICE, CAMERAS, _TIME = (
     "Planners", "Paired differences", "Price of collision avoidance", "Cameras on people", "Time",
 )  # fmt: skip
 # Columns that a narrow terminal does without, the least useful first.
@@ -33,7 +33,7 @@ _SPARE = {
                "proved optimal", "mean reward", "largest gap (%)"),
     _DIFFERENCES: ("seeds", "equal", "worse", "better"),
     _PRICE: ("seeds", "largest (%)", "bound proved best"),
-    _CAMERAS: ("plans", "seen by three (%)", "median error (mm)"),
+    CAMERAS: ("plans", "seen by three (%)", "median error (mm)"),
     _TIME: ("runs", "longest (s)", "shifted geometric mean (s)", "no valid plan"),
 }  # fmt: skip
 
@@ -54,7 +54,7 @@ class Tables(dict[str, Table]):
             _PLANNERS: _planner_table(rows),
             _DIFFERENCES: _difference_table(rows, against) if against in planners else [],
             _PRICE: _price_table(rows),
-            _CAMERAS: _camera_table(rows),
+            CAMERAS: _camera_table(rows),
             _TIME: _time_table(rows),
         }
         return cls({title: table for title, table in tables.items() if table})

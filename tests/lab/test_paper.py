@@ -33,7 +33,7 @@ from cocap_opt.experiments.tables.statistics import Mean
 from cocap_opt.files.documents import FileError
 from cocap_opt.model import compiled
 from cocap_opt.output.files import save_csv
-from cocap_opt.planners import PLANNERS
+from cocap_opt.planners import PLANNERS, RECOMMENDED
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.engine import run
@@ -368,6 +368,17 @@ def numbers_of(planner: str, scene: str, column: str) -> dict[int | None, float]
 
 
 SCENES = ("corridor", "corridor-tight", "bottleneck", "bottleneck-tight", "passage")
+
+
+def test_the_page_says_how_many_cameras_see_people() -> None:
+    """Its shares are those of the stored rows, of plans that obey the rules."""
+    said = Page(stored_rows(), stored_trials()).questions()["How many cameras see people?"]
+    assert [sentence.partition(":")[0] for sentence in said] == [*SCENES]
+    for scene, sentence in zip(SCENES, said, strict=True):
+        for planner in ("sequential", "cocap", RECOMMENDED):
+            shares = list(numbers_of(planner, scene, "seen_by_two").values())
+            assert shares
+            assert re.search(rf"{100 * fmean(shares):.1f} % \([^)]*\) with {planner}\b", sentence)
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from cocap_opt.experiments.lab.studies.paper.stopped import Seed, StoppedRuns
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import NONE, Mean
 from cocap_opt.experiments.tables.tables import Table
+from cocap_opt.planners import RECOMMENDED
 from cocap_opt.result import relative_gap
 from cocap_opt.run.engine import is_lazy
 from cocap_opt.stop import Limit
@@ -297,6 +298,18 @@ class SceneAnswers:
                 }
             )
         return table
+
+    def cameras(self) -> str:
+        """Answers at what share of person-steps two drones or more see the person."""
+        parts = []
+        for planner in ("sequential", "cocap", RECOMMENDED):
+            shares = GapRow.percent([r for r in self._of(planner) if r.valid], "seen_by_two")
+            if shares:
+                parts.append(f"{Mean.of(shares).text(1, ' %')} with {planner}")
+        if not parts:
+            return f"{self.scene}: nothing is known."
+        share = "the share of person-steps at which two drones or more see the person"
+        return f"{self.scene}: {share} is {', '.join(parts)}."
 
     def scaling(self, limit: float) -> str:
         """Answers what a team of this size costs.

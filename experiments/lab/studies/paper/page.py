@@ -17,7 +17,7 @@ from cocap_opt.experiments.lab.studies.paper.giving_way import Encounter
 from cocap_opt.experiments.lab.studies.paper.stopped import StoppedRuns
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import NONE
-from cocap_opt.experiments.tables.tables import Table, Tables
+from cocap_opt.experiments.tables.tables import CAMERAS, Table, Tables
 
 _SIDES = {HOLDS: "For CoCap", FAILS: "Against it", OPEN: "Left open"}
 _FIGURES = {
@@ -123,6 +123,7 @@ class Page(NamedTuple):
             ],
             "What does each part add?": [effect.answer().words for effect in effects],
             "How many views does view search need?": [scene.views() for scene in scenes],
+            "How many cameras see people?": [scene.cameras() for scene in scenes],
             f"When does CoCap gain {conditions.PUBLISHED:g} %?": (
                 conditions.sentences(self.trials) if self.trials else ["It was not searched for."]
             ),
@@ -146,6 +147,7 @@ class Page(NamedTuple):
         tables = {
             "Planners": comparison,
             "Price of collision avoidance": [scene.price_row() for scene in scenes],
+            CAMERAS: Tables.of(self.rows).get(CAMERAS, []),
             "What each part adds": ablation.table(self.rows),
             "Where CoCap gains, by parameter": conditions.by_level(self.trials),
         }
