@@ -522,20 +522,14 @@ class AlikeCutParameters(Section):
 
 @dataclass(frozen=True)
 class LocalSearchParameters(Section):
-    """Local search: roundings of a mixture, best responses, best pairs.
+    """Local search: roundings of a mixture and best responses.
 
     Attributes
     ----------
     draws : roundings
         at random, of which the best are taken up
-    most_pairs : pairs of states at a step
-        for best pairs
-    most_partners : robots
-        with which each is paired
     perturbed : robots
         that are planned anew at a time
-    promising : share
-        of J, up to which a worse local optimum is worth best pairs
     least_amount : of a robot
         from which on a column of a mixture is used
     found_amount : of a robot
@@ -545,10 +539,7 @@ class LocalSearchParameters(Section):
     """
 
     draws: int = 60
-    most_pairs: int = 250_000
-    most_partners: int = 5
     perturbed: int = 3
-    promising: Share = 0.01
     least_amount: float = 1e-6
     found_amount: float = 0.05
     most_in_vain: int = 8

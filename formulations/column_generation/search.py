@@ -1,6 +1,6 @@
 """The state that all nodes of one search share: model, limits, and the best plan so far."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -23,7 +23,7 @@ from cocap_opt.formulations.result import (
     proved_by,
     silent,
 )
-from cocap_opt.mixtures.columns import Arc, Column
+from cocap_opt.mixtures.columns import Column
 from cocap_opt.mixtures.mixture import Mixture
 from cocap_opt.mixtures.plan_search import PlanSearch, columns_of, team_of
 from cocap_opt.mixtures.prices import Prices
@@ -140,9 +140,9 @@ class Search:
         if self.clock.seconds - self._told > self.parameters.search.report_seconds:
             self.report(self.snapshot(np.inf, self._nodes))
 
-    def look_for_plans(self, mixture: Mixture, arcs: Collection[Arc]) -> None:
+    def look_for_plans(self, mixture: Mixture) -> None:
         """Offers the plan that local search makes of a mixture."""
-        self.offer(self.local_search.from_mixture(mixture, arcs, self.incumbent))
+        self.offer(self.local_search.from_mixture(mixture, self.incumbent))
 
     def search_for_plans(self, mixture: Mixture, duals: Duals) -> None:
         """Offers the plans that a mixture and its prices lead to, from the incumbent on.
@@ -208,7 +208,7 @@ class Search:
         try:
             yield
         except LimitReached:
-            self.look_for_plans(mixture(), ())
+            self.look_for_plans(mixture())
             raise
 
     def recombine(self, narrowing: Narrowing) -> None:
@@ -229,10 +229,10 @@ class Search:
         ) / 2 + self.parameters.search.responses_per_class * len(self.model.classes)
         self.allowance.left = max(self.allowance.left, 0.0) + times * each
 
-    def perturb(self, arcs: Collection[Arc]) -> None:
+    def perturb(self) -> None:
         """Offers the plan that local search finds from a perturbation of the incumbent."""
         if self.incumbent is not None:
-            self.offer(self.local_search.perturbed(self.incumbent, arcs))
+            self.offer(self.local_search.perturbed(self.incumbent))
 
     def disaggregated(self) -> "Search":
         """Returns the same search with every robot as a class of its own."""

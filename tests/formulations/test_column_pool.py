@@ -105,7 +105,7 @@ def test_local_search_from_a_mixture_is_a_plan_below_the_optimum(problem: Proble
     _, own = pooled(model)
     columns = list(chain.from_iterable(own))
     amounts = np.array([1 / len(own[column.robot]) for column in columns])
-    found = LocalSearch(model).from_mixture(Mixture(columns, amounts), [])
+    found = LocalSearch(model).from_mixture(Mixture(columns, amounts))
     if found is None:
         return
     verdict = check(problem, model.plan(found.paths))
@@ -121,13 +121,13 @@ def test_a_rounding_that_is_stopped_is_completed_from_a_known_plan(
 ) -> None:
     """Whatever the mixture, all robots have paths that obey the rules."""
     model, rng = compiled(problem), np.random.default_rng(seed)
-    known = LocalSearch(model).from_mixture(Mixture([], np.zeros(0)), [])
+    known = LocalSearch(model).from_mixture(Mixture([], np.zeros(0)))
     if known is None:
         return
     _, own = pooled(model)
     columns = [column for column in chain.from_iterable(own) if rng.random() < 0.7]
     mixture = Mixture(columns, rng.random(len(columns)))
-    found = LocalSearch(model, Calls(calls)).from_mixture(mixture, [], known)
+    found = LocalSearch(model, Calls(calls)).from_mixture(mixture, known)
     assert found is not None
     verdict = check(problem, model.plan(found.paths))
     assert verdict.valid and verdict.reward == pytest.approx(found.value, rel=1e-9, abs=1e-9)
@@ -162,7 +162,7 @@ def test_more_responses_find_no_worse_plans_and_each_is_told() -> None:
     for allowed in (1, 20, 60):
         allowance, told = ResponseLimit(allowed), []
         local = LocalSearch(model, allowance=allowance, tell=lambda told=told: told.append(1))
-        found = local.from_mixture(mixture, [])
+        found = local.from_mixture(mixture)
         assert found is not None
         values.append(found.value)
         assert len(told) >= allowed - max(allowance.left, 0)

@@ -969,7 +969,7 @@ def test_short_lists_of_states_make_true_envelopes(problem: Problem, slack: floa
     """Where only states of little slack are searched, what is claimed is verified and true."""
     parameters = Parameters(envelopes=ONLY_LISTS, lists=ListParameters(slack=slack, mean=0.0))
     search = Search(compiled(problem), parameters=parameters)
-    search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0)), []))
+    search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0))))
     stages_of(search, search.alone.duals)
     if search.spare is not None:
         assert any(part.others for stage in search.spare.certificate.stages
@@ -1007,7 +1007,7 @@ def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
     monkeypatch.setattr(envelopes._Envelopes, "_heights", noted)
     model = compiled(load_scene("bottleneck", 0).replace(horizon=5))
     search = Search(model, parameters=Parameters(envelopes=ONLY_LISTS))
-    search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0)), []))
+    search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0))))
     stages_of(search, search.alone.duals)
     assert kept and all(height >= meant for height, meant in kept)
     assert any(height == meant for height, meant in kept)

@@ -163,7 +163,7 @@ class Relaxation:
         if rounds & (rounds - 1) == 0:
             self.look_for_plans()
         else:
-            search.perturb(self.master.arcs)
+            search.perturb()
 
     def look_for_plans(self) -> None:
         """Offers what local search makes of the last mixture, and recombination of all plans.
@@ -175,7 +175,7 @@ class Relaxation:
         """
         if self.solution is None:
             return
-        self.search.look_for_plans(self.solution.mixture, self.master.arcs)
+        self.search.look_for_plans(self.solution.mixture)
         self._recombine()
 
     def search_for_plans(self) -> None:
@@ -261,7 +261,7 @@ class Relaxation:
         found = search.local_search.from_integral(solution.mixture)
         if found is not None:
             return found
-        return search.local_search.from_mixture(solution.mixture, master.arcs, search.incumbent)
+        return search.local_search.from_mixture(solution.mixture, search.incumbent)
 
     def _dived(self, master: Master, solution: Solution) -> tuple[Master, Solution]:
         """Returns the master and its solution after as many decisions as there are to make.

@@ -102,7 +102,7 @@ class Root:
         search.columns += sum(
             master.add(column) for column, _ in mixture.used(self._parameters.least_amount)
         )
-        search.look_for_plans(mixture, master.arcs)
+        search.look_for_plans(mixture)
         search.report(search.snapshot(self.relaxation.best.bound))
         for column in () if search.incumbent is None else search.incumbent.columns:
             master.add(column)
