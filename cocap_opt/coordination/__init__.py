@@ -4,7 +4,6 @@ __all__ = [
     "best_response",
     "low_level",
     "neighbourhoods",
-    "pair_iteration",
     "responses",
     "restricted_value_iteration",
     "team",

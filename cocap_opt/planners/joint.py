@@ -1,8 +1,9 @@
 """Joint value iteration: the proved optimum for one or two robots.
 
-A step of two robots is the maximum over one robot's moves and then over the other's
-(`coordination.pair_iteration`). Rules that hold between steps couple the moves: pairs of places
-that are near enough for it are done again, move by move of both, without the forbidden ones.
+Two robots move independently of each other, so that the maximum over pairs of actions is taken
+one robot after the other: a step costs S^2 * 2 |A| instead of S^2 |A|^2. Rules that hold between
+steps couple the moves: pairs of places that are near enough for it are done again, move by move of
+both, without the forbidden ones.
 
 The memory that it takes is known before: it is that of the arrays which `Pair` holds at once, as
 tests/core/test_joint.py measures.
@@ -16,7 +17,6 @@ import numpy as np
 
 from cocap_opt.coordination.best_response import best_response
 from cocap_opt.coordination.low_level import PlannedTeam, SingleRobotPath
-from cocap_opt.coordination.pair_iteration import PairIteration
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
@@ -88,17 +88,18 @@ class _PairWays(NamedTuple):
         return _PairWays(self.turns, self.to[only], self.heads[only], self.rewards[only])
 
 
-class Pair(PairIteration):
+class Pair:
     """Value iteration over all pairs of states that robots 0 and 1 (a and b) can reach.
 
-    Inside a step, values have the axes [Oa, na_t, Ob, nb_t]: orientations and places of both.
+    Values are arrays [n, m] over the states of both robots at a step, CLOSED where the two
+    conflict or one of them has no way on. Inside a step they have the axes [Oa, na_t, Ob, nb_t]:
+    orientations and places of both.
     """
 
     def __init__(self, model: Model, stop: Stop = never) -> None:
         self.model = model
         self.stop = stop
         self.a, self.b = _PairSide.of(model, 0), _PairSide.of(model, 1)
-        self.starts = self.a.start, self.b.start
         self.horizon = model.problem.horizon
         self.bonuses = Bonuses.of(model.problem.objective)
 
@@ -108,6 +109,39 @@ class Pair(PairIteration):
         sides = (self.a, self.b)
         a, b = (side.positions_of_states(0, np.array([side.start])) for side in sides)
         return int(a[0]), int(b[0])
+
+    def sweep(self) -> list[FloatArray]:
+        """Returns the best reward to go of all pairs at every step."""
+        values = [self.reward(self.horizon)]
+        for t in range(self.horizon - 1, -1, -1):
+            values.append(self.step_back(t, values[-1]) + self.reward(t))
+        return values[::-1]
+
+    def best_paths(self, values: list[FloatArray]) -> tuple[Path, Path] | None:
+        """Reads the best pair of paths off the values; ties go to the first pair of states.
+
+        Parameters
+        ----------
+        values : as `sweep` returns them
+
+        Returns
+        -------
+        State numbers of both paths; None where there is no pair of paths.
+        """
+        if values[0][self.positions] == CLOSED:
+            return None
+        path_a, path_b = [self.a.start], [self.b.start]
+        for t, following in enumerate(values[1:]):
+            states_a, at_a, rewards_a = self._successors(self.a, t, path_a[-1])
+            states_b, at_b, rewards_b = self._successors(self.b, t, path_b[-1])
+            ahead = following[np.ix_(at_a, at_b)]
+            ahead = ahead + rewards_a[:, None] + rewards_b[None, :]
+            forbidden = self._forbidden((path_a[-1], path_b[-1]), (states_a, states_b))
+            ahead = np.where(forbidden, CLOSED, ahead)
+            row, column = np.unravel_index(np.argmax(ahead), ahead.shape)
+            path_a.append(int(states_a[row]))
+            path_b.append(int(states_b[column]))
+        return tuple(path_a), tuple(path_b)
 
     def reward(self, t: int) -> FloatArray:
         """Returns the reward of being in each pair of states at step t, with goals at the end."""
@@ -308,18 +342,25 @@ class Pair(PairIteration):
         staying = turning.of(0)
         return [turning, staying._replace(turns=False, rewards=np.array([self.bonuses.stay]))]
 
-    def successors(self, which: int, t: int, state: int) -> tuple[IntArray, IntArray, FloatArray]:
-        """Returns the states that a (0) or b (1) can go to from its state at step t."""
-        side = (self.a, self.b)[which]
+    def _successors(
+        self, side: _PairSide, t: int, state: int
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Returns the states that a robot can go to from its state at step t.
+
+        Returns
+        -------
+        State numbers [n], their positions among the robot's states of step t+1, and the rewards
+        for the moves themselves.
+        """
         graph = side.robot_class.graph
         heads = graph.successors(t, state)
         rewards = self.bonuses.of_edges(graph.shape, state, heads)
         return heads, side.positions_of_states(t + 1, heads), rewards
 
-    def forbidden(
+    def _forbidden(
         self, tails: tuple[int, int], heads: tuple[IntArray, IntArray]
     ) -> BoolArray | bool:
-        """Returns which pairs of moves [n, m] break a rule between the steps."""
+        """Returns which pairs of moves [n, m], from two states to their heads, break a rule."""
         if not self.model.problem.rules.hold_between_steps:
             return False
         sides = self.a, self.b
@@ -393,7 +434,7 @@ def _best_paths(model: Model, stop: Stop) -> tuple[Path, ...] | None:
         return None  # people leave a robot no way
     if bytes_needed(pair) > MEMORY_LIMIT:
         raise LimitReached(Limit.MEMORY)
-    return pair.best_paths(pair.sweep(), pair.starts, pair.positions)
+    return pair.best_paths(pair.sweep())
 
 
 PROCESS = 100e6  # bytes, about: Python, the libraries, the problem, and what is freed but kept

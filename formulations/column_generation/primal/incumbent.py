@@ -55,12 +55,11 @@ class Incumbent(Team[Column]):
         """Returns the columns of all robots but some."""
         return [column for column in self.columns if column.robot not in robots]
 
-    def changed(self, *columns: Column) -> "Incumbent | None":
-        """Returns the plan with other columns for their robots; None if it breaks a rule."""
-        all_columns = [*self.columns]
-        for column in columns:
-            all_columns[column.robot] = column
-        return Incumbent.of(self.model, all_columns)
+    def changed(self, column: Column) -> "Incumbent | None":
+        """Returns the plan with another column for its robot; None if it breaks a rule."""
+        columns = [*self.columns]
+        columns[column.robot] = column
+        return Incumbent.of(self.model, columns)
 
 
 def _integral_paths(model: Model, mixture: Mixture) -> list[Path] | None:
