@@ -12,7 +12,7 @@ import numpy as np
 from cocap_opt.graph.choke_points import MOST_CELLS, ChokePoint
 from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.graph.motion import Window
-from cocap_opt.problem import Actor, Cell, Motion, Robot, SceneData
+from cocap_opt.problem import Actor, Cell, Motion, Robot, SceneData, State
 from cocap_opt.world.columns import Spans
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
@@ -70,7 +70,7 @@ def narrow_way(problem: SceneData) -> str:
     if problem.rules.none:
         return ""
     around = _around_robots(problem)
-    if any(around[r.motion].outing(r.start)[0] > MOST_CELLS for r in problem.robots):
+    if any(around[r.motion].outing(s)[0] > MOST_CELLS for r, s in _first_starts(problem)):
         return ""
     near = {
         Cell(x, y, problem.layers.index(motion.layers[layer]))
@@ -136,8 +136,8 @@ def _not_closed(mesh: Mesh) -> str:
 
 def _shut_in(problem: SceneData, around: dict[Motion, Encounters]) -> Iterator[str]:
     """Yields a warning for each robot that can get nowhere, or to nobody."""
-    for i, robot in enumerate(problem.robots):
-        size, closed, meets = around[robot.motion].outing(robot.start)
+    for i, (robot, start) in enumerate(_first_starts(problem)):
+        size, closed, meets = around[robot.motion].outing(start)
         if not closed:
             continue
         free = robot.motion.free_places(problem.workspace)
@@ -150,12 +150,16 @@ def _shut_in(problem: SceneData, around: dict[Motion, Encounters]) -> Iterator[s
             )
 
 
+def _first_starts(problem: SceneData) -> list[tuple[Robot, State]]:
+    """Returns each robot with a start; which of several it is makes no difference to a doubt."""
+    return list(zip(problem.robots, problem.first_starts, strict=True))
+
+
 def _around_robots(problem: SceneData) -> dict[Motion, Encounters]:
     """Returns the places near people around the starts of the robots of each motion."""
     found = {}
     for motion in dict.fromkeys(robot.motion for robot in problem.robots):
-        robots = (robot for robot in problem.robots if robot.motion == motion)
-        starts = [(robot.start.x, robot.start.y) for robot in robots]
+        starts = [(s.x, s.y) for robot, s in _first_starts(problem) if robot.motion == motion]
         # One step more, for it must show whether there is a way on from where the last one leads.
         reach = min((problem.horizon + 1) * motion.radius, _WIDEST)
         window = Window.around(starts, reach, problem.workspace)

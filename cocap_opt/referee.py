@@ -107,8 +107,10 @@ class _Referee:
             if len(path) != self.problem.horizon + 1:
                 found.append(f"{where}: {len(path)} states for the steps 0..{self.problem.horizon}")
                 continue
-            if path[0] != robot.start:
-                found.append(f"{where}: starts at {tuple(path[0])}, not {tuple(robot.start)}")
+            if not robot.may_start_in(path[0]):
+                start = robot.start
+                wanted = tuple(start) if isinstance(start, State) else "in one of its starts"
+                found.append(f"{where}: starts at {tuple(path[0])}, not {wanted}")
             outside = [t for t, state in enumerate(path) if not self._stands_free(robot, state)]
             if outside:
                 found += [f"{where}: step {t} is blocked or outside the map" for t in outside]

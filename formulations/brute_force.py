@@ -105,7 +105,7 @@ def _choices(model: Model, robot: int, stop: Stop) -> list[tuple[Path, FloatArra
 def _count_paths(model: Model, robot: int) -> int:
     """Returns the number of paths of a robot (goal ignored), by dynamic programming."""
     graph = model.class_of[robot].graph
-    counts = {model.start(robot): 1}
+    counts = dict.fromkeys(model.starts(robot).tolist(), 1)
     for t in range(model.problem.horizon):
         following: dict[int, int] = {}
         for state, count in counts.items():
@@ -118,7 +118,7 @@ def _count_paths(model: Model, robot: int) -> int:
 def _all_paths(model: Model, robot: int) -> list[Path]:
     """Returns all paths of a robot that end in its goal."""
     robot_class = model.class_of[robot]
-    paths: list[Path] = [(model.start(robot),)]
+    paths: list[Path] = [(start,) for start in model.starts(robot).tolist()]
     for t in range(model.problem.horizon):
         paths = [
             (*path, head)

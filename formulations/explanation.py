@@ -125,7 +125,10 @@ class Explanation:
         return amount / self.bound if self.bound > _NOTHING else 0.0
 
     def losses(self) -> FloatArray:
-        """Returns each robot's loss by the move of its path at each step [R, T], in units of J."""
+        """Returns each robot's loss by the move of its path at each step [R, T], in units of J.
+
+        That of the first move has in it what is lost by the start, where there was a choice.
+        """
         paths = self.of_kind("path")
         size = 1 + max(term.robot or 0 for term in paths)
         return np.array([term.amount for term in paths]).reshape(size, -1)
@@ -219,7 +222,11 @@ def _path_terms(prices: CertificatePrices, plan: Plan, paths: Sequence[Path]) ->
         sweep = values_to_go(model.problem, robot_class, reward, charges)
         along = np.array([paths[robot] for robot in robot_class.robots])  # [robots, T+1]
         steps = range(model.problem.horizon, -1, -1)
-        ahead = [values[along[:, t]] for t, values in zip(steps, sweep, strict=True)][::-1]
+        ahead: list[FloatArray] = []
+        for t, values in zip(steps, sweep, strict=True):
+            ahead.append(values[along[:, t]])
+        ahead.reverse()
+        best = [float(values[starts].max()) for starts in robot_class.starts]  # now of step 0
         for k, robot in enumerate(robot_class.robots):
             path, states = paths[robot], plan.paths[robot]
             worth = [float(values[k]) for values in ahead]
@@ -228,6 +235,7 @@ def _path_terms(prices: CertificatePrices, plan: Plan, paths: Sequence[Path]) ->
             losses[robot] = [
                 worth[t] - gains[t] - moves[t] - worth[t + 1] for t in range(len(moves))
             ]
+            losses[robot][0] += best[k] - worth[0]  # by its start, where it has a choice
     for robot in range(len(paths)):
         for t, loss in enumerate(losses[robot]):
             yield Term("path", loss, step=t, robot=robot)

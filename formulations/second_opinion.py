@@ -374,11 +374,12 @@ class _Sight:
         self.people: dict[Node, list[int]] = {}
         self._looked: set[Node] = set()
         self._steps = range(problem.first_step, problem.horizon + 1)
-        alike = [
-            (robot.start.x, robot.start.y)
-            for robot in problem.robots
+        alike = {
+            (state.x, state.y)
+            for robot, states in zip(problem.robots, problem.starts, strict=True)
             if (robot.motion, robot.camera) == (spec.motion, spec.camera)
-        ]
+            for state in states
+        }
         window = Window.around(alike, spec.motion.radius * problem.horizon, problem.workspace)
         self._views = StateViews.within(window, FaceGeometry(problem), problem, spec)
         self._graph = self._views.graph
@@ -441,6 +442,9 @@ def _ways_to_use(resource: Resource) -> Iterator[tuple[object, ...]]:
 # -- the best path of one drone: the longest path of its priced time-expanded graph -------------
 
 
+_BEFORE = "before"  # the node from which an edge leads to each start
+
+
 def _longest_path(
     problem: Problem, robot: int, graph: Graph, paid: dict[Node, float], uses: _Uses
 ) -> _Worth:
@@ -460,19 +464,22 @@ def _longest_path(
         cost = uses.get((t, cells[state]), 0.0) + uses.get((t, state), 0.0)
         return paid.get(node, 0.0) - cost
 
-    start = problem.robots[robot].start, 0
     worths = {node: worth(node) for node in graph}
     weighted = _weighted(problem.objective, graph, worths, cells, uses)
     keep_paths(weighted, problem, robot)
-    if start not in weighted or worths[start] == -math.inf:
+    starts = [(state, 0) for state in problem.starts[robot]]
+    weighted.add_weighted_edges_from(
+        [(_BEFORE, start, worths[start]) for start in starts if start in weighted]
+    )
+    if _BEFORE not in weighted:
         return -math.inf, 0.0
     edges = [edge for _, _, edge in weighted.edges(data=True)]
     lift = max(0.0, -min(edge["weight"] for edge in edges))
     for edge in edges:
         edge["weight"] += lift
     length = float(nx.dag_longest_path_length(weighted))
-    lifted, first = problem.horizon * lift, worths[start]
-    return length - lifted + first, length + lifted + abs(first)
+    lifted = (problem.horizon + 1) * lift
+    return length - lifted, length + lifted
 
 
 def _weighted(
@@ -484,7 +491,7 @@ def _weighted(
 ) -> Graph:
     """Returns the nodes and edges of a graph that are open and in reach, edges with weights.
 
-    An edge weighs what its move and its head are worth; the start's own worth is in none.
+    An edge weighs what its move and its head are worth; the worth of starts is in none.
     """
     import networkx as nx
 
@@ -493,7 +500,7 @@ def _weighted(
     )
     charged = {use[0] for use in uses if len(use) == 3}  # steps from which moves are charged
     weighted: Graph = nx.DiGraph()
-    weighted.add_nodes_from(list(graph)[:1])
+    weighted.add_nodes_from(node for node in graph if node[1] == 0 and worth[node] > -math.inf)
     for tail in graph:
         if tail not in weighted:
             continue

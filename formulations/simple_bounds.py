@@ -217,7 +217,7 @@ class _StepMultipliers:
             for gained, *row in zip(reward, *sums, *steps_of, strict=True):
                 gained += _paid(*row)
             value = backward_sweep(robot_class.graph, reward, bonuses, goal=robot_class.goal)
-            total += float(value[0, list(robot_class.starts)].sum())
+            total += sum(float(value[0, starts].max()) for starts in robot_class.starts)
         return total if total == -math.inf else _rounded_up(total)
 
 

@@ -227,7 +227,7 @@ def _refuse(options: Mapping[str, str], scene: str) -> None:
 
 
 def _starts(problem: Problem) -> list[State]:
-    return [robot.start for robot in problem.robots]
+    return list(problem.first_starts)
 
 
 def _find_file(name_or_path: str) -> tuple[Path, _Format]:

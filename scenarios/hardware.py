@@ -7,7 +7,17 @@ distortion is left out, and the principal point is put in the middle of the imag
 import math
 
 from cocap_opt.data import ProblemError
-from cocap_opt.problem import AnyCamera, Camera, Limits, Problem, Robot
+from cocap_opt.problem import (
+    AnyCamera,
+    AnyStart,
+    Camera,
+    Limits,
+    Problem,
+    Robot,
+    StartArea,
+    StartStates,
+    State,
+)
 
 CAMERAS: dict[str, Camera] = {
     # PX4-gazebo-models, mono_cam/model.sdf (BSD-3): horizontal angle of view 1.74 rad
@@ -76,9 +86,21 @@ def with_cameras(
 def _tilted(robot: Robot, degrees: tuple[float, ...]) -> Robot:
     """Returns a robot with other tilts, at first with the one nearest to its old tilt."""
     tilts = tuple(math.radians(angle) for angle in degrees)
-    old = robot.camera.tilts[robot.start.pitch]
-    first = min(range(len(tilts)), key=lambda k: abs(tilts[k] - old), default=0)
-    start = robot.start._replace(pitch=first)
+
+    def nearest(pitch: int) -> int:
+        old = robot.camera.tilts[pitch]
+        return min(range(len(tilts)), key=lambda k: abs(tilts[k] - old), default=0)
+
+    start: AnyStart
+    if isinstance(robot.start, StartArea):
+        old = robot.start.pitches
+        pitches = None if old is None else tuple(dict.fromkeys(map(nearest, old)))
+        start = robot.start.replace(pitches=pitches)
+    else:
+        fixed = isinstance(robot.start, State)
+        states = (robot.start,) if isinstance(robot.start, State) else robot.start.states
+        new = dict.fromkeys(state._replace(pitch=nearest(state.pitch)) for state in states)
+        start = next(iter(new)) if fixed else StartStates(states=tuple(new))
     return robot.replace(start=start, camera=robot.camera.replace(tilts=tilts))
 
 

@@ -56,8 +56,7 @@ def coverage(problem: Problem, robot: int = 0) -> "pd.DataFrame":
     model = compiled(problem)
     robot_class = model.class_of[robot]
     graph, nodes = robot_class.graph, model.coverage(robot_class).nodes
-    start = graph.index(problem.robots[robot].start)
-    can_be_in = graph.reachable([start], problem.horizon).reshape(-1)[nodes]
+    can_be_in = graph.reachable(model.starts(robot), problem.horizon).reshape(-1)[nodes]
     columns, view_sums = _columns(model, robot_class, nodes[can_be_in])
     return DataFrame(columns | {"weight": problem.view_sum_weights[view_sums]})
 

@@ -71,6 +71,7 @@ class Beam:
     ) -> None:
         self._graph, self._width = team.model.class_of[robot].graph, width // len(worth)
         self._worth, self._known, self._path = worth, known, team.path(robot)
+        self._starts = team.model.starts(robot)
         self._bonuses = Bonuses.of(team.model.problem.objective)
         lengths = (np.array(self._graph.moves) ** 2).sum(axis=1)
         self._moves, self._turns = np.argsort(lengths, kind="stable"), _turns(self._graph)
@@ -78,13 +79,22 @@ class Beam:
 
     def layers(self) -> Iterator[Layer]:
         """Yields the layers of all steps."""
-        nothing = np.zeros(0, dtype=np.int64)
-        before = np.zeros((len(self._worth), 1))
-        layer = Layer(np.array(self._path[:1]), before, nothing, nothing, np.zeros(0))
+        layer = self._first()
         yield layer
         for t in range(len(self._path) - 1):
             layer = self._after(t, layer)
             yield layer
+
+    def _first(self) -> Layer:
+        """Returns the layer of step 0: the best starts, and that of the robot's path."""
+        states, nothing = self._numbered(self._starts), np.zeros(0, dtype=np.int64)
+        kept = states == self._path[0]
+        if self._known is not None:
+            kept |= self._known[0, states]
+        for _, value in self._worth:
+            kept |= self._kept(0, states, value[0, states])
+        before = np.zeros((len(self._worth), np.count_nonzero(kept)))
+        return Layer(states[kept], before, nothing, nothing, np.zeros(0))
 
     def _after(self, t: int, layer: Layer) -> Layer:
         """Returns the layer after that of step t."""

@@ -35,9 +35,9 @@ def best_nodes(
     first_entry: IntArray, view_sums: _Numbers, pixels: FloatArray, seen: FloatArray,
     before: FloatArray, weights: FloatArray, n_roots: int, caps: FloatArray, first_edge: IntArray,
     heads: _Numbers, rewards: FloatArray, charges: FloatArray, is_charged: BoolArray,
-    cost: FloatArray, last: int, value: FloatArray, path: IntArray,
+    cost: FloatArray, starts: int, last: int, value: FloatArray, path: IntArray,
 ) -> None:  # fmt: skip
-    """Finds the best path from node 0; nodes are numbered step by step.
+    """Finds the best path from one of the first nodes; nodes are numbered step by step.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def best_nodes(
     heads, rewards, charges : [M] of each edge; no rewards where all are 0
     is_charged : [N] whether a node has edges that are charged
     cost : [N] of nodes
-    last : first node of the last step
+    starts, last : number of nodes of the first step, and the first node of the last one
     value, path : [N] and [T+1] are written: the values of nodes, and the nodes of the best path
     """
     for node in range(len(cost) - 1, -1, -1):
@@ -72,7 +72,10 @@ def best_nodes(
             worth += most
         value[node] = worth
     node = 0
-    path[0] = 0
+    for start in range(1, starts):
+        if value[start] > value[node]:
+            node = start
+    path[0] = node
     for t in range(1, len(path)):
         best = first_edge[node]
         most = _along(value, heads, rewards, charges, best)
@@ -90,4 +93,4 @@ def call_once() -> None:
     none, zero = np.zeros(0), np.zeros(1)
     views = first, numbers, none, none, none, none, 0, none
     edges = first, numbers, none, none, np.zeros(1, dtype=np.bool_)
-    best_nodes(*views, *edges, zero, 0, zero.copy(), first[:1])
+    best_nodes(*views, *edges, zero, 1, 0, zero.copy(), first[:1])

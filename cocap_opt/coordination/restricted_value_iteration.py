@@ -183,6 +183,7 @@ class _Graph:
         self._rewards = rewards if rewards.any() else rewards[:0]
         self._numbers_of_heads = self._heads.astype(np.uint32)  # less to read
         self._indptr = tails.searchsorted(np.arange(first[-1] + 1))
+        self._starts = int(first[1])  # nodes of the first step
         self._last = slice(int(first[-2]), int(first[-1]))  # nodes of the last step
         # From the last step but one to the first, its nodes and edges; the position [m] of each
         # edge's head among the nodes of the next step, and [n] of each node's first edge.
@@ -236,9 +237,11 @@ class _Graph:
             self._entries, self._numbers_of_view_sums, self._pixels, pixels,
             returns.values(pixels), self._weights_of_all, returns.n_roots, returns.caps,
             self._indptr, self._numbers_of_heads, self._rewards, self._charges, is_charged,
-            cost, self._last.start, value, path,
+            cost, self._starts, self._last.start, value, path,
         )  # fmt: skip
-        return None if value[0] == CLOSED else tuple(self._states[node] for node in path.tolist())
+        if value[path[0]] == CLOSED:
+            return None
+        return tuple(self._states[node] for node in path.tolist())
 
     def _by_numpy(self, pixels: FloatArray, cost: FloatArray, charged: IntArray) -> Path | None:
         gain = self._returns.gains(pixels, self._view_sums, self._pixels)
@@ -254,9 +257,10 @@ class _Graph:
                 values += rewards - self._charges[edges]
             value[nodes] += np.maximum.reduceat(values, tails)
             after = nodes
-        if value[0] == CLOSED:
+        node = int(value[: self._starts].argmax())
+        if value[node] == CLOSED:
             return None
-        node, path = 0, [self._states[0]]
+        path = [self._states[node]]
         for _ in self._steps:
             first, end = self._indptr[node : node + 2]
             node = self._heads[first + along[first:end].argmax()]

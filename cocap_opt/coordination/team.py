@@ -89,11 +89,11 @@ class Team(Generic[P]):
 
         Parameters
         ----------
-        waiting : robots that stay at their starts all the time, beside those that are planned
+        waiting : robots that stay at their first starts all the time, beside those that are planned
         """
         problem = self.model.problem
         paths = [self.cells(i) for i in range(self.size) if i != robot and self.found[i]]
-        starts = (problem.cell(i, problem.robots[i].start) for i in waiting)
+        starts = (problem.cell(i, problem.first_starts[i]) for i in waiting)
         paths += [(cell,) * (problem.horizon + 1) for cell in starts]
         return avoid_paths(self.model, self.model.class_of[robot], paths)
 

@@ -120,7 +120,7 @@ class Flight(NamedTuple):
         height_map = problem.height_map
         if height_map.knows_ground:
             columns["above_ground"] = z - height_map.ground[height_map.cells_below(found.place)]
-        starts = [height_map.heights[r.start.x, r.start.y] for r in problem.robots]
+        starts = [height_map.heights[s.x, s.y] for s in problem.first_starts]
         columns["above_takeoff"] = z - np.array(starts)[found.drone]
         if self.geodesy is not None:
             columns["latitude"], columns["longitude"] = self.geodesy.degrees(x, y)

@@ -130,7 +130,7 @@ class _Routes:
                 for (k, x, y), (m, u, v) in place_graph(problem.workspace, motion, window).edges
                 if (k, x, y) != (m, u, v)
             )
-        starts = [problem.cell(i, robot.start) for i, robot in enumerate(problem.robots)]
+        starts = {problem.cell(i, s) for i, states in enumerate(problem.starts) for s in states}
         graph.add_nodes_from(starts)
         near = _steps(graph, starts, problem.horizon)
         if len(near) > most:
@@ -160,7 +160,8 @@ class _Routes:
 
 def _window(problem: SceneData, motion: Motion) -> Window:
     """Returns the cells that drones of one motion can reach."""
-    starts = [(r.start.x, r.start.y) for r in problem.robots if r.motion == motion]
+    both = zip(problem.robots, problem.starts, strict=True)
+    starts = {(s.x, s.y) for robot, states in both if robot.motion == motion for s in states}
     return Window.around(starts, motion.radius * problem.horizon, problem.workspace)
 
 

@@ -1,4 +1,4 @@
-"""The cells that a robot can reach from its start, step by step.
+"""The cells that a robot can reach from its starts, step by step.
 
 In t steps a robot comes no farther than t times the radius of a move along each axis. On a wide map
 that is a small part of all states, and a sweep over these takes a small part of the time.
@@ -43,7 +43,7 @@ class Frame:
         return cls(graph, slice(0, width), slice(0, depth), graph.irregular)
 
     @classmethod
-    def all_from(cls, graph: TimeGraph, start: int, horizon: int) -> list[Self]:
+    def all_from(cls, graph: TimeGraph, starts: IntArray, horizon: int) -> list[Self]:
         """Returns for each step before the horizon the frame of all that moves may lead to.
 
         What may be reached at a step itself is in the frame, and so are the ends of all moves from
@@ -51,20 +51,22 @@ class Frame:
 
         Parameters
         ----------
-        start : state at step 0
+        starts : [n] states at step 0, of which the frames hold a rectangle of cells
         """
-        _, x, y = _cells(graph, np.array(start % graph.n_places)).tolist()
+        around = _cells(graph, starts % graph.n_places)[1:]
+        (x0, y0), (x1, y1) = around.min(axis=1).tolist(), around.max(axis=1).tolist()
         places, heads, hidden = graph.irregular
         cells, ends = _cells(graph, places), _cells(graph, heads)
-        away = np.maximum(np.abs(cells[1] - x), np.abs(cells[2] - y))
+        beside = [cells[1] - x1, x0 - cells[1], cells[2] - y1, y0 - cells[2]]
+        away = np.maximum.reduce([*beside, np.zeros_like(cells[1])])
         order = np.argsort(away, kind="stable")
         cells, ends, hidden = cells[:, order], ends[:, :, order], hidden[:, order]
         reach = graph.motion.radius * np.arange(horizon)
         counts = np.searchsorted(away[order], reach, side="right")
         frames = []
         for far, n in zip((reach + graph.motion.radius).tolist(), counts.tolist(), strict=True):
-            rows = _within(x - far, x + far + 1, graph.shape[3])
-            columns = _within(y - far, y + far + 1, graph.shape[4])
+            rows = _within(x0 - far, x1 + far + 1, graph.shape[3])
+            columns = _within(y0 - far, y1 + far + 1, graph.shape[4])
             near, to = (_numbers(rows, columns, part) for part in (cells[:, :n], ends[..., :n]))
             frames.append(cls(graph, rows, columns, (near, to, hidden[:, :n])))
         return frames

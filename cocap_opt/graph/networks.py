@@ -46,17 +46,16 @@ def place_graph(workspace: Workspace, motion: Motion, window: Window | None = No
 
 
 def reached_graph(problem: Problem, robot: int) -> Graph:
-    """Returns all that one robot can reach from its start, step by step.
+    """Returns all that one robot can reach from its starts, step by step.
 
     Nodes are (State, t), in the order of their steps t = 0..T; an edge is a step that the robot
     can take. It may be a way to nowhere: at the goal, or at all, no path need end.
     """
     import networkx as nx
 
-    steps, start = _GridSteps(problem, robot), problem.robots[robot].start
+    steps, states = _GridSteps(problem, robot), list(problem.starts[robot])
     graph: Graph = nx.DiGraph()
-    graph.add_node((start, 0))
-    states = [start]
+    graph.add_nodes_from((state, 0) for state in states)
     for t in range(problem.horizon):
         heads = {state: steps.after(t, state) for state in states}
         graph.add_edges_from(
@@ -67,7 +66,7 @@ def reached_graph(problem: Problem, robot: int) -> Graph:
 
 
 def time_expanded_graph(problem: Problem, robot: int) -> Graph:
-    """Returns the time-expanded graph of one robot; nodes (State, t) lie on a path from its start.
+    """Returns the time-expanded graph of one robot; nodes (State, t) lie on a path from a start.
 
     The path lasts until step T and ends at the robot's goal, if it has one; where there is none,
     the graph is empty. Every planner searches this graph; `timegraph.TimeGraph` is its compiled
@@ -105,10 +104,10 @@ def edges_in_reach(problem: Problem, robot: int, most: int) -> int:
     window = _reach(problem, robot)
     graph = TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts), window)
     degrees = np.count_nonzero(graph.allowed, axis=0)
-    orientation, place = divmod(graph.index(spec.start), graph.n_places)
-    turned = {orientation}
+    starts = np.array([graph.index(state) for state in problem.starts[robot]])
+    turned = set((starts // graph.n_places).tolist())
     reached = np.zeros(graph.n_places, dtype=bool)
-    new, moves, edges = np.array([place]), 0, 0
+    new, moves, edges = np.unique(starts % graph.n_places), 0, 0
     for _ in range(problem.horizon):
         reached[new] = True
         moves += int(degrees[new].sum())
@@ -124,8 +123,8 @@ def edges_in_reach(problem: Problem, robot: int, most: int) -> int:
 def _reach(problem: Problem, robot: int) -> Window:
     """Returns the cells that a robot can reach."""
     spec = problem.robots[robot]
-    cell = spec.start.x, spec.start.y
-    return Window.around([cell], spec.motion.radius * problem.horizon, problem.workspace)
+    cells = {(state.x, state.y) for state in problem.starts[robot]}
+    return Window.around(cells, spec.motion.radius * problem.horizon, problem.workspace)
 
 
 class _GridSteps:

@@ -10,7 +10,7 @@ include a closed border around it, as wide as a move is long, which makes every 
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import product
 from typing import TypeVar
@@ -292,26 +292,24 @@ class TimeGraph:
         successors: IntArray = (turned_to[:, None] * self.n_places + heads[None, :]).ravel()
         return successors
 
-    def reachable(self, starts: Iterable[int], horizon: int) -> BoolArray:
+    def reachable(self, starts: Sequence[int] | IntArray, horizon: int) -> BoolArray:
         """Returns an array [T+1, S], true if a state is reachable from a start at a step."""
         seen = np.zeros((horizon + 1, self.n_orientations, self.n_places), dtype=bool)
-        places_of: dict[int, list[int]] = {}  # by orientation
-        for start in starts:
-            orientation, place = divmod(start, self.n_places)
-            places_of.setdefault(orientation, []).append(place)
-        for orientation, places in places_of.items():
+        orientations, places = np.divmod(np.asarray(starts, dtype=np.int64), self.n_places)
+        for orientation in np.unique(orientations).tolist():
             turned = {orientation}  # turns and moves of a step do not depend on each other
-            for row, reached in zip(seen, self._reached(places, horizon), strict=True):
+            from_places = np.unique(places[orientations == orientation])
+            for row, reached in zip(seen, self._reached(from_places, horizon), strict=True):
                 for head in turned:  # a list of all would copy their rows
                     row[head] |= reached
                 turned = {head for tail in turned for head in self.turns[tail]}
         return seen.reshape(horizon + 1, self.n_states)
 
-    def _reached(self, places: list[int], horizon: int) -> Iterator[BoolArray]:
+    def _reached(self, places: IntArray, horizon: int) -> Iterator[BoolArray]:
         """Yields the places [P] that are reached at the steps 0..T from some places at step 0."""
         reached = np.zeros(self.n_places, dtype=bool)
         reached[places] = True
-        new = np.array(places)
+        new = places
         yield reached
         for t in range(horizon):
             heads = self.heads_at(t, new)

@@ -49,8 +49,8 @@ def backward_sweep(
     stop : stopping criterion, checked at every step
     earlier : result [T+1, S] of a sweep with the same arguments but for some rewards, which is
         overwritten, and the last step at which a reward has changed since
-    frames : those of all steps before the last, if only what can be reached from one start matters
-        (`Frame.all_from`); all other values mean nothing
+    frames : those of all steps before the last, if only what can be reached from some starts
+        matters (`Frame.all_from`); all other values mean nothing
 
     Returns
     -------
@@ -144,6 +144,17 @@ def best_path(
         ahead = ahead - charges.cost_of_moves(t, place, heads % graph.n_places)
         path.append(_calmest(graph, path[-1], heads[ahead == ahead.max()]))
     return path
+
+
+def best_start(value: FloatArray, starts: IntArray) -> int:
+    """Returns the start with the greatest value; of several the one of the lowest number.
+
+    Parameters
+    ----------
+    value : [S] of all states at step 0
+    starts : [n] numbers of states, increasing
+    """
+    return int(starts[np.argmax(value[starts])])
 
 
 def leads_to_goal(graph: TimeGraph, horizon: int, goal: tuple[int, int] | None) -> BoolArray:

@@ -211,8 +211,9 @@ def _ceiling(flight: Flight, autopilot: Autopilot) -> Iterator[str]:
     if ceiling is None:
         return
     altitude, surface = problem.height_map.altitude, problem.height_map.heights
-    starts = [robot.start for robot in problem.robots]
-    least = min(altitude(s.x, s.y, ceiling) - float(surface[s.x, s.y]) for s in starts)
+    least = min(
+        altitude(s.x, s.y, ceiling) - float(surface[s.x, s.y]) for s in problem.first_starts
+    )
     yield (
         f"the ceiling, {ceiling:g} m {over_datum(problem)}, is not in these files: set "
         f"{autopilot.ceiling} of {autopilot.title}, which is above the take-off, to {least:.4g} m "

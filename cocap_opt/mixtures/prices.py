@@ -19,7 +19,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
-from cocap_opt.graph.value_iteration import backward_sweep, best_path
+from cocap_opt.graph.value_iteration import backward_sweep, best_path, best_start
 from cocap_opt.mixtures.columns import Column
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
@@ -110,7 +110,8 @@ class PricedViews:
         for robot_class, reward, charge in zip(self.model.classes, rewards, charges, strict=True):
             graph, goal = robot_class.graph, robot_class.goal
             value = backward_sweep(graph, reward, bonuses, charge, goal, self._stop)
-            for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
+            for robot, starts in zip(robot_class.robots, robot_class.starts, strict=True):
+                start = best_start(value[0], starts)
                 bound += float(value[0, start])
                 if value[0, start] > CLOSED:
                     path = best_path(graph, value, start, bonuses, charge)

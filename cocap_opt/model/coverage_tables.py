@@ -1,6 +1,7 @@
 """Coverage tables of a problem, one for each motion and camera of its robots."""
 
 import math
+from collections.abc import Iterator
 from copy import copy
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -12,7 +13,7 @@ from cocap_opt.graph.motion import People, Window
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.memory import fits, require_memory
 from cocap_opt.model.coverage_estimate import BYTES_PER_ENTRY, CoverageEstimate, room_of
-from cocap_opt.problem import AnyCamera, Motion, Problem, Robot
+from cocap_opt.problem import AnyCamera, Motion, Problem, Robot, State
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable, Progress
 from cocap_opt.vision.faces import FaceGeometry, Reach
@@ -78,8 +79,7 @@ class CoverageTables:
         """Returns the places that robots like this one can come to."""
         ground = self.problem.height_map
         most = np.array(ground.shape) - 1
-        starts = [robot.start for robot in self.problem.robots if _sight(robot) == _sight(spec)]
-        cells = np.clip([(start.x, start.y) for start in starts], 0, most).tolist()
+        cells = np.clip(_start_cells(self.problem, spec), 0, most).tolist()
         middles = np.array([ground.centre(*cell) for cell in cells]) - self._geometry.origin[:2]
         return Reach.around(middles, spec.motion.radius * ground.resolution)
 
@@ -101,10 +101,10 @@ class CoverageTables:
         return self._reachable[_sight(spec)]
 
     def _starts(self, spec: Robot) -> list[int]:
-        """Returns the states in which robots that move and see alike start, increasing."""
-        graph, alike = graph_of(self.problem, spec), _sight(spec)
-        robots = self.problem.robots
-        return sorted(graph.index(r.start) for r in robots if _sight(r) == alike)
+        """Returns the states in which robots that move and see alike may start, increasing."""
+        graph = graph_of(self.problem, spec)
+        alike = [*_starts_of(self.problem, spec)]
+        return sorted(graph.index(state) for states in alike for state in states)
 
     def table(self, spec: Robot) -> CoverageTable:
         """Returns the table of this robot's motion and camera; makes it if it is not there.
@@ -334,11 +334,23 @@ def _sight(spec: Robot) -> Sight:
     return spec.motion, spec.camera
 
 
+def _starts_of(problem: Problem, spec: Robot) -> Iterator[tuple[State, ...]]:
+    """Yields the starts of each robot with this one's motion and camera; equal sets once."""
+    both = zip(problem.robots, problem.starts, strict=True)
+    yield from dict.fromkeys(states for robot, states in both if _sight(robot) == _sight(spec))
+
+
+@lru_cache(maxsize=16)
+def _start_cells(problem: Problem, spec: Robot) -> list[tuple[int, int]]:
+    """Returns the cells (x, y) in which robots with this one's motion and camera may start."""
+    alike = _starts_of(problem, spec)
+    return list(dict.fromkeys((state.x, state.y) for states in alike for state in states))
+
+
 def graph_of(problem: Problem, spec: Robot) -> TimeGraph:
     """Returns the graph of the cells that robots with this one's motion and camera can reach."""
-    alike = [robot.start for robot in problem.robots if _sight(robot) == _sight(spec)]
     reach = spec.motion.radius * problem.horizon
-    window = Window.around([(start.x, start.y) for start in alike], reach, problem.workspace)
+    window = Window.around(_start_cells(problem, spec), reach, problem.workspace)
     people = None
     if problem.airspace.people_aside:
         people = People(problem.actors, problem.airspace, problem.horizon)

@@ -74,9 +74,14 @@ class Model:
         """Number of robots of each class."""
         return tuple(len(robot_class.robots) for robot_class in self.classes)
 
-    def start(self, robot: int) -> int:
-        """State number of a robot's start."""
-        return self.class_of[robot].graph.index(self.problem.robots[robot].start)
+    def starts(self, robot: int) -> IntArray:
+        """State numbers, increasing, in one of which a robot starts."""
+        robot_class = self.class_of[robot]
+        return robot_class.starts[robot_class.robots.index(robot)]
+
+    def first_start(self, robot: int) -> int:
+        """State number of a start that keeps the rules beside those of all others."""
+        return self.class_of[robot].graph.index(self.problem.first_starts[robot])
 
     def views(self, robot_class: RobotClass) -> StateViews:
         """Return a fresh source of coverage that evaluates only the states it is asked for."""

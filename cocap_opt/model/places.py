@@ -5,7 +5,7 @@ start, share one graph and one coverage table, and one sweep prices them all.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import pairwise
 
@@ -14,7 +14,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model.coverage_tables import Path, Sight, graph_of
-from cocap_opt.problem import Cell, Problem, Robot
+from cocap_opt.problem import Cell, Problem, Robot, State
 from cocap_opt.problem.rules import Meeting
 
 _KEPT = 20_000  # cells and moves for which the places and moves that conflict are kept
@@ -27,7 +27,8 @@ class RobotClass:
 
     spec: Robot  # any of them
     robots: tuple[int, ...]
-    starts: tuple[int, ...]  # state number of each robot's start
+    # State numbers, increasing, in one of which each robot starts.
+    starts: tuple[IntArray, ...] = field(compare=False)
     graph: TimeGraph
 
     @property
@@ -39,6 +40,23 @@ class RobotClass:
     def sight(self) -> Sight:
         """Motion and camera, on which the coverage of the class depends besides its starts."""
         return self.spec.motion, self.spec.camera
+
+    @property
+    def start_sets(self) -> list[tuple[IntArray, list[int]]]:
+        """The different sets of starts, and the robots that have each.
+
+        Robots that start somewhere else are no multiples of each other, though they are of one
+        class: as if they might exchange their starts, a bound would be too high.
+        """
+        found: dict[bytes, tuple[IntArray, list[int]]] = {}
+        for robot, starts in zip(self.robots, self.starts, strict=True):
+            found.setdefault(starts.tobytes(), (starts, []))[1].append(robot)
+        return list(found.values())
+
+    @cached_property
+    def all_starts(self) -> IntArray:
+        """Numbers of the states in which some robot may start, increasing."""
+        return np.unique(np.concatenate(self.starts))
 
     @classmethod
     def of_all(cls, problem: Problem, is_disaggregated: bool) -> "tuple[RobotClass, ...]":
@@ -56,7 +74,7 @@ class RobotClass:
         for robots in members.values():
             spec = problem.robots[robots[0]]
             graph = graph_of(problem, spec)
-            starts = tuple(graph.index(problem.robots[i].start) for i in robots)
+            starts = tuple(_numbers(graph, problem.starts[i]) for i in robots)
             classes.append(cls(spec, tuple(robots), starts, graph))
         return tuple(classes)
 
@@ -179,6 +197,11 @@ class Places:
         """
         first, second = map(self.where, classes, places)
         return self._problem.rules.too_near(second[None] - first[:, None])
+
+
+def _numbers(graph: TimeGraph, states: Sequence[State]) -> IntArray:
+    """Returns the numbers of states, increasing."""
+    return np.unique([graph.index(state) for state in states])
 
 
 def _at_steps(what: list[IntArray], width: int) -> IntArray:

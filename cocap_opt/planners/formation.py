@@ -25,7 +25,7 @@ from cocap_opt.coordination.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
-from cocap_opt.graph.value_iteration import backward_sweep, best_path
+from cocap_opt.graph.value_iteration import backward_sweep, best_path, best_start
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import marginal_gain
 from cocap_opt.planners.lazy_coverage import LazyCoverage
@@ -65,7 +65,7 @@ class Circle(NamedTuple):
         sizes = [len(group) for group in np.array_split(np.arange(len(problem.robots)), count)]
         of_seat = np.repeat(np.arange(count), sizes)  # each robot takes a seat on some circle
         middles = np.array([_middle(problem, tuple(group.tolist()))[0] for group in actors])
-        starts = np.array([problem.height_map.centre(*robot.start[:2]) for robot in problem.robots])
+        starts = np.array([problem.height_map.centre(s.x, s.y) for s in problem.first_starts])
         ways = starts[:, None] - middles[of_seat]
         robots, seats = linear_sum_assignment(np.hypot(ways[..., 0], ways[..., 1]))
         bearings = np.arctan2(ways[robots, seats, 1], ways[robots, seats, 0])
@@ -95,9 +95,10 @@ class Circle(NamedTuple):
         spread = np.hypot(ways[..., 0], ways[..., 1]).max(axis=0)
         heads = max(float(actor.poses[0, 2]) + actor.shape.height / 2 for actor in actors)
         at, heights, above = [], [], []
-        for seat, robot in enumerate(problem.robots[i] for i in robots):
+        for seat, i in enumerate(robots):
+            robot, start = problem.robots[i], problem.first_starts[i]
             nearest = min(robot.motion.layers, key=lambda layer: abs(layer - height))
-            over = problem.height_map.altitude(robot.start.x, robot.start.y, nearest) - heads
+            over = problem.height_map.altitude(start.x, start.y, nearest) - heads
             bearings = turns + math.tau * seat / len(robots)
             radius = (spread + _distance_in_view(robot, over, standoff))[:, None, None]
             way = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)  # [K, 2]
@@ -182,7 +183,7 @@ class Circle(NamedTuple):
 
     def _nearest_best(self, problem: Problem, value: FloatArray) -> int:
         """Turn of greatest value [K]; of several the one that is nearest to the starts."""
-        starts = [problem.height_map.centre(*problem.robots[i].start[:2]) for i in self.robots]
+        starts = [problem.height_map.centre(*problem.first_starts[i][:2]) for i in self.robots]
         way = self.at[:, 0] - np.array(starts)[:, None]
         far = np.hypot(way[..., 0], way[..., 1]).sum(axis=0)
         return int(np.lexsort([far, -value])[0])
@@ -213,7 +214,7 @@ def _distance_in_view(robot: Robot, above: float, wanted: float) -> float:
 def _reachable(model: Model, robot: int) -> BoolArray:
     """States [T+1, S] in places that a robot can have reached, however it looks there."""
     graph = model.class_of[robot].graph
-    reach = graph.reachable([model.start(robot)], model.problem.horizon)
+    reach = graph.reachable(model.starts(robot), model.problem.horizon)
     places = reach.reshape(len(reach), graph.n_orientations, graph.n_places).any(axis=1)
     return np.tile(places, graph.n_orientations)
 
@@ -266,7 +267,8 @@ def formation(
 def _starts(problem: Problem, robot: int) -> FloatArray:
     """Returns the positions [T+1, 3] (m) of a robot that stays at its start: x, y and altitude."""
     spec = problem.robots[robot]
-    return np.repeat(problem.where(spec, [spec.start]), problem.horizon + 1, axis=0)
+    start = problem.first_starts[robot]
+    return np.repeat(problem.where(spec, [start]), problem.horizon + 1, axis=0)
 
 
 def _flown(height_map: HeightMap, at: FloatArray, height: float) -> FloatArray:
@@ -304,7 +306,7 @@ class _Formation:
 def _nearest(task: SingleRobotTask, places: FloatArray) -> Path | None:
     """Path of least distance from the places [T+1, 3] (m), summed over the steps."""
     problem, robot_class = task.model.problem, task.model.class_of[task.robot]
-    graph, start, height_map = robot_class.graph, task.model.start(task.robot), problem.height_map
+    graph, height_map = robot_class.graph, problem.height_map
     layer, *cell = graph.coordinates(np.arange(graph.n_places))
     ground = height_map.origin + height_map.resolution * (np.column_stack(cell) + 0.5)
     at = np.zeros((graph.n_places, 3))
@@ -314,6 +316,7 @@ def _nearest(task: SingleRobotTask, places: FloatArray) -> Path | None:
     for row, place in zip(reward, places, strict=True):
         row -= np.tile(np.linalg.norm(at - place, axis=1), graph.n_orientations)
     value = backward_sweep(graph, reward, charges=task.charges, goal=robot_class.goal)
+    start = best_start(value[0], task.model.starts(task.robot))
     path = best_path(graph, value, start, charges=task.charges)
     return None if path is None else tuple(path)
 

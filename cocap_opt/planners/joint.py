@@ -39,16 +39,16 @@ class _PairSide:
     """
 
     robot_class: RobotClass
-    start: int  # state number
+    starts: IntArray  # [n] state numbers, in one of which it starts
     places: list[IntArray]  # per step [n_t] place numbers, increasing
 
     @classmethod
     def of(cls, model: Model, robot: int) -> "_PairSide":
         """Returns the part of one robot."""
-        graph, start = model.class_of[robot].graph, model.start(robot)
-        reach = graph.reachable([start], model.problem.horizon)
+        graph, starts = model.class_of[robot].graph, model.starts(robot)
+        reach = graph.reachable(starts, model.problem.horizon)
         reach = reach.reshape(len(reach), graph.n_orientations, graph.n_places)
-        return cls(model.class_of[robot], start, [np.flatnonzero(r.any(axis=0)) for r in reach])
+        return cls(model.class_of[robot], starts, [np.flatnonzero(r.any(axis=0)) for r in reach])
 
     def sizes(self, t: int) -> tuple[int, int]:
         """Returns the numbers of orientations and of places at step t."""
@@ -103,12 +103,19 @@ class Pair:
         self.horizon = model.problem.horizon
         self.bonuses = Bonuses.of(model.problem.objective)
 
-    @property
-    def positions(self) -> tuple[int, int]:
-        """Positions of both robots' starts among their states of step 0."""
+    def best_starts(self, value: FloatArray) -> tuple[int, int] | None:
+        """Returns the states in which both robots best start; None where there is no pair of paths.
+
+        Parameters
+        ----------
+        value : [n, m] best reward to go of all pairs at step 0
+        """
         sides = (self.a, self.b)
-        a, b = (side.positions_of_states(0, np.array([side.start])) for side in sides)
-        return int(a[0]), int(b[0])
+        open_ = value[np.ix_(*(side.positions_of_states(0, side.starts) for side in sides))]
+        row, column = np.unravel_index(np.argmax(open_), open_.shape)
+        if open_[row, column] == CLOSED:
+            return None
+        return int(self.a.starts[row]), int(self.b.starts[column])
 
     def sweep(self) -> list[FloatArray]:
         """Returns the best reward to go of all pairs at every step."""
@@ -128,9 +135,10 @@ class Pair:
         -------
         State numbers of both paths; None where there is no pair of paths.
         """
-        if values[0][self.positions] == CLOSED:
+        starts = self.best_starts(values[0])
+        if starts is None:
             return None
-        path_a, path_b = [self.a.start], [self.b.start]
+        path_a, path_b = ([start] for start in starts)
         for t, following in enumerate(values[1:]):
             states_a, at_a, rewards_a = self._successors(self.a, t, path_a[-1])
             states_b, at_b, rewards_b = self._successors(self.b, t, path_b[-1])

@@ -24,7 +24,7 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.graph.frames import Frame
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
-from cocap_opt.graph.value_iteration import backward_sweep, best_path
+from cocap_opt.graph.value_iteration import backward_sweep, best_path, best_start
 from cocap_opt.model import Model, Path
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
 from cocap_opt.stop import Limit, Stop
@@ -91,10 +91,10 @@ class _Search:
 
     def __init__(self, task: SingleRobotTask, coverage: OptimisticCoverage) -> None:
         self._task, self._coverage = task, coverage
-        self._class, self._start = task.model.class_of[task.robot], task.model.start(task.robot)
+        self._class, self._starts = task.model.class_of[task.robot], task.model.starts(task.robot)
         self._graph = self._class.graph
         self._bonuses = Bonuses.of(task.model.problem.objective)
-        self._frames = Frame.all_from(self._graph, self._start, task.model.problem.horizon)
+        self._frames = Frame.all_from(self._graph, self._starts, task.model.problem.horizon)
 
     def best_path(self, enough: Stop) -> tuple[Path | None, Limit | None]:
         """Returns the best path, all of which is evaluated; None if there is none.
@@ -113,8 +113,8 @@ class _Search:
             nodes = self._nodes(path)
             if not len(self._coverage.unknown(nodes)):  # 5
                 return path, None
-            limit, most = enough.reached(), value[0, self._start] - least
-            near = _near_best(self._graph, value, self._start, self._bonuses, width, most)
+            limit = enough.reached()
+            near = _near_best(self._graph, value, self._starts, self._bonuses, width, least)
             changed = self._evaluate(np.concatenate([nodes, near]))  # 6-7
             if limit:
                 known = self._path_of(self._sweep(self._coverage.known_rewards()))
@@ -135,7 +135,8 @@ class _Search:
 
     def _path_of(self, value: FloatArray) -> Path | None:
         """Returns the best path by a sweep."""
-        path = best_path(self._graph, value, self._start, self._bonuses, self._task.charges)
+        start = best_start(value[0], self._starts)
+        path = best_path(self._graph, value, start, self._bonuses, self._task.charges)
         return None if path is None else tuple(path)
 
     def _nodes(self, path: Path) -> IntArray:
@@ -157,19 +158,28 @@ class _Search:
 
 
 def _near_best(
-    graph: TimeGraph, value: FloatArray, start: int, bonuses: Bonuses, width: int, most: float
+    graph: TimeGraph,
+    value: FloatArray,
+    starts: IntArray,
+    bonuses: Bonuses,
+    width: int,
+    least: float,
 ) -> IntArray:
-    """Returns nodes [n] of nearly best paths from a start: of each step those that lose least.
+    """Returns nodes [n] of nearly best paths from starts: of each step those that lose least.
 
     Parameters
     ----------
     value : [T+1, S] of a backward sweep
     width : number of nodes of a step, at most
-    most : the most that a path through them may lose
+    least : value that a path through them must have at least
     """
     turns = _turns(graph)
-    states, lost = np.array([start]), np.zeros(1)
-    found = [states[:0]]
+    best = value[0, starts]
+    most = best.max() - least
+    kept = np.flatnonzero((best.max() - best <= most) & (best > CLOSED))
+    kept = kept[np.argsort(-best[kept], kind="stable")[:width]]
+    states, lost = starts[kept], best.max() - best[kept]
+    found = [states]
     for t, ahead in enumerate(value[1:]):
         orientations, places = np.divmod(states, graph.n_places)
         to = graph.heads_at(t, places)  # [K, n]

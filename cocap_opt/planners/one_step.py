@@ -52,6 +52,9 @@ class _Progress:
 def one_step(problem: Problem, stop: Stop = never) -> Result:
     """At each step move the robots in order, each to the state of greatest marginal reward.
 
+    Of several starts each robot in turn takes the one from which it sees most at the first step
+    that counts, clear of those before it and of a start for each of those after it.
+
     A robot keeps clear of where those before it go, and of where those after it are: so all can
     stay where they are at any time, and without goals there always is a plan that obeys the
     rules. For that nobody moves into a cell that a later robot is about to leave. Ties go to the
@@ -91,15 +94,43 @@ def one_step(problem: Problem, stop: Stop = never) -> Result:
 def _at_starts(model: Model) -> list[_Progress]:
     """Put all robots where they start, with the pixels they have there if these count."""
     problem = model.problem
-    robots, sources = [], LazyCoverage.of_robots(model)
+    robots, sources = list[_Progress](), LazyCoverage.of_robots(model)
     for robot, robot_class in enumerate(model.class_of):
         leads = leads_to_goal(robot_class.graph, problem.horizon, robot_class.goal)
-        path = [model.start(robot)]
-        progress = _Progress(robot_class, sources[robot], leads, problem.no_pixels(), path)
+        progress = _Progress(robot_class, sources[robot], leads, problem.no_pixels(), [])
+        path = [_start(model, robots, robot, progress)]
+        progress.path += path
         if problem.first_step == 0:
             progress.pixels[problem.view_sums_at(0)] += progress.look(0, np.array(path))[0]
         robots.append(progress)
     return robots
+
+
+def _start(model: Model, placed: list[_Progress], robot: int, progress: _Progress) -> int:
+    """Choose the start of a robot beside those that are placed already."""
+    problem, starts = model.problem, model.starts(robot)
+    if len(starts) == 1:
+        return int(starts[0])
+    others = [problem.cell(k, other.state(0)) for k, other in enumerate(placed)]
+    after = range(robot + 1, len(problem.robots))
+    others += [problem.cell(k, problem.first_starts[k]) for k in after]
+    closed = avoid_paths(model, progress.robot_class, ((cell,) for cell in others))
+    is_open = closed.free_states(0, starts.tolist(), progress.robot_class.graph.n_places)
+    starts = starts[is_open & progress.leads[0, starts]]
+    if not len(starts):
+        return model.first_start(robot)
+    t = problem.first_step
+    gains = _gains(problem, placed, progress.look(t, starts), t)
+    return int(starts[np.argmax(gains)])
+
+
+def _gains(problem: Problem, robots: list[_Progress], coverage: FloatArray, t: int) -> FloatArray:
+    """Gains [n] of coverage [n, W] at a step, beside what robots have seen of the same."""
+    view_sums = problem.view_sums_at(t)
+    seen = sum((other.pixels[view_sums] for other in robots), np.zeros(coverage.shape[1]))
+    gains = marginal_gain(problem, view_sums, seen, coverage) * problem.view_sum_weights[view_sums]
+    total: FloatArray = gains.sum(axis=1)
+    return total
 
 
 def _open_heads(model: Model, robots: list[_Progress], robot: int, t: int) -> IntArray:
@@ -145,12 +176,10 @@ def _move(model: Model, robots: list[_Progress], robot: int, t: int, heads: IntA
     problem, progress = model.problem, robots[robot]
     graph, view_sums = progress.robot_class.graph, problem.view_sums_at(t)
     coverage = progress.look(t, heads)
-    seen = sum((other.pixels[view_sums] for other in robots), np.zeros(coverage.shape[1]))
-    gains = marginal_gain(problem, view_sums, seen, coverage) * problem.view_sum_weights[view_sums]
     # A path of one step, so that bonuses and ties are those of all other planners.
     value = np.full((2, graph.n_states), CLOSED)
     value[0, progress.path[-1]] = 0.0
-    value[1, heads] = gains.sum(axis=1)
+    value[1, heads] = _gains(problem, robots, coverage, t)
     bonuses = Bonuses.of(problem.objective)
     _, head = best_path(graph, value, progress.path[-1], bonuses, first=t - 1) or []
     progress.path.append(head)

@@ -25,9 +25,9 @@ def hovering(team: PlannedTeam) -> PlannedTeam:
 def _hover(team: PlannedTeam, robot: int) -> SingleRobotPath:
     """Returns the path that stays at the start, which needs no time to be found."""
     problem = team.model.problem
-    if not problem.may_hover(robot):
+    if not problem.may_hover(robot, problem.first_starts[robot]):
         return SingleRobotPath(None, problem.no_pixels(), 0)
-    path = (team.model.start(robot),) * (problem.horizon + 1)
+    path = (team.model.first_start(robot),) * (problem.horizon + 1)
     evaluated = problem.horizon + 1 - problem.first_step
     return SingleRobotPath(path, team.model.evaluated_pixels(robot, path), evaluated)
 

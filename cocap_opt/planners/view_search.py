@@ -95,13 +95,15 @@ def _algorithm_2(task: SingleRobotTask, coverage: LazyCoverage, discount: _Disco
     States are (k, v): state number v as the k-th of a path, k = 1..T+1.
     """
     T = task.model.problem.horizon
-    start = (1, task.model.start(task.robot))
-    Rbar, parent, processed = {start: 0.0}, {start: start}, set[tuple[int, int]]()
+    starts = _rewarded_starts(task, coverage)
+    Rbar = {(1, v): R for v, R, _ in starts}
+    parent, processed = {(1, v): (1, v) for v, *_ in starts}, set[tuple[int, int]]()
     # The greatest key is first. Ties go to the deeper state, then to the one that looks more
     # directly at the nearest actor, then to the nearer one: without a view there is nothing else to
     # go by. Last to the older.
     numbers = count()
-    OPEN: list[_Entry] = [(0.0, -1, (0.0, 0.0), next(numbers), start[1])]  # 1
+    OPEN: list[_Entry] = [(-R, -1, way, next(numbers), v) for v, R, way in starts]  # 1
+    heapq.heapify(OPEN)
     while OPEN:  # 2
         _, less_k, _, _, v = heapq.heappop(OPEN)  # 3
         k, v = node = -less_k, v
@@ -145,6 +147,28 @@ class ViewSearch:
         path = _algorithm_2(task, coverage, self._discount)
         pixels = coverage.along(model.problem, path or ())
         return SingleRobotPath(path, pixels, coverage.evaluated - evaluated_before)
+
+
+def _rewarded_starts(
+    task: SingleRobotTask, coverage: LazyCoverage
+) -> list[tuple[int, float, _Way]]:
+    """States in one of which the robot starts, with their rewards and ways to actors.
+
+    The paper has one start, whose reward is a constant and taken as 0.
+    """
+    problem, robot_class = task.model.problem, task.model.class_of[task.robot]
+    graph, starts = robot_class.graph, task.model.starts(task.robot)
+    starts = starts[task.charges.free_states(0, starts.tolist(), graph.n_places)]
+    if len(task.model.starts(task.robot)) == 1:
+        return [(start, 0.0, (0.0, 0.0)) for start in starts.tolist()]
+    starts = starts[leads_to_goal(graph, problem.horizon, robot_class.goal)[0, starts]]
+    rewards = np.zeros(len(starts))
+    if problem.first_step == 0 and len(starts):
+        view_sums = problem.view_sums_at(0)
+        gains = marginal_gain(problem, view_sums, task.pixels[view_sums], coverage(0, starts))
+        rewards = (gains * problem.view_sum_weights[view_sums]).sum(axis=1)
+    ways = _ways(problem, graph, 0, starts)
+    return list(zip(starts.tolist(), rewards.tolist(), ways, strict=True))
 
 
 def _rewarded_successors(

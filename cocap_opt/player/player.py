@@ -139,7 +139,7 @@ class Player:
 
 def _waiting(problem: Problem) -> Plan:
     """Returns the plan in which all drones stay at their starts."""
-    return Plan(paths=tuple((robot.start,) * (problem.horizon + 1) for robot in problem.robots))
+    return Plan(paths=tuple((state,) * (problem.horizon + 1) for state in problem.first_starts))
 
 
 def _without_goals(problem: Problem) -> Problem:

@@ -21,6 +21,7 @@ from cocap_opt.problem.robot import Limits, Robot
 from cocap_opt.problem.rules import NO_RULES, SEPARATION, VERTEX_ONLY, CollisionRules
 from cocap_opt.problem.scene import Earth, SceneData
 from cocap_opt.problem.shapes import Cuboid, Prism, Shape, TriangulatedCuboid
+from cocap_opt.problem.starts import AnyStart, StartArea, StartStates
 
 __all__ = [
     "COVERAGE_VERSION",
@@ -30,6 +31,7 @@ __all__ = [
     "Actor",
     "Airspace",
     "AnyCamera",
+    "AnyStart",
     "Camera",
     "Cell",
     "CollisionRules",
@@ -48,6 +50,8 @@ __all__ = [
     "Robot",
     "SceneData",
     "Shape",
+    "StartArea",
+    "StartStates",
     "State",
     "SwapConflict",
     "TriangulatedCuboid",

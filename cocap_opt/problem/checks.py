@@ -16,6 +16,7 @@ from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.motion import Motion, State
 from cocap_opt.problem.robot import Limits, Robot
 from cocap_opt.problem.scene import SceneData
+from cocap_opt.problem.starts import StartArea, StartStates
 
 
 def require_scene(scene: SceneData) -> None:
@@ -80,7 +81,40 @@ def _require_robot(scene: SceneData, i: int, robot: Robot) -> None:
 
 
 def _require_start(scene: SceneData, field: str, robot: Robot) -> None:
-    start, motion = robot.start, robot.motion
+    start = robot.start
+    if isinstance(start, State):
+        _require_free(scene, field, robot, start)
+    elif isinstance(start, StartStates):
+        for k, state in enumerate(start.states):
+            _require_free(scene, f"{field}.states[{k}]", robot, state)
+    else:
+        _require_area(scene, field, robot, start)
+
+
+def _require_area(scene: SceneData, field: str, robot: Robot, area: StartArea) -> None:
+    """Checks that an area is of the map and the robot, and that something of it is free."""
+    width, depth = scene.height_map.shape
+    for x, y in area.cells or ():
+        require(
+            0 <= x < width and 0 <= y < depth,
+            f"{field}.cells",
+            f"must lie inside the map of {width} x {depth} cells, not ({x}, {y})",
+        )
+    given = area.layers, area.headings, area.pitches
+    names = "layers", "headings", "pitches"
+    for name, chosen, size in zip(names, given, robot.orientation_sizes, strict=True):
+        for value in chosen or ():
+            require(0 <= value < size, f"{field}.{name}", f"must be 0..{size - 1}, not {value}")
+    require(
+        len(scene.starts[scene.robots.index(robot)]) > 0,
+        field,
+        "must have a cell in which the drone may be at step 0; all are blocked, forbidden, or too "
+        "near to people",
+    )
+
+
+def _require_free(scene: SceneData, field: str, robot: Robot, start: State) -> None:
+    motion = robot.motion
     sizes = (*scene.height_map.shape, *robot.orientation_sizes)
     for name, value, size in zip(State._fields, start, sizes, strict=True):
         whole(value, f"{field}.{name}")
@@ -141,14 +175,17 @@ def _require_limits(
 
 def _require_starts_apart(scene: SceneData) -> None:
     for i, first in enumerate(scene.robots):
-        for k in range(i):
-            a, b = scene.cell(k, scene.robots[k].start), scene.cell(i, first.start)
+        for k, second in enumerate(scene.robots[:i]):
+            if not (isinstance(first.start, State) and isinstance(second.start, State)):
+                continue
+            a, b = scene.cell(k, second.start), scene.cell(i, first.start)
             apart = math.dist(*scene.positions([a, b]))
             require(
                 not scene.too_close(a, b),
                 f"robots[{i}].start",
                 f"is {apart:.2f} m from robots[{k}].start, must keep the rules {scene.rules}",
             )
+    _ = scene.first_starts  # there must be some
 
 
 def _forbidden(scene: SceneData, x: int, y: int, motion: Motion, layer: int) -> bool:

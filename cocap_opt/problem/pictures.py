@@ -68,7 +68,7 @@ class TopView(NamedTuple):
         kinds = np.where(scene.height_map.stands_out, 3, 0)
         kinds[covered] = 1
         kinds[blocked] = 2
-        paths = [[robot.start] for robot in scene.robots] if plan is None else plan.paths
+        paths = [[state] for state in scene.first_starts] if plan is None else plan.paths
         flights = [
             np.array(
                 [

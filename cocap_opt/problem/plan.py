@@ -164,9 +164,10 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
         None where a robot may not stay: its goal is elsewhere, or people come too near.
         """
-        if not all(map(problem.may_hover, range(len(problem.robots)))):
+        starts = problem.first_starts
+        if not all(problem.may_hover(i, state) for i, state in enumerate(starts)):
             return None
-        return cls(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
+        return cls(paths=tuple((state,) * (problem.horizon + 1) for state in starts))
 
     def conflicts(self, problem: Problem) -> Iterator[Conflict]:
         """Yields all conflicts under the problem's rules, earliest step first, then by robots."""

@@ -2,10 +2,14 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
+
+import msgspec
 
 from cocap_opt.data import LARGEST, Data, require, within
 from cocap_opt.problem.camera import AnyCamera, Camera
 from cocap_opt.problem.motion import Motion, State
+from cocap_opt.problem.starts import AnyStart, StartStates
 
 ROUNDING = 1e-9  # share of a limit by which motion may exceed it
 
@@ -103,29 +107,44 @@ def rounded_up(value: float) -> float:
     return float(f"{math.ceil(value / digit - ROUNDING) * digit:.3g}")
 
 
+def _are_states(start: Any) -> bool:
+    """Returns True for a sequence of states, each of which could be a start by itself."""
+    is_sequence = isinstance(start, (list, tuple)) and not isinstance(start, State)
+    return is_sequence and bool(start) and all(isinstance(state, State) for state in start)
+
+
 class Robot(Data, frozen=True):
     """One camera drone: its start, motion and camera, and perhaps a goal for step T.
 
     Attributes
     ----------
-    start : cell, layer, heading and pitch at step 0
+    start : cell, layer, heading and pitch at step 0; or several of them, or an area, of which
+        planners choose the best. Given as a sequence of states it becomes `StartStates`
     motion : the moves that it can make in one step
     camera : what it films with: a `Camera`, or the `Cone` of Hughes et al.
     goal : cell (x, y), any layer and orientation
     limits : how fast it may move and turn; None: nothing is known of them
     """
 
-    start: State
+    start: AnyStart
     motion: Motion = Motion()
     camera: AnyCamera = Camera()
     goal: tuple[int, int] | None = None
     limits: Limits | None = None
 
     def __post_init__(self) -> None:
+        given: Any = self.start
+        if _are_states(given):
+            msgspec.structs.force_setattr(self, "start", StartStates(states=tuple(given)))
         super().__post_init__()
-        require(isinstance(self.start, State), "start", "must be a State")
+        if isinstance(self.start, StartStates) and len(self.start.states) == 1:
+            msgspec.structs.force_setattr(self, "start", self.start.states[0])
         sizes = self.goal is None or len(self.goal) == 2
         require(sizes, "goal", "must be a cell (x, y)")
+
+    def may_start_in(self, state: State) -> bool:
+        """Returns True if the robot may start in this state, provided that it is free."""
+        return state == self.start if isinstance(self.start, State) else self.start.holds(state)
 
     @property
     def orientation_sizes(self) -> tuple[int, int, int]:

@@ -13,8 +13,10 @@ from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.airspace import Airspace
 from cocap_opt.problem.motion import Cell, Motion, State
 from cocap_opt.problem.objective import Objective
+from cocap_opt.problem.placement import UndecidedError, places_apart
 from cocap_opt.problem.robot import Robot
 from cocap_opt.problem.rules import CollisionRules
+from cocap_opt.problem.starts import StartStates
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 _MOST_CRS = 100 * MOST_LETTERS  # letters; WKT may be long
@@ -78,14 +80,102 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         airspace = self.airspace
         return Workspace(self.height_map, self.meshes, airspace.no_fly, airspace.ceiling)
 
-    def may_hover(self, i: int) -> bool:
-        """Returns True if a robot may stay at its start, alone: no goal or person sends it away."""
+    @cached_property
+    def starts(self) -> tuple[tuple[State, ...], ...]:
+        """The states in one of which each robot starts, in order [R]; one if its start is fixed."""
+        known: dict[object, tuple[State, ...]] = {}
+        for robot in self.robots:
+            kind = robot.start, robot.motion, robot.camera.tilts
+            if kind not in known:
+                known[kind] = self._states_to_start_in(robot)
+        return tuple(known[robot.start, robot.motion, robot.camera.tilts] for robot in self.robots)
+
+    def _states_to_start_in(self, robot: Robot) -> tuple[State, ...]:
+        if isinstance(robot.start, State):
+            return (robot.start,)
+        if isinstance(robot.start, StartStates):
+            return tuple(sorted(robot.start.states))
+        area, free = robot.start, robot.motion.free_places(self.workspace)
+        if area.cells is not None:
+            inside = np.zeros(free.shape[1:], dtype=np.bool_)
+            inside[tuple(np.array(area.cells).T)] = True
+            free &= inside
+        sizes = robot.orientation_sizes
+        layers, headings, pitches = (
+            sorted(range(size) if chosen is None else chosen)
+            for size, chosen in zip(sizes, (area.layers, area.headings, area.pitches), strict=True)
+        )
+        cells = np.argwhere(free.transpose(1, 2, 0)[..., layers])
+        places = [State(x, y, layers[k]) for x, y, k in cells.tolist()]
+        at = self.where(robot, places).reshape(-1, 3)
+        near = np.zeros(len(places), dtype=np.bool_)
+        for actor in self.actors:
+            near |= self.airspace.near_person(actor, 0, at)
+        return tuple(
+            place._replace(heading=heading, pitch=pitch)
+            for place, is_near in zip(places, near.tolist(), strict=True)
+            if not is_near
+            for heading in headings
+            for pitch in pitches
+        )
+
+    @property
+    def has_free_starts(self) -> bool:
+        """True if some robot may start in one of several states."""
+        return any(len(states) > 1 for states in self.starts)
+
+    @cached_property
+    def first_starts(self) -> tuple[State, ...]:
+        """A start of each robot that keeps the rules beside all others, fixed ones as they are.
+
+        They are starts at which robots may stay, as far as there are any.
+
+        Raises
+        ------
+        ProblemError
+            If there is no such choice, or none is found.
+        """
+        if not self.has_free_starts:
+            return tuple(states[0] for states in self.starts)
+        chosen = self._places_apart([self._with_hovering(i) for i in range(len(self.robots))])
+        chosen = chosen or self._places_apart(self.starts)
+        field, rules = "robots", f"a start for every drone that keeps the rules {self.rules}"
+        require(chosen is not None, field, f"must have {rules}; there is no such choice")
+        assert chosen is not None
+        require(bool(chosen), field, f"must have {rules}; none was found, larger areas help")
+        return chosen
+
+    def _with_hovering(self, i: int) -> tuple[State, ...]:
+        """Returns the starts at which a robot may stay; all where it may at none."""
+        open_ = tuple(state for state in self.starts[i] if self.may_hover(i, state))
+        return open_ or self.starts[i]
+
+    def _places_apart(self, starts: Sequence[Sequence[State]]) -> tuple[State, ...] | None:
+        """Returns a start of each robot; None where there is no choice, () if none is found."""
+        states_of = []  # the first state in each cell
+        for i, states in enumerate(starts):
+            by_cell: dict[Cell, State] = {}
+            for state in states:
+                by_cell.setdefault(self.cell(i, state), state)
+            states_of.append(by_cell)
+        places = [self.positions([*by_cell]) for by_cell in states_of]
+        try:
+            numbers = places_apart(self.rules, places)
+        except UndecidedError:
+            return ()
+        if numbers is None:
+            return None
+        both = zip(states_of, numbers, strict=True)
+        return tuple([*by_cell.values()][number] for by_cell, number in both)
+
+    def may_hover(self, i: int, state: State) -> bool:
+        """Returns True if a robot may stay in a state, alone: no goal or person sends it away."""
         robot, steps = self.robots[i], self.horizon + 1
-        if robot.goal not in (None, (robot.start.x, robot.start.y)):
+        if robot.goal not in (None, (state.x, state.y)):
             return False
         if not self.airspace.people_aside:
             return True
-        (at,) = self.where(robot, [robot.start])
+        (at,) = self.where(robot, [state])
         return not any(
             self.airspace.near_person(actor, t, at)
             or (t + 1 < steps and self.airspace.near_person(actor, t, at, at))

@@ -28,7 +28,7 @@ opens it, in one place.
 Below both, the trusted core, about 5,400 lines:
 
 - `problem`: `actor`, `airspace`, `camera`, `checks`, `motion`, `objective`, `plan`, `problem`,
-  `robot`, `rules`, `scene`, `shapes`; the scene, and which conflicts it forbids.
+  `robot`, `rules`, `scene`, `shapes`, `starts`; the scene, and which conflicts it forbids.
 - `world`: `columns`, `triangles`, `workspace`; what is solid.
 - `graph`: `charges`, `motion`, `move_rewards`, `timegraph`; which moves there are.
 - `vision`: `bodies`, `candidates`, `coverage`, `faces`, `projection`, `seen`, `shadows`,
@@ -40,6 +40,7 @@ Below both, the trusted core, about 5,400 lines:
 
 Importing the room loads these as well, on which no number depends:
 
+- `problem`: `placement`; a first choice of starts, where drones have one.
 - `model`: `coverage_estimate`; what coverage will cost.
 - `files`: `atomic_write`, `messages`, `users_folder`; how and where files are written, and errors
   worded.

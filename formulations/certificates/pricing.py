@@ -109,11 +109,11 @@ class Pricing(NamedTuple):
                 plain_sweep(model.problem, robot_class, reward, charges_of(model, number, costs))
                 for costs in (prices.costs, sizes)
             )
-            best = [float(values[start]) for start in robot_class.starts]
+            best = [float(values[starts].max()) for starts in robot_class.starts]
             if -math.inf in best:  # a robot without any path: there is no plan
                 return cls(-math.inf, 0.0)
             total += exact_sum(best)
-            magnitude += exact_sum(made_of[start] for start in robot_class.starts)
+            magnitude += exact_sum(made_of[starts].max() for starts in robot_class.starts)
         if not (math.isfinite(total) and math.isfinite(magnitude)):
             raise CertificateError("certificate: too large, the bound is infinite")
         rounding = prices.rounding_factor * magnitude

@@ -99,7 +99,7 @@ class _Translated:
         most += flow.largest_bonus * program.n_robots * horizon
         self.scale = min(n_terms / ROUNDING, MOST) / most if most > 0 else 1.0
         self.model = cp_model.CpModel()
-        first = flow.steps == 0
+        first = ~flow.is_entered
         low = np.where(first, flow.supply, 0.0)
         high = np.where(first, flow.supply, flow.capacity)
         self.x = self._variables(low, high)
@@ -118,10 +118,10 @@ class _Translated:
 
     def _flow_rows(self) -> None:
         flow, conflicts = self.program.flow, self.program.conflicts
-        later = flow.steps > 0
+        later = flow.is_entered
         before = flow.steps < flow.model.problem.horizon
         for n, edges in _members(flow.entering, later):
-            self.model.add(sum(self.y[e] for e in edges) == self.x[n])
+            self.model.add(sum(self.y[e] for e in edges) + int(flow.supply[n]) == self.x[n])
         for n, edges in _members(flow.leaving, before):
             self.model.add(sum(self.y[e] for e in edges) == self.x[n])
         for _, nodes in _members(conflicts.at_nodes):

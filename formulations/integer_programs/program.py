@@ -223,7 +223,7 @@ class LinearProgram(NamedTuple):
         """Returns the matrices of a program; their objective is J / program.unit."""
         flow, roots = program.flow, program.roots
         n, e, n_sums = flow.n_nodes, flow.n_edges, len(roots.used)
-        first = flow.steps == 0
+        first = ~flow.is_entered
         rows, row_low, row_high = _rows(program)
         gain = [np.zeros(n), flow.bonus, np.zeros(2 * n_sums), roots.weights]
         high = [np.where(first, flow.supply, flow.capacity), flow.capacity[flow.tails]]
@@ -249,7 +249,7 @@ def _rows(program: Program) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
     """
     flow, roots, conflicts = program.flow, program.roots, program.conflicts
     n_sums = len(roots.used)
-    later = np.flatnonzero(flow.steps > 0)
+    later = np.flatnonzero(flow.is_entered)
     before = np.flatnonzero(flow.steps < flow.model.problem.horizon)
     inside, each = (
         sparse.eye_array(flow.n_nodes, format="csr"),
@@ -276,8 +276,9 @@ def _rows(program: Program) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
     high = np.concatenate(
         [np.zeros(n_equal + 3 * n_sums), np.sqrt(z0) / 2, constants, np.ones(n_conflicts)]
     )
+    high[: len(later)] = flow.supply[later]
     low = np.full(len(high), -math.inf)
-    low[:n_equal] = 0.0
+    low[:n_equal] = high[:n_equal]
     return sparse.csr_array(sparse.block_array(blocks)), low, high
 
 

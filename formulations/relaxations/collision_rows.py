@@ -103,7 +103,8 @@ class ConflictRows:
             If the separation needs more than MOST_ENTRIES entries.
         """
         problem = flow.model.problem
-        later = np.flatnonzero(flow.steps > 0)
+        # Fixed starts keep the rules.
+        later = np.flatnonzero(flow.steps >= (0 if problem.has_free_starts else 1))
         if problem.rules.none or len(problem.robots) < 2:
             later = later[:0]
         slots = _Slots.of(flow, later)
@@ -205,9 +206,9 @@ class _Slots:
         problem = flow.model.problem
         rows, columns = [], []
         for k, robot_class in enumerate(flow.model.classes):
-            of_class = np.flatnonzero(flow.owner == k)
-            for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
-                reached = robot_class.graph.reachable([start], problem.horizon)
+            of_class = np.flatnonzero((flow.owner == k) & ~flow.is_source)
+            for robot, starts in zip(robot_class.robots, robot_class.starts, strict=True):
+                reached = robot_class.graph.reachable(starts, problem.horizon)
                 mine = of_class[reached[flow.steps[of_class], flow.states[of_class]]]
                 at = np.flatnonzero(np.isin(self.numbers, self.number_of(flow, mine)))
                 rows.append(at)
@@ -361,12 +362,13 @@ def _distinct(rows: sparse.csr_array) -> sparse.csr_array:
 
 def _passing_moves(flow: Flow) -> _MoveRows:
     """Returns cliques of moves that hold all pairs that are too near between two steps only."""
-    places = np.column_stack([flow.places[flow.tails], flow.places[flow.heads]])
+    moving = np.flatnonzero(~flow.is_source[flow.tails])
+    places = np.column_stack([flow.places[flow.tails], flow.places[flow.heads]])[moving]
     distinct, which = np.unique(places, axis=0, return_inverse=True)
     if len(distinct) > MOST_PASSING:
         raise UnsupportedError(TOO_MANY_ENTRIES)
     moves = [(flow.cell(tail), flow.cell(head)) for tail, head in distinct.tolist()]
-    used = _incidence(which, np.arange(flow.n_edges), (len(moves), flow.n_edges))
+    used = _incidence(which, moving, (len(moves), flow.n_edges))
     return _passing_at_steps(flow, moves, used, _passing_cliques(flow.model, moves))
 
 
@@ -422,7 +424,7 @@ def _passing_at_steps(
 def _swaps(flow: Flow, slots: _Slots, reach: sparse.csr_array) -> _MoveRows:
     """Returns the swaps, either way, that the edges of a flow allow."""
     first, second = flow.places[flow.tails], flow.places[flow.heads]
-    moving = np.flatnonzero(first != second)
+    moving = np.flatnonzero((first != second) & ~flow.is_source[flow.tails])
     first, second = first[moving], second[moving]
     keys = np.column_stack(
         [flow.steps[flow.tails[moving]], np.minimum(first, second), np.maximum(first, second)]

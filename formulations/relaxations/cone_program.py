@@ -265,12 +265,12 @@ class _ConeProgram:
         return rows
 
     def _conservation(self) -> list[Any]:
-        """Returns the rows: robots that enter a node are in it and leave it; starts are given."""
+        """Returns the rows: robots that start in a node or enter it are in it, and leave it."""
         flow = self.flow
-        first, last = flow.steps == 0, flow.steps == flow.model.problem.horizon
+        first, last = ~flow.is_entered, flow.steps == flow.model.problem.horizon
         return [
             self.x[np.flatnonzero(first)] == flow.supply[first],
-            flow.entering[~first] @ self.y == self.x[np.flatnonzero(~first)],
+            flow.entering[~first] @ self.y == self.x[np.flatnonzero(~first)] - flow.supply[~first],
             flow.leaving[~last] @ self.y == self.x[np.flatnonzero(~last)],
         ]
 
@@ -332,8 +332,10 @@ class _ConeProgram:
         )
 
     def _fix_start(self, alpha: FloatArray, beta: FloatArray) -> None:
-        """Makes the tangents exact at step 0, where it counts: everything there is given."""
+        """Makes the tangents exact at step 0, where it counts, if starts are fixed: all is given."""
         roots = self.roots
+        if self.flow.is_source.any():
+            return
         pixels = roots.pixels @ (self.flow.supply * (self.flow.steps == 0))
         pixels = pixels * roots.scale**2
         if self.flow.model.problem.objective.over_time:  # later steps add to the same pixels

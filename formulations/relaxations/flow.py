@@ -7,6 +7,8 @@ robot: the model's size does not grow with the number of robots.
 
 Numbers of a flow: x[n] robots in node n (a state at a step), y[e] robots along edge e. Pixels,
 roots and collision rules between places are rows over nodes, which are far fewer than edges.
+Robots that choose their start among several states come from a source: a node at step -1, one for
+each set of states that robots of a class have in common, with edges to these states.
 
 Sources: Yu and LaValle 2013 (anonymous path finding as integer flow); Royset and Sato 2010
 (search models whose size does not grow with the number of searchers).
@@ -59,11 +61,11 @@ class Flow:
 
     model: Model
     owner: IntArray  # [N] class of each node
-    steps: IntArray  # [N] t
-    states: IntArray  # [N] state number in its class's graph
+    steps: IntArray  # [N] t, -1 for sources
+    states: IntArray  # [N] state number in its class's graph; of a source, the number of its set
     tails: IntArray  # [E] nodes
     heads: IntArray  # [E] nodes
-    supply: FloatArray  # [N] robots that start there
+    supply: FloatArray  # [N] robots that start there, from nowhere
 
     @classmethod
     def of(cls, model: Model, stop: Stop = never) -> "Flow":
@@ -95,6 +97,18 @@ class Flow:
         return len(self.tails)
 
     @cached_property
+    def is_source(self) -> BoolArray:
+        """True for nodes in which no robot is, but chooses its start [N]."""
+        return self.steps < 0
+
+    @cached_property
+    def is_entered(self) -> BoolArray:
+        """True for nodes that edges may enter [N]; of the others the supply is all there is."""
+        entered = self.steps > 0
+        entered[self.heads] = True
+        return entered
+
+    @cached_property
     def serves_all(self) -> bool:
         """True where every robot has a path."""
         return round(float(self.supply.sum())) == len(self.model.problem.robots)
@@ -121,7 +135,7 @@ class Flow:
         rewards, owner = np.zeros(self.n_edges), self.owner[self.tails]
         tails, heads = self.states[self.tails], self.states[self.heads]
         for k, robot_class in enumerate(self.model.classes):
-            of_class = owner == k
+            of_class = (owner == k) & ~self.is_source[self.tails]
             rewards[of_class] = bonuses.of_edges(
                 robot_class.graph.shape, tails[of_class], heads[of_class]
             )
@@ -136,15 +150,15 @@ class Flow:
     def capacity(self) -> FloatArray:
         """Robots that can be in a node by the vertex rule and the size of its class [N]."""
         if not self.model.problem.rules.none:
-            return np.ones(self.n_nodes)
+            return np.where(self.is_source, self.supply, 1.0)
         return np.array(self.model.class_sizes, dtype=np.float64)[self.owner]
 
     @cached_property
     def places(self) -> IntArray:
-        """Number of the cell of each node [N], comparable between commodities."""
-        found = np.zeros(self.n_nodes, dtype=np.int64)
+        """Number of the cell of each node [N], comparable between commodities; -1 for sources."""
+        found = np.full(self.n_nodes, -1)
         for k, robot_class in enumerate(self.model.classes):
-            of_class = self.owner == k
+            of_class = (self.owner == k) & ~self.is_source
             graph = robot_class.graph
             layer, x, y = graph.coordinates(self.states[of_class] % graph.n_places)
             layers = np.array(
@@ -168,7 +182,7 @@ class Flow:
         n_view_sums = len(self.model.problem.view_sum_weights)
         rows, columns, pixels = [], [], []
         for k, robot_class in enumerate(self.model.classes):
-            of_class = np.flatnonzero(self.owner == k)
+            of_class = np.flatnonzero((self.owner == k) & ~self.is_source)
             table = self.model.coverage(robot_class)
             nodes = self.steps[of_class] * robot_class.graph.n_states + self.states[of_class]
             which, entries = table.entries(nodes)
@@ -185,8 +199,10 @@ class Flow:
         """Counts the robots in each node and along each edge, for one path per robot."""
         x, y = np.zeros(self.n_nodes), np.zeros(self.n_edges)
         for k, robot_class in enumerate(self.model.classes):
+            sources = self._source_of(k, robot_class)
             for robot in robot_class.robots:
                 nodes = [self._node(k, t, state) for t, state in enumerate(paths[robot])]
+                nodes = [*sources.get(robot, ()), *nodes]
                 np.add.at(x, nodes, 1.0)
                 for tail, head in pairwise(nodes):
                     low, high = np.searchsorted(self.tails, [tail, tail + 1])
@@ -197,6 +213,15 @@ class Flow:
         first, end = np.searchsorted(self.owner, [number, number + 1])
         low, high = first + np.searchsorted(self.steps[first:end], [t, t + 1])
         return int(low + np.searchsorted(self.states[low:high], state))
+
+    def _source_of(self, number: int, robot_class: RobotClass) -> dict[int, list[int]]:
+        """Returns the source of each robot of a class that chooses its start."""
+        return {
+            robot: [self._node(number, -1, k)]
+            for k, (starts, robots) in enumerate(robot_class.start_sets)
+            if len(starts) > 1
+            for robot in robots
+        }
 
     def paths(self, y: FloatArray, x: FloatArray | None = None) -> tuple[Path, ...]:
         """Returns one path per robot, each from its own start, that together make a flow.
@@ -215,7 +240,7 @@ class Flow:
         counts = np.rint(self.supply + self.entering @ y if x is None else x).astype(np.int64)
         paths: dict[int, list[int]] = {}
         for k, robot_class in enumerate(self.model.classes):
-            at = [self._node(k, 0, start) for start in robot_class.starts]
+            at = self._first_nodes(k, robot_class, counts, y)
             ways = [[node] for node in at]
             for _ in range(self.model.problem.horizon):
                 at = self._step(at, counts, y)
@@ -224,6 +249,21 @@ class Flow:
             for robot, way in zip(robot_class.robots, ways, strict=True):
                 paths[robot] = self.states[way].tolist()
         return tuple(tuple(paths[robot]) for robot in range(len(paths)))
+
+    def _first_nodes(
+        self, number: int, robot_class: RobotClass, counts: IntArray, y: FloatArray
+    ) -> list[int]:
+        """Returns the nodes of step 0 in which the robots of a class start."""
+        sources = self._source_of(number, robot_class)
+        chosen: dict[int, int] = {}
+        if sources:
+            at = [source for (source,) in sources.values()]
+            left = counts - self.supply.astype(np.int64)  # others start where there is no choice
+            chosen = dict(zip(sources, self._step(at, left, y), strict=True))
+        return [
+            chosen[robot] if robot in chosen else self._node(number, 0, int(starts[0]))
+            for robot, starts in zip(robot_class.robots, robot_class.starts, strict=True)
+        ]
 
     def _step(self, at: list[int], counts: IntArray, y: FloatArray) -> list[int]:
         """Returns the nodes to which robots go along used edges, as many to each as are there."""
@@ -281,12 +321,21 @@ def _class_part(
     most_edges : that a flow can still have
     """
     t, state = np.nonzero(useful)
-    starts = [
-        np.searchsorted(state[t == 0], start) for start in robot_class.starts if useful[0, start]
-    ]
-    supply = np.zeros(len(t))
-    np.add.at(supply, starts, 1)
-    tails, heads = list[IntArray](), list[IntArray]()
+    starting = np.flatnonzero(useful[0])
+    sources, tails, heads = list[int](), list[IntArray](), list[IntArray]()
+    n_sources = sum(len(starts) > 1 for starts, _ in robot_class.start_sets)
+    supply = np.zeros(n_sources + len(t))
+    for start_set, (starts, robots) in enumerate(robot_class.start_sets):
+        reached = n_sources + np.searchsorted(starting, starts[useful[0, starts]])
+        if len(starts) == 1:
+            supply[reached] += len(robots)
+            continue
+        supply[len(sources)] = len(robots) if len(reached) else 0
+        tails.append(np.full(len(reached), first + len(sources)))
+        heads.append(first + reached)
+        sources.append(start_set)
+    t, state = np.append(np.full(n_sources, -1), t), np.append(sources, state).astype(np.int64)
+    first += n_sources
     for here, there in _edges(robot_class.graph, useful):
         stop.check()
         most_edges -= len(here)
@@ -304,7 +353,7 @@ def _useful(model: Model, robot_class: RobotClass) -> BoolArray:
     """Returns the states [T+1, S] on a path from one of the starts to the end (or the goal)."""
     graph, horizon = robot_class.graph, model.problem.horizon
     to_go = backward_sweep(graph, graph.no_reward(horizon), goal=robot_class.goal)
-    found: BoolArray = graph.reachable(robot_class.starts, horizon) & (to_go > CLOSED)
+    found: BoolArray = graph.reachable(robot_class.all_starts, horizon) & (to_go > CLOSED)
     return found
 
 

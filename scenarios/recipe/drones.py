@@ -330,7 +330,11 @@ def _crowded(
 ) -> bool:
     """Returns True if a start breaks a collision rule with a start of the team."""
     cell = state.x, state.y, motion.layers[state.layer]
-    starts = [(r.start.x, r.start.y, r.motion.layers[r.start.layer]) for r in team]
+    starts = [
+        (r.start.x, r.start.y, r.motion.layers[r.start.layer])
+        for r in team
+        if isinstance(r.start, State)
+    ]
     return any(bool(rules.too_near(np.array(height_map.way(cell, other)))) for other in starts)
 
 

@@ -90,7 +90,10 @@ def _windows(recipe: Recipe, problem: Problem) -> Iterator[Change]:
         return
     low, high = problem.height_map.ends
     people = [actor.poses[: problem.horizon + 1, :2] for actor in problem.actors]
-    starts = [problem.where(robot, (robot.start,))[:, :2] for robot in problem.robots]
+    starts = [
+        problem.where(robot, states)[:, :2]
+        for robot, states in zip(problem.robots, problem.starts, strict=True)
+    ]
     points, reached = np.concatenate([*people, *starts]), _reached(problem, np.concatenate(starts))
     for margin in _MARGINS:
         first = np.floor((points.min(axis=0) - margin) / _ROUND) * _ROUND

@@ -39,7 +39,9 @@ def test_the_kernel_sweeps_as_numpy_does(kernel: Kernel, case: Case, data: st.Da
     reward = graph.no_reward(horizon) + rng.random((horizon + 1, graph.n_states))
     bonuses = data.draw(st.just(NO_BONUSES) | BONUSES)
     charged = data.draw(st.just(NO_CHARGES) | charges(graph, horizon))
-    frames = Frame.all_from(graph, case.start, horizon) if data.draw(st.booleans()) else None
+    frames = (
+        Frame.all_from(graph, np.array([case.start]), horizon) if data.draw(st.booleans()) else None
+    )
     last = int(rng.integers(0, horizon + 1))
     changed = reward.copy()
     changed[: last + 1] *= 0.5

@@ -352,7 +352,7 @@ def literal_view_search(task: SingleRobotTask, gamma: float) -> tuple[int, ...] 
     """
     model, graph = task.model, task.model.class_of[0].graph
     views = model.views(model.class_of[0])
-    start = (1, model.start(0))
+    start = (1, model.first_start(0))
     rbar, path_to, processed = {start: 0.0}, {start: (start[1],)}, set()
     waiting = [(0.0, *start)]
     while waiting:

@@ -59,7 +59,7 @@ def flown(draw: st.DrawFn, teams: st.SearchStrategy[Problem] = TEAMS) -> Flown:
     model = Model(problem, use_cache=False)
     paths = []
     for i, robot_class in enumerate(model.class_of):
-        path = [model.start(i)]
+        path = [model.first_start(i)]
         for t in range(problem.horizon):
             heads = [path[-1], *robot_class.graph.successors(t, path[-1]).tolist()]
             path.append(draw(st.sampled_from(heads)))

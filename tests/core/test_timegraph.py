@@ -277,7 +277,7 @@ def test_frames_hold_all_that_a_robot_can_reach(case: Case, data: st.DataObject)
     free = np.flatnonzero(np.tile(graph.free, graph.n_orientations))
     start = data.draw(st.sampled_from(free.tolist())) if len(free) else case.start
     reached = graph.reachable([start], horizon)
-    frames = Frame.all_from(graph, start, horizon)
+    frames = Frame.all_from(graph, np.array([start]), horizon)
     value = backward_sweep(graph, reward, bonuses, charged, goal)
     found = backward_sweep(graph, reward, bonuses, charged, goal, frames=frames)
     assert np.array_equal(found[reached], value[reached])

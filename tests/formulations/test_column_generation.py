@@ -62,7 +62,7 @@ def relaxed(search: Search) -> Relaxation:
 
 def random_path(model: Model, robot: int, rng: np.random.Generator) -> tuple[int, ...]:
     """A random walk of a robot; its goal is ignored, and so is where people leave no way."""
-    path = [model.start(robot)]
+    path = [model.first_start(robot)]
     for t in range(model.problem.horizon):
         heads = model.class_of[robot].graph.successors(t, path[-1])
         path.append(int(rng.choice(heads)) if len(heads) else path[-1])
@@ -203,7 +203,7 @@ def test_masters_and_paths_agree_on_what_uses_a_resource(problem: Problem, seed:
             Cells(t + 1, (other.cells[t + 1],)),
             Cells(t, tuple({path.cells[t], other.cells[t]}), number),
             Visit(t + 1, graph.state(other.states[t + 1]), number),
-            Visit(0, problem.robots[robot].start, number),
+            Visit(0, graph.state(path.states[0]), number),
         ]
         if moved[0] != moved[1]:
             resources += [Move(t, moved, number), Swap(t, moved), Swap(t, moved[::-1])]
@@ -269,7 +269,7 @@ def test_a_best_response_avoids_the_others() -> None:
     """It conflicts with none of them, and no other path of the robot is better."""
     problem = tiny()
     model = compiled(problem)
-    other = Column.of(model, 1, (model.start(1),) * 3)
+    other = Column.of(model, 1, (model.first_start(1),) * 3)
     answer = LocalSearch(model).best_response(0, [other])
     assert answer is not None
     assert not answer.conflicts_with(other, problem)

@@ -54,7 +54,7 @@ def random_columns(model: Model, rng: np.random.Generator) -> list[Column]:
     for robot, robot_class in enumerate(model.class_of):
         rewards = rng.uniform(size=(model.problem.horizon + 1, robot_class.graph.n_states))
         value = backward_sweep(robot_class.graph, rewards, goal=robot_class.goal)
-        path = best_path(robot_class.graph, value, model.start(robot))
+        path = best_path(robot_class.graph, value, model.first_start(robot))
         if path is None:
             return []
         columns.append(Column.of(model, robot, tuple(path)))

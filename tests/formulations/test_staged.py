@@ -772,7 +772,7 @@ def test_what_rounding_may_have_made_too_low_is_followed(
     monkeypatch.setattr(compiled_search, "is_loaded", lambda: is_compiled)
     model = compiled(tiny()).disaggregated()
     graphs = [one.graph for one in model.classes]
-    starts = np.array([[one.starts[0] for one in model.classes]])
+    starts = np.array([[one.starts[0][0] for one in model.classes]])
     every = [np.arange(graph.n_states) for graph in graphs]
     choices = _Choices.of(graphs, 0, starts, every)
     nothing = [np.zeros(len(some)) for some in choices.states]

@@ -31,10 +31,9 @@ class Optimum(NamedTuple):
 
 
 def all_paths(problem: Problem, robot: int) -> list[StatePath]:
-    """All paths of one robot from its start to the last step, ending at its goal."""
+    """All paths of one robot from one of its starts to the last step, ending at its goal."""
     graph = graph_of(problem, robot)
-    start = problem.robots[robot].start
-    paths: list[StatePath] = [(start,)] if (start, 0) in graph else []
+    paths: list[StatePath] = [(state,) for state, t in sorted(graph) if t == 0]
     for t in range(problem.horizon):
         heads = {node: sorted(head for head, _ in graph[node]) for node in graph if node[1] == t}
         paths = [(*path, head) for path in paths for head in heads[path[-1], t]]

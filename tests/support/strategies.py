@@ -17,6 +17,7 @@ from cocap_opt.problem import (
     Actor,
     Airspace,
     AnyCamera,
+    AnyStart,
     Camera,
     CollisionRules,
     Cone,
@@ -27,6 +28,8 @@ from cocap_opt.problem import (
     Problem,
     Robot,
     Shape,
+    StartArea,
+    StartStates,
     State,
     TriangulatedCuboid,
 )
@@ -290,10 +293,50 @@ def teams(
         heading = draw(st.integers(0, motion.headings - 1))
         starts.append(State(x, y, layer, heading, draw(st.integers(0, len(camera.tilts) - 1))))
     ends = [None, None, None, *((s.x, s.y) for s in starts)] if goals else [None]
-    return tuple(
+    fixed = tuple(
         Robot(start=start, motion=motion, camera=camera, goal=draw(st.sampled_from(ends)))
         for (motion, camera), start in zip(flown, starts, strict=True)
     )
+    return fixed if draw(st.sampled_from([True, True, False])) else draw(with_choices(fixed))
+
+
+@st.composite
+def with_choices(draw: st.DrawFn, robots: tuple[Robot, ...]) -> tuple[Robot, ...]:
+    """Some of the robots choose their start: all that may be as one of them, or each its own."""
+    chosen: list[Robot] = []
+    for robot in robots:
+        alike = [other.start for other in chosen if other.motion == robot.motion]
+        alike = [start for start in alike if other_fits(start, robot)]
+        kind = draw(st.sampled_from(["fixed", "states", "area", *(["alike"] if alike else [])]))
+        state, start = robot.start, robot.start
+        assert isinstance(state, State)
+        others = [other.start for other in robots if isinstance(other.start, State)]
+        places = [(other.x, other.y) for other in others]
+        if kind == "alike":
+            start = draw(st.sampled_from(alike))
+        elif kind == "states":
+            turns = [state._replace(heading=k) for k in range(robot.motion.headings)]
+            near = [state._replace(x=x, y=y) for x, y in places]
+            few = draw(st.lists(st.sampled_from([*turns, *near]), max_size=2))
+            start = StartStates(states=tuple(dict.fromkeys([state, *few])))
+        elif kind == "area":
+            cells = draw(st.sampled_from([None, tuple(dict.fromkeys(places))]))
+            start = StartArea(
+                cells=cells,
+                layers=draw(st.sampled_from([None, (state.layer,)])),
+                headings=draw(st.sampled_from([(state.heading,), (state.heading,), None])),
+                pitches=draw(st.sampled_from([(state.pitch,), None])),
+            )
+        chosen.append(robot.replace(start=start))
+    return tuple(chosen)
+
+
+def other_fits(start: AnyStart, robot: Robot) -> bool:
+    """True if what another robot starts in can be the choice of this one, too."""
+    if isinstance(start, StartArea):
+        return all(k < len(robot.camera.tilts) for k in start.pitches or ())
+    states = [start] if isinstance(start, State) else start.states
+    return len(states) > 1 and all(state.pitch < len(robot.camera.tilts) for state in states)
 
 
 @st.composite
@@ -320,6 +363,8 @@ def drawn_meetings(draw: st.DrawFn, team: int = 2) -> Problem:
         flown, camera = draw(st.sampled_from(kinds))
         layer = draw(st.integers(0, len(flown.layers) - 1))
         robots.append(Robot(start=State(x, y, layer), motion=flown, camera=camera, goal=end))
+    if not draw(st.sampled_from([True, True, False])):
+        robots = [*draw(with_choices(tuple(robots)))]
     horizon = draw(st.sampled_from([2, 3]))
     seen = [draw(actors(height_map, horizon)) for _ in range(draw(st.sampled_from([1, 1, 2, 0])))]
     objective = Objective(

@@ -291,19 +291,55 @@ class _Team:
         self.matters = narrowing.target - 2 * narrowing.rounding
 
     def starts(self) -> _Reached:
-        """Returns where robots start; nothing, if a start is closed."""
-        placed = np.array([[self._model.start(robot) for robot in range(len(self._numbers))]])
-        left = self._narrowing.left
-        is_open = all(
-            left[number][0, state]
-            for number, state in zip(self._numbers.tolist(), placed[0].tolist(), strict=True)
+        """Returns where robots may start together, among the states that are left.
+
+        Raises
+        ------
+        NotEndedError
+            If there are too many choices of starts.
+        """
+        numbers, left = self._numbers.tolist(), self._narrowing.left
+        open_ = [
+            starts[left[number][0, starts]]
+            for number, starts in zip(
+                numbers, map(self._model.starts, range(len(numbers))), strict=True
+            )
+        ]
+        at = self._positions_apart(open_)
+        values, before = np.zeros(len(at)), np.zeros(len(at), dtype=np.int64)
+        firsts = np.cumsum([0, *map(len, open_)])[:-1]
+        if len(at) and self._model.problem.first_step == 0:
+            joint = self._apart(numbers, 0, open_)
+            values[:] = [joint.worth((firsts + row).tolist()) for row in at]
+        placed = np.column_stack(
+            [starts[column] for starts, column in zip(open_, at.T, strict=True)]
         )
-        values = np.zeros(1)
-        if is_open and self._model.problem.first_step == 0:
-            joint = self._apart(self._numbers.tolist(), 0, list(placed.T))
-            values[0] = joint.worth(range(len(self._numbers)))
-        every = _Reached(values, placed, np.zeros(1, dtype=np.int64))
-        return every if is_open else every.nothing
+        return self._best([_Reached(values, placed, before)])
+
+    def _positions_apart(self, starts: Sequence[IntArray]) -> IntArray:
+        """Returns the choices [L, R] of one of the starts of each robot that keep the rules.
+
+        Raises
+        ------
+        NotEndedError
+            If there are too many.
+        """
+        classes = [self._model.classes[number] for number in self._numbers.tolist()]
+        places = [
+            at % robot_class.graph.n_places for at, robot_class in zip(starts, classes, strict=True)
+        ]
+        chosen = np.zeros((1, 0), dtype=np.int64)
+        for robot, of_robot in enumerate(places):
+            if len(chosen) * len(of_robot) > MOST_REACHED:
+                raise NotEndedError
+            able = np.ones((len(chosen), len(of_robot)), dtype=np.bool_)
+            for other in range(robot):
+                pair, both = (classes[other], classes[robot]), (places[other], of_robot)
+                near = self._model.places.conflict_matrix(pair, both)
+                able &= ~near[chosen[:, other]]
+            rows, columns = np.nonzero(able)
+            chosen = np.column_stack([chosen[rows], columns])
+        return chosen
 
     def after(self, t: int, before: _Reached, following: _Following, stop: Stop) -> _Reached:
         """Returns the joint states reached at a step from the one before, the best first.

@@ -108,15 +108,15 @@ class _Sweeps(NamedTuple):
             model.classes, charges, rewards, left, strict=True
         ):
             reward = np.where(is_left, prices, -np.inf)
-            starts = list(robot_class.starts)
             to_go = np.array([*values_to_go(problem, robot_class, reward, charge)])[::-1]
-            best = to_go[0, starts]
-            worth += float(best.sum())
+            best = [float(to_go[0, starts].max()) for starts in robot_class.starts]
+            worth += float(np.sum(best))
             most = np.abs(np.where(is_left, reward, 0.0)).max(axis=1)
-            magnitude += float(most.sum()) * len(starts)
+            magnitude += float(most.sum()) * len(best)
             first = np.full(reward.shape[1], -np.inf)
-            has_path = best > -np.inf
-            np.maximum.at(first, np.array(starts)[has_path], -best[has_path])
+            for starts, worth_of_path in zip(robot_class.starts, best, strict=True):
+                if worth_of_path > -np.inf:
+                    first[starts] = np.maximum(first[starts], -worth_of_path)
             so_far = np.array([*values_so_far(problem, robot_class, reward, charge, first)])
             slack = np.maximum(-(so_far + to_go), 0.0)
             found.to_go.append(to_go)

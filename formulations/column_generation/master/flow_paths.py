@@ -1,7 +1,8 @@
 """Flows on arcs, split into paths of robots."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,10 +15,32 @@ from cocap_opt.model import Model, Path
 LEAST_USE = 1e-7
 
 
+class StartChoice(NamedTuple):
+    """A state in which robots of a class start that have a choice."""
+
+    class_number: int
+    start_set: int  # number of their set of starts among those of the class
+    state: int
+
+    @classmethod
+    def of_arcs(cls, model: Model, arcs: Iterable[Arc]) -> "list[StartChoice]":
+        """Returns the choices from which arcs lead on, set by set."""
+        tails = {(arc.class_number, arc.tail) for arc in arcs if arc.t == 0}
+        return [
+            cls(number, k, start)
+            for number, robot_class in enumerate(model.classes)
+            for k, (starts, _) in enumerate(robot_class.start_sets)
+            if len(starts) > 1
+            for start in starts.tolist()
+            if (number, start) in tails
+        ]
+
+
 def mixture_of_flow(
     model: Model,
     flow: Mapping[Arc, float],
     known: Mapping[tuple[int, Path], Column] = MappingProxyType({}),
+    starting: Mapping[StartChoice, float] | None = None,
 ) -> Mixture:
     """Returns paths of all robots that a flow splits into, the widest of each robot first.
 
@@ -27,27 +50,48 @@ def mixture_of_flow(
     ----------
     flow : number of robots on each arc
     known : columns by robot and path, which need not be made again
+    starting : number of robots that choose each start; None: as many as go on from there
     """
     left: dict[tuple[int, int, int], dict[int, float]] = {}
     for arc, amount in flow.items():
         if amount > LEAST_USE:
             left.setdefault((arc.class_number, arc.t, arc.tail), {})[arc.head] = amount
+    open_ = dict(starting or {})
+    if starting is None:
+        for choice in StartChoice.of_arcs(model, flow):
+            leaving = left.get((choice.class_number, 0, choice.state), {})
+            open_[choice] = sum(leaving.values())
     columns: list[Column] = []
     amounts: list[float] = []
     for robot in range(len(model.problem.robots)):
         number, rest = model.classes.index(model.class_of[robot]), 1.0
+        starts = _starts(model, robot, open_)
         while rest > 10 * LEAST_USE:
-            path, amount = _widest(left, number, model.start(robot), model.problem.horizon)
-            amount = min(rest, amount)
+            choice = max(starts, key=lambda choice: open_.get(choice, 1.0))
+            path, amount = _widest(left, number, choice.state, model.problem.horizon)
+            amount = min(rest, amount, open_.get(choice, 1.0))
             if amount <= LEAST_USE:
                 break
             for t in range(len(path) - 1):
                 left[number, t, path[t]][path[t + 1]] -= amount
+            if choice in open_:
+                open_[choice] -= amount
             rest -= amount
             column = known.get((robot, path)) or Column.of(model, robot, path)
             columns.append(column)
             amounts.append(amount)
     return Mixture(columns, np.array(amounts))
+
+
+def _starts(model: Model, robot: int, open_: Mapping[StartChoice, float]) -> Sequence[StartChoice]:
+    """Returns the starts that a robot may choose, with flow or without."""
+    robot_class = model.class_of[robot]
+    number = model.classes.index(robot_class)
+    for k, (starts, robots) in enumerate(robot_class.start_sets):
+        if robot in robots:
+            every = [StartChoice(number, k, start) for start in starts.tolist()]
+            return every if len(every) == 1 else [choice for choice in every if choice in open_]
+    return ()
 
 
 def _widest(

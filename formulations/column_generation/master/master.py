@@ -92,7 +92,7 @@ class Master:
         starts = {
             (number, start)
             for number, robot_class in enumerate(self.model.classes)
-            for start in robot_class.starts
+            for start in robot_class.all_starts.tolist()
         }
         by_step = Arc.on_paths(fresh, starts, self.model.problem.horizon)
         kept = {arc for arcs in by_step for arc in arcs}

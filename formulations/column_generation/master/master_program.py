@@ -27,7 +27,7 @@ from cocap_opt.formulations.certificates import Decision
 from cocap_opt.formulations.certificates.envelope import Cut
 from cocap_opt.formulations.certificates.resources import Resource
 from cocap_opt.formulations.column_generation.master.arc_users import users_of
-from cocap_opt.formulations.column_generation.master.flow_paths import mixture_of_flow
+from cocap_opt.formulations.column_generation.master.flow_paths import StartChoice, mixture_of_flow
 from cocap_opt.formulations.relaxations.duals import Duals, repaired_roots
 from cocap_opt.formulations.relaxations.separation import phi_of
 from cocap_opt.formulations.solvers import solve_cones
@@ -160,6 +160,7 @@ class MasterProgram:
         self._decisions = [decision for decision in decisions if not decision.closes]
         self._is_open = [not decision.closes for decision in decisions]
         self._cuts, self._penalty = cuts, penalty
+        self._choices = StartChoice.of_arcs(model, arcs)
         self._read_views()
         self._bonus = self._move_rewards()
         self._weights = model.problem.view_sum_weights[self._view_sums] * self._scale
@@ -227,12 +228,12 @@ class MasterProgram:
         n_rows, n_roots = len(self._rows) + len(self._decisions), self._returns.n_roots
         sizes = {
             "flow": len(self._arcs), "slack": n_rows,
-            "roots": len(self._weights), "pixels": n_roots,
+            "roots": len(self._weights), "pixels": n_roots, "choices": len(self._choices),
         }  # fmt: skip
         program = _ConicProgram(sizes)
         self._add_conservation(program)
         self._add_resources(program)
-        for name in ("flow", "slack"):
+        for name in ("flow", "slack", *(["choices"] if self._choices else [])):
             program.add_rows(f"{name} >= 0", np.zeros(sizes[name]))
             program.put_diagonal(f"{name} >= 0", name, -1.0)
         self._add_roots(program)
@@ -243,9 +244,10 @@ class MasterProgram:
         }
         value, is_solved, values, multipliers = program.solve(cost, stop, accuracy)
         flow = dict(zip(self._arcs, values["flow"].tolist(), strict=True))
+        starting = dict(zip(self._choices, values["choices"].tolist(), strict=True))
         solution = Solution(
             value=-value * self._unit,
-            mixture=mixture_of_flow(self._model, flow, known),
+            mixture=mixture_of_flow(self._model, flow, known, starting),
             slack=float(np.maximum(values["slack"], 0.0).sum()),
             duals=self._duals(multipliers),
             is_solved=is_solved,
@@ -253,7 +255,10 @@ class MasterProgram:
         return solution, values["flow"]
 
     def _add_conservation(self, program: _ConicProgram) -> None:
-        """Adds the rows by which one unit leaves each start, and what enters a state leaves it."""
+        """Adds the rows by which one unit leaves each start, and what enters a state leaves it.
+
+        Robots that choose their start are as many units that leave their set of starts.
+        """
         nodes: dict[tuple[int, int, int], int] = {}
         leaving = [nodes.setdefault((a.class_number, a.t, a.tail), len(nodes)) for a in self._arcs]
         inner = [k for k, arc in enumerate(self._arcs) if arc.t + 1 < self._model.problem.horizon]
@@ -262,14 +267,25 @@ class MasterProgram:
         ]
         entering = np.array([nodes[node] for node in into], dtype=np.int64)
         units = np.zeros(len(nodes))
+        sets: list[int] = []
         for number, robot_class in enumerate(self._model.classes):
-            for start in robot_class.starts:
-                units[nodes[number, 0, start]] += 1
+            for starts, robots in robot_class.start_sets:
+                if len(starts) == 1:
+                    units[nodes[number, 0, int(starts[0])]] += len(robots)
+                else:
+                    sets.append(len(robots))
         name, each = "conservation", np.arange(len(self._arcs))
         program.add_rows(name, units, clarabel.ZeroConeT)
         program.put(name, "flow", np.array(leaving), each, np.ones(len(each)))
         arcs = np.array(inner, dtype=np.int64)
         program.put(name, "flow", entering, arcs, -np.ones(len(inner)))
+        if self._choices:
+            ends = [nodes[choice.class_number, 0, choice.state] for choice in self._choices]
+            which = np.unique([choice[:2] for choice in self._choices], axis=0, return_inverse=True)
+            each = np.arange(len(ends))
+            program.put(name, "choices", np.array(ends), each, -np.ones(len(ends)))
+            program.add_rows("starts", np.array(sets, dtype=np.float64), clarabel.ZeroConeT)
+            program.put("starts", "choices", which[1].ravel(), each, np.ones(len(ends)))
 
     def _add_resources(self, program: _ConicProgram) -> None:
         """Adds rows sign * (flow on the arcs that use a resource) - slack <= limit."""

@@ -130,7 +130,7 @@ class ArcSearch:
     def _best_path(self, robot: int) -> Path | None:
         """Returns a robot's best path over the arcs, beside all that are in sight."""
         graph = self._graphs[self.columns[robot].along.class_number]
-        return graph.best_path(self._model.start(robot), self._seen)
+        return graph.best_path(self._model.starts(robot), self._seen)
 
     def _gain(self, column: Column) -> float:
         """Returns the gain of a column beside the pixels that are seen."""
@@ -245,18 +245,19 @@ class _ArcGraph:
         np.add.at(self._closed_nodes, nodes_of, times)
         np.add.at(self._closed_arcs, arcs_of, times)
 
-    def best_path(self, start: int, pixels: FloatArray) -> Path | None:
-        """Returns the path of the largest marginal gain from a start; None where none is open.
+    def best_path(self, starts: IntArray, pixels: FloatArray) -> Path | None:
+        """Returns the path of the largest marginal gain from any start; None where none is open.
 
         Parameters
         ----------
         pixels : [Z] px/m2 that the other robots have in every view sum
         """
         values = self._values(pixels)
-        at = int(np.searchsorted(self._states[0], start))
+        open_ = np.flatnonzero(np.isin(self._states[0], starts))
+        at = int(open_[np.argmax(values[0][1][open_])])
         if values[0][1][at] == CLOSED:
             return None
-        path = [start]
+        path = [int(self._states[0][at])]
         for t in range(self._horizon):
             first, end = np.searchsorted(self._tails[t], [at, at + 1])
             at = int(self._heads[t][first + np.argmax(values[t][0][first:end])])

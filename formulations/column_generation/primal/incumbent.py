@@ -81,8 +81,14 @@ def _integral_paths(model: Model, mixture: Mixture) -> list[Path] | None:
     for column, amount in mixture.used():
         for arc in column.arcs:
             flow[arc] += amount
-    paths: list[list[int]] = [[model.start(i)] for i in range(len(model.problem.robots))]
+    paths: list[list[int]] = [[] for _ in model.problem.robots]
     for number, robot_class in enumerate(model.classes):
+        places = [dict.fromkeys(starts.tolist(), 0.0) for starts in robot_class.starts]
+        starts = Flow.assigned_heads(places, heads[number, 0], _NO_MOVE)
+        if starts is None:
+            return None
+        for robot, start in zip(robot_class.robots, starts, strict=True):
+            paths[robot].append(start)
         for t in range(model.problem.horizon):
             tails = [paths[robot][-1] for robot in robot_class.robots]
             ends = heads[number, t + 1]

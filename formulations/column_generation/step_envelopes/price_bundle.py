@@ -31,7 +31,7 @@ from cocap_opt.formulations.column_generation.parameters import BundleParameters
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.solvers import solve_cones
 from cocap_opt.graph.move_rewards import Bonuses
-from cocap_opt.graph.value_iteration import backward_sweep, best_path
+from cocap_opt.graph.value_iteration import backward_sweep, best_path, best_start
 from cocap_opt.mixtures.columns import Arc
 from cocap_opt.model import Path
 from cocap_opt.stop import Stop
@@ -40,6 +40,7 @@ CLEARLY = 1e-9  # of the bound, by which a height is above a constant
 _ACCURACY = 1e-9  # relative, of the solver
 
 _Place = tuple[int, int, int]  # class number, step, state number
+_StartSet = tuple[int, int]  # class and number of a set of starts among which robots choose
 _Gains = Mapping[tuple[_Place, _Place], float]  # of known moves: rewards less charges, no prices
 _Height = tuple[int, tuple[int, ...], float]  # step, positions among all prices, and worth
 _Entry = tuple[int, float]  # column and coefficient; those of one column add up
@@ -47,11 +48,15 @@ _MasterRow = tuple[Sequence[_Entry], float]  # entries, and the most that they m
 
 
 class _Columns(NamedTuple):
-    """The columns of a master problem: constants first, then the prices in use, then potentials."""
+    """The columns of a master problem: constants first, then the prices in use, then potentials.
+
+    Those of sets of starts come last.
+    """
 
     constant_of: Mapping[int, int]  # by step
     price_of: Mapping[int, int]  # by position among all prices, increasing
     node_of: Mapping[_Place, int]  # potential by place
+    set_of: Mapping[_StartSet, int]  # potential by set of starts
 
     @property
     def prices(self) -> slice:
@@ -62,7 +67,8 @@ class _Columns(NamedTuple):
     @property
     def size(self) -> int:
         """The number of columns."""
-        return len(self.constant_of) + len(self.price_of) + len(self.node_of)
+        potentials = len(self.node_of) + len(self.set_of)
+        return len(self.constant_of) + len(self.price_of) + potentials
 
 
 class _StepSolution(NamedTuple):
@@ -124,11 +130,14 @@ class PriceBundle:
         constants = {t: float(narrowing.constants[t]) for t in joints}
         paths = self.best_paths(self.centre, {})[0]
         self.rest = narrowing.bound - exact_sum(constants.values()) - paths
-        self._starts = Counter(
-            (number, 0, start)
-            for number, robot_class in enumerate(self._model.classes)
-            for start in robot_class.starts
-        )
+        self._starts = Counter[_Place]()  # fixed ones
+        self._start_sets: dict[_StartSet, tuple[set[int], int]] = {}
+        for number, robot_class in enumerate(self._model.classes):
+            for k, (starts, robots) in enumerate(robot_class.start_sets):
+                if len(starts) == 1:
+                    self._starts[number, 0, int(starts[0])] += len(robots)
+                else:
+                    self._start_sets[number, k] = set(starts.tolist()), len(robots)
         self._best, self._prices = np.inf, self.centre
         self.constants: Mapping[int, float] = {}
         self.flow: dict[Arc, float] = {}
@@ -211,6 +220,7 @@ class PriceBundle:
         matrix, rhs = _assembled([
             *self._arc_rows(arcs, columns),  # first, so that their multipliers are the flow
             *self._end_rows(columns),
+            *self._start_rows(columns),
             *self._height_rows(heights, columns),
             *self._ceiling_rows(columns),
         ], columns.size)  # fmt: skip
@@ -243,6 +253,7 @@ class PriceBundle:
             {t: k for k, t in enumerate(steps)},
             {position: first + k for k, position in enumerate(sorted(used))},
             {place: end + k for k, place in enumerate(places)},
+            {key: end + len(places) + k for k, key in enumerate(self._start_sets)},
         )
 
     def _bound_of(self, columns: _Columns) -> FloatArray:
@@ -251,6 +262,8 @@ class PriceBundle:
         bound[: len(columns.constant_of)] = 1.0
         for place, robots in self._starts.items():
             bound[columns.node_of[place]] += robots
+        for start_set, (_, robots) in self._start_sets.items():
+            bound[columns.set_of[start_set]] += robots
         return bound
 
     def _price_at(self, place: _Place, columns: _Columns) -> tuple[list[_Entry], float]:
@@ -277,6 +290,13 @@ class PriceBundle:
             if place[1] == last:
                 price, constant = self._price_at(place, columns)
                 yield [(node, -1.0), *price], -constant
+
+    def _start_rows(self, columns: _Columns) -> Iterator[_MasterRow]:
+        """Yields the rows of sets of starts: their potential is at least that of each start."""
+        for (number, k), column in columns.set_of.items():
+            for (of_class, t, state), node in columns.node_of.items():
+                if (of_class, t) == (number, 0) and state in self._start_sets[number, k][0]:
+                    yield [(column, -1.0), (node, 1.0)], 0.0
 
     def _height_rows(self, heights: Sequence[_Height], columns: _Columns) -> Iterator[_MasterRow]:
         """Yields a row for each joint state: its step's constant is at least worth less prices."""
@@ -352,7 +372,8 @@ class PriceBundle:
             value = backward_sweep(
                 robot_class.graph, reward, self._bonuses, charges, robot_class.goal, self._stop
             )
-            for start in robot_class.starts:
+            for starts in robot_class.starts:
+                start = best_start(value[0], starts)
                 total += float(value[0, start])
                 path = best_path(robot_class.graph, value, start, self._bonuses, charges)
                 if path is not None:

@@ -68,7 +68,7 @@ def _differences(
     model, renderer = Model(problem), Renderer(problem, _THEIR_STEP)
     robot, robot_class = problem.robots[0], model.class_of[0]
     graph = robot_class.graph
-    reached = graph.reachable([model.start(0)], problem.horizon)
+    reached = graph.reachable(model.starts(0), problem.horizon)
     near = (key for key in theirs if graph.window.covers(key[1].x, key[1].y))
     known = [key for key in near if reached[key[0], graph.index(key[1])]]
     if not known:

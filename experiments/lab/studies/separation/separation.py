@@ -17,7 +17,7 @@ from cocap_opt.experiments.lab.studies.separation.tables import separation_in_ma
 from cocap_opt.files.documents import FileError
 from cocap_opt.output.printing import Listing, print_texts
 from cocap_opt.planners import RECOMMENDED
-from cocap_opt.problem import CollisionRules, Problem, Robot
+from cocap_opt.problem import CollisionRules, Problem, Robot, State
 from cocap_opt.run.engine import BOUND_METHOD
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios import load_scene
@@ -144,27 +144,24 @@ def built(scene: str, seed: int, apart: float, widest: float) -> Problem:
 
 def _spread(problem: Problem, apart: float) -> tuple[Robot, ...]:
     """Returns the robots with starts that are so far apart (m)."""
-    rules, placed = CollisionRules(separation=apart), list[Robot]()
-    for number, robot in enumerate(problem.robots):
-        start, free = robot.start, robot.motion.free_places(problem.workspace)[robot.start.layer]
+    rules, placed = CollisionRules(separation=apart), list[tuple[Robot, State]]()
+    for number, (robot, start) in enumerate(zip(problem.robots, problem.first_starts, strict=True)):
+        free = robot.motion.free_places(problem.workspace)[start.layer]
         cells = np.argwhere(free)
         far = np.hypot(*(cells - [start.x, start.y]).T)
         for x, y in cells[np.argsort(far, kind="stable")].tolist():
             moved = start._replace(x=x, y=y)
-            taken = ((earlier, earlier.motion.layers[earlier.start.layer]) for earlier in placed)
+            here = x, y, robot.motion.layers[start.layer]
             ways = [
-                problem.height_map.way(
-                    (x, y, robot.motion.layers[start.layer]),
-                    (earlier.start.x, earlier.start.y, height),
-                )
-                for earlier, height in taken
+                problem.height_map.way(here, (at.x, at.y, other.motion.layers[at.layer]))
+                for other, at in placed
             ]
             if not any(bool(rules.too_near(np.array(way))) for way in ways):
-                placed.append(robot.replace(start=moved))
+                placed.append((robot.replace(start=moved), moved))
                 break
         else:
             raise FileError(
                 f"{problem.name}: no free cell for drone {number} to start in that is {apart:g} m "
                 "from the drones before it; take smaller separations"
             )
-    return tuple(placed)
+    return tuple(robot for robot, _ in placed)
