@@ -332,7 +332,7 @@ class _ConeProgram:
         )
 
     def _fix_start(self, alpha: FloatArray, beta: FloatArray) -> None:
-        """Makes the tangents exact at step 0, where it counts, if starts are fixed: all is given."""
+        """Makes the tangents exact at step 0, where it counts, if all that is seen is given."""
         roots = self.roots
         if self.flow.is_source.any():
             return

@@ -18,7 +18,7 @@ has the bounds of that for the most profitable joint state (`search`), and takes
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -105,6 +105,14 @@ class _Choices(NamedTuple):
             n_lists, n_states = n_lists + len(heads), n_states + len(every)
         first = np.cumsum(np.concatenate([[0], *(sizes[robot] for robot in robots.tolist())]))
         return cls(robots, states, first, np.concatenate(positions), lists)
+
+    @classmethod
+    def of_lists(cls, states: Sequence[IntArray]) -> Self:
+        """Returns the choices from nowhere: of each robot's states, the same for all."""
+        robots = np.argsort([*map(len, states)], kind="stable")
+        ordered = [states[robot] for robot in robots.tolist()]
+        first = np.cumsum([0, *map(len, ordered)])
+        return cls(robots, ordered, first, np.arange(first[-1]), np.arange(len(states))[None])
 
     def of_tail(self, tail: int) -> IntArray:
         """Returns the positions of the states to which robots can move from a joint state."""
@@ -230,10 +238,11 @@ class _Reached(NamedTuple):
     placed: IntArray  # [L, R] number of each robot's state
     before: IntArray  # [L] number of the joint state of the step before
 
-    @property
-    def nothing(self) -> "_Reached":
-        """No joint state of so many robots."""
-        return _Reached(self.values[:0], self.placed[:0], self.before[:0])
+    @classmethod
+    def nobody(cls, robots: int) -> Self:
+        """Returns no joint state of so many robots."""
+        nothing = np.zeros((0, robots), dtype=np.int64)
+        return cls(np.zeros(0), nothing, np.zeros(0, dtype=np.int64))
 
 
 def best_plan(
@@ -259,8 +268,8 @@ def best_plan(
         raise ValueError("joint paths: moves are rewarded, or views do not count at step 1")
     team = _Team(narrowing)
     following = _Following(most_nodes, plain)
-    reached = [team.starts()]
-    for t in range(1, narrowing.model.problem.horizon + 1):
+    reached = team.begun(following, stop)
+    for t in range(len(reached), narrowing.model.problem.horizon + 1):
         if not len(reached[-1].values):
             break
         reached.append(team.after(t, reached[-1], following, stop))
@@ -290,56 +299,82 @@ class _Team:
         # What is worth no more than the target at the end need not be followed.
         self.matters = narrowing.target - 2 * narrowing.rounding
 
-    def starts(self) -> _Reached:
-        """Returns where robots may start together, among the states that are left.
+    def begun(self, following: _Following, stop: Stop) -> "list[_Reached]":
+        """Returns the joint states reached at step 0; where starts are chosen, at step 1, too.
+
+        Of starts there are too many joint states, unless views count there. So those of step 1
+        come first, and then for each of them starts that lead to it.
 
         Raises
         ------
-        NotEndedError
-            If there are too many choices of starts.
+        NotEndedError, LimitReached
+            As `after` does.
         """
-        numbers, left = self._numbers.tolist(), self._narrowing.left
-        open_ = [
-            starts[left[number][0, starts]]
-            for number, starts in zip(
-                numbers, map(self._model.starts, range(len(numbers))), strict=True
-            )
+        problem, numbers = self._model.problem, self._numbers.tolist()
+        starts = [
+            states[self._narrowing.left[number][0, states]]
+            for number, states in zip(numbers, self._starts, strict=True)
         ]
-        at = self._positions_apart(open_)
-        values, before = np.zeros(len(at)), np.zeros(len(at), dtype=np.int64)
-        firsts = np.cumsum([0, *map(len, open_)])[:-1]
-        if len(at) and self._model.problem.first_step == 0:
-            joint = self._apart(numbers, 0, open_)
-            values[:] = [joint.worth((firsts + row).tolist()) for row in at]
-        placed = np.column_stack(
-            [starts[column] for starts, column in zip(open_, at.T, strict=True)]
+        if not all(map(len, starts)):
+            return [_Reached.nobody(len(numbers))]
+        if not problem.has_free_starts:
+            return [self._fixed(starts)]
+        if problem.first_step == 0:
+            return [self._best(self._chosen(0, starts, following, stop))]
+        if sum(map(len, starts)) > MOST_CHOICES:
+            raise NotEndedError
+        ways = _StartWays(self._model, self._numbers, starts)
+        heads = [
+            np.flatnonzero(self._narrowing.left[number][1] & ways.reached(robot))
+            for robot, number in enumerate(numbers)
+        ]
+        if not all(map(len, heads)):
+            return [_Reached.nobody(len(numbers))]
+        found = [ways.with_starts(part) for part in self._chosen(1, heads, following, stop)]
+        placed = np.concatenate([tails for tails, _ in found])
+        number = np.cumsum([0, *(len(tails) for tails, _ in found)])[:-1]
+        after = self._best(
+            part._replace(before=first + np.arange(len(part.values)))
+            for first, (_, part) in zip(number.tolist(), found, strict=True)
         )
-        return self._best([_Reached(values, placed, before)])
+        nothing = np.zeros(len(placed), dtype=np.int64)
+        return [_Reached(np.zeros(len(placed)), placed, nothing), after]
 
-    def _positions_apart(self, starts: Sequence[IntArray]) -> IntArray:
-        """Returns the choices [L, R] of one of the starts of each robot that keep the rules.
+    @property
+    def _starts(self) -> list[IntArray]:
+        return [self._model.starts(robot) for robot in range(len(self._numbers))]
 
-        Raises
-        ------
-        NotEndedError
-            If there are too many.
+    def _fixed(self, starts: Sequence[IntArray]) -> "_Reached":
+        """Returns the joint state of fixed starts."""
+        values = np.zeros(1)
+        if self._model.problem.first_step == 0:
+            joint = self._apart(self._numbers.tolist(), 0, starts)
+            values[0] = joint.worth(range(len(self._numbers)))
+        return _Reached(values, np.column_stack(starts), np.zeros(1, dtype=np.int64))
+
+    def _chosen(
+        self, t: int, states: Sequence[IntArray], following: _Following, stop: Stop
+    ) -> "list[_Reached]":
+        """Returns the joint states of a step that are worth enough, however they are reached.
+
+        Parameters
+        ----------
+        states : [R] of each robot, those in which it may be
         """
-        classes = [self._model.classes[number] for number in self._numbers.tolist()]
-        places = [
-            at % robot_class.graph.n_places for at, robot_class in zip(starts, classes, strict=True)
-        ]
-        chosen = np.zeros((1, 0), dtype=np.int64)
-        for robot, of_robot in enumerate(places):
-            if len(chosen) * len(of_robot) > MOST_REACHED:
+        choices = _Choices.of_lists(states)
+        if sum(map(len, choices.states)) > MOST_CHOICES:
+            raise NotEndedError
+        numbers = self._numbers[choices.robots].tolist()
+        joint = self._apart(numbers, t, choices.states)
+        floors = np.array([self.matters - self._rest(t)])
+        found = [_Reached.nobody(len(numbers))]
+        for tails, heads in following.found(joint, choices, floors, stop):
+            placed = np.empty_like(heads)
+            placed[:, choices.robots] = joint.states[heads]
+            found.append(_Reached(joint.worths(heads), placed, tails))
+            if sum(len(part.values) for part in found) > MOST_REACHED:
                 raise NotEndedError
-            able = np.ones((len(chosen), len(of_robot)), dtype=np.bool_)
-            for other in range(robot):
-                pair, both = (classes[other], classes[robot]), (places[other], of_robot)
-                near = self._model.places.conflict_matrix(pair, both)
-                able &= ~near[chosen[:, other]]
-            rows, columns = np.nonzero(able)
-            chosen = np.column_stack([chosen[rows], columns])
-        return chosen
+        return found
 
     def after(self, t: int, before: _Reached, following: _Following, stop: Stop) -> _Reached:
         """Returns the joint states reached at a step from the one before, the best first.
@@ -361,7 +396,7 @@ class _Team:
         numbers = self._numbers[choices.robots].tolist()
         joint = self._apart(numbers, t, choices.states)
         floors = self.matters - self._rest(t) - before.values
-        reached, waiting = before.nothing, []
+        reached, waiting = _Reached.nobody(len(self._numbers)), []
         for tails, heads in following.found(joint, choices, floors, stop):
             waiting.append(self._reached(joint, choices.robots, before, tails, heads))
             if sum(len(part.values) for part in waiting) > MOST_REACHED:
@@ -458,6 +493,81 @@ class _Team:
         kept = order[is_first]
         kept = kept[np.argsort(-values[kept], kind="stable")]
         return _Reached(values[kept], placed[kept], before[kept])
+
+
+class _StartWays:
+    """The ways of robots that choose their start to where they are at step 1.
+
+    Parameters
+    ----------
+    starts : [R] of each robot, the states that are left to it at step 0
+    """
+
+    def __init__(self, model: Model, numbers: IntArray, starts: Sequence[IntArray]) -> None:
+        self._rules = model.problem.rules
+        classes = [model.classes[number] for number in numbers.tolist()]
+        self._graphs = [robot_class.graph for robot_class in classes]
+        self._where = [model.places.positions[number] for number in numbers.tolist()]
+        self._tails: list[dict[int, list[int]]] = []  # of each robot by the state at step 1
+        self._able: dict[tuple[int, ...], BoolArray] = {}
+        known: dict[tuple[int, bytes], dict[int, list[int]]] = {}
+        for number, graph, states in zip(numbers.tolist(), self._graphs, starts, strict=True):
+            key = number, states.tobytes()
+            if key not in known:
+                known[key] = _tails_of(graph, states)
+            self._tails.append(known[key])
+
+    def reached(self, robot: int) -> BoolArray:
+        """Returns the states [S] of step 1 to which a robot can come."""
+        found = np.zeros(self._graphs[robot].n_states, dtype=np.bool_)
+        found[list(self._tails[robot])] = True
+        return found
+
+    def with_starts(self, reached: _Reached) -> tuple[IntArray, _Reached]:
+        """Returns those joint states of step 1 that have starts without conflict, and these."""
+        tails = [self._starts_of(heads) for heads in reached.placed.tolist()]
+        kept = [row for row, found in enumerate(tails) if found]
+        placed = np.array([tails[row] for row in kept], dtype=np.int64)
+        able = _Reached(reached.values[kept], reached.placed[kept], reached.before[kept])
+        return placed.reshape(len(kept), len(self._tails)), able
+
+    def _starts_of(self, heads: list[int], chosen: tuple[int, ...] = ()) -> list[int]:
+        """Returns starts of all robots that lead to states at step 1, those chosen first.
+
+        There are none in the result if there are none.
+        """
+        robot = len(chosen)
+        if robot == len(heads):
+            both = zip(self._tails, heads, chosen, strict=True)
+            return [tails[head][which] for tails, head, which in both]
+        for which in range(len(self._tails[robot][heads[robot]])):
+            pairs = enumerate(chosen)
+            if all(self._may_start(k, heads[k], robot, heads[robot])[at, which] for k, at in pairs):
+                found = self._starts_of(heads, (*chosen, which))
+                if found:
+                    return found
+        return []
+
+    def _may_start(self, first: int, head: int, second: int, other_head: int) -> BoolArray:
+        """Returns an array [n, m], true where two robots' ways from their starts keep the rules."""
+        key = first, head, second, other_head
+        if key not in self._able:
+            ways = []
+            for robot, end, axis in ((first, head, 1), (second, other_head, 0)):
+                n_places, where = self._graphs[robot].n_places, self._where[robot]
+                tails = np.array(self._tails[robot][end]) % n_places
+                ways.append((np.expand_dims(where[tails], axis), where[end % n_places]))
+            self._able[key] = ~self._rules.moves_conflict(*ways)
+        return self._able[key]
+
+
+def _tails_of(graph: TimeGraph, starts: IntArray) -> dict[int, list[int]]:
+    """Returns the starts that lead to each state of step 1, one for each place."""
+    found: dict[int, dict[int, int]] = {}
+    for start in starts.tolist():
+        for head in graph.successors(0, start).tolist():
+            found.setdefault(head, {}).setdefault(start % graph.n_places, start)
+    return {head: [*by_place.values()] for head, by_place in found.items()}
 
 
 def _paths(reached: list[_Reached]) -> tuple[Path, ...]:
