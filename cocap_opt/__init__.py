@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from cocap_opt.api.measuring import gap
     from cocap_opt.api.methods import bound, plan, solve
     from cocap_opt.api.showing import show
-    from cocap_opt.api.variants import with_views
+    from cocap_opt.api.variants import with_starts, with_views
     from cocap_opt.console.versions import show_versions
     from cocap_opt.data import ProblemError
     from cocap_opt.files.documents import FileError
@@ -59,6 +59,8 @@ if TYPE_CHECKING:
         Prism,
         Problem,
         Robot,
+        StartArea,
+        StartStates,
         State,
         SwapConflict,
         TriangulatedCuboid,
@@ -95,7 +97,7 @@ _MODULES = {
     "cocap_opt.api.measuring": ("gap",),
     "cocap_opt.api.methods": ("bound", "plan", "solve"),
     "cocap_opt.api.showing": ("show",),
-    "cocap_opt.api.variants": ("with_views",),
+    "cocap_opt.api.variants": ("with_starts", "with_views"),
     "cocap_opt.console.versions": ("show_versions",),
     "cocap_opt.player.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),
@@ -109,8 +111,8 @@ _MODULES = {
     "cocap_opt.problem": (
         "COVERAGE_VERSION", "NO_RULES", "VERTEX_ONLY", "Actor", "Airspace", "Camera",
         "CollisionRules", "Cone", "Cuboid", "Earth", "Limits", "Motion", "Objective",
-        "PassConflict", "Plan", "Prism", "Problem", "Robot", "State", "SwapConflict",
-        "TriangulatedCuboid", "VertexConflict", "Views",
+        "PassConflict", "Plan", "Prism", "Problem", "Robot", "StartArea", "StartStates", "State",
+        "SwapConflict", "TriangulatedCuboid", "VertexConflict", "Views",
     ),
     "cocap_opt.result": ("Reason", "Result", "UnsupportedError"),
     "cocap_opt.scenarios": ("FORMATS", "SCENES"),
@@ -126,12 +128,12 @@ __all__ = [
     "CertifiedResult", "CollisionRules", "Cone", "Cuboid", "Earth", "FileError", "FirstOf",
     "Front", "HeightMap", "Limit", "Limits", "Mesh", "Motion", "Objective", "PassConflict",
     "Plan", "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Quality",
-    "QualityBound", "Reason", "RefereeError", "Result", "Robot", "Snapshot", "State", "Stop",
-    "SwapConflict", "TimeLimit", "TriangulatedCuboid", "UnsupportedError", "Verdict", "Verified",
+    "QualityBound", "Reason", "RefereeError", "Result", "Robot", "Snapshot", "StartArea",
+    "StartStates", "State", "Stop", "SwapConflict", "TimeLimit", "TriangulatedCuboid", "UnsupportedError", "Verdict", "Verified",
     "VertexConflict", "Views", "WorkLimit",
     "bound", "check", "coverage", "coverage_digest", "explain", "front", "gap", "load", "never",
     "plan", "quality", "quality_bound", "read", "replans", "robustness", "save", "show",
-    "show_versions", "solve", "trajectory", "verify", "with_views",
+    "show_versions", "solve", "trajectory", "verify", "with_starts", "with_views",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # or any misspelt name would be one for type checkers

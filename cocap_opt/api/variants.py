@@ -7,6 +7,8 @@ import numpy as np
 
 from cocap_opt.api.arguments import require, require_number, require_problem
 from cocap_opt.problem import Problem
+from cocap_opt.run import start_sets
+from cocap_opt.run.options import Option
 from cocap_opt.vision import default_weights
 
 
@@ -61,6 +63,49 @@ def with_views(
         require_number(share, "share")
     given = weight if isinstance(weight, str) else _numbers(weight)
     return default_weights.with_views(problem, cameras, given, at_least, share)
+
+
+def with_starts(
+    problem: Problem, starts: Literal["free", "random", "greedy"] = "free", seed: int = 0
+) -> Problem:
+    """Let drones start elsewhere: wherever it is best, at random, or as they choose in turn.
+
+    Start sets decide more than planners do. From fixed starts a bound says nothing about others;
+    with free starts it holds for all of them.
+
+    Parameters
+    ----------
+    problem : the problem; drones that choose their start already, among states or in an area, keep
+        that choice, and the others may start in every free state
+    starts : "free": planners choose; "random": fixed ones, drawn from the choices so that they keep
+        the rules; "greedy": fixed ones, each taken by one drone after the other for the best path
+        beside those before it, as `sequential` plans it
+    seed : of random starts
+
+    Returns
+    -------
+    Problem
+        The problem with other starts, whose name says so.
+
+    Raises
+    ------
+    ProblemError
+        If no such starts are found.
+
+    Examples
+    --------
+    >>> best = co.solve(co.with_starts(problem), time_limit=60)
+    >>> [path[0] for path in best.plan.paths]
+    """
+    require_problem(problem)
+    require(starts, "starts", "free, random or greedy", str)
+    if starts not in start_sets.KINDS:
+        raise ValueError(f"starts: must be free, random or greedy, not {starts!r}")
+    if starts == start_sets.RANDOM:
+        return start_sets.with_random_starts(problem, Option("seed").require_whole(seed))
+    if starts == start_sets.GREEDY:
+        return start_sets.with_greedy_starts(problem)
+    return start_sets.with_free_starts(problem)
 
 
 def _numbers(weight: float | Sequence[float] | None) -> float | tuple[float, ...] | None:

@@ -20,9 +20,11 @@ from cocap_opt.cli.options import (
 from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
+from cocap_opt.experiments.sweeps.start_choices import CHOICES, StartChoices
 from cocap_opt.experiments.sweeps.sweep import Hired, sweep
 from cocap_opt.experiments.tables.gap_table import print_gap_table
 from cocap_opt.experiments.tables.rows import GapRow
+from cocap_opt.experiments.tables.start_sets import print_start_sets
 from cocap_opt.files.documents import FileError, PlanFile, problem_digest
 from cocap_opt.output.files import PlanReader
 from cocap_opt.output.printing import print_result
@@ -217,6 +219,15 @@ def _gap(
             "that it was made for",
         ),
     ] = None,
+    starts: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="",
+            show_default=False,
+            help=f"may be repeated; where drones start: {', '.join(CHOICES)}; each choice is a "
+            "scene of its own, and a last table compares them",
+        ),
+    ] = None,
     workforce: _Workforce = _HERE,
     retry: Annotated[
         bool,
@@ -242,7 +253,10 @@ def _gap(
         raise UsageError("--retry: name the folder with --out; without one nothing is kept")
     hired = workforce.hired(settings)
     scenes = _scenes(scene, Option("--seeds").numbers(seeds))
-    others = GivenPlans.read(plan or [], scenes.problems)
+    if plan and starts:
+        raise UsageError("--plan: is for the starts of the scene; leave --starts out")
+    choices = StartChoices.of(scenes.problems, starts or [])
+    others = GivenPlans.read(plan or [], choices.problems)
     instances = [
         Instance(
             problem, 0 if others.own_starts else seed, planner,
@@ -256,6 +270,7 @@ def _gap(
         print_result({"rows": rows}, json)
     else:
         print_gap_table(rows)
+        print_start_sets(choices.groups, rows)
     return 1 if any(row.has_error for row in rows) else 0
 
 

@@ -120,8 +120,7 @@ class Flight(NamedTuple):
         height_map = problem.height_map
         if height_map.knows_ground:
             columns["above_ground"] = z - height_map.ground[height_map.cells_below(found.place)]
-        starts = [height_map.heights[s.x, s.y] for s in problem.first_starts]
-        columns["above_takeoff"] = z - np.array(starts)[found.drone]
+        columns["above_takeoff"] = z - height_map.heights[self.flown.start_cells][found.drone]
         if self.geodesy is not None:
             columns["latitude"], columns["longitude"] = self.geodesy.degrees(x, y)
         if problem.earth is not None and problem.earth.heights is not None:

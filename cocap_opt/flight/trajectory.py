@@ -100,6 +100,11 @@ class Trajectory:
         """Coefficients [R, N, 5, 4] of their rates of change."""
         return read_only(derivative(self.velocities) / self.piece_seconds)
 
+    @property
+    def start_cells(self) -> tuple[IntArray, IntArray]:
+        """The cells x [R], y [R] below the drones at step 0."""
+        return self.problem.height_map.cells_below(self.at(np.zeros(1)).place)
+
     def at(self, times: FloatArray) -> Samples:
         """Returns where all drones are at times [n], s since step 0."""
         robots, count = self.pieces.shape[:2]

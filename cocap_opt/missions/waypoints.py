@@ -211,9 +211,8 @@ def _ceiling(flight: Flight, autopilot: Autopilot) -> Iterator[str]:
     if ceiling is None:
         return
     altitude, surface = problem.height_map.altitude, problem.height_map.heights
-    least = min(
-        altitude(s.x, s.y, ceiling) - float(surface[s.x, s.y]) for s in problem.first_starts
-    )
+    starts = zip(*flight.flown.start_cells, strict=True)
+    least = min(altitude(x, y, ceiling) - float(surface[x, y]) for x, y in starts)
     yield (
         f"the ceiling, {ceiling:g} m {over_datum(problem)}, is not in these files: set "
         f"{autopilot.ceiling} of {autopilot.title}, which is above the take-off, to {least:.4g} m "

@@ -137,8 +137,8 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         """
         if not self.has_free_starts:
             return tuple(states[0] for states in self.starts)
-        chosen = self._places_apart([self._with_hovering(i) for i in range(len(self.robots))])
-        chosen = chosen or self._places_apart(self.starts)
+        chosen = self.starts_apart([self._with_hovering(i) for i in range(len(self.robots))])
+        chosen = chosen or self.starts_apart(self.starts)
         field, rules = "robots", f"a start for every drone that keeps the rules {self.rules}"
         require(chosen is not None, field, f"must have {rules}; there is no such choice")
         assert chosen is not None
@@ -150,8 +150,15 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         open_ = tuple(state for state in self.starts[i] if self.may_hover(i, state))
         return open_ or self.starts[i]
 
-    def _places_apart(self, starts: Sequence[Sequence[State]]) -> tuple[State, ...] | None:
-        """Returns a start of each robot; None where there is no choice, () if none is found."""
+    def starts_apart(self, starts: Sequence[Sequence[State]]) -> tuple[State, ...] | None:
+        """Returns a state of each robot, the first that are found to keep the rules.
+
+        None where there is no such choice, () if none is found.
+
+        Parameters
+        ----------
+        starts : the states of each robot, those first that are tried first
+        """
         states_of = []  # the first state in each cell
         for i, states in enumerate(starts):
             by_cell: dict[Cell, State] = {}

@@ -291,8 +291,10 @@ def _names(recipe: Recipe) -> Iterator[tuple[str, str]]:
     """Yields the names of each drone's table and start."""
     for k, given in enumerate(recipe.drones):
         table = f"drones[{k}]"
-        yield from ((table, f"{table}.starts[{n}]") for n in range(len(given.starts or ())))
-        yield from ((table, table) for _ in range(given.count or 0))
+        stated = len(given.stated)
+        yield from ((table, f"{table}.starts[{n}]") for n in range(stated))
+        area = f"{table}.starts" if given.starts is not None and not stated else table
+        yield from ((table, area) for _ in range(given.count or 0))
 
 
 def decoded(path: Path) -> Recipe:

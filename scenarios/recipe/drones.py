@@ -3,21 +3,33 @@
 import logging
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
+import shapely
 from msgspec import Meta
+from shapely import Polygon
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.graph.encounters import NEAR, Encounters
 from cocap_opt.graph.motion import Window
 from cocap_opt.plausibility import buried
-from cocap_opt.problem import Actor, Airspace, Camera, CollisionRules, Limits, Motion, Robot, State
+from cocap_opt.problem import (
+    Actor,
+    Airspace,
+    Camera,
+    CollisionRules,
+    Limits,
+    Motion,
+    Robot,
+    StartArea,
+    State,
+)
 from cocap_opt.scenarios.hardware import AIRFRAMES, CAMERAS
 from cocap_opt.scenarios.recipe.people import IMPOSSIBLE
-from cocap_opt.scenarios.tables import Coordinate, Count, Heading, Length, Table
-from cocap_opt.scenarios.text import rectangle
+from cocap_opt.scenarios.tables import Coordinate, Count, Heading, Length, Point, Table
+from cocap_opt.scenarios.text import naming, rectangle
 from cocap_opt.text import meant
 from cocap_opt.world.workspace import HeightMap, Workspace
 
@@ -56,6 +68,58 @@ class _StartTable(Table):
     heading: Heading = 0.0
 
 
+class _AreaTable(Table):
+    """The area in which drones may start, wherever it is best: metres, and degrees from +x."""
+
+    area: Literal["anywhere"] | list[Point]
+    heights: tuple[Coordinate, ...] | None = None  # some of the layers; None: all
+    headings: tuple[Heading, ...] | None = None  # None: all
+
+    def starts(self, motion: Motion, height_map: HeightMap) -> StartArea:
+        """Returns the area of the cells whose middles lie in the polygon.
+
+        Raises
+        ------
+        ProblemError
+            If it is no polygon, no cell's middle lies in it, or drones have no such layer or
+            heading.
+        """
+        cells = None
+        if self.area != "anywhere":
+            with naming("area"):
+                cells = _cells_in(self.area, height_map)
+        layers = (
+            None if self.heights is None else [_layer(h, motion, "heights") for h in self.heights]
+        )
+        headings = None
+        if self.headings is not None:
+            headings = [_stated_heading(h, motion, "headings") for h in self.headings]
+        return StartArea(
+            cells=cells,
+            layers=None if layers is None else tuple(sorted(set(layers))),
+            headings=None if headings is None else tuple(sorted(set(headings))),
+        )
+
+
+def _cells_in(corners: Sequence[Point], height_map: HeightMap) -> tuple[tuple[int, int], ...]:
+    """Returns the cells whose middles lie in a polygon or on its edge."""
+    if len(corners) < 3:
+        raise ProblemError(f"must have at least 3 corners, not {len(corners)}")
+    polygon = Polygon(corners)
+    if not polygon.is_valid:
+        raise ProblemError("must be a polygon that does not cross itself")
+    width, depth = height_map.shape
+    cells = np.stack(np.meshgrid(np.arange(width), np.arange(depth), indexing="ij"), axis=-1)
+    middles = np.array(height_map.origin) + (cells + 0.5) * height_map.resolution
+    inside = shapely.intersects_xy(polygon, middles[..., 0], middles[..., 1])
+    if not inside.any():
+        raise ProblemError(
+            f"must have the middle of a cell of {height_map.resolution:g} m in it; the map is "
+            f"{rectangle(*height_map.ends)}"
+        )
+    return tuple((int(x), int(y)) for x, y in np.argwhere(inside))
+
+
 class _LimitsTable(Table):
     """The limits of a drone, of which those that are given take the place of the airframe's."""
 
@@ -82,7 +146,7 @@ class DronesTable(Table):
 
     count: Count | None = None
     near: Length | None = None
-    starts: Annotated[tuple[_StartTable, ...], Meta(min_length=1)] | None = None
+    starts: Annotated[tuple[_StartTable, ...], Meta(min_length=1)] | _AreaTable | None = None
     camera: str = "greedy-perspectives"
     tilts: tuple[float, ...] = (10.0,)  # degrees below the horizon
     motion: Motion = Motion()
@@ -94,23 +158,29 @@ class DronesTable(Table):
     ) -> list[Robot]:
         """Returns a team with the drones of this table added.
 
-        Drones without a stated start are put into random free cells of their lowest layer, apart
-        from the rest of the team, from which they can come near somebody, and look at the actor
-        that is nearest to them at step 0.
+        Drones without a stated start or area are put into random free cells of their lowest layer,
+        apart from the rest of the team, from which they can come near somebody, and look at the
+        actor that is nearest to them at step 0.
 
         Raises
         ------
         ProblemError
             If there is no such camera, place or layer, or too few free cells; one line.
         """
-        if (self.starts is None) == (self.count is None):
-            raise ProblemError("must have either starts or a count")
+        chosen = isinstance(self.starts, _AreaTable)
+        if (self.count is None) if chosen else (self.starts is None) == (self.count is None):
+            words = "a count beside the area of starts" if chosen else "either starts or a count"
+            raise ProblemError(f"must have {words}")
         parts: dict[str, Any] = {
             "motion": self.motion,
             "camera": self._camera(),
             "limits": self._limits(),
         }
         team = list(team)
+        if isinstance(self.starts, _AreaTable):
+            with naming("starts"):
+                area = self.starts.starts(self.motion, around.height_map)
+            return team + [Robot(start=area, **parts)] * (self.count or 0)
         for start in self.starts or ():
             state = _stated(start, self.motion, around.height_map)
             team.append(Robot(start=state, **parts))
@@ -129,6 +199,18 @@ class DronesTable(Table):
                 raise ProblemError(f"count: must be at most {k} here; {self._room(around)}")
             team.append(Robot(start=state_apart, **parts))
         return team
+
+    @property
+    def stated(self) -> tuple[_StartTable, ...]:
+        """The starts that are stated one by one."""
+        return () if isinstance(self.starts, _AreaTable) else self.starts or ()
+
+    @property
+    def stated_heights(self) -> set[float]:
+        """The flight heights of starts that are stated."""
+        if isinstance(self.starts, _AreaTable):
+            return set(self.starts.heights or ())
+        return {start.height for start in self.stated if start.height is not None}
 
     def require_pace(self, resolution: float, step: float) -> None:
         """Raises a ProblemError if no drone, or not one with these limits, could be so fast.
@@ -266,27 +348,38 @@ def _stated(start: _StartTable, motion: Motion, height_map: HeightMap) -> State:
             f"starts: must lie on the map, {rectangle(*height_map.ends)}, not at ({start.x:g}, "
             f"{start.y:g}) m"
         )
-    if start.height is not None and start.height not in motion.layers:
+    layer = 0 if start.height is None else _layer(start.height, motion, "starts.height")
+    heading = _stated_heading(start.heading, motion, "starts.heading")
+    return State(x, y, layer, heading)
+
+
+def _layer(height: float, motion: Motion, field: str) -> int:
+    """Returns the index of a flight height."""
+    if height not in motion.layers:
         layers = ", ".join(f"{height:g}" for height in motion.layers)
-        raise ProblemError(f"starts.height: must be one of the layers {layers} m")
-    layer = 0 if start.height is None else motion.layers.index(start.height)
-    heading = _heading(math.radians(start.heading), motion)
+        raise ProblemError(f"{field}: must be one of the layers {layers} m")
+    return motion.layers.index(height)
+
+
+def _stated_heading(degrees: float, motion: Motion, field: str) -> int:
+    """Returns the index of a heading, which must be one of those that drones have."""
+    heading = _heading(math.radians(degrees), motion)
     step = 360 / motion.headings
-    off = math.remainder(start.heading - heading * step, 360)
+    off = math.remainder(degrees - heading * step, 360)
     if abs(off) > _OFF:
         beside = (heading + (1 if off > 0 else -1)) % motion.headings
         near = " and ".join(f"{k * step:.6g}" for k in sorted((heading, beside)))
         raise ProblemError(
-            f"starts.heading: must be one of the {motion.headings} directions, {step:.6g} degrees "
-            f"apart from 0 on, such as {near}, not {start.heading:g}; motion.headings sets how "
+            f"{field}: must be one of the {motion.headings} directions, {step:.6g} degrees "
+            f"apart from 0 on, such as {near}, not {degrees:g}; motion.headings sets how "
             "many there are"
         )
-    return State(x, y, layer, heading)
+    return heading
 
 
 def say_moved(tables: Sequence[DronesTable], height_map: HeightMap) -> None:
     """Says in one line how far drones start from where they are stated, if it is far."""
-    starts = [start for table in tables for start in table.starts or ()]
+    starts = [start for table in tables for start in table.stated]
     if not starts:
         return
     stated = np.array([(start.x, start.y) for start in starts])

@@ -179,7 +179,7 @@ def _with(recipe: Recipe, k: int, field: str, count: int) -> Change:
     if field == "tilts":
         tilts = table.tilts[:count]
         return _of_drones(recipe, k, f"tilts = {_listed(tilts)}", tilts=tilts)
-    stated = [start.height for start in table.starts or () if start.height is not None]
+    stated = table.stated_heights
     layers = sorted(table.motion.layers, key=lambda height: (height not in stated, height))
     kept = tuple(sorted(layers[:count]))
     return _of_motion(recipe, k, f"layers = {_listed(kept)}", layers=kept)
