@@ -95,6 +95,11 @@ Without scenes it takes some with cheap views and some with dear ones, which tak
 
 Example: cocap-opt study lazy --scene corridor bridge --seeds 0
 """),
+    "starts": Study("starts:starts", """\
+Measure what it is worth to choose where drones start: proved optima from sets and from anywhere.
+
+Example: cocap-opt study starts --scene corridor --seeds 0
+"""),
     "separation": Study("separation.separation:separation", """\
 Measure what it costs that drones keep apart at every moment, certified.
 

@@ -45,6 +45,7 @@ from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
 from cocap_opt.experiments.lab.studies.separation.tables import separation_in_markdown
 from cocap_opt.experiments.lab.studies.solvers.table import solvers_in_markdown
 from cocap_opt.experiments.lab.studies.speed import gain_in_words, speed_in_markdown
+from cocap_opt.experiments.lab.studies.starts import starts_in_markdown
 from cocap_opt.experiments.lab.studies.views import views_in_markdown
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.files.documents import FileError
@@ -107,6 +108,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "hughes_findings": partial(findings_in_markdown, "hughes.md"),
     "coverage": coverage_in_markdown,
     "growth": growth_in_markdown,
+    "starts": starts_in_markdown,
     "views": views_in_markdown,
     "solver_figures": solvers_in_markdown,
     "speed": speed_in_markdown,
