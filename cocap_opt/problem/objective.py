@@ -96,7 +96,7 @@ class Objective(Data, frozen=True):
     keep_cell : reward per step in the same cell, layer included
     keep_heading : reward per step with the same heading
     balanced : reward per step with dx + dy = 0 cells, layers aside
-    count_start : True: the views at t = 0 count too (a constant)
+    count_start : True: the views at t = 0 count too; a constant where starts are fixed
     over_time : True: pixels add up over time as well as over robots
     pixels : weight of all pixels, 0 where only `views` are to count
     views : what drones that see a person add; None: nothing

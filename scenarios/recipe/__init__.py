@@ -135,6 +135,9 @@ endurance = 1200            # s for which the battery lasts
 [[drones]]
 # A drone starts in the middle of the cell in which x and y are; heading 0 is along x.
 starts = [{ x = 30, y = 20, height = 4, heading = 90 }]
+# starts = { area = [[20, 10], [40, 10], [40, 30]], heights = [4], headings = [0, 90] }
+#                           # with a count: in the area, wherever it is best; "anywhere": on the
+#                           # whole map; heights, headings left out: all
 
 [[no_fly]]
 polygon = [[40, 10], [50, 10], [50, 20]]   # no drone enters it, not even in part of a cell
