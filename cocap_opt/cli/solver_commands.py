@@ -110,6 +110,7 @@ def _plan(
     if judged.verdict:
         answer |= judged.reward_parts
         answer["violations"] = judged.verdict.conflicts
+    answer |= _chosen_starts(problem, judged.result.plan)
     print_result(_in_order(answer, judged.result.plan is not None), json)
     return 0
 
@@ -226,6 +227,18 @@ def _motion(problem: Problem) -> str:
     return "; ".join(kinds)
 
 
+def _chosen_starts(problem: Problem, plan: Plan | None) -> Record:
+    """Returns where the drones of a plan start, in words, if they had a choice."""
+    if plan is None or not problem.has_free_starts:
+        return {}
+    words = []
+    for i, (robot, path) in enumerate(zip(problem.robots, plan.paths, strict=True)):
+        ((x, y, z),) = problem.where(robot, path[:1]).tolist()
+        turned = 360 * path[0].heading / robot.motion.headings
+        words.append(f"drone {i} at ({x:.10g}, {y:.10g}) m, {z:.4g} m high, {turned:.4g} deg")
+    return {"chosen_starts": "; ".join(words)}
+
+
 class _Task(NamedTuple):
     """The scene of a command; with a start, the variant of the scene that it fits."""
 
@@ -285,7 +298,7 @@ class _Task(NamedTuple):
         """Returns the record that the command prints."""
         judged.warn(self.problem, self.seed, method)
         row = PlanRow.certified(self.problem, self.seed, method, judged)
-        record = _record(row) | self.about
+        record = _record(row) | self.about | _chosen_starts(self.problem, judged.result.plan)
         is_open = OPTIMALITY < judged.result.gap < math.inf
         may_have = method in _WITH_STEP_ENVELOPES and not self.problem.objective.over_time
         if is_open and may_have and find_spec("numba") is None:

@@ -3,7 +3,7 @@
 import logging
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
@@ -37,6 +37,9 @@ _OFF = 0.5  # degrees, by which a stated heading may be rounded
 _MOVED = 0.5001  # of a cell, by which a drone may start elsewhere than stated without a word
 
 log = logging.getLogger(__name__)
+
+_T = TypeVar("_T")
+_Several = Annotated[tuple[_T, ...], Meta(min_length=1)]
 
 
 class Surroundings(NamedTuple):
@@ -72,8 +75,8 @@ class _AreaTable(Table):
     """The area in which drones may start, wherever it is best: metres, and degrees from +x."""
 
     area: Literal["anywhere"] | list[Point]
-    heights: tuple[Coordinate, ...] | None = None  # some of the layers; None: all
-    headings: tuple[Heading, ...] | None = None  # None: all
+    heights: _Several[Coordinate] | None = None  # some of the layers; None: all
+    headings: _Several[Heading] | None = None  # None: all
 
     def starts(self, motion: Motion, height_map: HeightMap) -> StartArea:
         """Returns the area of the cells whose middles lie in the polygon.
@@ -146,7 +149,7 @@ class DronesTable(Table):
 
     count: Count | None = None
     near: Length | None = None
-    starts: Annotated[tuple[_StartTable, ...], Meta(min_length=1)] | _AreaTable | None = None
+    starts: _Several[_StartTable] | _AreaTable | None = None
     camera: str = "greedy-perspectives"
     tilts: tuple[float, ...] = (10.0,)  # degrees below the horizon
     motion: Motion = Motion()
