@@ -78,6 +78,24 @@ def _plain(value: Any) -> Any:
     return value
 
 
+def _with_floats(value: Any, hint: Any) -> Any:
+    """The same value with floats where its type says so, as reading a file would have it."""
+    if get_origin(hint) in (Union, UnionType):
+        floats = [part for part in get_args(hint) if part is float or get_origin(part) is tuple]
+        for part in floats:
+            value = _with_floats(value, part)
+        return value
+    if hint is float and type(value) is int:
+        try:
+            return float(value)
+        except OverflowError:  # which a check of its range says
+            return value
+    parts = get_args(hint)
+    if get_origin(hint) is tuple and type(value) is tuple and parts[0] is float:
+        return tuple(_with_floats(part, float) for part in value)
+    return value
+
+
 def _holds_array(hint: Any) -> bool:
     """True if a field of this type may hold an array."""
     return get_origin(hint) is np.ndarray or any(map(_holds_array, get_args(hint)))
@@ -166,7 +184,7 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
             if isinstance(value, np.ndarray) and not _holds_array(hint):
                 plain = _plain(value.tolist())
             else:
-                plain = _plain(value)
+                plain = _with_floats(_plain(value), hint)
             if plain is not value:
                 msgspec.structs.force_setattr(self, field, plain)
             if not _is_a(plain, hint):

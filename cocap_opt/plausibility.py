@@ -151,7 +151,7 @@ def _shut_in(problem: SceneData, around: dict[Motion, Encounters]) -> Iterator[s
 
 
 def _first_starts(problem: SceneData) -> list[tuple[Robot, State]]:
-    """Returns each robot with a start; which of several it is makes no difference to a doubt."""
+    """Returns each robot with a start; of several that it may choose, the first that fits."""
     return list(zip(problem.robots, problem.first_starts, strict=True))
 
 

@@ -143,18 +143,15 @@ class Charges:
         result: FloatArray = np.where(same, costs[leaving], 0.0).sum(axis=1)
         return result
 
-    def free_states(self, t: int, states: Sequence[int], n_places: int) -> BoolArray:
+    def free_states(self, t: int, states: IntArray, n_places: int) -> BoolArray:
         """Returns which states [n] cost nothing at t.
 
         Parameters
         ----------
         n_places : as in `free_moves`
         """
-        is_free = [
-            (t, state % n_places) not in self.places and (t, state) not in self.states
-            for state in states
-        ]
-        return np.array(is_free, dtype=np.bool_)
+        places, charged = self.places_at(t)[0], self.states_at(t)[0]
+        return ~(np.isin(states % n_places, places) | np.isin(states, charged))
 
     def free_moves(self, t: int, tail: int, heads: Sequence[int], n_places: int) -> BoolArray:
         """Returns which moves to states `heads` [n] at t+1, from state `tail` at t, cost nothing.

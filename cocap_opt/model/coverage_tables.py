@@ -340,11 +340,17 @@ def _starts_of(problem: Problem, spec: Robot) -> Iterator[tuple[State, ...]]:
     yield from dict.fromkeys(states for robot, states in both if _sight(robot) == _sight(spec))
 
 
-@lru_cache(maxsize=16)
 def _start_cells(problem: Problem, spec: Robot) -> list[tuple[int, int]]:
-    """Returns the cells (x, y) in which robots with this one's motion and camera may start."""
-    alike = _starts_of(problem, spec)
-    return list(dict.fromkeys((state.x, state.y) for states in alike for state in states))
+    """Returns the cells (x, y) in which robots with this one's motion and camera may start.
+
+    They are kept in the problem, which has its starts as long.
+    """
+    known = vars(problem).setdefault("_start_cells", {})
+    if _sight(spec) not in known:
+        alike = _starts_of(problem, spec)
+        known[_sight(spec)] = list({(s.x, s.y): None for states in alike for s in states})
+    found: list[tuple[int, int]] = known[_sight(spec)]
+    return found
 
 
 def graph_of(problem: Problem, spec: Robot) -> TimeGraph:

@@ -41,7 +41,7 @@ class RobotClass:
         """Motion and camera, on which the coverage of the class depends besides its starts."""
         return self.spec.motion, self.spec.camera
 
-    @property
+    @cached_property
     def start_sets(self) -> list[tuple[IntArray, list[int]]]:
         """The different sets of starts, and the robots that have each.
 

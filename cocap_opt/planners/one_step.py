@@ -115,22 +115,16 @@ def _start(model: Model, placed: list[_Progress], robot: int, progress: _Progres
     after = range(robot + 1, len(problem.robots))
     others += [problem.cell(k, problem.first_starts[k]) for k in after]
     closed = avoid_paths(model, progress.robot_class, ((cell,) for cell in others))
-    is_open = closed.free_states(0, starts.tolist(), progress.robot_class.graph.n_places)
+    is_open = closed.free_states(0, starts, progress.robot_class.graph.n_places)
     starts = starts[is_open & progress.leads[0, starts]]
     if not len(starts):
         return model.first_start(robot)
-    t = problem.first_step
-    gains = _gains(problem, placed, progress.look(t, starts), t)
-    return int(starts[np.argmax(gains)])
-
-
-def _gains(problem: Problem, robots: list[_Progress], coverage: FloatArray, t: int) -> FloatArray:
-    """Gains [n] of coverage [n, W] at a step, beside what robots have seen of the same."""
-    view_sums = problem.view_sums_at(t)
-    seen = sum((other.pixels[view_sums] for other in robots), np.zeros(coverage.shape[1]))
-    gains = marginal_gain(problem, view_sums, seen, coverage) * problem.view_sum_weights[view_sums]
-    total: FloatArray = gains.sum(axis=1)
-    return total
+    t, view_sums = problem.first_step, problem.view_sums_at(problem.first_step)
+    seen = np.zeros(problem.step_width)  # by those that are placed, if they stay
+    for other in placed:
+        seen += other.look(t, np.array(other.path[:1]))[0]
+    gains = marginal_gain(problem, view_sums, seen, progress.look(t, starts))
+    return int(starts[np.argmax(gains @ problem.view_sum_weights[view_sums])])
 
 
 def _open_heads(model: Model, robots: list[_Progress], robot: int, t: int) -> IntArray:
@@ -176,10 +170,12 @@ def _move(model: Model, robots: list[_Progress], robot: int, t: int, heads: IntA
     problem, progress = model.problem, robots[robot]
     graph, view_sums = progress.robot_class.graph, problem.view_sums_at(t)
     coverage = progress.look(t, heads)
+    seen = sum((other.pixels[view_sums] for other in robots), np.zeros(coverage.shape[1]))
+    gains = marginal_gain(problem, view_sums, seen, coverage) * problem.view_sum_weights[view_sums]
     # A path of one step, so that bonuses and ties are those of all other planners.
     value = np.full((2, graph.n_states), CLOSED)
     value[0, progress.path[-1]] = 0.0
-    value[1, heads] = _gains(problem, robots, coverage, t)
+    value[1, heads] = gains.sum(axis=1)
     bonuses = Bonuses.of(problem.objective)
     _, head = best_path(graph, value, progress.path[-1], bonuses, first=t - 1) or []
     progress.path.append(head)

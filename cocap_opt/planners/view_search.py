@@ -154,12 +154,14 @@ def _rewarded_starts(
 ) -> list[tuple[int, float, _Way]]:
     """States in one of which the robot starts, with their rewards and ways to actors.
 
-    The paper has one start, whose reward is a constant and taken as 0.
+    The paper has one start, whose reward is a constant and taken as 0. Where several do not count
+    either, the search begins at the one that looks most directly at the nearest actor; where they
+    do, all of them are evaluated.
     """
     problem, robot_class = task.model.problem, task.model.class_of[task.robot]
-    graph, starts = robot_class.graph, task.model.starts(task.robot)
-    starts = starts[task.charges.free_states(0, starts.tolist(), graph.n_places)]
-    if len(task.model.starts(task.robot)) == 1:
+    graph, every = robot_class.graph, task.model.starts(task.robot)
+    starts = every[task.charges.free_states(0, every, graph.n_places)]
+    if len(every) == 1:
         return [(start, 0.0, (0.0, 0.0)) for start in starts.tolist()]
     starts = starts[leads_to_goal(graph, problem.horizon, robot_class.goal)[0, starts]]
     rewards = np.zeros(len(starts))

@@ -1,6 +1,9 @@
 """Checks of a scene: each check names the field that is wrong, and what is allowed."""
 
 import math
+from collections.abc import Sequence
+
+import numpy as np
 
 from cocap_opt.data import (
     LARGEST,
@@ -53,7 +56,7 @@ def require_scene(scene: SceneData) -> None:
         scene.objective.views.require_for(len(scene.actors), "objective.views.weight")
     for i, robot in enumerate(scene.robots):
         _require_robot(scene, i, robot)
-    _require_starts_apart(scene)
+    _require_starts(scene)
 
 
 def _require_importance(scene: SceneData, j: int, actor: Actor) -> None:
@@ -85,14 +88,31 @@ def _require_start(scene: SceneData, field: str, robot: Robot) -> None:
     if isinstance(start, State):
         _require_free(scene, field, robot, start)
     elif isinstance(start, StartStates):
-        for k, state in enumerate(start.states):
-            _require_free(scene, f"{field}.states[{k}]", robot, state)
+        for k in _suspicious(scene, robot, start.states):
+            _require_free(scene, f"{field}.states[{k}]", robot, start.states[k])
     else:
         _require_area(scene, field, robot, start)
 
 
+def _suspicious(scene: SceneData, robot: Robot, states: Sequence[State]) -> list[int]:
+    """Returns the numbers of the states that a robot may not start in, found all at once.
+
+    Where some are no whole numbers, or out of range, all are suspected.
+    """
+    rows = np.array(states)
+    sizes = np.array((*scene.height_map.shape, *robot.orientation_sizes))
+    if rows.dtype.kind != "i" or (rows < 0).any() or (rows >= sizes).any():
+        return list(range(len(states)))
+    x, y, layer = rows[:, :3].T
+    able = robot.motion.free_places(scene.workspace)[layer, x, y]
+    at = scene.above(robot, rows[:, :3])
+    for actor in scene.actors:
+        able &= ~scene.airspace.near_person(actor, 0, at)
+    return np.flatnonzero(~able).tolist()
+
+
 def _require_area(scene: SceneData, field: str, robot: Robot, area: StartArea) -> None:
-    """Checks that an area is of the map and the robot, and that something of it is free."""
+    """Checks that an area is of the map and the robot."""
     width, depth = scene.height_map.shape
     for x, y in area.cells or ():
         require(
@@ -105,12 +125,6 @@ def _require_area(scene: SceneData, field: str, robot: Robot, area: StartArea) -
     for name, chosen, size in zip(names, given, robot.orientation_sizes, strict=True):
         for value in chosen or ():
             require(0 <= value < size, f"{field}.{name}", f"must be 0..{size - 1}, not {value}")
-    require(
-        len(scene.starts[scene.robots.index(robot)]) > 0,
-        field,
-        "must have a cell in which the drone may be at step 0; all are blocked, forbidden, or too "
-        "near to people",
-    )
 
 
 def _require_free(scene: SceneData, field: str, robot: Robot, start: State) -> None:
@@ -173,19 +187,27 @@ def _require_limits(
         raise ProblemError(f"{field}.limits.endurance: {words}; fewer steps would do")
 
 
-def _require_starts_apart(scene: SceneData) -> None:
-    for i, first in enumerate(scene.robots):
-        for k, second in enumerate(scene.robots[:i]):
-            if not (isinstance(first.start, State) and isinstance(second.start, State)):
+def _require_starts(scene: SceneData) -> None:
+    """Checks that each robot has a start, and that all together have starts that are apart."""
+    for i, states in enumerate(scene.starts):
+        require(
+            len(states) > 0,
+            f"robots[{i}].start",
+            "must have a cell in which the drone may be at step 0; all are blocked, forbidden, or "
+            "too near to people",
+        )
+    for i, states in enumerate(scene.starts):
+        for k, others in enumerate(scene.starts[:i]):
+            if len(states) > 1 or len(others) > 1:
                 continue
-            a, b = scene.cell(k, second.start), scene.cell(i, first.start)
+            a, b = scene.cell(k, others[0]), scene.cell(i, states[0])
             apart = math.dist(*scene.positions([a, b]))
             require(
                 not scene.too_close(a, b),
                 f"robots[{i}].start",
                 f"is {apart:.2f} m from robots[{k}].start, must keep the rules {scene.rules}",
             )
-    _ = scene.first_starts  # there must be some
+    require(len(scene.first_starts) == len(scene.robots), "robots", "must all have a start")
 
 
 def _forbidden(scene: SceneData, x: int, y: int, motion: Motion, layer: int) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray
 from cocap_opt.problem.rules import CollisionRules
 
-_MOST_TRIES = 20_000
+_MOST_TRIES = 2_000
 
 
 class UndecidedError(Exception):

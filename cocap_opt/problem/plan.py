@@ -165,7 +165,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         None where a robot may not stay: its goal is elsewhere, or people come too near.
         """
         starts = problem.first_starts
-        if not all(problem.may_hover(i, state) for i, state in enumerate(starts)):
+        if not all(problem.may_hover(i, [state])[0] for i, state in enumerate(starts)):
             return None
         return cls(paths=tuple((state,) * (problem.horizon + 1) for state in starts))
 

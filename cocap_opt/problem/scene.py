@@ -8,7 +8,17 @@ from typing import Literal
 
 import numpy as np
 
-from cocap_opt.data import LARGEST, MOST_LETTERS, Data, FloatArray, require, within
+from cocap_opt.data import (
+    LARGEST,
+    MOST_LETTERS,
+    BoolArray,
+    Data,
+    FloatArray,
+    IntArray,
+    ProblemError,
+    require,
+    within,
+)
 from cocap_opt.problem.actor import Actor
 from cocap_opt.problem.airspace import Airspace
 from cocap_opt.problem.motion import Cell, Motion, State
@@ -84,42 +94,28 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
     def starts(self) -> tuple[tuple[State, ...], ...]:
         """The states in one of which each robot starts, in order [R]; one if its start is fixed."""
         known: dict[object, tuple[State, ...]] = {}
+        found = []
         for robot in self.robots:
             kind = robot.start, robot.motion, robot.camera.tilts
             if kind not in known:
                 known[kind] = self._states_to_start_in(robot)
-        return tuple(known[robot.start, robot.motion, robot.camera.tilts] for robot in self.robots)
+            found.append(known[kind])
+        return tuple(found)
 
     def _states_to_start_in(self, robot: Robot) -> tuple[State, ...]:
         if isinstance(robot.start, State):
             return (robot.start,)
         if isinstance(robot.start, StartStates):
-            return tuple(sorted(robot.start.states))
-        area, free = robot.start, robot.motion.free_places(self.workspace)
-        if area.cells is not None:
-            inside = np.zeros(free.shape[1:], dtype=np.bool_)
-            inside[tuple(np.array(area.cells).T)] = True
-            free &= inside
-        sizes = robot.orientation_sizes
-        layers, headings, pitches = (
-            sorted(range(size) if chosen is None else chosen)
-            for size, chosen in zip(sizes, (area.layers, area.headings, area.pitches), strict=True)
-        )
-        cells = np.argwhere(free.transpose(1, 2, 0)[..., layers])
-        places = [State(x, y, layers[k]) for x, y, k in cells.tolist()]
-        at = self.where(robot, places).reshape(-1, 3)
+            return robot.start.states
+        places = robot.start.places(robot.motion.free_places(self.workspace))
+        at = self.above(robot, places)
         near = np.zeros(len(places), dtype=np.bool_)
         for actor in self.actors:
             near |= self.airspace.near_person(actor, 0, at)
-        return tuple(
-            place._replace(heading=heading, pitch=pitch)
-            for place, is_near in zip(places, near.tolist(), strict=True)
-            if not is_near
-            for heading in headings
-            for pitch in pitches
-        )
+        _, headings, pitches = robot.orientation_sizes
+        return robot.start.states_in(places[~near], headings, pitches)
 
-    @property
+    @cached_property
     def has_free_starts(self) -> bool:
         """True if some robot may start in one of several states."""
         return any(len(states) > 1 for states in self.starts)
@@ -137,58 +133,74 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         """
         if not self.has_free_starts:
             return tuple(states[0] for states in self.starts)
-        chosen = self.starts_apart([self._with_hovering(i) for i in range(len(self.robots))])
-        chosen = chosen or self.starts_apart(self.starts)
-        field, rules = "robots", f"a start for every drone that keeps the rules {self.rules}"
-        require(chosen is not None, field, f"must have {rules}; there is no such choice")
+        words = f"must have a start for every drone that keeps the rules {self.rules}"
+        try:
+            chosen = self.starts_apart([self._with_hovering(i) for i in range(len(self.robots))])
+            chosen = chosen or self.starts_apart(self.starts)
+        except UndecidedError:
+            raise ProblemError(f"robots: {words}; none was found, larger areas help") from None
+        require(chosen is not None, "robots", f"{words}; there is no such choice")
         assert chosen is not None
-        require(bool(chosen), field, f"must have {rules}; none was found, larger areas help")
         return chosen
 
-    def _with_hovering(self, i: int) -> tuple[State, ...]:
+    def _with_hovering(self, i: int) -> Sequence[State]:
         """Returns the starts at which a robot may stay; all where it may at none."""
-        open_ = tuple(state for state in self.starts[i] if self.may_hover(i, state))
-        return open_ or self.starts[i]
+        states = self.starts[i]
+        able = np.flatnonzero(self.may_hover(i, states)).tolist()
+        return [states[k] for k in able] if 0 < len(able) < len(states) else states
 
     def starts_apart(self, starts: Sequence[Sequence[State]]) -> tuple[State, ...] | None:
         """Returns a state of each robot, the first that are found to keep the rules.
 
-        None where there is no such choice, () if none is found.
+        None where there is no such choice.
 
         Parameters
         ----------
         starts : the states of each robot, those first that are tried first
+
+        Raises
+        ------
+        UndecidedError
+            If it gives up.
         """
-        states_of = []  # the first state in each cell
-        for i, states in enumerate(starts):
-            by_cell: dict[Cell, State] = {}
-            for state in states:
-                by_cell.setdefault(self.cell(i, state), state)
-            states_of.append(by_cell)
-        places = [self.positions([*by_cell]) for by_cell in states_of]
-        try:
-            numbers = places_apart(self.rules, places)
-        except UndecidedError:
-            return ()
+        states_of, places = [], []
+        for robot, states in zip(self.robots, starts, strict=True):
+            cells = np.array([state[:3] for state in states])
+            first = np.sort(np.unique(cells, axis=0, return_index=True)[1])
+            states_of.append([states[k] for k in first.tolist()])
+            size = self.height_map.resolution
+            at = self.above(robot, cells[first])
+            # As rules between robots have it, in m from the map's corner.
+            places.append(np.column_stack([cells[first, :2] * size, at[:, 2]]))
+        numbers = places_apart(self.rules, places)
         if numbers is None:
             return None
-        both = zip(states_of, numbers, strict=True)
-        return tuple([*by_cell.values()][number] for by_cell, number in both)
+        return tuple(states[k] for states, k in zip(states_of, numbers, strict=True))
 
-    def may_hover(self, i: int, state: State) -> bool:
-        """Returns True if a robot may stay in a state, alone: no goal or person sends it away."""
+    def may_hover(self, i: int, states: Sequence[State]) -> BoolArray:
+        """Returns in which of some states a robot may stay, alone.
+
+        It may not where its goal is elsewhere, or a person sends it away.
+
+        Returns
+        -------
+        [n] of the states
+        """
         robot, steps = self.robots[i], self.horizon + 1
-        if robot.goal not in (None, (state.x, state.y)):
-            return False
+        cells = np.array([state[:3] for state in states])
+        able = np.ones(len(cells), dtype=np.bool_)
+        if robot.goal is not None:
+            able &= (cells[:, :2] == robot.goal).all(axis=1)
         if not self.airspace.people_aside:
-            return True
-        (at,) = self.where(robot, [state])
-        return not any(
-            self.airspace.near_person(actor, t, at)
-            or (t + 1 < steps and self.airspace.near_person(actor, t, at, at))
-            for actor in self.actors
-            for t in range(steps)
-        )
+            return able
+        places, which = np.unique(cells, axis=0, return_inverse=True)
+        at, near = self.above(robot, places), np.zeros(len(places), dtype=np.bool_)
+        for actor in self.actors:
+            for t in range(steps):
+                near |= self.airspace.near_person(actor, t, at)
+                if t + 1 < steps:
+                    near |= self.airspace.near_person(actor, t, at, at)
+        return np.asarray(able & ~near[which.ravel()])
 
     def person(self, j: int) -> str:
         """Returns the words for a person: the number, and the name if there is one."""
@@ -197,11 +209,16 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     def where(self, robot: Robot, states: Sequence[State]) -> FloatArray:
         """Returns where a robot is in states [n], as [n, 3] (m)."""
-        altitude, centre = self.height_map.altitude, self.height_map.centre
-        rows = [
-            (*centre(s.x, s.y), altitude(s.x, s.y, robot.motion.layers[s.layer])) for s in states
-        ]
-        return np.array(rows)
+        return self.above(robot, np.array([state[:3] for state in states]).reshape(-1, 3))
+
+    def above(self, robot: Robot, places: IntArray) -> FloatArray:
+        """Returns where a robot is in places x, y, layer [n, 3], as [n, 3] (m)."""
+        (x, y, layer), height_map = places.T, self.height_map
+        heights = np.array(robot.motion.layers)[layer]
+        if height_map.datum is not None:
+            heights = heights + height_map.datum[x, y]
+        (ox, oy), size = height_map.origin, height_map.resolution
+        return np.column_stack([ox + (x + 0.5) * size, oy + (y + 0.5) * size, heights])
 
     def blocked(self, x: int, y: int, motion: Motion, layer: int) -> bool:
         """Returns True if solid matter is within the clearance of a robot of this motion."""

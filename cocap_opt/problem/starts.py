@@ -1,6 +1,11 @@
 """The states in which a drone may start: a fixed one, a few, or all that are free in an area."""
 
-from cocap_opt.data import Data, require, whole
+from contextlib import suppress
+
+import msgspec
+import numpy as np
+
+from cocap_opt.data import BoolArray, Data, IntArray, require, whole
 from cocap_opt.problem.motion import State
 
 
@@ -9,7 +14,7 @@ class StartStates(Data, frozen=True, tag="states"):
 
     Attributes
     ----------
-    states : all different; each must be free
+    states : all different, in order; each must be free
     """
 
     states: tuple[State, ...]
@@ -19,6 +24,8 @@ class StartStates(Data, frozen=True, tag="states"):
         require(len(self.states) > 0, "states", "must hold at least one state")
         different = len(set(self.states)) == len(self.states)
         require(different, "states", "must all be different")
+        with suppress(TypeError):  # of numbers that are none, which a scene refuses
+            msgspec.structs.force_setattr(self, "states", tuple(sorted(self.states)))
 
     def holds(self, state: State) -> bool:
         """Returns True if a drone may start in this state."""
@@ -62,6 +69,39 @@ class StartArea(Data, frozen=True, tag="area"):
             (state.heading, self.headings), (state.pitch, self.pitches),
         )  # fmt: skip
         return all(allowed is None or value in allowed for value, allowed in parts)
+
+    def places(self, free: BoolArray) -> IntArray:
+        """Returns the free places of the area as rows x, y, layer [n, 3], increasing.
+
+        Parameters
+        ----------
+        free : [layer, X, Y] where the drone may be
+        """
+        if self.cells is not None:
+            inside = np.zeros(free.shape[1:], dtype=np.bool_)
+            inside[tuple(np.array(self.cells).T)] = True
+            free = free & inside
+        if self.layers is not None:
+            flown = np.zeros(len(free), dtype=np.bool_)
+            flown[list(self.layers)] = True
+            free = free & flown[:, None, None]
+        return np.argwhere(free.transpose(1, 2, 0))
+
+    def states_in(self, places: IntArray, headings: int, pitches: int) -> tuple[State, ...]:
+        """Returns all states of the area in some places x, y, layer [n, 3], in this order.
+
+        Parameters
+        ----------
+        headings, pitches : how many the drone has
+        """
+        turned = sorted(range(headings) if self.headings is None else self.headings)
+        tilted = sorted(range(pitches) if self.pitches is None else self.pitches)
+        return tuple(
+            State(x, y, layer, heading, pitch)
+            for x, y, layer in places.tolist()
+            for heading in turned
+            for pitch in tilted
+        )
 
 
 AnyStart = State | StartStates | StartArea

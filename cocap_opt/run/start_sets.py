@@ -4,11 +4,14 @@ Drones that have a choice of starts keep it, and random and greedy starts are ou
 start is fixed may start in any free state.
 """
 
+from contextlib import suppress
+
 import numpy as np
 
 from cocap_opt.data import ProblemError
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.problem import Problem, StartArea, State
+from cocap_opt.problem.placement import UndecidedError
 from cocap_opt.stop import Stop, never
 
 FREE, RANDOM, GREEDY = "free", "random", "greedy"
@@ -33,17 +36,14 @@ def with_random_starts(problem: Problem, seed: int) -> Problem:
         If none are found.
     """
     free, rng = with_free_starts(problem), np.random.default_rng([seed, 0])
-    # One order for all, so that drones of one choice draw from it without replacement.
-    known: dict[object, tuple[State, ...]] = {}
-    shuffled = []
-    for states in free.starts:
-        if states not in known:
-            known[states] = tuple(states[k] for k in rng.permutation(len(states)).tolist())
-        shuffled.append(known[states])
-    chosen = free.starts_apart(shuffled)
-    if not chosen:
-        raise ProblemError("robots: no random starts were found that keep the rules")
-    return _fixed(problem, chosen, RANDOM)
+    shuffled = [
+        [states[k] for k in rng.permutation(len(states)).tolist()] for states in free.starts
+    ]
+    with suppress(UndecidedError):
+        chosen = free.starts_apart(shuffled)
+        if chosen is not None:
+            return _fixed(problem, chosen, RANDOM)
+    raise ProblemError("robots: no random starts were found that keep the rules")
 
 
 def with_greedy_starts(problem: Problem, stop: Stop = never) -> Problem:

@@ -10,5 +10,6 @@ __all__ = [
     "instances",
     "results",
     "scenes",
+    "start_choices",
     "sweep",
 ]

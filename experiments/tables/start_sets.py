@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
+from cocap_opt.experiments.tables.gap_table import PROVED
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.output.printing import Listing, Record
 
@@ -35,11 +36,12 @@ def _compared(
     best, found = -math.inf, []
     for choice, problems in choices.items():
         of_choice = [row for row in rows if (row.scene, row.seed) in problems]
-        values = [value for row in of_choice for value in (_reward(row), row.optimum) if value]
-        bounds = [row.bound for row in of_choice]
-        bound = None if None in bounds or not bounds else max(filter(None, bounds), default=None)
+        found_in = (value for row in of_choice for value in (_reward(row), row.optimum))
+        values = [value for value in found_in if value is not None]
+        bounds = [row.bound for row in of_choice if row.bound is not None]
+        bound = max(bounds) if len(bounds) == len(of_choice) > 0 else None
         value = max(values, default=None)
-        proved = bool(of_choice) and all(row.bound_is_proved for row in of_choice)
+        proved = bool(of_choice) and all(row.bound_reason in PROVED for row in of_choice)
         best = max(best, -math.inf if value is None else value)
         found.append((choice, len(problems), value, bound, proved))
     return [
@@ -50,7 +52,9 @@ def _compared(
             "best J": value,
             "bound": bound,
             "proved": "yes" if proved else "no",
-            "of the best": None if value is None else f"{100 * value / best:.1f} %",
+            "of the best": f"{100 * value / best:.1f} %"
+            if value is not None and best > 0
+            else None,
         }
         for choice, count, value, bound, proved in found
     ]

@@ -27,6 +27,7 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.scenarios.hardware import AIRFRAMES, CAMERAS
+from cocap_opt.scenarios.maps.ground_plans import sound
 from cocap_opt.scenarios.recipe.people import IMPOSSIBLE
 from cocap_opt.scenarios.tables import Coordinate, Count, Heading, Length, Point, Table
 from cocap_opt.scenarios.text import naming, rectangle
@@ -108,9 +109,7 @@ def _cells_in(corners: Sequence[Point], height_map: HeightMap) -> tuple[tuple[in
     """Returns the cells whose middles lie in a polygon or on its edge."""
     if len(corners) < 3:
         raise ProblemError(f"must have at least 3 corners, not {len(corners)}")
-    polygon = Polygon(corners)
-    if not polygon.is_valid:
-        raise ProblemError("must be a polygon that does not cross itself")
+    polygon = sound(Polygon(corners), "polygon")
     width, depth = height_map.shape
     cells = np.stack(np.meshgrid(np.arange(width), np.arange(depth), indexing="ij"), axis=-1)
     middles = np.array(height_map.origin) + (cells + 0.5) * height_map.resolution
@@ -180,6 +179,8 @@ class DronesTable(Table):
             "limits": self._limits(),
         }
         team = list(team)
+        if self.near is not None and self.starts is not None:
+            raise ProblemError("near: must be left out beside starts; it is for a count alone")
         if isinstance(self.starts, _AreaTable):
             with naming("starts"):
                 area = self.starts.starts(self.motion, around.height_map)

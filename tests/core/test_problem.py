@@ -16,6 +16,7 @@ from strategies import WALL, examples, standing, tiny
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import SceneFile, encode, problem_digest
+from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.problem import (
     NO_RULES,
@@ -33,7 +34,9 @@ from cocap_opt.problem import (
     Shape,
     State,
     TriangulatedCuboid,
+    Views,
 )
+from cocap_opt.stop import never
 from cocap_opt.world.workspace import HeightMap
 
 NAN, INF = math.nan, math.inf
@@ -552,3 +555,13 @@ def test_arrays_become_plain() -> None:
     origin[0] = 9.0
     assert height_map.origin == (0.0, 1.0)
     assert Motion(layers=np.array([3, 5])).layers == (3, 5)
+
+
+def test_whole_numbers_are_floats_where_floats_are_meant() -> None:
+    """As in a problem that was read from a file; planners add rewards up in place."""
+    objective = Objective(stationarity=1, keep_cell=2, views=Views(weight=(3, 4)))
+    assert type(objective.stationarity) is type(objective.keep_cell) is float
+    assert objective.views is not None and isinstance(objective.views.weight, tuple)
+    assert all(type(weight) is float for weight in objective.views.weight)
+    problem = tiny().replace(objective=Objective(stationarity=1, keep_cell=1.5))
+    assert PLANNERS["cocap"](problem, never).plan is not None

@@ -14,6 +14,8 @@ from strategies import examples, rules, tiny
 import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import problem_digest
+from cocap_opt.formulations.column_generation.master.flow_paths import mixture_of_flow
+from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import (
     NO_RULES,
@@ -130,6 +132,37 @@ def test_starts_that_cannot_be_are_named(start: object, words: str) -> None:
     problem = tiny()
     with pytest.raises(ProblemError, match=words):
         problem.replace(robots=(problem.robots[0].replace(start=start), problem.robots[1]))
+
+
+def test_choices_that_come_down_to_one_state_are_checked_like_fixed_starts() -> None:
+    """Two drones in one cell at step 0 are refused, be it an area that has only that."""
+    problem = tiny()
+    first, second = problem.robots
+    area = second.replace(start=StartArea(cells=((0, 0),), headings=(0,)))
+    with pytest.raises(ProblemError, match=r"robots\[1\].start: is 0.00 m from robots\[0\].start"):
+        problem.replace(robots=(first, area))
+    wrong = second.replace(start=StartArea(cells=((0, 99),)))
+    with pytest.raises(ProblemError, match=r"robots\[1\].start.cells: must lie inside the map"):
+        problem.replace(robots=(first.replace(start=StartArea()), wrong))
+
+
+def test_the_order_of_states_is_none() -> None:
+    """Two drones with the same choices are alike, however these are listed."""
+    here, there = State(0, 0), State(0, 1)
+    assert StartStates(states=(here, there)) == StartStates(states=(there, here))
+
+
+def test_random_starts_without_rules_differ() -> None:
+    """Each drone draws by itself; with rules, so that they keep them."""
+    problem = anywhere(tiny()).replace(rules=NO_RULES)
+    drawn = [co.with_starts(problem, "random", seed).first_starts for seed in range(8)]
+    assert any(a != b for a, b in drawn)
+
+
+def test_a_flow_of_nobody_has_no_paths() -> None:
+    """Also where drones choose their start, and no arc says where."""
+    model = compiled(anywhere(tiny()))
+    assert mixture_of_flow(model, {}).columns == []
 
 
 @pytest.mark.parametrize("made", [

@@ -1,13 +1,14 @@
 """Gap tables that compare where drones start, and the study of it."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
 import cocap_opt as co
 from cocap_opt.cli.main import main
-from cocap_opt.experiments.lab.studies.starts import optima_of
+from cocap_opt.experiments.lab.studies.starts import optima_of, starts_in_markdown, stored_optima
 from cocap_opt.experiments.sweeps.start_choices import CHOICES, DRAWS, StartChoices
 from cocap_opt.result import Reason
 from cocap_opt.run.options import UsageError
@@ -44,6 +45,31 @@ def test_a_table_compares_the_choices(tmp_path: Path, capsys: pytest.CaptureFixt
     stated, free = rows["tiny-doorway"], rows["tiny-doorway, free starts"]
     assert free["optimum"] > stated["optimum"] * 1.01
     assert free["bound_reason"] == stated["bound_reason"] == "optimal"
+
+
+def test_choices_without_reward_or_plan_are_compared(capsys: pytest.CaptureFixture[str]) -> None:
+    """J of 0 is a value; a set of starts of which it is proved that no plan exists is proved."""
+    words = ("--planner", "greedy", "--time-limit", 5, "--starts")
+    _, out, _ = said(capsys, "tiny-hidden", *words, "free")
+    assert re.search(r"free +0.00 +0.00 +yes", out)
+    _, out, _ = said(capsys, "tiny-head-on", *words, "random")
+    assert re.search(r"best of 10 +[\d.]+ +[\d.]+ +yes", out)
+
+
+def test_the_page_has_the_stored_optima() -> None:
+    """Shares are of the bound from any start, which no set exceeds; most are proved."""
+    rows = stored_optima()
+    bounds = {(row.scene, row.seed): row.bound for row in rows if row.starts == "free"}
+    assert all(row.reward <= bounds[row.scene, row.seed] * (1 + 1e-9) for row in rows)
+    table = starts_in_markdown().splitlines()
+    assert [line.split("|")[1].strip() for line in table[2:]] == [
+        "corridor",
+        "bottleneck",
+        "bridge",
+    ]
+    stated = [row for row in rows if (row.scene, row.starts) == ("corridor", "stated")]
+    of = [row.reward / bounds[row.scene, row.seed] for row in stated]
+    assert f"{100 * sum(of) / len(of):.1f} %" in table[2]
 
 
 def test_wrong_choices_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_areas_and_stated_starts_stand_side_by_side(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("starts", "words"), [
     ("{ area = [[1, 1], [3, 1]] }", "starts: area: must have at least 3 corners, not 2"),
-    ("{ area = [[1, 1], [3, 3], [3, 1], [1, 3]] }", "starts: area: .* does not cross itself"),
+    ("{ area = [[1, 1], [3, 3], [3, 1], [1, 3]] }", "starts: area: polygon: must not cross itself"),
     ("{ area = [[1.6, 1.6], [1.9, 1.6], [1.9, 1.9]] }", "starts: area: .* the middle of a cell"),
     ("{ area = [[50, 1], [53, 1], [53, 3]] }", "starts: area: .* the map is x 0..12"),
     ('{ area = "somewhere" }', "area"),

@@ -114,8 +114,8 @@ class _BoundParts(NamedTuple):
             values = plain_sweep(
                 problem, robot_class, prices.rewards(number), prices.charges(number)
             )
-            for robot, start in zip(robot_class.robots, robot_class.starts, strict=True):
-                best[robot] = float(values[start])
+            for robot, starts in zip(robot_class.robots, robot_class.starts, strict=True):
+                best[robot] = float(values[starts].max())
         return cls(prices.pixels.constants, prices.row_constant, tuple(best))
 
     @property

@@ -41,6 +41,7 @@ from cocap_opt.stop import Stop, never
 
 MOST_REACHED = 1_000_000  # joint states of one step, some hundred bytes each
 MOST_CHOICES = 10_000  # states of one step, robot by robot: a table has a row and a column for each
+_STARTS_AT_ONCE = 1_000  # joint states, between two looks at the stop
 _AT_ONCE = 50_000  # joint states of which the pixels are added up at once
 # As many nodes take as long as what is done with a move that is found, of a team of so many pairs:
 # conflicts on the way are looked for pair by pair.
@@ -186,7 +187,11 @@ class _Following:
 
     def _spend(self, nodes: int, moves: int) -> None:
         """Takes down what a search took; raises NotEndedError if that was too much."""
-        self.nodes_left -= nodes + NODES_OF_MOVE * self._times * moves
+        self.spend(nodes + NODES_OF_MOVE * self._times * moves)
+
+    def spend(self, nodes: int) -> None:
+        """Takes down that nodes were taken; raises NotEndedError if these were too many."""
+        self.nodes_left -= nodes
         if self.nodes_left < 0:
             raise NotEndedError
 
@@ -239,7 +244,7 @@ class _Reached(NamedTuple):
     before: IntArray  # [L] number of the joint state of the step before
 
     @classmethod
-    def nobody(cls, robots: int) -> Self:
+    def empty(cls, robots: int) -> Self:
         """Returns no joint state of so many robots."""
         nothing = np.zeros((0, robots), dtype=np.int64)
         return cls(np.zeros(0), nothing, np.zeros(0, dtype=np.int64))
@@ -316,7 +321,7 @@ class _Team:
             for number, states in zip(numbers, self._starts, strict=True)
         ]
         if not all(map(len, starts)):
-            return [_Reached.nobody(len(numbers))]
+            return [_Reached.empty(len(numbers))]
         if not problem.has_free_starts:
             return [self._fixed(starts)]
         if problem.first_step == 0:
@@ -329,8 +334,9 @@ class _Team:
             for robot, number in enumerate(numbers)
         ]
         if not all(map(len, heads)):
-            return [_Reached.nobody(len(numbers))]
-        found = [ways.with_starts(part) for part in self._chosen(1, heads, following, stop)]
+            return [_Reached.empty(len(numbers))]
+        chosen = self._chosen(1, heads, following, stop)
+        found = [ways.with_starts(part, following, stop) for part in chosen]
         placed = np.concatenate([tails for tails, _ in found])
         number = np.cumsum([0, *(len(tails) for tails, _ in found)])[:-1]
         after = self._best(
@@ -342,6 +348,7 @@ class _Team:
 
     @property
     def _starts(self) -> list[IntArray]:
+        """The states in one of which each robot starts, whatever is left [R]."""
         return [self._model.starts(robot) for robot in range(len(self._numbers))]
 
     def _fixed(self, starts: Sequence[IntArray]) -> "_Reached":
@@ -367,11 +374,11 @@ class _Team:
         numbers = self._numbers[choices.robots].tolist()
         joint = self._apart(numbers, t, choices.states)
         floors = np.array([self.matters - self._rest(t)])
-        found = [_Reached.nobody(len(numbers))]
+        found = [_Reached.empty(len(numbers))]
         for tails, heads in following.found(joint, choices, floors, stop):
             placed = np.empty_like(heads)
             placed[:, choices.robots] = joint.states[heads]
-            found.append(_Reached(joint.worths(heads), placed, tails))
+            found.append(_Reached(_worths(joint, heads), placed, tails))
             if sum(len(part.values) for part in found) > MOST_REACHED:
                 raise NotEndedError
         return found
@@ -396,7 +403,7 @@ class _Team:
         numbers = self._numbers[choices.robots].tolist()
         joint = self._apart(numbers, t, choices.states)
         floors = self.matters - self._rest(t) - before.values
-        reached, waiting = _Reached.nobody(len(self._numbers)), []
+        reached, waiting = _Reached.empty(len(self._numbers)), []
         for tails, heads in following.found(joint, choices, floors, stop):
             waiting.append(self._reached(joint, choices.robots, before, tails, heads))
             if sum(len(part.values) for part in waiting) > MOST_REACHED:
@@ -457,9 +464,7 @@ class _Team:
         placed[:, robots] = joint.states[heads]
         able = ~self._conflicts(before.placed[tails], placed)
         tails, heads, placed = tails[able], heads[able], placed[able]
-        parts = range(0, len(heads), _AT_ONCE)
-        worths = [joint.worths(heads[k : k + _AT_ONCE]) for k in parts]
-        return _Reached(before.values[tails] + np.concatenate([*worths, []]), placed, tails)
+        return _Reached(before.values[tails] + _worths(joint, heads), placed, tails)
 
     def _conflicts(self, tails: IntArray, heads: IntArray) -> BoolArray:
         """Returns which moves of the team have a conflict between the steps [M]."""
@@ -495,6 +500,12 @@ class _Team:
         return _Reached(values[kept], placed[kept], before[kept])
 
 
+def _worths(joint: JointStates, chosen: IntArray) -> FloatArray:
+    """Returns the worths of joint states [K, R], some at a time."""
+    parts = range(0, len(chosen), _AT_ONCE)
+    return np.concatenate([*(joint.worths(chosen[k : k + _AT_ONCE]) for k in parts), []])
+
+
 class _StartWays:
     """The ways of robots that choose their start to where they are at step 1.
 
@@ -523,19 +534,38 @@ class _StartWays:
         found[list(self._tails[robot])] = True
         return found
 
-    def with_starts(self, reached: _Reached) -> tuple[IntArray, _Reached]:
-        """Returns those joint states of step 1 that have starts without conflict, and these."""
-        tails = [self._starts_of(heads) for heads in reached.placed.tolist()]
+    def with_starts(
+        self, reached: _Reached, following: _Following, stop: Stop
+    ) -> tuple[IntArray, _Reached]:
+        """Returns the starts of those joint states of step 1 that have any, and these.
+
+        Raises
+        ------
+        NotEndedError
+            If the searches for starts take more nodes than are left.
+        LimitReached
+            At a limit.
+        """
+        tails = []
+        for row, heads in enumerate(reached.placed.tolist()):
+            if row % _STARTS_AT_ONCE == 0:
+                stop.check()
+            tails.append(self._starts_of(heads, following))
         kept = [row for row, found in enumerate(tails) if found]
         placed = np.array([tails[row] for row in kept], dtype=np.int64)
         able = _Reached(reached.values[kept], reached.placed[kept], reached.before[kept])
         return placed.reshape(len(kept), len(self._tails)), able
 
-    def _starts_of(self, heads: list[int], chosen: tuple[int, ...] = ()) -> list[int]:
-        """Returns starts of all robots that lead to states at step 1, those chosen first.
+    def _starts_of(
+        self, heads: list[int], following: _Following, chosen: tuple[int, ...] = ()
+    ) -> list[int]:
+        """Returns starts of all robots that lead to states at step 1, or nothing.
 
-        There are none in the result if there are none.
+        Parameters
+        ----------
+        chosen : of the first robots, the numbers of their starts among those that lead there
         """
+        following.spend(1)
         robot = len(chosen)
         if robot == len(heads):
             both = zip(self._tails, heads, chosen, strict=True)
@@ -543,14 +573,15 @@ class _StartWays:
         for which in range(len(self._tails[robot][heads[robot]])):
             pairs = enumerate(chosen)
             if all(self._may_start(k, heads[k], robot, heads[robot])[at, which] for k, at in pairs):
-                found = self._starts_of(heads, (*chosen, which))
+                found = self._starts_of(heads, following, (*chosen, which))
                 if found:
                     return found
         return []
 
     def _may_start(self, first: int, head: int, second: int, other_head: int) -> BoolArray:
         """Returns an array [n, m], true where two robots' ways from their starts keep the rules."""
-        key = first, head, second, other_head
+        # Robots of one class and choice have one table of tails.
+        key = id(self._tails[first]), head, id(self._tails[second]), other_head
         if key not in self._able:
             ways = []
             for robot, end, axis in ((first, head, 1), (second, other_head, 0)):

@@ -1,6 +1,6 @@
 """Flows on arcs, split into paths of robots."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -25,14 +25,16 @@ class StartChoice(NamedTuple):
     @classmethod
     def of_arcs(cls, model: Model, arcs: Iterable[Arc]) -> "list[StartChoice]":
         """Returns the choices from which arcs lead on, set by set."""
-        tails = {(arc.class_number, arc.tail) for arc in arcs if arc.t == 0}
+        tails: dict[int, set[int]] = {}
+        for arc in arcs:
+            if arc.t == 0:
+                tails.setdefault(arc.class_number, set()).add(arc.tail)
         return [
-            cls(number, k, start)
+            cls(number, k, state)
             for number, robot_class in enumerate(model.classes)
             for k, (starts, _) in enumerate(robot_class.start_sets)
             if len(starts) > 1
-            for start in starts.tolist()
-            if (number, start) in tails
+            for state in np.intersect1d(starts, [*tails.get(number, ())]).tolist()
         ]
 
 
@@ -56,17 +58,13 @@ def mixture_of_flow(
     for arc, amount in flow.items():
         if amount > LEAST_USE:
             left.setdefault((arc.class_number, arc.t, arc.tail), {})[arc.head] = amount
-    open_ = dict(starting or {})
-    if starting is None:
-        for choice in StartChoice.of_arcs(model, flow):
-            leaving = left.get((choice.class_number, 0, choice.state), {})
-            open_[choice] = sum(leaving.values())
+    open_ = dict(starting) if starting is not None else _going_on(model, flow)
     columns: list[Column] = []
     amounts: list[float] = []
     for robot in range(len(model.problem.robots)):
         number, rest = model.classes.index(model.class_of[robot]), 1.0
         starts = _starts(model, robot, open_)
-        while rest > 10 * LEAST_USE:
+        while rest > 10 * LEAST_USE and starts:
             choice = max(starts, key=lambda choice: open_.get(choice, 1.0))
             path, amount = _widest(left, number, choice.state, model.problem.horizon)
             amount = min(rest, amount, open_.get(choice, 1.0))
@@ -83,15 +81,25 @@ def mixture_of_flow(
     return Mixture(columns, np.array(amounts))
 
 
-def _starts(model: Model, robot: int, open_: Mapping[StartChoice, float]) -> Sequence[StartChoice]:
-    """Returns the starts that a robot may choose, with flow or without."""
+def _going_on(model: Model, flow: Mapping[Arc, float]) -> dict[StartChoice, float]:
+    """Returns the robots that go on from each start; two sets of starts may share them."""
+    leaving: dict[tuple[int, int], float] = {}
+    for arc, amount in flow.items():
+        if arc.t == 0:
+            leaving[arc.leaves] = leaving.get(arc.leaves, 0.0) + amount
+    choices = StartChoice.of_arcs(model, flow)
+    return {choice: leaving[choice.class_number, choice.state] for choice in choices}
+
+
+def _starts(model: Model, robot: int, open_: Mapping[StartChoice, float]) -> list[StartChoice]:
+    """Returns the starts that a robot may choose, as far as there is flow, or its fixed one."""
     robot_class = model.class_of[robot]
     number = model.classes.index(robot_class)
-    for k, (starts, robots) in enumerate(robot_class.start_sets):
-        if robot in robots:
-            every = [StartChoice(number, k, start) for start in starts.tolist()]
-            return every if len(every) == 1 else [choice for choice in every if choice in open_]
-    return ()
+    starts = model.starts(robot)
+    if len(starts) == 1:
+        return [StartChoice(number, 0, int(starts[0]))]
+    of_robot = next(k for k, (_, robots) in enumerate(robot_class.start_sets) if robot in robots)
+    return [choice for choice in open_ if choice[:2] == (number, of_robot)]
 
 
 def _widest(

@@ -267,12 +267,14 @@ class MasterProgram:
         ]
         entering = np.array([nodes[node] for node in into], dtype=np.int64)
         units = np.zeros(len(nodes))
+        row_of: dict[tuple[int, int], int] = {}
         sets: list[int] = []
         for number, robot_class in enumerate(self._model.classes):
-            for starts, robots in robot_class.start_sets:
+            for k, (starts, robots) in enumerate(robot_class.start_sets):
                 if len(starts) == 1:
                     units[nodes[number, 0, int(starts[0])]] += len(robots)
                 else:
+                    row_of[number, k] = len(sets)
                     sets.append(len(robots))
         name, each = "conservation", np.arange(len(self._arcs))
         program.add_rows(name, units, clarabel.ZeroConeT)
@@ -281,11 +283,11 @@ class MasterProgram:
         program.put(name, "flow", entering, arcs, -np.ones(len(inner)))
         if self._choices:
             ends = [nodes[choice.class_number, 0, choice.state] for choice in self._choices]
-            which = np.unique([choice[:2] for choice in self._choices], axis=0, return_inverse=True)
+            which = [row_of[choice[:2]] for choice in self._choices]
             each = np.arange(len(ends))
             program.put(name, "choices", np.array(ends), each, -np.ones(len(ends)))
             program.add_rows("starts", np.array(sets, dtype=np.float64), clarabel.ZeroConeT)
-            program.put("starts", "choices", which[1].ravel(), each, np.ones(len(ends)))
+            program.put("starts", "choices", np.array(which), each, np.ones(len(ends)))
 
     def _add_resources(self, program: _ConicProgram) -> None:
         """Adds rows sign * (flow on the arcs that use a resource) - slack <= limit."""

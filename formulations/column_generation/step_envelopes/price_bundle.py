@@ -293,9 +293,10 @@ class PriceBundle:
 
     def _start_rows(self, columns: _Columns) -> Iterator[_MasterRow]:
         """Yields the rows of sets of starts: their potential is at least that of each start."""
+        first = {place: node for place, node in columns.node_of.items() if place[1] == 0}
         for (number, k), column in columns.set_of.items():
-            for (of_class, t, state), node in columns.node_of.items():
-                if (of_class, t) == (number, 0) and state in self._start_sets[number, k][0]:
+            for (of_class, _, state), node in first.items():
+                if of_class == number and state in self._start_sets[number, k][0]:
                     yield [(column, -1.0), (node, 1.0)], 0.0
 
     def _height_rows(self, heights: Sequence[_Height], columns: _Columns) -> Iterator[_MasterRow]:
