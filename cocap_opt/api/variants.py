@@ -95,7 +95,7 @@ def with_starts(
     Examples
     --------
     >>> best = co.solve(co.with_starts(problem), time_limit=60)
-    >>> [path[0] for path in best.plan.paths]
+    >>> best.value
     """
     require_problem(problem)
     require(starts, "starts", "free, random or greedy", str)

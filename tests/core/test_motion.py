@@ -226,7 +226,7 @@ def test_time_expanded_graph_holds_what_lies_on_a_path(problem: Problem) -> None
     problem = problem.replace(airspace=open_to_people)
     graph = time_expanded_graph(problem, 0)
     steps, robot = motion_graph(problem, 0), problem.robots[0]
-    forward = [{robot.start}]
+    forward = [set(problem.starts[0])]
     for _ in range(problem.horizon):
         forward.append({head for state in forward[-1] for head in steps[state]})
     backward = [{s for s in steps if robot.goal in (None, (s.x, s.y))}]

@@ -402,9 +402,10 @@ def test_copies_are_as_immutable_as_the_original(duplicate: Callable[[Problem], 
 def test_states_and_cells(problem: Problem) -> None:
     """A robot's cell keeps its place, and its layer index stands for the same flight height."""
     for i, robot in enumerate(problem.robots):
-        cell = problem.cell(i, robot.start)
-        assert (cell.x, cell.y) == (robot.start.x, robot.start.y)
-        assert problem.layers[cell.layer] == robot.motion.layers[robot.start.layer]
+        for start in problem.starts[i]:
+            cell = problem.cell(i, start)
+            assert (cell.x, cell.y) == (start.x, start.y)
+            assert problem.layers[cell.layer] == robot.motion.layers[start.layer]
     assert list(problem.layers) == sorted(set(problem.layers))
 
 

@@ -50,7 +50,7 @@ from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan, _Ch
 from cocap_opt.formulations.certificates.staged.search import MostProfitable, all_that_count
 from cocap_opt.formulations.certificates.staged.stages import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
-from cocap_opt.formulations.column_generation.master.flow_paths import mixture_of_flow
+from cocap_opt.formulations.column_generation.master.flow_paths import StartChoice, mixture_of_flow
 from cocap_opt.formulations.column_generation.parameters import (
     EnvelopeParameters,
     ListParameters,
@@ -560,13 +560,18 @@ def test_a_flow_is_split_into_paths_with_the_same_flow(problem: Problem) -> None
     model = compiled(problem)
     best = optimum(problem).plan
     flow: Counter[Arc] = Counter()
+    starting: Counter[StartChoice] = Counter()
     for plan in (best, Plan.hovering(problem)):
         incumbent = Incumbent.of_plan(model, plan)
         if incumbent is None:
             return
         for column in incumbent.columns:
             flow.update(dict.fromkeys(column.arcs, 0.5))
-    mixture, again = mixture_of_flow(model, flow), Counter[Arc]()
+            number = column.along.class_number
+            for k, (starts, robots) in enumerate(model.classes[number].start_sets):
+                if column.robot in robots and len(starts) > 1:
+                    starting[StartChoice(number, k, column.path[0])] += 0.5
+    mixture, again = mixture_of_flow(model, flow, starting=starting), Counter[Arc]()
     for column, amount in mixture.used():
         again.update(dict.fromkeys(column.arcs, amount))
     assert dict(again) == pytest.approx(dict(flow))

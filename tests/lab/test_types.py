@@ -29,7 +29,7 @@ import cocap_opt as co
 
 def hover(problem: co.Problem, stop: co.Stop) -> co.Result:
     """Let all drones wait."""
-    plan = co.Plan(paths=tuple((r.start,) * (problem.horizon + 1) for r in problem.robots))
+    plan = co.Plan(paths=tuple((s,) * (problem.horizon + 1) for s in problem.first_starts))
     reward = co.check(problem, plan).reward
     return co.Result(plan, reward, co.Reason.FINISHED, limit=stop.reached())
 

@@ -47,8 +47,8 @@ def pruned_product(problem: Problem, robot: int) -> Graph:
     graph = cast("Graph", nx.tensor_product(motion_graph(problem, robot), steps))
     _remove_near_people(graph, problem, robot)
     spec = problem.robots[robot]
-    source = (spec.start, 0)
-    keep = {source} | nx.descendants(graph, source)
+    keep = {(start, 0) for start in problem.starts[robot]}
+    keep |= {node for source in sorted(keep) for node in nx.descendants(graph, source)}
     ends = [
         (state, t) for state, t in keep
         if t == problem.horizon and spec.goal in (None, (state.x, state.y))
