@@ -97,10 +97,9 @@ def _tilted(robot: Robot, degrees: tuple[float, ...]) -> Robot:
         pitches = None if old is None else tuple(dict.fromkeys(map(nearest, old)))
         start = robot.start.replace(pitches=pitches)
     else:
-        fixed = isinstance(robot.start, State)
         states = (robot.start,) if isinstance(robot.start, State) else robot.start.states
         new = dict.fromkeys(state._replace(pitch=nearest(state.pitch)) for state in states)
-        start = next(iter(new)) if fixed else StartStates(states=tuple(new))
+        start = StartStates(states=tuple(new))
     return robot.replace(start=start, camera=robot.camera.replace(tilts=tilts))
 
 

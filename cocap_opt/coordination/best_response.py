@@ -11,7 +11,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.graph.move_rewards import Bonuses
-from cocap_opt.graph.value_iteration import backward_sweep, best_path, best_start
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model, Path, RobotClass
 from cocap_opt.objective import marginal_reward, objective
 from cocap_opt.problem import Cell, Conflict, PassConflict, Plan, SwapConflict, VertexConflict
@@ -131,8 +131,7 @@ def best_response(
     # Another array of that size would take as long to make as the sweep itself.
     in_place = (reward, len(reward) - 1)
     value = backward_sweep(graph, reward, bonuses, charges, robot_class.goal, stop, in_place)
-    start = best_start(value[0], model.starts(robot))
-    path = best_path(graph, value, start, bonuses, charges)
+    path = best_path(graph, value, model.starts(robot), bonuses, charges)
     return None if path is None else tuple(path)
 
 

@@ -114,12 +114,12 @@ def _limits_of(graph: TimeGraph) -> tuple[int, int, IntArray]:
 def best_path(
     graph: TimeGraph,
     value: FloatArray,
-    start: int,
+    starts: int | IntArray,
     bonuses: Bonuses = NO_BONUSES,
     charges: Charges = NO_CHARGES,
     first: int = 0,
 ) -> list[int] | None:
-    """Returns a path of T+1 states from `start` that attains `value`, or None if there is none.
+    """Returns a path of T+1 states from the best start that attains `value`; None if none does.
 
     Ties go to the shortest move, then to the smallest turn, which are the same in a turned
     or mirrored copy of a scene; last to the lowest state number, so that the path is the
@@ -129,9 +129,12 @@ def best_path(
     ----------
     graph, bonuses, charges : as in `backward_sweep`
     value : [T+1, S] the result of `backward_sweep`
-    start : number of the state at the first step
+    starts : number of the state at the first step, or numbers [n] of those to choose from,
+        increasing
     first : step of the first row of `value`
     """
+    open_ = np.atleast_1d(starts)
+    start = int(open_[np.argmax(value[0, open_])])
     if value[0, start] == CLOSED:
         return None
     path = [start]
@@ -144,17 +147,6 @@ def best_path(
         ahead = ahead - charges.cost_of_moves(t, place, heads % graph.n_places)
         path.append(_calmest(graph, path[-1], heads[ahead == ahead.max()]))
     return path
-
-
-def best_start(value: FloatArray, starts: IntArray) -> int:
-    """Returns the start with the greatest value; of several the one of the lowest number.
-
-    Parameters
-    ----------
-    value : [S] of all states at step 0
-    starts : [n] numbers of states, increasing
-    """
-    return int(starts[np.argmax(value[starts])])
 
 
 def leads_to_goal(graph: TimeGraph, horizon: int, goal: tuple[int, int] | None) -> BoolArray:

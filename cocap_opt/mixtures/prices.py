@@ -18,8 +18,7 @@ from scipy import sparse
 from cocap_opt.data import FloatArray
 from cocap_opt.graph.charges import NO_CHARGES, Charges
 from cocap_opt.graph.move_rewards import Bonuses
-from cocap_opt.graph.timegraph import CLOSED
-from cocap_opt.graph.value_iteration import backward_sweep, best_path, best_start
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.mixtures.columns import Column
 from cocap_opt.model import Model
 from cocap_opt.problem import Problem
@@ -111,11 +110,9 @@ class PricedViews:
             graph, goal = robot_class.graph, robot_class.goal
             value = backward_sweep(graph, reward, bonuses, charge, goal, self._stop)
             for robot, starts in zip(robot_class.robots, robot_class.starts, strict=True):
-                start = best_start(value[0], starts)
-                bound += float(value[0, start])
-                if value[0, start] > CLOSED:
-                    path = best_path(graph, value, start, bonuses, charge)
-                    assert path is not None
+                bound += float(value[0, starts].max())
+                path = best_path(graph, value, starts, bonuses, charge)
+                if path is not None:
                     columns.append(Column.of(self.model, robot, tuple(path)))
         return bound, columns
 

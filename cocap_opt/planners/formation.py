@@ -25,7 +25,7 @@ from cocap_opt.coordination.low_level import SingleRobotPath, SingleRobotTask
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED
-from cocap_opt.graph.value_iteration import backward_sweep, best_path, best_start
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model, Path, compiled
 from cocap_opt.objective import marginal_gain
 from cocap_opt.planners.lazy_coverage import LazyCoverage
@@ -316,8 +316,7 @@ def _nearest(task: SingleRobotTask, places: FloatArray) -> Path | None:
     for row, place in zip(reward, places, strict=True):
         row -= np.tile(np.linalg.norm(at - place, axis=1), graph.n_orientations)
     value = backward_sweep(graph, reward, charges=task.charges, goal=robot_class.goal)
-    start = best_start(value[0], task.model.starts(task.robot))
-    path = best_path(graph, value, start, charges=task.charges)
+    path = best_path(graph, value, task.model.starts(task.robot), charges=task.charges)
     return None if path is None else tuple(path)
 
 

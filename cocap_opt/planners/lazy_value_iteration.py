@@ -24,7 +24,7 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.graph.frames import Frame
 from cocap_opt.graph.move_rewards import Bonuses
 from cocap_opt.graph.timegraph import CLOSED, TimeGraph
-from cocap_opt.graph.value_iteration import backward_sweep, best_path, best_start
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import Model, Path
 from cocap_opt.planners.optimistic_coverage import OptimisticCoverage
 from cocap_opt.stop import Limit, Stop
@@ -135,8 +135,7 @@ class _Search:
 
     def _path_of(self, value: FloatArray) -> Path | None:
         """Returns the best path by a sweep."""
-        start = best_start(value[0], self._starts)
-        path = best_path(self._graph, value, start, self._bonuses, self._task.charges)
+        path = best_path(self._graph, value, self._starts, self._bonuses, self._task.charges)
         return None if path is None else tuple(path)
 
     def _nodes(self, path: Path) -> IntArray:

@@ -108,10 +108,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         if isinstance(robot.start, StartStates):
             return robot.start.states
         places = robot.start.places(robot.motion.free_places(self.workspace))
-        at = self.above(robot, places)
-        near = np.zeros(len(places), dtype=np.bool_)
-        for actor in self.actors:
-            near |= self.airspace.near_person(actor, 0, at)
+        near = self.near_people(0, self.above(robot, places))
         _, headings, pitches = robot.orientation_sizes
         return robot.start.states_in(places[~near], headings, pitches)
 
@@ -195,12 +192,23 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
             return able
         places, which = np.unique(cells, axis=0, return_inverse=True)
         at, near = self.above(robot, places), np.zeros(len(places), dtype=np.bool_)
-        for actor in self.actors:
-            for t in range(steps):
-                near |= self.airspace.near_person(actor, t, at)
-                if t + 1 < steps:
-                    near |= self.airspace.near_person(actor, t, at, at)
+        for t in range(steps):
+            near |= self.near_people(t, at)
+            if t + 1 < steps:
+                near |= self.near_people(t, at, at)
         return np.asarray(able & ~near[which.ravel()])
+
+    def near_people(self, t: int, before: FloatArray, after: FloatArray | None = None) -> BoolArray:
+        """Returns an array [n], true if drones are too near to anybody.
+
+        Parameters
+        ----------
+        before, after : [n, 3] m, as `Airspace.near_person` takes them
+        """
+        near = np.zeros(len(before), dtype=np.bool_)
+        for actor in self.actors:
+            near |= self.airspace.near_person(actor, t, before, after)
+        return near
 
     def person(self, j: int) -> str:
         """Returns the words for a person: the number, and the name if there is one."""

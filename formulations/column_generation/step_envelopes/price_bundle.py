@@ -31,7 +31,7 @@ from cocap_opt.formulations.column_generation.parameters import BundleParameters
 from cocap_opt.formulations.column_generation.step_envelopes.known_states import Known
 from cocap_opt.formulations.solvers import solve_cones
 from cocap_opt.graph.move_rewards import Bonuses
-from cocap_opt.graph.value_iteration import backward_sweep, best_path, best_start
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.mixtures.columns import Arc
 from cocap_opt.model import Path
 from cocap_opt.stop import Stop
@@ -374,9 +374,8 @@ class PriceBundle:
                 robot_class.graph, reward, self._bonuses, charges, robot_class.goal, self._stop
             )
             for starts in robot_class.starts:
-                start = best_start(value[0], starts)
-                total += float(value[0, start])
-                path = best_path(robot_class.graph, value, start, self._bonuses, charges)
+                total += float(value[0, starts].max())
+                path = best_path(robot_class.graph, value, starts, self._bonuses, charges)
                 if path is not None:
                     paths.append((number, tuple(path)))
         return total, paths

@@ -9,7 +9,7 @@ from cocap_opt.coordination.low_level import SingleRobotPath, SingleRobotTask, v
 from cocap_opt.coordination.responses import Responses, followed, one_by_one
 from cocap_opt.experiments.lab.studies.quality.rows import PlanRow, rounded
 from cocap_opt.footage.quality import Quality
-from cocap_opt.graph.value_iteration import backward_sweep, best_path, best_start
+from cocap_opt.graph.value_iteration import backward_sweep, best_path
 from cocap_opt.model import compiled
 from cocap_opt.planners.sequential import sequential
 from cocap_opt.problem import Plan, Problem
@@ -81,8 +81,7 @@ def random_plan(problem: Problem, seed: int) -> Plan | None:
         value = backward_sweep(
             robot_class.graph, reward, charges=task.charges, goal=robot_class.goal
         )
-        start = best_start(value[0], model.starts(task.robot))
-        path = best_path(robot_class.graph, value, start, charges=task.charges)
+        path = best_path(robot_class.graph, value, model.starts(task.robot), charges=task.charges)
         if path is None:
             return SingleRobotPath(None, model.problem.no_pixels(), 0)
         return SingleRobotPath(tuple(path), model.robot_pixels(task.robot, tuple(path)), 0)
