@@ -19,8 +19,10 @@ from cocap_opt.cli.options import (
     load_planned,
 )
 from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, progress_figure
+from cocap_opt.experiments.report.teams import teams_figure
 from cocap_opt.experiments.sweeps.results import load_results
 from cocap_opt.experiments.tables.layout import TRACES
+from cocap_opt.experiments.tables.teams import load_teams
 from cocap_opt.output.files import PlanReader, check_output, save_bytes
 from cocap_opt.output.printing import print_result
 from cocap_opt.output.trace import Trace
@@ -51,6 +53,27 @@ def _gaps(
     """
     _check(output)
     return _save(output, gaps_figure(chosen(load_results(folder), scene, planner)), json)
+
+
+@app.command(name="teams")
+def _teams(
+    folder: Annotated[Path, Parameter(help="folder that `team --out` has filled")],
+    /,
+    *,
+    output: Output,
+    share: Annotated[
+        float | None, Parameter(help="of person-steps that is asked for, drawn as a level")
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Draw J, and the share of person-steps that are seen, by the number of drones.
+
+    Example: cocap-opt figure teams teams -o teams.pdf
+    """
+    _check(output)
+    if share is not None:
+        Option("--share").require_part(share)
+    return _save(output, teams_figure(load_teams(folder), share), json)
 
 
 @app.command(name="progress")

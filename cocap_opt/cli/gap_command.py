@@ -1,7 +1,6 @@
 """The command `gap`: plans of planners and of files on scenes and seeds, and what bounds them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, NamedTuple, Self
 
@@ -13,15 +12,15 @@ from cocap_opt.cli.options import (
     Budget,
     Json,
     Scene,
-    Workers,
     load,
     say_narrow_way,
 )
+from cocap_opt.cli.workforce import HERE, Workforce
 from cocap_opt.experiments.sweeps.cells import BOUND
 from cocap_opt.experiments.sweeps.instances import Instance, Settings
 from cocap_opt.experiments.sweeps.scenes import Problems, Scenes
 from cocap_opt.experiments.sweeps.start_choices import CHOICES, StartChoices
-from cocap_opt.experiments.sweeps.sweep import Hired, sweep
+from cocap_opt.experiments.sweeps.sweep import sweep
 from cocap_opt.experiments.tables.gap_table import print_gap_table
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.start_sets import print_start_sets
@@ -147,43 +146,6 @@ def _names(titles: Sequence[str], given: Sequence[_GivenPlan]) -> list[str]:
     ]
 
 
-@Parameter(name="*")
-@dataclass(frozen=True)
-class _Workforce:
-    """The options that say who computes."""
-
-    workers: Workers = None
-    scheduler: Annotated[
-        str | None, Parameter(help="address of a dask scheduler, whose workers are used")
-    ] = None
-    cell_limit: Annotated[
-        float | None,
-        Parameter(help="seconds after which a worker gives up a planner or a bound"),
-    ] = None
-
-    @property
-    def is_elsewhere(self) -> bool:
-        """True if other processes compute."""
-        return self.workers is not None or self.scheduler is not None
-
-    def hired(self, settings: Settings) -> Hired:
-        """Returns the workers that the options name."""
-        if self.workers is not None and self.scheduler is not None:
-            raise UsageError("--workers: a scheduler has its own; leave one of the two options out")
-        Option("--workers").require_cores(self.workers)
-        limit = self.cell_limit
-        if limit is not None and not limit > 0:
-            raise UsageError(f"--cell-limit: must be a number of seconds > 0, not {limit}")
-        if limit is not None and not self.is_elsewhere:
-            raise UsageError(
-                "--cell-limit: is for --workers or --scheduler; this process has no limit"
-            )
-        return Hired(self.workers, self.scheduler, limit or settings.cell_limit)
-
-
-_HERE = _Workforce()
-
-
 def _gap(
     *scene: Scene,
     planner: Annotated[
@@ -228,7 +190,7 @@ def _gap(
             "scene of its own, and a last table compares them",
         ),
     ] = None,
-    workforce: _Workforce = _HERE,
+    workforce: Workforce = HERE,
     retry: Annotated[
         bool,
         FLAG(help="try again what has failed in the folder of --out"),

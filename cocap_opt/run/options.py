@@ -13,6 +13,7 @@ from cocap_opt.vision.coverage import usable_cores
 
 LARGEST = 9 * 10**15  # below 2**53, up to which JSON readers tell whole numbers apart
 _MOST = 100_000  # numbers in a list
+_LONGEST = 1e6  # m
 
 
 class UsageError(ValueError):
@@ -89,6 +90,15 @@ class Option(NamedTuple):
             )
         return share
 
+    def require_part(self, value: object) -> float:
+        """Returns a part of a whole as a plain float; refuses all but numbers above 0, up to 1."""
+        part = _number(value)
+        if not 0 < part <= 1:
+            raise UsageError(
+                f"{self.name}: must be more than 0 and at most 1, such as 0.95, not {value}"
+            )
+        return part
+
     def require_whole(self, value: object, words: str = f"0..{LARGEST}") -> int:
         """Returns a whole number >= 0 as a plain int; refuses all else, also fractions.
 
@@ -126,6 +136,21 @@ class Option(NamedTuple):
             if len(found) + len(wanted) > _MOST:
                 raise UsageError(f"{self.name}: must be at most {_MOST} numbers")
             found += wanted
+        return tuple(dict.fromkeys(found))
+
+    def lengths(self, text: str) -> tuple[float, ...]:
+        """Returns the numbers of a list such as "6,9.5", in metres, each once."""
+        found = []
+        for part in text.split(","):
+            try:
+                number = float(part)
+            except ValueError:
+                number = math.nan
+            if not abs(number) <= _LONGEST:
+                raise UsageError(
+                    f"{self.name}: must be numbers of metres such as 6,9.5, not {text!r}"
+                )
+            found.append(number)
         return tuple(dict.fromkeys(found))
 
     def _range(self, part: str, text: str) -> range:

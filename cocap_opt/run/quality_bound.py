@@ -21,13 +21,13 @@ import numpy as np
 from cocap_opt.console.progress import Watch
 from cocap_opt.data import FloatArray
 from cocap_opt.footage.quality import Quality
-from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
+from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.model import share_coverage
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.engine import BOUND_METHOD, run
 from cocap_opt.run.options import Allowance
-from cocap_opt.run.view_share import counted_weights, views_alone, views_asked
+from cocap_opt.run.view_share import counted_weights, counting_gap, views_alone, views_asked
 from cocap_opt.stop import Stop, never
 from cocap_opt.text import rounded_up
 
@@ -115,7 +115,7 @@ class QualityBound:
             share_coverage(scene, first)
             result = run(
                 scene, bound, stop, allowance=Allowance(seconds), watch=watch, start=begin,
-                gap=self._gap(scene),
+                gap=counting_gap(scene),
             ).result  # fmt: skip
             results.append(replace(result, problem=scene, method=bound))
         return replace(self, results=tuple(results))
@@ -201,12 +201,6 @@ class QualityBound:
         if self.person_steps:
             for cameras in range(1, min(self.cameras, len(self.problem.robots)) + 1):
                 yield self.scene(cameras)
-
-    def _gap(self, scene: Problem) -> float:
-        """Returns the gap at which a bound cannot get better: sums of one weight are whole."""
-        if self.is_weighted or scene.objective.views is None:
-            return OPTIMALITY
-        return 0.999 / (scene.objective.views.cameras * self.person_steps)
 
     def _sum(self, weights: FloatArray) -> float:
         """Returns the sum of weights; their number, where all are the same."""

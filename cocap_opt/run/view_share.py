@@ -13,6 +13,7 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.footage.quality import Assumptions, Quality, person_steps
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.problem import Objective, Plan, Problem, Views
 from cocap_opt.referee import check
 from cocap_opt.text import rounded_up
@@ -55,6 +56,21 @@ def views_alone(problem: Problem, views: Views) -> Problem:
         pixels=0.0, views=views.replace(share=None), count_start=problem.objective.count_start
     )
     return problem.replace(objective=objective)
+
+
+def counting_gap(problem: Problem) -> float:
+    """Returns the relative gap below which a plan is proved best, as J is a whole number of units.
+
+    So it is where J counts views of one weight and nothing else; elsewhere it is `OPTIMALITY`.
+    """
+    views = problem.objective.views
+    if views is None or problem.objective != views_alone(problem, views).objective:
+        return OPTIMALITY
+    weights = counted_weights(problem) * views.weights(len(problem.actors))
+    units = weights[weights > 0]
+    if len(np.unique(units)) != 1:
+        return OPTIMALITY
+    return 0.999 / (views.cameras * len(units))
 
 
 def most_views(problem: Problem, cameras: int) -> float:

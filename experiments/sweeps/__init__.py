@@ -12,4 +12,5 @@ __all__ = [
     "scenes",
     "start_choices",
     "sweep",
+    "teams",
 ]

@@ -45,6 +45,8 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
     work_limit: int | None = None  # units of work, for each planner and each bound
     rendered: bool = False  # J of the rendered pixels is wanted, too
     kept: bool = True  # cells outlive this process, or are computed in others
+    # The planners are one exact method, whose certificate is the bound: none is searched for.
+    proves_itself: bool = False
 
     def __post_init__(self) -> None:
         """Makes plain numbers of NumPy's, and raises UsageError for what is no limit."""
@@ -164,7 +166,7 @@ class Instance:
         """Returns the tasks that can begin: planners' cells, or the bound once all have ended."""
         cells = [cell for cell in self.cells.values() if cell not in self.found]
         if not cells and self.bound is None:
-            return [self._bound_task()]
+            return [] if self._settings.proves_itself else [self._bound_task()]
         return [Task(cell, self.problem, foreign=self._foreign.get(cell.planner)) for cell in cells]
 
     def _bound_task(self) -> Task:
@@ -183,7 +185,11 @@ class Instance:
         for cell in self.cells.values():
             if cell not in self.found and (content := store.find(cell)) is not None:
                 self.found[cell] = content
-        if self.bound is None and len(self.found) == len(self.cells):
+        if self.bound is not None or len(self.found) < len(self.cells):
+            return
+        if self._settings.proves_itself:
+            self.bound = self.held(self._bound_task().self_proved(*self.found.values()))
+        else:
             content = store.find(self._bound_task().cell)
             self.bound = content if content is not None and self.held(content) is content else None
 

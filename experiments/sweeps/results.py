@@ -4,9 +4,7 @@
 exist (no plan, no bound, no gap) is an empty field.
 """
 
-import csv
 import hashlib
-import io
 import os
 import platform
 import sys
@@ -19,17 +17,17 @@ from typing import Literal
 import msgspec
 
 from cocap_opt.experiments.sweeps.cells import SweepCell
+from cocap_opt.experiments.tables.columns import read_rows
 from cocap_opt.experiments.tables.rows import COLUMNS, GapRow
 from cocap_opt.files.code import code_digest
 from cocap_opt.files.documents import (
     SAMPLED,
     Document,
-    FileError,
     decode_document,
     encode,
     read_bytes,
 )
-from cocap_opt.output.files import read_text, save_bytes
+from cocap_opt.output.files import save_bytes
 from cocap_opt.vision.coverage import usable_cores
 
 RUN = "run.json"
@@ -164,30 +162,6 @@ def load_results(folder: Path) -> list[GapRow]:
         If it is no such table, has no rows, has a number that no sweep writes, or if an older
         version wrote it, whose rewards are others.
     """
-    path = folder / RESULTS
     if (folder / RUN).exists():
         RunFile.load(folder)
-    table = csv.DictReader(io.StringIO(read_text(path)))
-    try:
-        names = set(table.fieldnames or ())
-        for name, column in COLUMNS.items():
-            if not (name in names or column.is_extra or name in _NEWER):
-                raise FileError(f"{path}: has no column {name!r}")
-        rows = [_row(fields, f"{path}: line {table.line_num}") for fields in table]
-    except csv.Error as error:
-        words = "must be short values with commas between them"
-        raise FileError(f"{path}: line {table.line_num}: {words}") from error
-    if not rows:
-        raise FileError(f"{path}: has no results yet")
-    return rows
-
-
-def _row(fields: dict[str, str], where: str) -> GapRow:
-    if None in fields.values() or None in fields:
-        raise FileError(f"{where}: must have as many fields as there are columns")
-    values = {
-        name: column.parse(fields[name], f"{where}: {name}")
-        for name, column in COLUMNS.items()
-        if name in fields
-    }
-    return GapRow(**values)
+    return [GapRow(**values) for values in read_rows(folder / RESULTS, COLUMNS, _NEWER)]

@@ -39,7 +39,7 @@ class Hired(NamedTuple):
         return "this process" if self.workers is None else f"{self.workers} processes"
 
 
-_NOBODY = Hired()
+NOBODY = Hired()
 
 
 def _still_the_same(key: Key, digest: str) -> bool:
@@ -50,10 +50,11 @@ def _still_the_same(key: Key, digest: str) -> bool:
 def sweep(
     instances: Sequence[Instance],
     folder: Path | None,
-    hired: Hired = _NOBODY,
+    hired: Hired = NOBODY,
     retry: bool = False,
     is_same: IsSame = _still_the_same,
     quiet: bool = False,
+    title: str = "gap",
 ) -> list[GapRow]:
     """Computes what is missing; writes run.json, results.csv, results.parquet, and what they name.
 
@@ -64,6 +65,7 @@ def sweep(
     folder : for results; None to keep nothing
     retry : cells in the folder that have failed are computed, too
     quiet : neither progress nor failures are said; rows say why they failed
+    title : of the progress that is shown
 
     Returns
     -------
@@ -77,7 +79,8 @@ def sweep(
     with only_writer(folder):
         before = Earlier.read(folder, instances, is_same)
         store = Store(folder, retry, hired.cell_limit)
-        return _sweep(instances, folder, hired, store, before, _tell_nobody if quiet else say)
+        tell = _tell_nobody if quiet else say
+        return _sweep(instances, folder, hired, store, before, tell, title)
 
 
 def _tell_nobody(message: str) -> None:
@@ -91,6 +94,7 @@ def _sweep(
     store: Store,
     before: Earlier,
     tell: Callable[[str], None],
+    title: str,
 ) -> list[GapRow]:
     scenes = list(dict.fromkeys(instance.problem.name for instance in instances))
     seeds = sorted({instance.seed for instance in instances})
@@ -103,7 +107,7 @@ def _sweep(
             _tell_failure(content, store, tell)
     output.update()
     _warn_of_coverage(instances, hired)
-    progress = Watch.on_terminal("gap", parts=missing) if tell is say else nullcontext(Watch())
+    progress = Watch.on_terminal(title, parts=missing) if tell is say else nullcontext(Watch())
     with Interrupt.caught() as interrupt, progress as watch:
 
         def told(content: CellFile) -> None:
@@ -112,7 +116,7 @@ def _sweep(
             _tell_failure(content, store, tell)
             output.update()
 
-        with _crew(hired if missing else _NOBODY, interrupt, watch) as crew:
+        with _crew(hired if missing else NOBODY, interrupt, watch) as crew:
             crew.run(instances, store, interrupt, told)
     rows = output.rows()
     if interrupt.pressed and not rows:  # there is nothing to give

@@ -24,6 +24,7 @@ from cocap_opt.run.engine import BOUND_METHOD, run, warm_up
 from cocap_opt.run.judged import Judged, RefereeError
 from cocap_opt.run.options import Allowance
 from cocap_opt.run.own_planners import OwnPlanner, OwnPlannerError
+from cocap_opt.run.view_share import counting_gap
 from cocap_opt.stop import Clock, Stop, never
 
 
@@ -131,6 +132,19 @@ class Task(NamedTuple):
             machine=platform.node(),
         )
 
+    def self_proved(self, content: CellFile) -> CellFile:
+        """Returns the bound that an exact method has proved itself, as the cell of a bound.
+
+        Nothing is computed, and nothing known without rules.
+        """
+        if content.row is None:
+            return CellFile.failed(self.cell, content.status, content.message, content.seconds)
+        columns = BoundColumns.self_proved(content.row, self.start.proof)
+        certificates = {RULES: content.certificates[OWN]} if OWN in content.certificates else {}
+        return CellFile(
+            cell=self.cell, status=Status.FINISHED, columns=columns, certificates=certificates
+        )
+
     def given(self, plan: Plan | PlanFile) -> CellFile:
         """Returns a plan of others as if a planner had found it, with what its file says of it."""
         allowance, columns = None, {}
@@ -150,7 +164,7 @@ def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
     try:
         judged = run(
             problem, method, stop, name=cell.planner, allowance=cell.allowance, watch=watch,
-            seed=cell.seed,
+            seed=cell.seed, gap=counting_gap(problem),
         )  # fmt: skip
     except UnsupportedError as error:
         judged = Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)

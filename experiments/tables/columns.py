@@ -1,11 +1,16 @@
 """Columns of tables: each is stated once, for all that reads, writes or explains them."""
 
+import csv
+import io
+from collections.abc import Collection, Mapping
+from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from msgspec import UnsetType
 
 from cocap_opt.files.documents import FileError
+from cocap_opt.output.files import read_text
 
 _LARGEST = 2**63 - 1
 
@@ -71,3 +76,45 @@ def _completed(name: str, hint: Any) -> TableColumn:
         name=name, kind=kind, is_optional=NoneType in kinds, is_extra=UnsetType in kinds
     )
     return completed
+
+
+def read_rows(
+    path: Path, columns: Mapping[str, TableColumn], may_lack: Collection[str] = ()
+) -> list[dict[str, Any]]:
+    """Reads a table, and returns the values of each row by the names of its columns.
+
+    Parameters
+    ----------
+    columns : by name
+    may_lack : names of columns that tables of older versions do not have, and nobody misses
+
+    Raises
+    ------
+    FileError
+        If the file is no such table, has no rows, or has a number that is out of range.
+    """
+    table = csv.DictReader(io.StringIO(read_text(path)))
+    try:
+        names = set(table.fieldnames or ())
+        for name, column in columns.items():
+            if not (name in names or column.is_extra or name in may_lack):
+                raise FileError(f"{path}: has no column {name!r}")
+        rows = [_values(fields, columns, f"{path}: line {table.line_num}") for fields in table]
+    except csv.Error as error:
+        words = "must be short values with commas between them"
+        raise FileError(f"{path}: line {table.line_num}: {words}") from error
+    if not rows:
+        raise FileError(f"{path}: has no results yet")
+    return rows
+
+
+def _values(
+    fields: dict[str, str], columns: Mapping[str, TableColumn], where: str
+) -> dict[str, Any]:
+    if None in fields.values() or None in fields:
+        raise FileError(f"{where}: must have as many fields as there are columns")
+    return {
+        name: column.parse(fields[name], f"{where}: {name}")
+        for name, column in columns.items()
+        if name in fields
+    }

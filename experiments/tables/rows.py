@@ -9,12 +9,13 @@ every bound is certified, but that of brute force, whose row says so in `message
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from msgspec import UNSET, UnsetType
 
 from cocap_opt.experiments.tables.columns import TableColumn
 from cocap_opt.footage.summary import cameras_line
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.problem import Problem
 from cocap_opt.result import Reason, relative_gap
@@ -23,6 +24,7 @@ from cocap_opt.run.judged import ROUNDING, Judged, finite
 from cocap_opt.stop import NO_LIMIT, Limit
 from cocap_opt.vision.faces import FaceGeometry
 
+UNASKED = "unasked"  # the reason of a bound that nobody searched for
 ERROR = "error"  # the reason of a planner or a bound that ended by an error
 _EXACT_COVERAGE, SAMPLED_COVERAGE = "exact", "sampled"
 OWN_STARTS = "those in the scene's own file"
@@ -285,7 +287,9 @@ class BoundColumns:
         _Number,
         TableColumn("A certified number that no plan's J exceeds without collision rules.", **_ANY),
     ] = None
-    bound_free_reason: Annotated[str, TableColumn("Why the search for bound_free stopped.")]
+    bound_free_reason: Annotated[
+        str, TableColumn("Why the search for bound_free stopped; unasked where there was none.")
+    ]
     bound_free_limit: Annotated[
         str, TableColumn("The limit that stopped that search, or none.")
     ] = NO_LIMIT
@@ -318,6 +322,26 @@ class BoundColumns:
             bound_free_limit=Limit.written(bound_free.limit),
             bound_free_seconds=bound_free.seconds,
             **more,
+        )
+
+    @classmethod
+    def self_proved(cls, row: PlannedRow, proof: CertificateFile | ProofFile | None) -> Self:
+        """Returns the columns of what an exact method has found and proved itself, with rules only.
+
+        Parameters
+        ----------
+        proof : of the bound; None: nothing is proved
+        """
+        return cls(
+            bound=finite(math.inf if proof is None else proof.proved),
+            bound_method=BOUND_METHOD if proof is None else proof.method,
+            bound_reason=row.reason,
+            bound_limit=row.limit,
+            bound_seconds=row.seconds,
+            bound_time_limit=row.time_limit,
+            bound_work_limit=row.work_limit,
+            optimum=row.reward if row.valid else None,
+            bound_free_reason=UNASKED,
         )
 
 

@@ -1,0 +1,123 @@
+"""The command `team`: how many drones, with which camera, at which height."""
+
+import sys
+import textwrap
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.options import FLAG, Json, Scene, Seed, Whole, Work, load
+from cocap_opt.cli.workforce import HERE, Workforce
+from cocap_opt.experiments.sweeps.teams import Asked, compare_teams, team_settings
+from cocap_opt.experiments.tables.teams import records, sentences, teams_table
+from cocap_opt.output.printing import line_width, print_result
+from cocap_opt.run.options import Option, UsageError
+from cocap_opt.scenarios.hardware import CAMERAS
+
+_SHARE = 0.95
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class _Wanted:
+    """The options that say what a team is to reach."""
+
+    share: Annotated[
+        float, Parameter(help="of person-steps that are to be seen by --cameras drones or more")
+    ] = _SHARE
+    cameras: Annotated[
+        Whole, Parameter(help="drones that are to see a person; 2 are needed for a point in space")
+    ] = 2
+    at_least: Annotated[
+        float | None,
+        Parameter(
+            help="share of a person that a drone must see, of their unhidden solid angle; if not "
+            "given, the scene's, or 0.3"
+        ),
+    ] = None
+
+
+_USUAL = _Wanted()
+
+
+def _team(
+    scene: Scene,
+    /,
+    *,
+    drones: Annotated[str, Parameter(help="numbers of drones, such as 1-8 or 2,4")] = "1-6",
+    camera: Annotated[
+        str | None,
+        Parameter(help=f"names with commas between them, of {', '.join(CAMERAS)}; that of the "
+                  "scene if not given"),
+    ] = None,
+    heights: Annotated[
+        str | None,
+        Parameter(help="metres, such as 6,9,12: at each of them a team of its own, which stays "
+                  "there; the scene's heights if not given"),
+    ] = None,
+    wanted: _Wanted = _USUAL,
+    seed: Seed = 0,
+    time_limit: Annotated[
+        float,
+        Parameter(
+            name="--time-limit",
+            help="seconds for each of the two problems of a team, from when coverage is there",
+        ),
+    ] = 20.0,
+    work_limit: Work = None,
+    out: Annotated[
+        Path | None,
+        Parameter(help="folder for teams.csv, scenes, plans and certificates; it is gone on with"),
+    ] = None,
+    workforce: Workforce = HERE,
+    retry: Annotated[
+        bool,
+        FLAG(help="try again what has failed in the folder of --out"),
+    ] = False,
+    json: Json = False,
+) -> int:  # fmt: skip
+    """Compare teams: how many drones, with which camera, at which height, and what none can do.
+
+    Drones are as those of the scene, and start where it is best: in the areas that the scene gives
+    them, or wherever they may be. Each team is planned twice, for J and for the drones that see
+    each person, and both are proved as far as the time lets them. What is in the folder of --out
+    already is not computed again. The exit code is 1 if a computation has ended by an error.
+
+    Example: cocap-opt team bottleneck --drones 1-4 --out teams
+    """  # fmt: skip
+    asked = _asked(drones, camera, heights, wanted)
+    if retry and out is None:
+        raise UsageError("--retry: name the folder with --out; without one nothing is kept")
+    seconds = Option("--time-limit").require_seconds(time_limit)
+    work = None if work_limit is None else Option("--work-limit").require_whole(work_limit)
+    settings = team_settings(seconds, work, out is not None or workforce.is_elsewhere)
+    hired = workforce.hired(settings)
+    problem = load(scene, seed)
+    rows = compare_teams(problem, seed, asked, settings, out, hired, retry)
+    words = list(sentences(rows, wanted.share))
+    if json:
+        print_result({"rows": records(rows), "words": words, "output": out}, json)
+    else:
+        spare = ("apart", "mm", "gain")
+        teams_table(rows).fitted(spare, "--json").print()
+        for sentence in words:
+            sys.stdout.write(f"{textwrap.fill(sentence, line_width())}\n")
+    return 1 if any(row.failed for row in rows) else 0
+
+
+def _asked(drones: str, camera: str | None, heights: str | None, wanted: _Wanted) -> Asked:
+    """Returns what the options ask for; UsageError names the one that is out of range."""
+    Option("--share").require_part(wanted.share)
+    return Asked.of(
+        Option("--drones").numbers(drones),
+        None if camera is None else camera.split(","),
+        None if heights is None else Option("--heights").lengths(heights),
+        wanted.cameras,
+        wanted.at_least,
+        lambda name: f"--{name.replace('_', '-')}",
+    )
+
+
+COMMANDS = {"team": _team}

@@ -1,0 +1,48 @@
+"""The options of sweeps that say who computes: this process, several, or those of a scheduler."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.options import Workers
+from cocap_opt.experiments.sweeps.instances import Settings
+from cocap_opt.experiments.sweeps.sweep import Hired
+from cocap_opt.run.options import Option, UsageError
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Workforce:
+    """The options that say who computes."""
+
+    workers: Workers = None
+    scheduler: Annotated[
+        str | None, Parameter(help="address of a dask scheduler, whose workers are used")
+    ] = None
+    cell_limit: Annotated[
+        float | None,
+        Parameter(help="seconds after which a worker gives up a planner or a bound"),
+    ] = None
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """True if other processes compute."""
+        return self.workers is not None or self.scheduler is not None
+
+    def hired(self, settings: Settings) -> Hired:
+        """Returns the workers that the options name."""
+        if self.workers is not None and self.scheduler is not None:
+            raise UsageError("--workers: a scheduler has its own; leave one of the two options out")
+        Option("--workers").require_cores(self.workers)
+        limit = self.cell_limit
+        if limit is not None and not limit > 0:
+            raise UsageError(f"--cell-limit: must be a number of seconds > 0, not {limit}")
+        if limit is not None and not self.is_elsewhere:
+            raise UsageError(
+                "--cell-limit: is for --workers or --scheduler; this process has no limit"
+            )
+        return Hired(self.workers, self.scheduler, limit or settings.cell_limit)
+
+
+HERE = Workforce()

@@ -1,0 +1,232 @@
+"""Rows that compare teams: what so many drones reach, and what no team of that kind can."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from cocap_opt.experiments.tables.columns import TableColumn, read_rows
+from cocap_opt.experiments.tables.rows import ERROR
+from cocap_opt.output.printing import Listing, Record, counted
+from cocap_opt.text import rounded_up
+
+TEAMS = "teams.csv"  # in a sweep's folder
+_REWARD = {"unit": "sqrt(px/m2)", "least": -(2**63 - 1)}
+_PART = {"unit": "1", "most": 1}
+NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven", 8: "eight"}
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class TeamRow:
+    """A team: two plans of it, one for J and one for views, and what no plan of it exceeds."""
+
+    scene: Annotated[str, TableColumn("The scene's name.")]
+    seed: Annotated[int, TableColumn("The seed.")]
+    drones: Annotated[int, TableColumn("Drones of the team.")]
+    camera: Annotated[str, TableColumn("Their camera; empty: as in the scene.")]
+    height: Annotated[
+        float | None, TableColumn("Their flight height; empty: those of the scene.", unit="m")
+    ]
+    reward: Annotated[float | None, TableColumn("J of the best plan found.", **_REWARD)] = None
+    bound: Annotated[
+        float | None, TableColumn("A certified number that no plan's J exceeds.", **_REWARD)
+    ] = None
+    gap: Annotated[float | None, TableColumn("(bound - reward) / bound.", **_PART)] = None
+    gain: Annotated[
+        float | None, TableColumn("J more than one drone fewer was found to have.", **_REWARD)
+    ] = None
+    gain_bound: Annotated[
+        float | None,
+        TableColumn("bound less what one drone fewer was found to have: no more can be gained "
+                    "over that plan.", **_REWARD),
+    ] = None  # fmt: skip
+    cameras: Annotated[int, TableColumn("From so many drones on a person counts as seen.")] = 2
+    seen: Annotated[
+        float | None,
+        TableColumn(
+            "Share of person-steps that so many drones see, in the plan of most J.", **_PART
+        ),
+    ] = None
+    seen_most: Annotated[
+        float | None, TableColumn("The same in the plan that was made for that alone.", **_PART)
+    ] = None
+    seen_bound: Annotated[
+        float | None, TableColumn("A certified share that no plan exceeds.", **_PART)
+    ] = None
+    apart: Annotated[
+        float | None,
+        TableColumn("Share that two drones see from at least 30 degrees apart, in the plan of most "
+                    "J.", **_PART),
+    ] = None  # fmt: skip
+    median_error: Annotated[
+        float | None,
+        TableColumn(
+            "RMS error of a point that half of all person-steps do not exceed, in the plan of most "
+            "J; empty where more of them have none that is finite.",
+            unit="mm",
+        ),
+    ] = None
+    flight_seconds: Annotated[
+        float | None,
+        TableColumn("Duration of the take; empty where steps have no duration.", unit="s"),
+    ] = None
+    metres: Annotated[
+        float | None,
+        TableColumn("The longest way of a drone, in the plan of most J.", unit="m"),
+    ] = None
+    reason: Annotated[
+        str,
+        TableColumn("Why the search for J stopped: optimal means that the plan is the best; error, "
+                    "exceeded or died that there is no result."),
+    ] = ""  # fmt: skip
+    reason_seen: Annotated[str, TableColumn("Why that for views stopped.")] = ""
+    digest: Annotated[str, TableColumn("Digest of the team's scene.")] = ""
+    plan: Annotated[str, TableColumn("File of the plan of most J.")] = ""
+    certificate: Annotated[str, TableColumn("File that proves bound.")] = ""
+    plan_seen: Annotated[str, TableColumn("File of the plan of most views.")] = ""
+    certificate_seen: Annotated[
+        str, TableColumn("File that proves seen_bound, by the most views of any plan.")
+    ] = ""
+    message: Annotated[str, TableColumn("Why there is no plan, in words.")] = ""
+
+    @property
+    def failed(self) -> bool:
+        """A computation has ended by an error, which is no result."""
+        return ERROR in (self.reason, self.reason_seen)
+
+    @property
+    def reached(self) -> float:
+        """The largest share that so many drones were found to see; -1 without a plan."""
+        return max([-1.0, *(s for s in (self.seen, self.seen_most) if s is not None)])
+
+    @property
+    def told_bound(self) -> str | None:
+        """The share that no plan exceeds, in %: as that of the best plan, if that attains it."""
+        if self.seen_bound is not None and self.reached >= self.seen_bound - _ROUNDING:
+            return percent(self.reached)
+        return None if self.seen_bound is None else rounded_up(100 * min(self.seen_bound, 1.0), 1)
+
+    @property
+    def most(self) -> float:
+        """The share that no plan exceeds."""
+        return 1.0 if self.seen_bound is None else self.seen_bound
+
+
+COLUMNS = TableColumn.all_of(TeamRow)
+
+
+def load_teams(folder: Path) -> list[TeamRow]:
+    """Reads teams.csv.
+
+    Raises
+    ------
+    FileError
+        If it is no such table, has no rows, or has a number that is out of range.
+    """
+    return [TeamRow(**values) for values in read_rows(folder / TEAMS, COLUMNS)]
+
+
+def records(rows: Sequence[TeamRow]) -> list[dict[str, Any]]:
+    """Returns rows as plain data."""
+    return [asdict(row) for row in rows]
+
+
+def teams_table(rows: Sequence[TeamRow]) -> Listing:
+    """Returns the table for a terminal; shares are in %."""
+    cameras = NUMBERS.get(rows[0].cameras, str(rows[0].cameras))
+    asked = {
+        name: any(getattr(row, name) not in ("", None) for row in rows)
+        for name in ("camera", "height")
+    }
+    table: list[Record] = []
+    for row in rows:
+        record: Record = {"drones": row.drones}
+        record |= {name: getattr(row, name) for name, is_asked in asked.items() if is_asked}
+        record |= {
+            "J": row.reward,
+            "at most": row.bound,
+            "gain": row.gain,
+            cameras: percent(row.seen),
+            "best": percent(row.seen_most),
+            "none above": row.told_bound,
+            "apart": percent(row.apart),
+            "mm": None if row.median_error is None else f"{row.median_error:,.0f}",
+        }
+        table.append(record)
+    notes = [
+        f"J, {cameras}, apart and mm: of the plan of most J; at most: no plan has more J; gain: J "
+        f"over one drone fewer. {cameras}: % of person-steps that {cameras} drones or more see; "
+        "best: in the plan made for that; none above: no plan exceeds it. apart: % that two see "
+        "from 30 degrees apart or more; mm: RMS error that half of person-steps do not exceed."
+    ]
+    refused = [row.message for row in rows if row.message]
+    return Listing("teams", table, [*notes, *dict.fromkeys(refused)])
+
+
+def sentences(rows: Sequence[TeamRow], share: float) -> Iterator[str]:
+    """Yields, for each camera and height, the fewest drones that reach a share, and the proof.
+
+    Parameters
+    ----------
+    share : of person-steps that `cameras` drones or more are to see
+    """
+    for group in grouped(rows):
+        words, text = kind_words(group[0]), " ".join(_about(group, share))
+        yield f"{words}: {text}" if words else text
+
+
+def kind_words(row: TeamRow) -> str:
+    """Returns words for a camera and a height, such as "skydio-2, at 9 m"; none if not given."""
+    height = "" if row.height is None else f"at {row.height:g} m"
+    return ", ".join(filter(None, (row.camera, height)))
+
+
+def grouped(rows: Sequence[TeamRow]) -> list[list[TeamRow]]:
+    """Returns rows by camera and height, in order; those of a group by the number of drones."""
+    found: dict[tuple[str, float | None], list[TeamRow]] = {}
+    for row in rows:
+        found.setdefault((row.camera, row.height), []).append(row)
+    return [sorted(group, key=lambda row: row.drones) for group in found.values()]
+
+
+def _about(group: Sequence[TeamRow], share: float) -> Iterator[str]:
+    cameras = group[0].cameras
+    asked = f"{100 * share:g} % of person-steps be seen by {NUMBERS.get(cameras, cameras)}"
+    enough = [row for row in group if row.reached >= share - _ROUNDING]
+    if enough:
+        fewest, reached = enough[0].drones, percent(enough[0].reached)
+        yield f"The fewest drones found to let {asked}: {fewest} ({reached} %)."
+    else:
+        fewest, best = group[-1].drones + 1, max(group, key=lambda row: row.reached)
+        yield f"No team was found that lets {asked}."
+        if best.reached >= 0:
+            yield f"The most is {percent(best.reached)} %, by {counted(best.drones, 'drone')}."
+    fewer = [row for row in group if cameras <= row.drones < fewest]
+    unasked = sorted(set(range(cameras, fewest)) - {row.drones for row in group})
+    if fewer:
+        yield _limit(fewer, share, "" if unasked else " or fewer")
+    if unasked:
+        yield f"Not asked about: {', '.join(map(str, unasked))}."
+
+
+def _limit(group: Sequence[TeamRow], share: float, fewer: str) -> str:
+    """Returns words for the share that no team exceeds that has fewer drones than are enough."""
+    numbers = [str(row.drones) for row in group]
+    if fewer:
+        words = f"{counted(group[-1].drones, 'drone')}{fewer if numbers[1:] else ''}"
+    else:
+        words = f"{' or '.join(filter(None, (', '.join(numbers[:-1]), numbers[-1])))} drones"
+    most = max(group, key=lambda row: row.most)
+    if most.most >= 1:
+        return f"It is not ruled out that {words} let all of them be so seen."
+    told = f"No plan of {words} exceeds {most.told_bound} %: proved"
+    return f"{told}." if most.most < share else f"{told}, which does not rule them out."
+
+
+def percent(part: float | None) -> str | None:
+    """Returns a share in %, with a decimal; only all of them are 100."""
+    if part is None or math.isnan(part):
+        return None
+    return "100" if part >= 1 else f"{min(100 * part, 99.9):.1f}"
