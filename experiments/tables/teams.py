@@ -81,7 +81,9 @@ class TeamRow:
         TableColumn("Why the search for J stopped: optimal means that the plan is the best; error, "
                     "exceeded or died that there is no result."),
     ] = ""  # fmt: skip
-    reason_seen: Annotated[str, TableColumn("Why that for views stopped.")] = ""
+    reason_seen: Annotated[
+        str, TableColumn("Why that for views stopped; empty where there can be no such team.")
+    ] = ""
     digest: Annotated[str, TableColumn("Digest of the team's scene.")] = ""
     plan: Annotated[str, TableColumn("File of the plan of most J.")] = ""
     certificate: Annotated[str, TableColumn("File that proves bound.")] = ""
@@ -172,7 +174,7 @@ def sentences(rows: Sequence[TeamRow], share: float) -> Iterator[str]:
     ----------
     share : of person-steps that `cameras` drones or more are to see
     """
-    for group in grouped(rows):
+    for group in grouped([row for row in rows if row.reason_seen]):
         words, text = kind_words(group[0]), " ".join(_about(group, share))
         yield f"{words}: {text}" if words else text
 
