@@ -374,13 +374,13 @@ class _Sight:
         self.people: dict[Node, list[int]] = {}
         self._looked: set[Node] = set()
         self._steps = range(problem.first_step, problem.horizon + 1)
-        alike = {
-            (state.x, state.y)
+        alike = [
+            states.columns
             for robot, states in zip(problem.robots, problem.starts, strict=True)
             if (robot.motion, robot.camera) == (spec.motion, spec.camera)
-            for state in states
-        }
-        window = Window.around(alike, spec.motion.radius * problem.horizon, problem.workspace)
+        ]
+        reach = spec.motion.radius * problem.horizon
+        window = Window.around(np.concatenate(alike), reach, problem.workspace)
         self._views = StateViews.within(window, FaceGeometry(problem), problem, spec)
         self._graph = self._views.graph
 

@@ -22,7 +22,7 @@ from cocap_opt.scenarios import load_scene
 ROOT = Path(__file__).parents[1]
 FUNCTIONS = (
     "load", "plan", "bound", "solve", "check", "verify", "explain", "replans", "gap",
-    "show", "save", "read", "trajectory", "robustness", "quality", "quality_bound",
+    "show", "save", "read", "team", "trajectory", "robustness", "quality", "quality_bound",
     "coverage", "coverage_digest",
 )  # fmt: skip
 

@@ -108,7 +108,7 @@ def _team(
 
 
 def _asked(drones: str, camera: str | None, heights: str | None, wanted: _Wanted) -> Asked:
-    """Returns what the options ask for; UsageError names the one that is out of range."""
+    """Returns the teams that the options ask for; UsageError names the one that is out of range."""
     Option("--share").require_part(wanted.share)
     return Asked.of(
         Option("--drones").numbers(drones),

@@ -9,6 +9,8 @@ from __future__ import annotations  # networkx graphs take type arguments in stu
 from collections.abc import Collection, Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from cocap_opt.graph.motion import Window
 from cocap_opt.graph.networks import place_graph
 from cocap_opt.problem import Cell, Motion, SceneData
@@ -130,7 +132,11 @@ class _Routes:
                 for (k, x, y), (m, u, v) in place_graph(problem.workspace, motion, window).edges
                 if (k, x, y) != (m, u, v)
             )
-        starts = {problem.cell(i, s) for i, states in enumerate(problem.starts) for s in states}
+        starts = {
+            problem.cell(i, state)
+            for i, states in enumerate(problem.starts)
+            for state in states.in_different_cells()
+        }
         graph.add_nodes_from(starts)
         near = _steps(graph, starts, problem.horizon)
         if len(near) > most:
@@ -161,8 +167,9 @@ class _Routes:
 def _window(problem: SceneData, motion: Motion) -> Window:
     """Returns the cells that drones of one motion can reach."""
     both = zip(problem.robots, problem.starts, strict=True)
-    starts = {(s.x, s.y) for robot, states in both if robot.motion == motion for s in states}
-    return Window.around(starts, motion.radius * problem.horizon, problem.workspace)
+    starts = [states.columns for robot, states in both if robot.motion == motion]
+    reach = motion.radius * problem.horizon
+    return Window.around(np.concatenate(starts), reach, problem.workspace)
 
 
 def _steps(graph: Graph, starts: Iterable[Cell], horizon: int) -> dict[Cell, int]:

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.problem import Actor, Airspace, Motion
 from cocap_opt.problem.motion import Move
 from cocap_opt.world.columns import Columns
@@ -35,13 +35,16 @@ class Window(NamedTuple):
         return cls(0, 0, *workspace.height_map.shape)
 
     @classmethod
-    def around(cls, cells: Iterable[tuple[int, int]], reach: int, workspace: Workspace) -> Window:
-        """Returns the least window that has all cells (x, y), and `reach` more on all sides.
+    def around(
+        cls, cells: Iterable[tuple[int, int]] | IntArray, reach: int, workspace: Workspace
+    ) -> Window:
+        """Returns the least window that has all cells (x, y) [n, 2], and `reach` more on all sides.
 
         It ends where the map ends, and cells beyond it count as the nearest of its cells.
         """
         width, depth = workspace.height_map.shape
-        at = np.clip(list(cells), 0, [width - 1, depth - 1])
+        given = cells if isinstance(cells, np.ndarray) else [*cells]
+        at = np.clip(given, 0, [width - 1, depth - 1])
         (x0, y0), (x1, y1) = at.min(axis=0), at.max(axis=0)
         return cls(
             max(int(x0) - reach, 0),

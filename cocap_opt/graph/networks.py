@@ -104,7 +104,7 @@ def edges_in_reach(problem: Problem, robot: int, most: int) -> int:
     window = _reach(problem, robot)
     graph = TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts), window)
     degrees = np.count_nonzero(graph.allowed, axis=0)
-    starts = np.array([graph.index(state) for state in problem.starts[robot]])
+    starts = graph.indices(problem.starts[robot].array)
     turned = set((starts // graph.n_places).tolist())
     reached = np.zeros(graph.n_places, dtype=bool)
     new, moves, edges = np.unique(starts % graph.n_places), 0, 0
@@ -123,7 +123,7 @@ def edges_in_reach(problem: Problem, robot: int, most: int) -> int:
 def _reach(problem: Problem, robot: int) -> Window:
     """Returns the cells that a robot can reach."""
     spec = problem.robots[robot]
-    cells = {(state.x, state.y) for state in problem.starts[robot]}
+    cells = problem.starts[robot].columns
     return Window.around(cells, spec.motion.radius * problem.horizon, problem.workspace)
 
 

@@ -179,6 +179,13 @@ class TimeGraph:
         place = self.place(state.layer, state.x, state.y)
         return (state.heading * self.shape[1] + state.pitch) * self.n_places + place
 
+    def indices(self, states: IntArray) -> IntArray:
+        """Returns the numbers [n] of states [n, 5], each of which is in the window."""
+        x, y, layer, heading, pitch = states.T
+        first = (i - start for i, start in zip((layer, x, y), self._first, strict=True))
+        found: IntArray = np.ravel_multi_index((heading, pitch, *first), self.shape)
+        return found
+
     def state(self, index: int) -> State:
         """Returns the state with this number."""
         heading, pitch, *place = (int(i) for i in np.unravel_index(index, self.shape))

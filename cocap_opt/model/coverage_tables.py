@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, FloatArray, read_only
+from cocap_opt.data import BoolArray, FloatArray, IntArray, read_only
 from cocap_opt.graph.motion import People, Window
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.memory import fits, require_memory
 from cocap_opt.model.coverage_estimate import BYTES_PER_ENTRY, CoverageEstimate, room_of
-from cocap_opt.problem import AnyCamera, Motion, Problem, Robot, State
+from cocap_opt.problem import AnyCamera, Motion, Problem, Robot, StartSet
 from cocap_opt.stop import Clock, Limit, LimitReached, Stop, never
 from cocap_opt.vision.coverage import CoverageTable, GrowingTable, Progress
 from cocap_opt.vision.faces import FaceGeometry, Reach
@@ -79,8 +79,8 @@ class CoverageTables:
         """Returns the places that robots like this one can come to."""
         ground = self.problem.height_map
         most = np.array(ground.shape) - 1
-        cells = np.clip(_start_cells(self.problem, spec), 0, most).tolist()
-        middles = np.array([ground.centre(*cell) for cell in cells]) - self._geometry.origin[:2]
+        cells = np.clip(_start_cells(self.problem, spec), 0, most)
+        middles = ground.origin + (cells + 0.5) * ground.resolution - self._geometry.origin[:2]
         return Reach.around(middles, spec.motion.radius * ground.resolution)
 
     def _along(self, spec: Robot, path: Path) -> FloatArray:
@@ -100,11 +100,11 @@ class CoverageTables:
             )
         return self._reachable[_sight(spec)]
 
-    def _starts(self, spec: Robot) -> list[int]:
+    def _starts(self, spec: Robot) -> IntArray:
         """Returns the states in which robots that move and see alike may start, increasing."""
         graph = graph_of(self.problem, spec)
-        alike = [*_starts_of(self.problem, spec)]
-        return sorted(graph.index(state) for states in alike for state in states)
+        alike = _starts_of(self.problem, spec)
+        return np.sort(np.concatenate([graph.indices(states.array) for states in alike]))
 
     def table(self, spec: Robot) -> CoverageTable:
         """Returns the table of this robot's motion and camera; makes it if it is not there.
@@ -334,23 +334,15 @@ def _sight(spec: Robot) -> Sight:
     return spec.motion, spec.camera
 
 
-def _starts_of(problem: Problem, spec: Robot) -> Iterator[tuple[State, ...]]:
+def _starts_of(problem: Problem, spec: Robot) -> Iterator[StartSet]:
     """Yields the starts of each robot with this one's motion and camera; equal sets once."""
     both = zip(problem.robots, problem.starts, strict=True)
     yield from dict.fromkeys(states for robot, states in both if _sight(robot) == _sight(spec))
 
 
-def _start_cells(problem: Problem, spec: Robot) -> list[tuple[int, int]]:
-    """Returns the cells (x, y) in which robots with this one's motion and camera may start.
-
-    They are kept in the problem, which has its starts as long.
-    """
-    known = vars(problem).setdefault("_start_cells", {})
-    if _sight(spec) not in known:
-        alike = _starts_of(problem, spec)
-        known[_sight(spec)] = list({(s.x, s.y): None for states in alike for s in states})
-    found: list[tuple[int, int]] = known[_sight(spec)]
-    return found
+def _start_cells(problem: Problem, spec: Robot) -> IntArray:
+    """Returns the cells (x, y) [n, 2] in which robots with this motion and camera may start."""
+    return np.concatenate([states.columns for states in _starts_of(problem, spec)])
 
 
 def graph_of(problem: Problem, spec: Robot) -> TimeGraph:

@@ -14,7 +14,7 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.model.coverage_tables import Path, Sight, graph_of
-from cocap_opt.problem import Cell, Problem, Robot, State
+from cocap_opt.problem import Cell, Problem, Robot, StartSet
 from cocap_opt.problem.rules import Meeting
 
 _KEPT = 20_000  # cells and moves for which the places and moves that conflict are kept
@@ -199,9 +199,9 @@ class Places:
         return self._problem.rules.too_near(second[None] - first[:, None])
 
 
-def _numbers(graph: TimeGraph, states: Sequence[State]) -> IntArray:
+def _numbers(graph: TimeGraph, states: StartSet) -> IntArray:
     """Returns the numbers of states, increasing."""
-    return np.unique([graph.index(state) for state in states])
+    return np.sort(graph.indices(states.array))
 
 
 def _at_steps(what: list[IntArray], width: int) -> IntArray:

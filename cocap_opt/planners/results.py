@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from cocap_opt.coordination.low_level import PlannedTeam, SingleRobotPath
 from cocap_opt.coordination.team import Team
+from cocap_opt.problem import StartSet
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Limit
 
@@ -25,7 +26,7 @@ def hovering(team: PlannedTeam) -> PlannedTeam:
 def _hover(team: PlannedTeam, robot: int) -> SingleRobotPath:
     """Returns the path that stays at the start, which needs no time to be found."""
     problem = team.model.problem
-    if not problem.may_hover(robot, [problem.first_starts[robot]])[0]:
+    if not problem.may_hover(robot, StartSet.of([problem.first_starts[robot]]))[0]:
         return SingleRobotPath(None, problem.no_pixels(), 0)
     path = (team.model.first_start(robot),) * (problem.horizon + 1)
     evaluated = problem.horizon + 1 - problem.first_step

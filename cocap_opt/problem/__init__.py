@@ -21,7 +21,7 @@ from cocap_opt.problem.robot import Limits, Robot
 from cocap_opt.problem.rules import NO_RULES, SEPARATION, VERTEX_ONLY, CollisionRules
 from cocap_opt.problem.scene import Earth, SceneData
 from cocap_opt.problem.shapes import Cuboid, Prism, Shape, TriangulatedCuboid
-from cocap_opt.problem.starts import AnyStart, StartArea, StartStates
+from cocap_opt.problem.starts import AnyStart, StartArea, StartSet, StartStates
 
 __all__ = [
     "COVERAGE_VERSION",
@@ -51,6 +51,7 @@ __all__ = [
     "SceneData",
     "Shape",
     "StartArea",
+    "StartSet",
     "StartStates",
     "State",
     "SwapConflict",

@@ -10,6 +10,7 @@ import numpy as np
 from cocap_opt.data import BoolArray
 from cocap_opt.problem.motion import Cell, State
 from cocap_opt.problem.problem import Problem
+from cocap_opt.problem.starts import StartSet
 from cocap_opt.stop import Limit, Reason
 
 NO_PLAN = "no plan"  # so begin the words for a plan in which, for want of time, nobody moves
@@ -165,7 +166,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         None where a robot may not stay: its goal is elsewhere, or people come too near.
         """
         starts = problem.first_starts
-        if not all(problem.may_hover(i, [state])[0] for i, state in enumerate(starts)):
+        if not all(problem.may_hover(i, StartSet.of([state]))[0] for i, state in enumerate(starts)):
             return None
         return cls(paths=tuple((state,) * (problem.horizon + 1) for state in starts))
 

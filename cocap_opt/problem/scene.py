@@ -26,7 +26,7 @@ from cocap_opt.problem.objective import Objective
 from cocap_opt.problem.placement import UndecidedError, places_apart
 from cocap_opt.problem.robot import Robot
 from cocap_opt.problem.rules import CollisionRules
-from cocap_opt.problem.starts import StartStates
+from cocap_opt.problem.starts import StartSet, StartStates
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 _MOST_CRS = 100 * MOST_LETTERS  # letters; WKT may be long
@@ -91,9 +91,9 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return Workspace(self.height_map, self.meshes, airspace.no_fly, airspace.ceiling)
 
     @cached_property
-    def starts(self) -> tuple[tuple[State, ...], ...]:
+    def starts(self) -> tuple[StartSet, ...]:
         """The states in one of which each robot starts, in order [R]; one if its start is fixed."""
-        known: dict[object, tuple[State, ...]] = {}
+        known: dict[object, StartSet] = {}
         found = []
         for robot in self.robots:
             kind = robot.start, robot.motion, robot.camera.tilts
@@ -102,11 +102,11 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
             found.append(known[kind])
         return tuple(found)
 
-    def _states_to_start_in(self, robot: Robot) -> tuple[State, ...]:
+    def _states_to_start_in(self, robot: Robot) -> StartSet:
         if isinstance(robot.start, State):
-            return (robot.start,)
+            return StartSet.of((robot.start,))
         if isinstance(robot.start, StartStates):
-            return robot.start.states
+            return StartSet.of(robot.start.states)
         places = robot.start.places(robot.motion.free_places(self.workspace))
         near = self.near_people(0, self.above(robot, places))
         _, headings, pitches = robot.orientation_sizes
@@ -140,13 +140,13 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         assert chosen is not None
         return chosen
 
-    def _with_hovering(self, i: int) -> Sequence[State]:
+    def _with_hovering(self, i: int) -> StartSet:
         """Returns the starts at which a robot may stay; all where it may at none."""
         states = self.starts[i]
-        able = np.flatnonzero(self.may_hover(i, states)).tolist()
-        return [states[k] for k in able] if 0 < len(able) < len(states) else states
+        able = self.may_hover(i, states)
+        return StartSet(states.array[able]) if able.any() and not able.all() else states
 
-    def starts_apart(self, starts: Sequence[Sequence[State]]) -> tuple[State, ...] | None:
+    def starts_apart(self, starts: Sequence[StartSet]) -> tuple[State, ...] | None:
         """Returns a state of each robot, the first that are found to keep the rules.
 
         None where there is no such choice.
@@ -162,19 +162,16 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         """
         states_of, places = [], []
         for robot, states in zip(self.robots, starts, strict=True):
-            cells = np.array([state[:3] for state in states])
-            first = np.sort(np.unique(cells, axis=0, return_index=True)[1])
-            states_of.append([states[k] for k in first.tolist()])
-            size = self.height_map.resolution
-            at = self.above(robot, cells[first])
+            states_of.append(states.in_different_cells())
+            size, at = self.height_map.resolution, self.above(robot, states.cells)
             # As rules between robots have it, in m from the map's corner.
-            places.append(np.column_stack([cells[first, :2] * size, at[:, 2]]))
+            places.append(np.column_stack([states.cells[:, :2] * size, at[:, 2]]))
         numbers = places_apart(self.rules, places)
         if numbers is None:
             return None
         return tuple(states[k] for states, k in zip(states_of, numbers, strict=True))
 
-    def may_hover(self, i: int, states: Sequence[State]) -> BoolArray:
+    def may_hover(self, i: int, states: StartSet) -> BoolArray:
         """Returns in which of some states a robot may stay, alone.
 
         It may not where its goal is elsewhere, or a person sends it away.
@@ -183,8 +180,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         -------
         [n] of the states
         """
-        robot, steps = self.robots[i], self.horizon + 1
-        cells = np.array([state[:3] for state in states])
+        robot, steps, cells = self.robots[i], self.horizon + 1, states.array[:, :3]
         able = np.ones(len(cells), dtype=np.bool_)
         if robot.goal is not None:
             able &= (cells[:, :2] == robot.goal).all(axis=1)

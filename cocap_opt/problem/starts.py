@@ -1,12 +1,95 @@
 """The states in which a drone may start: a fixed one, a few, or all that are free in an area."""
 
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from functools import cached_property
+from itertools import starmap
+from typing import Self, overload
 
 import msgspec
 import numpy as np
 
 from cocap_opt.data import BoolArray, Data, IntArray, require, whole
 from cocap_opt.problem.motion import State
+
+_SHOWN = 12  # states of a set, when it is printed
+
+
+class StartSet(Sequence[State]):
+    """The free states in one of which a robot starts, as rows of an array; there may be very many.
+
+    Parameters
+    ----------
+    states : [n, 5], each as `State` has it
+    """
+
+    def __init__(self, states: IntArray) -> None:
+        self.array = states.reshape(-1, len(State._fields)).copy()
+        self.array.flags.writeable = False
+
+    @classmethod
+    def of(cls, states: Iterable[State]) -> Self:
+        """Returns the set of some states, in their order."""
+        return cls(np.array([*states], dtype=np.int64))
+
+    @cached_property
+    def cells(self) -> IntArray:
+        """The different cells x, y, layer [m, 3], in the order in which they first occur."""
+        return self.array[self._first_of_cells, :3]
+
+    @property
+    def columns(self) -> IntArray:
+        """The different cells x, y of the map [m, 2], increasing."""
+        return np.unique(self.cells[:, :2], axis=0)
+
+    def in_different_cells(self) -> "StartSet":
+        """Returns the first state in each cell."""
+        return StartSet(self.array[self._first_of_cells])
+
+    @cached_property
+    def _first_of_cells(self) -> IntArray:
+        sizes = self.array[:, :3].max(axis=0, initial=0) + 1
+        numbers = np.ravel_multi_index(tuple(self.array[:, :3].T), tuple(sizes))
+        return np.sort(np.unique(numbers, return_index=True)[1])
+
+    @cached_property
+    def _bytes(self) -> bytes:
+        return self.array.tobytes()
+
+    def __len__(self) -> int:
+        return len(self.array)
+
+    @overload
+    def __getitem__(self, k: int) -> State: ...
+
+    @overload
+    def __getitem__(self, k: slice) -> "StartSet": ...
+
+    def __getitem__(self, k: int | slice) -> "State | StartSet":
+        if isinstance(k, slice):
+            return StartSet(self.array[k])
+        return State(*self.array[k].tolist())
+
+    def __iter__(self) -> Iterator[State]:
+        return starmap(State, self.array.tolist())
+
+    def __contains__(self, state: object) -> bool:
+        if not isinstance(state, tuple) or len(state) != self.array.shape[1]:
+            return False
+        return bool((self.array == state).all(axis=1).any())
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, StartSet):
+            return NotImplemented
+        return self is other or self._bytes == other._bytes
+
+    def __hash__(self) -> int:
+        return hash(self._bytes)
+
+    def __repr__(self) -> str:
+        if len(self) <= _SHOWN:
+            return repr([*self])
+        return f"[{self[0]!r}, ... {len(self):,} states ..., {self[-1]!r}]"
 
 
 class StartStates(Data, frozen=True, tag="states"):
@@ -87,7 +170,7 @@ class StartArea(Data, frozen=True, tag="area"):
             free = free & flown[:, None, None]
         return np.argwhere(free.transpose(1, 2, 0))
 
-    def states_in(self, places: IntArray, headings: int, pitches: int) -> tuple[State, ...]:
+    def states_in(self, places: IntArray, headings: int, pitches: int) -> StartSet:
         """Returns all states of the area in some places x, y, layer [n, 3], in this order.
 
         Parameters
@@ -96,12 +179,12 @@ class StartArea(Data, frozen=True, tag="area"):
         """
         turned = sorted(range(headings) if self.headings is None else self.headings)
         tilted = sorted(range(pitches) if self.pitches is None else self.pitches)
-        return tuple(
-            State(x, y, layer, heading, pitch)
-            for x, y, layer in places.tolist()
-            for heading in turned
-            for pitch in tilted
-        )
+        turns = np.array([(turn, tilt) for turn in turned for tilt in tilted]).reshape(-1, 2)
+        return StartSet(
+            np.column_stack([
+                np.repeat(places, len(turns), axis=0), np.tile(turns, (len(places), 1))
+            ])
+        )  # fmt: skip
 
 
 AnyStart = State | StartStates | StartArea

@@ -10,7 +10,7 @@ import numpy as np
 
 from cocap_opt.data import ProblemError
 from cocap_opt.planners.sequential import sequential
-from cocap_opt.problem import Problem, StartArea, State
+from cocap_opt.problem import Problem, StartArea, StartSet, State
 from cocap_opt.problem.placement import UndecidedError
 from cocap_opt.stop import Stop, never
 
@@ -36,9 +36,7 @@ def with_random_starts(problem: Problem, seed: int) -> Problem:
         If none are found.
     """
     free, rng = with_free_starts(problem), np.random.default_rng([seed, 0])
-    shuffled = [
-        [states[k] for k in rng.permutation(len(states)).tolist()] for states in free.starts
-    ]
+    shuffled = [StartSet(states.array[rng.permutation(len(states))]) for states in free.starts]
     with suppress(UndecidedError):
         chosen = free.starts_apart(shuffled)
         if chosen is not None:

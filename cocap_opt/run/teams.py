@@ -14,7 +14,7 @@ from cocap_opt.scenarios.hardware import CAMERAS
 MOST_DRONES = 1000
 
 
-class Team(NamedTuple):
+class TeamChoice(NamedTuple):
     """A choice of drones.
 
     Attributes

@@ -26,14 +26,14 @@ from cocap_opt.run.engine import BOUND_METHOD
 from cocap_opt.run.judged import finite
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.run.quality_bound import QualityBound
-from cocap_opt.run.teams import MOST_DRONES, Team
+from cocap_opt.run.teams import MOST_DRONES, TeamChoice
 from cocap_opt.scenarios.hardware import CAMERAS
 
 _NUMBER = f"1..{MOST_DRONES}"
 
 
 class Asked(NamedTuple):
-    """What is asked of teams.
+    """A request: which teams there are to be, and when a person is seen.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Asked(NamedTuple):
         at_least: float | None,
         name: Callable[[str], str] = str,
     ) -> Self:
-        """Returns what is asked, checked.
+        """Returns the request, checked.
 
         Parameters
         ----------
@@ -91,23 +91,23 @@ class Asked(NamedTuple):
         return cls(list(dict.fromkeys(numbers)), names, flown, seen_by, at_least)
 
     @property
-    def teams(self) -> Iterator[Team]:
+    def teams(self) -> Iterator[TeamChoice]:
         """All choices, those of one camera and height beside each other."""
         for camera, height, drones in product(self.cameras, self.heights, sorted(self.drones)):
-            yield Team(drones, camera, height)
+            yield TeamChoice(drones, camera, height)
 
 
 class TeamCells(NamedTuple):
     """A team and its cells; without, if there can be no such team."""
 
-    team: Team
+    team: TeamChoice
     reward: Instance | None = None
     views: Instance | None = None
     refused: str = ""
 
     @classmethod
     def of(
-        cls, problem: Problem, seed: int, team: Team, asked: Asked, settings: Settings
+        cls, problem: Problem, seed: int, team: TeamChoice, asked: Asked, settings: Settings
     ) -> "TeamCells":
         """Returns the cells of a team; a team for which there is no room has none."""
         try:
@@ -212,13 +212,13 @@ def _rewarded(found: GapRow) -> dict[str, Any]:
 
 
 def _messages(*found: GapRow | None) -> str:
-    """Returns what is to be said of rows without a plan, each thing once."""
+    """Returns the messages of rows without a plan, each once."""
     words = (row.message for row in found if row is not None and not row.valid)
     return "; ".join(dict.fromkeys(filter(None, words)))
 
 
 def _filmed(problem: Problem, plan: Plan, limits: QualityBound) -> dict[str, Any]:
-    """Returns how a plan films people, by the columns of a row."""
+    """Returns the quality of a plan, by the columns of a row."""
     assumptions = Assumptions(at_least=limits.at_least)
     quality = Quality.of(problem, plan, assumptions=assumptions)
     places = [

@@ -23,7 +23,7 @@ from cocap_opt.experiments.tables.teams import TEAMS, TeamRow, load_teams, sente
 from cocap_opt.footage.quality import person_steps
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
-from cocap_opt.run.teams import Team
+from cocap_opt.run.teams import TeamChoice
 
 MOST_PLANS = 3_000
 
@@ -69,7 +69,7 @@ def most_seen(scene: Problem, cameras: int) -> float:
 @examples(12)
 def test_rows_hold_against_brute_force(problem: Problem, drones: int, cameras: int) -> None:
     """J is the optimum over all starts, and no plan lets more be seen than the bound says."""
-    team = Team(drones)
+    team = TeamChoice(drones)
     try:
         scene, views = team.scene(problem), team.views(problem, cameras)
     except ProblemError:
@@ -217,13 +217,13 @@ def test_drones_that_are_not_alike_make_no_teams() -> None:
     first, second = problem.robots
     other = problem.replace(robots=(first, second.replace(motion=second.motion.replace(radius=2))))
     with pytest.raises(ProblemError, match=r"robots\[1\].motion"):
-        Team(2).scene(other)
+        TeamChoice(2).scene(other)
     goal = problem.replace(robots=(first.replace(goal=(first.start.x, first.start.y)), second))
     with pytest.raises(ProblemError, match=r"robots\[0\].goal"):
-        Team(2).scene(goal)
+        TeamChoice(2).scene(goal)
     area = first.replace(start=co.StartArea(cells=((0, 0), (1, 0))))
     two = problem.replace(robots=(area, second.replace(start=co.StartArea(cells=((2, 0), (2, 1))))))
     with pytest.raises(ProblemError, match="choices of starts"):
-        Team(2).scene(two)
+        TeamChoice(2).scene(two)
     mixed = problem.replace(robots=(area, second))
-    assert Team(2).scene(mixed).robots == (area, area)
+    assert TeamChoice(2).scene(mixed).robots == (area, area)

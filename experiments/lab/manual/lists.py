@@ -4,7 +4,9 @@ from collections.abc import Callable, Mapping
 from functools import cache, partial
 
 from cocap_opt.experiments.lab.results import markdown
+from cocap_opt.experiments.tables.columns import TableColumn
 from cocap_opt.experiments.tables.rows import COLUMNS
+from cocap_opt.experiments.tables.teams import COLUMNS as TEAM_COLUMNS
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS
 from cocap_opt.formulations.result import CertifiedResult
@@ -16,11 +18,11 @@ from cocap_opt.scenarios.recipe import EXAMPLE
 _WIDEST = 78  # characters of a line of code that a page shows without scrolling
 
 
-def _columns() -> str:
+def _columns(columns: Mapping[str, TableColumn]) -> str:
     rows = [
         {"column": name, "type": column.kind.__name__, "unit": column.unit,
          "meaning": column.meaning}
-        for name, column in COLUMNS.items()
+        for name, column in columns.items()
     ]  # fmt: skip
     return markdown(rows)
 
@@ -65,7 +67,8 @@ def _all_known() -> dict[str, list[Record]]:
 
 
 LISTS: dict[str, Callable[[], str]] = {
-    "columns": _columns,
+    "columns": partial(_columns, COLUMNS),
+    "team_columns": partial(_columns, TEAM_COLUMNS),
     "bounds_described": partial(_methods, BOUNDS),
     "exact_described": partial(_methods, EXACT),
     "search_parameters": _search_parameters,
