@@ -2,9 +2,9 @@
 
 `methods` has those that plan, bound and solve; `judging` those that check and verify, `explaining`
 those that tell what a gap is made of; `covering` has what drones see, `filming` how well plans film
-people, `measuring` the gap table, `teaming` teams of other drones, `fronts` trade-offs, `flying` flights of
-plans, `showing` the player, `variants` problems that ask for more, and `files` what is read and
-written. `arguments` judges what they are given.
+people, `measuring` the gap table, `teaming` teams of other drones, `fronts` trade-offs, `flying`
+flights of plans, `showing` the player, `variants` problems that ask for more, and `files` what is
+read and written. `arguments` judges what they are given.
 """
 
 __all__ = [
