@@ -23,6 +23,7 @@ from cocap_opt.scenarios.kinds import JSON
 from cocap_opt.scenarios.maps.terrain import MapTable, Terrain
 from cocap_opt.scenarios.maps.walls import WallsTable
 from cocap_opt.scenarios.meshes import MeshTable
+from cocap_opt.scenarios.recipe.cameras import say_photos
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings, say_moved
 from cocap_opt.scenarios.recipe.objective import ObjectiveTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
@@ -108,7 +109,13 @@ views_weight = 2.0          # likewise: Ada is to be seen by two rather than the
 count = 3                   # in random cells, chosen by the seed, within 15 m of someone; other
                             # steps or people choose others, `starts` keeps them
 near = 15
-camera = "dji-mavic-pro"
+camera = "dji-mavic-pro-4k" # `cocap-opt scenes` lists them; in its place the numbers of any other:
+# camera = { width = 3840, height = 2160, fov = 65 }   # px, and degrees across the width; or, in
+#                           # place of fov, one of: focal = 2900 (px), fov_vertical = 40,
+#                           # fov_diagonal = 72 (degrees), lens_35mm = 28 (mm, as on 35 mm film, by
+#                           # the diagonal), sensor = 6.17 with lens = 4.7 (mm, width of the sensor
+#                           # that makes the image); photo = [4, 3]: the maker tells the angle or
+#                           # lens_35mm of photos of this shape, from which film cuts its height
 tilts = [10, 40]            # below the horizon; several make a gimbal
 airframe = "px4"            # whose limits hold; left out, as each of `limits`: none are checked
 
@@ -272,6 +279,7 @@ def _team(recipe: Recipe, around: Surroundings, rng: np.random.Generator) -> lis
         with naming(f"drones[{k}]"):
             given.require_pace(around.height_map.resolution, recipe.step)
             team = given.added_to(team, around, rng)
+    say_photos([given.camera for given in recipe.drones if isinstance(given.camera, str)])
     say_moved(recipe.drones, around.height_map)
     return team
 

@@ -121,7 +121,8 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
         SHOW, swapped("scene.toml", "endurance = 1200", "speed = 1"),
     ),
     "cannot fly this: acceleration": (
-        f"plan scene.toml --planner cocap-lns -o plan.json; {FLY}", lambda: None,
+        f"plan scene.toml --planner cocap-lns -o plan.json; {FLY}",
+        swapped("scene.toml", "endurance = 1200", "endurance = 1200, acceleration = 1"),
     ),
     "comes nearer than 4.5 m to person 1": (
         f"plan scene.toml --planner sequential -o plan.json; {FLY}",

@@ -146,7 +146,7 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
 def test_the_example_has_every_field() -> None:
     """Whoever reads the example knows all that a recipe can say."""
     tables = Table.__subclasses__()
-    assert len(tables) == 16
+    assert len(tables) == 17
     for table in tables:
         for field in table.__struct_fields__:
             assert f"{field} =" in EXAMPLE or f"{field}]" in EXAMPLE, field
@@ -349,7 +349,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("heading = 0", "heading = -10"), r"starts.heading: .*, such as 0 and 315, not -10"),
         (("speed = 1.5", "headin = 9"), "unknown field `headin`; did you mean heading.; known are"),
         (("starts", "camera = 'skydio2'\nstarts"), "not 'skydio2'; did you mean skydio-2"),
-        (("starts", "camera = 'gopro'\nstarts"), r"drones\[0\]: camera: must be one of px4-mono"),
+        (("starts", "camera = 'gopro'\nstarts"), r"drones\[0\]: camera: must be one of dji-mav"),
         (("starts", "count = 1\nstarts"), r"drones\[0\]: must have either starts or a count"),
         (("[[walk]]", "[[mesh]]\nfile = 'no.obj'\n[[walk]]"), r"mesh\[0\]: .*no\.obj: no such"),
         (("[[walk]]", "[[mesh]]\nfile = 'a.txt'\n[[walk]]"), r"mesh\[0\]: .*must be named \.obj"),
