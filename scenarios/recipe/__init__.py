@@ -22,6 +22,7 @@ from cocap_opt.problem.refusals import refused_starts
 from cocap_opt.problem.scene import SceneData
 from cocap_opt.scenarios.earth.place import EarthTable, MapProjection, require_likely
 from cocap_opt.scenarios.kinds import JSON
+from cocap_opt.scenarios.maps.layers import LayerTable
 from cocap_opt.scenarios.maps.terrain import MapTable, Terrain
 from cocap_opt.scenarios.maps.walls import WallsTable
 from cocap_opt.scenarios.meshes import MeshTable
@@ -60,6 +61,12 @@ fill = 0.0                  # m, where the file has no data; left out: such file
 nodata = -32768             # a value that means no data, besides what the file says
 band = 1                    # of the file; left out: the only one
 lowest = 0.5                # m above the ground; what is lower is no obstacle
+
+[[layer]]                   # a further map on that one, as many as there are: the highest counts
+file = "trees.tif"          # unit, band, nodata, lowest and heights as in [map]; absolute heights
+                            # are taken above the ground of [map]
+trunks = 4.0                # m above the ground up to which crowns leave room for drones and for
+                            # sight, stems aside; left out: solid down to the ground, the safe side
 
 [[mesh]]
 file = "bridge.glb"         # .obj, .glb, .gltf, .stl, .ply or .off
@@ -202,6 +209,7 @@ class Recipe(Table):
     name: str | None = None  # None: as the file
     step: Annotated[float, Meta(gt=0, le=LARGEST)] = 1.0
     flight: Flight = "above-ground"
+    layer: tuple[LayerTable, ...] = ()
     mesh: tuple[MeshTable, ...] = ()
     walls: tuple[WallsTable, ...] = ()
     tracks: tuple[TracksTable, ...] = ()
@@ -291,9 +299,14 @@ class _Place(NamedTuple):
         """Reads all files that a recipe names."""
         with naming("map"):
             terrain = recipe.map.terrain(path.parent, recipe.flight)
+        crowns: list[Mesh] = []
+        for k, layer in enumerate(recipe.layer):
+            with naming(f"layer[{k}]"):
+                terrain, bodies = layer.onto(terrain, path.parent)
+            crowns += bodies
         earth = _earth(recipe, terrain)
         projection = MapProjection(earth, terrain.height_map.centre(0, 0))
-        solid = tuple(_meshes(recipe, path.parent, terrain, projection))
+        solid = (*crowns, *_meshes(recipe, path.parent, terrain, projection))
         people = list(_people(recipe, path.parent, terrain, projection))
         with naming("rules"):
             rules = recipe.rules.rules()
