@@ -17,10 +17,11 @@ from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.scenarios.built_in import field, tiny, walled
 from cocap_opt.scenarios.formats import NOTHING, Options, conventions, hughes, movingai
 from cocap_opt.scenarios.kinds import JSON, WKT, kind_of
+from cocap_opt.scenarios.site import Site
 from cocap_opt.text import meant
 
-__all__ = ["FORMATS", "NOTHING", "SCENES", "has_seed", "load_scene", "read_foreign_plan",
-           "scene_of_plan"]  # fmt: skip
+__all__ = ["FORMATS", "NOTHING", "SCENES", "Site", "has_seed", "load_scene", "load_site",
+           "read_foreign_plan", "scene_of_plan"]  # fmt: skip
 
 SCENES: Mapping[str, Callable[[int], Problem]] = MappingProxyType(
     {
@@ -169,6 +170,27 @@ def load_scene(name_or_path: str, seed: int = 0, options: Mapping[str, str] = NO
         _refuse(options, name_or_path)
     try:
         return kind.read(path, seed, options)
+    except ProblemError as error:
+        raise FileError(str(error)) from error
+
+
+def load_site(name_or_path: str, seed: int = 0) -> Site | None:
+    """Reads a recipe to look at, whose drones need not have places; None for any other scene.
+
+    Raises
+    ------
+    FileError
+        If it cannot be used; one line.
+    """
+    if name_or_path in SCENES:
+        return None
+    path, kind = _find_file(name_or_path)
+    if kind is not FORMATS["recipe"]:
+        return None
+    from cocap_opt.scenarios.recipe import site  # its readers are slow to import
+
+    try:
+        return site(path, seed)
     except ProblemError as error:
         raise FileError(str(error)) from error
 

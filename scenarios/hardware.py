@@ -1,7 +1,8 @@
 """Real cameras by name, as pinholes, and limits of real airframes by name.
 
 The numbers of cameras come from the makers, or from others who calibrated the cameras. Lens
-distortion is left out, and the principal point is put in the middle of the image.
+distortion is left out, and the principal point is put in the middle of the image. A name that ends
+with -4k is what a drone films; its photos, under the name without that, are higher.
 """
 
 import math
@@ -19,27 +20,53 @@ from cocap_opt.problem import (
     State,
 )
 
+# Of drones that film, the sizes of their photos. Their film is below.
+_PHOTOS: dict[str, Camera] = {
+    # Theta DroneModels (Apache-2.0): pixel pitch, with f = 8.8 mm, 4.7 mm, and 12.29 mm, 24 mm on
+    # 35 mm film, for the Mavic 3
+    "dji-mavic-3": Camera(width=5280, height=3956, focal=3624.7),
+    "dji-mavic-pro": Camera(width=4000, height=3000, focal=2971.4),
+    "dji-phantom-4-pro": Camera(width=5472, height=3648, focal=3752.2),
+    # OpenSfM, camera_calibration.yaml: focal length over the width; sizes assumed
+    "dji-fc300s": Camera(width=4000, height=3000, focal=2372.3),
+    "skydio-2": Camera(width=4056, height=3040, focal=2389.2),
+}
+
+
+def _film(photo: Camera) -> Camera:
+    """Returns the film of 3840 x 2160 px of a camera, by the size of its photos.
+
+    It keeps the width and cuts off above and below, as no source of these drones states another
+    cut; electronic stabilisation and high frame rates, which cut more, are off.
+    """
+    return Camera(width=3840, height=2160, focal=round(photo.focal * 3840 / photo.width, 1))
+
+
+_FILM = {f"{name}-4k": _film(photo) for name, photo in _PHOTOS.items()}
+
+# Film of 16:9 first, then other shapes.
 CAMERAS: dict[str, Camera] = {
-    # PX4-gazebo-models, mono_cam/model.sdf (BSD-3): horizontal angle of view 1.74 rad
-    "px4-mono": Camera(width=1280, height=960, focal=539.9),
+    **_FILM,
+    # YooJuno/ORB-SLAM3_Drone, README: calibrated; distortion k1 = .092, k2 = -.296 left out
+    "dji-spark-1080p": Camera(width=1920, height=1080, focal=1850.1),
     # PX4-gazebo-models, gimbal/model.sdf (BSD-3): 2.0 rad; pitch joint -2.356..0.785 rad
     "px4-gimbal": Camera(width=1280, height=720, focal=410.9),
     # PX4-gazebo-models, OakD-Lite/model.sdf (BSD-3): 1.204 rad, and 1.274 rad of the depth camera
     "oak-d-lite-rgb": Camera(width=1920, height=1080, focal=1397.2),
-    "oak-d-lite-depth": Camera(width=640, height=480, focal=432.5),
     # microsoft/AirSim, docs/settings.md, CaptureSettings: 90 degrees
     "airsim": Camera(width=256, height=144, focal=128.0),
-    # Theta DroneModels (Apache-2.0): pixel pitch, with f = 8.8 mm and f = 4.7 mm
-    "dji-phantom-4-pro": Camera(width=5472, height=3648, focal=3752.2),
-    "dji-mavic-pro": Camera(width=4000, height=3000, focal=2971.4),
-    # YooJuno/ORB-SLAM3_Drone, README: calibrated; distortion k1 = .092, k2 = -.296 left out
-    "dji-spark-1080p": Camera(width=1920, height=1080, focal=1850.1),
-    # OpenSfM, camera_calibration.yaml: focal length over the width; sizes assumed
-    "dji-fc300s": Camera(width=4000, height=3000, focal=2372.3),
-    "skydio-2": Camera(width=4056, height=3040, focal=2389.2),
+    "oak-d-lite-depth": Camera(width=640, height=480, focal=432.5),  # as oak-d-lite-rgb
+    # PX4-gazebo-models, mono_cam/model.sdf (BSD-3): horizontal angle of view 1.74 rad
+    "px4-mono": Camera(width=1280, height=960, focal=539.9),
+    **_PHOTOS,
     # Suresh et al., "Greedy Perspectives", 2024: the camera of its scenes and of the built-in ones
     "greedy-perspectives": Camera(width=4000, height=3000, focal=2500.0),
 }
+
+
+def film_of(name: str) -> str | None:
+    """Returns the name of the film of a camera that is named for its photos; None if it is not."""
+    return f"{name}-4k" if name in _PHOTOS else None
 
 
 def camera_name(camera: AnyCamera) -> str | None:

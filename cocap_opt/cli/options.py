@@ -75,10 +75,15 @@ def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem
     """Returns a scene by its name or file, and logs what is doubtful in a file."""
     Option("--seed").require_whole(seed)
     problem = load_scene(scene, seed, options)
+    say_doubts(scene, seed, problem)
+    return problem
+
+
+def say_doubts(scene: str, seed: int, problem: Problem) -> None:
+    """Logs what is doubtful in a scene that a file holds."""
     if scene not in SCENES:  # those are meant as they are
         for warning in warnings(problem):
             _say_once(scene, seed, warning)
-    return problem
 
 
 def load_planned(scene: str, seed: int) -> Problem:

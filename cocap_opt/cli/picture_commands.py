@@ -1,5 +1,6 @@
 """The commands that show plans: a player, pictures from above, and what each drone sees."""
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -15,11 +16,12 @@ from cocap_opt.cli.options import (
     Whole,
     load,
     load_planned,
+    say_doubts,
     say_narrow_way,
     say_strains,
 )
 from cocap_opt.console.progress import Watch
-from cocap_opt.data import MOST_PIXELS
+from cocap_opt.data import LARGEST, MOST_PIXELS
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.explanation import Explanation
@@ -34,6 +36,9 @@ from cocap_opt.output.printing import print_result
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import UnsupportedError
 from cocap_opt.run.options import Option, UsageError
+from cocap_opt.scenarios import Site, load_site
+
+_log = logging.getLogger(__name__)
 
 _SHOWN = Path("show.html")
 _MOST_STEPS = 100  # in one picture
@@ -57,13 +62,21 @@ def _show(
         str | None,
         Parameter(help="such as 5 or 0,4,8, which a picture shows; else the last, a GIF all"),
     ] = None,
+    heights: Annotated[
+        str | None,
+        Parameter(
+            help="m, such as 4,6; without a plan: draw where drones of a recipe may start at these "
+            "flight heights"
+        ),
+    ] = None,
     json: Json = False,
 ) -> int:
     """Play plans side by side in an HTML file, or draw one from above.
 
     The HTML file needs no network and no other file. PNG, PDF and SVG show one step, or several
     side by side, a GIF one after the other. Without a plan the map, the people and the drones at
-    their starts are shown. Without -o the file is show.html.
+    their starts are shown; of a recipe that has no drones, or starts that are refused, where they
+    may start. Without -o the file is show.html.
 
     Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
     """
@@ -77,9 +90,15 @@ def _show(
         raise UsageError("--certificate: needs a plan, and a file that ends in .html")
     if steps is not None and (suffix == ".html" or not plan):
         raise UsageError("--steps: needs a plan, and a picture: the player shows all steps")
+    if heights is not None and plan:
+        raise UsageError("--heights: is for a recipe without a plan, whose drones are to be placed")
     check_output(output, scene, *plan, certificate)
-    read = load_planned if plan else load
-    problem = read(scene, seed)
+    site = None if plan else load_site(scene, Option("--seed").require_whole(seed))
+    if heights is not None and site is None:
+        raise UsageError("--heights: needs a recipe, a file that ends in .toml")
+    if site is not None and (site.problem is None or heights is not None):
+        return _show_site(scene, seed, site, output, _heights(heights), json)
+    problem = _loaded(scene, seed, site) if not plan else load_planned(scene, seed)
     given = PlanReader(scene, problem).plans(plan, any_objective=True)
     problem = given[0].problem if given else problem
     plans = [given_plan.plan for given_plan in given]
@@ -97,6 +116,46 @@ def _show(
     answer = {"scene": problem.name, "seed": seed, "digest": digest, "file": output}
     print_result(answer, json)
     return 0
+
+
+def _loaded(scene: str, seed: int, site: Site | None) -> Problem:
+    """Returns a scene, which a recipe's site is already, and logs what is doubtful in it."""
+    if site is None or site.problem is None:
+        return load(scene, seed)
+    say_doubts(scene, seed, site.problem)
+    return site.problem
+
+
+def _show_site(
+    scene: str, seed: int, site: Site, output: Path, heights: Sequence[float], json: bool
+) -> int:
+    """Draws where the drones of a recipe may start, and says why it is no scene yet."""
+    from cocap_opt.pictures.start_map import start_picture
+
+    for words in site.words:
+        _log.warning("%s, seed %d: %s", scene, seed, words)
+    if output.suffix == ".html":
+        from cocap_opt.player.start_page import start_page
+
+        content = start_page(site, heights).encode()
+    else:
+        content = start_picture(site, output.suffix, heights)
+    save_bytes(output, content)
+    refused = len(site.refusals) + len(site.notes)
+    answer = {"scene": site.scene.name, "seed": seed, "drones": len(site.scene.robots)}
+    print_result(answer | {"refused": refused, "file": output}, json)
+    return 0
+
+
+def _heights(text: str | None) -> tuple[float, ...]:
+    """Returns the flight heights (m) of a list, each once, lowest first."""
+    try:
+        found = () if text is None else tuple(sorted({float(part) for part in text.split(",")}))
+    except ValueError:
+        raise UsageError(f"--heights: must be numbers such as 4,6, not {text!r}") from None
+    if not all(abs(height) <= LARGEST for height in found):
+        raise UsageError(f"--heights: must be within +-{LARGEST:g} m")
+    return found
 
 
 def _render(

@@ -2,11 +2,14 @@
 
 import math
 from collections.abc import Iterator
+from fractions import Fraction
 
 from cocap_opt.output.printing import Record
-from cocap_opt.problem import Limits
+from cocap_opt.problem import Camera, Limits
 from cocap_opt.scenarios import FORMATS, SCENES
 from cocap_opt.scenarios.hardware import AIRFRAMES, CAMERAS
+
+_MOST_SIDE = 9  # of the second number of a shape, as in 16:9
 
 
 def known_scenes() -> dict[str, list[Record]]:
@@ -24,7 +27,8 @@ def known_scenes() -> dict[str, list[Record]]:
         "cameras": [
             {
                 "camera": name, "width": camera.width, "height": camera.height,
-                "focal": camera.focal, "angle of view (deg)": 2 * math.degrees(camera.half_angle),
+                "shape": _shape(camera), "focal": camera.focal,
+                "angle of view (deg)": 2 * math.degrees(camera.half_angle),
             }
             for name, camera in CAMERAS.items()
         ],
@@ -41,6 +45,12 @@ def known_scenes() -> dict[str, list[Record]]:
             for name, words in kind.options.allowed.items()
         ],
     }  # fmt: skip
+
+
+def _shape(camera: Camera) -> str:
+    """Returns the sides of the image in small whole numbers, which may be a little off."""
+    ratio = Fraction(camera.width, camera.height).limit_denominator(_MOST_SIDE)
+    return f"{ratio.numerator}:{ratio.denominator}"
 
 
 def _known(limits: Limits) -> Iterator[tuple[str, float]]:

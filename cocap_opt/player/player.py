@@ -3,8 +3,6 @@
 The scripts in the folder `page` draw; this module makes the data that they draw.
 """
 
-import json
-import re
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -14,7 +12,7 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.output.files import save_bytes
 from cocap_opt.output.heights import over_datum
-from cocap_opt.player.pages import page_text
+from cocap_opt.player.pages import inert, page_text, without_comments
 from cocap_opt.player.player_filmed import filmed
 from cocap_opt.player.player_plan import PlayerPlan, digits
 from cocap_opt.player.player_scene import PlayerScene
@@ -70,8 +68,8 @@ class Player:
         """Returns the text of the HTML file."""
         parts = {
             "style": page_text("player.css"),
-            "script": _without_comments("\n".join(page_text(name) for name in _SCRIPTS)),
-            "data": _inert(self.data()),
+            "script": without_comments("\n".join(page_text(name) for name in _SCRIPTS)),
+            "data": inert(self.data()),
         }
         return page_text("player.html", parts)
 
@@ -151,17 +149,6 @@ def _without_distance_to_people(problem: Problem) -> Problem:
     """Returns the problem in which people may walk by drones that stay at their starts."""
     airspace = problem.airspace.replace(people_aside=0.0, people_above=None)
     return problem.replace(airspace=airspace)
-
-
-def _without_comments(script: str) -> str:
-    """Returns a script without comments and indents, which would be a fifth of the page."""
-    return re.sub(r"^\s*(?://.*)?\n|^ +", "", script, flags=re.MULTILINE)
-
-
-def _inert(data: Data) -> str:
-    """Returns JSON that neither ends nor begins an HTML element, whatever names are in it."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 def _unit(problem: Problem) -> str:

@@ -1,10 +1,5 @@
 """Checks of a scene: each check names the field that is wrong, and what is allowed."""
 
-import math
-from collections.abc import Sequence
-
-import numpy as np
-
 from cocap_opt.data import (
     LARGEST,
     MOST_LETTERS,
@@ -16,10 +11,11 @@ from cocap_opt.data import (
     within,
 )
 from cocap_opt.problem.actor import Actor
-from cocap_opt.problem.motion import Motion, State
+from cocap_opt.problem.motion import Motion
+from cocap_opt.problem.refusals import refused_starts, told
 from cocap_opt.problem.robot import Limits, Robot
 from cocap_opt.problem.scene import SceneData
-from cocap_opt.problem.starts import StartArea, StartStates
+from cocap_opt.problem.starts import StartArea
 
 
 def require_scene(scene: SceneData) -> None:
@@ -76,40 +72,15 @@ def _require_importance(scene: SceneData, j: int, actor: Actor) -> None:
 
 
 def _require_robot(scene: SceneData, i: int, robot: Robot) -> None:
-    _require_start(scene, f"robots[{i}].start", robot)
+    if isinstance(robot.start, StartArea):
+        _require_area(scene, f"robots[{i}].start", robot.start, robot)
     if robot.goal is not None:
         _require_goal(scene, f"robots[{i}].goal", robot.motion, *robot.goal)
     if robot.limits is not None and scene.step is not None:
         _require_limits(scene, f"robots[{i}]", robot, robot.limits, scene.step)
 
 
-def _require_start(scene: SceneData, field: str, robot: Robot) -> None:
-    start = robot.start
-    if isinstance(start, State):
-        _require_free(scene, field, robot, start)
-    elif isinstance(start, StartStates):
-        for k in _suspicious(scene, robot, start.states):
-            _require_free(scene, f"{field}.states[{k}]", robot, start.states[k])
-    else:
-        _require_area(scene, field, robot, start)
-
-
-def _suspicious(scene: SceneData, robot: Robot, states: Sequence[State]) -> list[int]:
-    """Returns the numbers of the states that a robot may not start in, found all at once.
-
-    Where some are no whole numbers, or out of range, all are suspected.
-    """
-    rows = np.array(states)
-    sizes = np.array((*scene.height_map.shape, *robot.orientation_sizes))
-    if rows.dtype.kind != "i" or (rows < 0).any() or (rows >= sizes).any():
-        return list(range(len(states)))
-    x, y, layer = rows[:, :3].T
-    free = robot.motion.free_places(scene.workspace)[layer, x, y]
-    near = scene.near_people(0, scene.above(robot, rows[:, :3]))
-    return np.flatnonzero(~free | near).tolist()
-
-
-def _require_area(scene: SceneData, field: str, robot: Robot, area: StartArea) -> None:
+def _require_area(scene: SceneData, field: str, area: StartArea, robot: Robot) -> None:
     """Checks that an area is of the map and the robot."""
     width, depth = scene.height_map.shape
     for x, y in area.cells or ():
@@ -125,35 +96,6 @@ def _require_area(scene: SceneData, field: str, robot: Robot, area: StartArea) -
             require(0 <= value < size, f"{field}.{name}", f"must be 0..{size - 1}, not {value}")
 
 
-def _require_free(scene: SceneData, field: str, robot: Robot, start: State) -> None:
-    motion = robot.motion
-    sizes = (*scene.height_map.shape, *robot.orientation_sizes)
-    for name, value, size in zip(State._fields, start, sizes, strict=True):
-        whole(value, f"{field}.{name}")
-        require(0 <= value < size, f"{field}.{name}", f"must be 0..{size - 1}, not {value}")
-    require(
-        not scene.blocked(start.x, start.y, motion, start.layer),
-        field,
-        f"cell ({start.x}, {start.y}) is blocked: {_solid_at(scene, start)}, flight height "
-        f"{motion.layers[start.layer]:g} m",
-    )
-    require(
-        not _forbidden(scene, start.x, start.y, motion, start.layer),
-        field,
-        f"cell ({start.x}, {start.y}) is in a no-fly zone or above the ceiling, flight height "
-        f"{motion.layers[start.layer]:g} m",
-    )
-    for j, actor in enumerate(scene.actors):
-        at = scene.where(robot, [start])[0]
-        aside = math.dist(at[:2], actor.poses[0, :2])
-        require(
-            not scene.airspace.near_person(actor, 0, at),
-            field,
-            f"is {aside:.2f} m from {scene.person(j)} at step 0, must be "
-            f"{scene.airspace.told_people}",
-        )
-
-
 def _require_goal(scene: SceneData, field: str, motion: Motion, x: int, y: int) -> None:
     whole(x, field)
     whole(y, field)
@@ -165,7 +107,7 @@ def _require_goal(scene: SceneData, field: str, motion: Motion, x: int, y: int) 
     )
     require(
         any(
-            not scene.blocked(x, y, motion, k) and not _forbidden(scene, x, y, motion, k)
+            not scene.blocked(x, y, motion, k) and not scene.closed(x, y, motion, k)
             for k in range(len(motion.layers))
         ),
         field,
@@ -187,37 +129,6 @@ def _require_limits(
 
 def _require_starts(scene: SceneData) -> None:
     """Checks that each robot has a start, and that all together have starts that are apart."""
-    for i, states in enumerate(scene.starts):
-        require(
-            len(states) > 0,
-            f"robots[{i}].start",
-            "must have a cell in which the drone may be at step 0; all are blocked, forbidden, or "
-            "too near to people",
-        )
-    for i, states in enumerate(scene.starts):
-        for k, others in enumerate(scene.starts[:i]):
-            if len(states) > 1 or len(others) > 1:
-                continue
-            a, b = scene.cell(k, others[0]), scene.cell(i, states[0])
-            apart = math.dist(*scene.positions([a, b]))
-            require(
-                not scene.too_close(a, b),
-                f"robots[{i}].start",
-                f"is {apart:.2f} m from robots[{k}].start, must keep the rules {scene.rules}",
-            )
-    _ = scene.first_starts  # which raises where there is no such choice
-
-
-def _forbidden(scene: SceneData, x: int, y: int, motion: Motion, layer: int) -> bool:
-    """Returns True if a no-fly zone or the ceiling forbids to be there."""
-    altitude = scene.height_map.altitude(x, y, motion.layers[layer])
-    return scene.workspace.forbidden.solid_at(x, y, altitude, altitude)
-
-
-def _solid_at(scene: SceneData, start: State) -> str:
-    """Says which solid matter is in a robot's start cell."""
-    (_, height), *solids = scene.workspace.columns.at(start.x, start.y)
-    if not solids:
-        return f"height {height:g} m"
-    spans = " and ".join(f"from {low:g} to {high:g} m" for low, high in solids)
-    return f"ground at {height:g} m, and walls or a mesh {spans}"
+    if refusals := refused_starts(scene):
+        raise ProblemError(told(scene, refusals))
+    _ = scene.first_starts  # which raises where there is none

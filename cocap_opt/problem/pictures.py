@@ -78,13 +78,18 @@ class TopView(NamedTuple):
             )
             for r, path in zip(scene.robots, paths, strict=True)
         ]
+        return cls.of_map(scene, kinds, lowest)._replace(flights=flights)
+
+    @classmethod
+    def of_map(cls, scene: SceneData, kinds: IntArray, height: float) -> TopView:
+        """Returns the scene from above with other kinds of cells, and without drones."""
         return cls(
             kinds=kinds,
             corner=scene.height_map.origin,
             cell=scene.height_map.resolution,
-            height=lowest,
+            height=height,
             walks=[actor.poses[: scene.horizon + 1, :2] for actor in scene.actors],
-            flights=flights,
+            flights=[],
         )
 
     @overload
@@ -107,25 +112,34 @@ class TopView(NamedTuple):
             figure = Figure(figsize=(5.6, whole), dpi=100)
             ax = figure.add_axes((0.12, 0.6 / whole, 0.84, size / whole))
         self.draw_map(ax)
-        for number, walk in enumerate(self.walks):
-            ax.plot(*walk.T, color=PERSON, lw=1, ls=":", zorder=3)
-            ax.plot(*walk[0], marker="x", color=PERSON, ms=4, zorder=3)
-            _draw_numbered_disc(ax, walk[-1], PERSON, number)
+        self.draw_walks(ax)
         for number, flight in enumerate(self.flights):
             _draw_flight(ax, flight, DRONE_COLOURS[number % len(DRONE_COLOURS)], number, self.cell)
         self._draw_legend(ax)
         return ax
 
-    def draw_map(self, ax: Axes) -> None:
-        """Draw the cells of a scene, in axes of world coordinates."""
+    def draw_walks(self, ax: Axes) -> None:
+        """Draw the walks of people from a cross to a numbered disc."""
+        for number, walk in enumerate(self.walks):
+            ax.plot(*walk.T, color=PERSON, lw=1, ls=":", zorder=3)
+            ax.plot(*walk[0], marker="x", color=PERSON, ms=4, zorder=3)
+            _draw_numbered_disc(ax, walk[-1], PERSON, number)
+
+    def draw_map(self, ax: Axes, colours: Sequence[str] = (GROUND, COVERED, WALL, LOW)) -> None:
+        """Draw the cells of a scene, in axes of world coordinates.
+
+        Parameters
+        ----------
+        colours : of the kinds of cells
+        """
         from matplotlib.colors import ListedColormap
         from matplotlib.ticker import FuncFormatter, MaxNLocator
 
         (x, y), (width, depth) = self.corner, self.kinds.shape
         extent = (x, x + width * self.cell, y, y + depth * self.cell)
         ax.imshow(
-            self.kinds.T, origin="lower", extent=extent, vmin=0, vmax=3, interpolation="nearest",
-            cmap=ListedColormap([GROUND, COVERED, WALL, LOW]), zorder=0,
+            self.kinds.T, origin="lower", extent=extent, vmin=0, vmax=len(colours) - 1,
+            interpolation="nearest", cmap=ListedColormap(list(colours)), zorder=0,
         )  # fmt: skip
         ax.set_aspect("equal")
         ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame

@@ -128,6 +128,13 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         ProblemError
             If there is no such choice, or none is found.
         """
+        for i, states in enumerate(self.starts):
+            require(
+                len(states) > 0,
+                f"robots[{i}].start",
+                "must have a cell in which the drone may be at step 0; all are blocked, forbidden, "
+                "or too near to people",
+            )
         if not self.has_free_starts:
             return tuple(states[0] for states in self.starts)
         words = f"must have a start for every drone that keeps the rules {self.rules}"
@@ -229,6 +236,11 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         altitude = self.height_map.altitude(x, y, motion.layers[layer])
         low, high = altitude - motion.clearance, altitude + motion.clearance
         return self.workspace.columns.solid_at(x, y, low, high)
+
+    def closed(self, x: int, y: int, motion: Motion, layer: int) -> bool:
+        """Returns True if a no-fly zone or the ceiling forbids a robot to be there."""
+        altitude = self.height_map.altitude(x, y, motion.layers[layer])
+        return self.workspace.forbidden.solid_at(x, y, altitude, altitude)
 
     @cached_property
     def layers(self) -> tuple[float, ...]:

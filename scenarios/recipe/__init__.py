@@ -7,9 +7,9 @@ kind of part; `lighter` changes a recipe to what costs less to plan.
 
 import logging
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -17,16 +17,21 @@ from msgspec import Meta
 
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.files.messages import in_words
-from cocap_opt.problem import Actor, Earth, Problem, Robot
+from cocap_opt.problem import Actor, Earth, Motion, Problem, Robot
+from cocap_opt.problem.refusals import refused_starts
+from cocap_opt.problem.scene import SceneData
 from cocap_opt.scenarios.earth.place import EarthTable, MapProjection, require_likely
 from cocap_opt.scenarios.kinds import JSON
+from cocap_opt.scenarios.maps.layers import LayerTable
 from cocap_opt.scenarios.maps.terrain import MapTable, Terrain
 from cocap_opt.scenarios.maps.walls import WallsTable
 from cocap_opt.scenarios.meshes import MeshTable
+from cocap_opt.scenarios.recipe.cameras import say_photos
 from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings, say_moved
 from cocap_opt.scenarios.recipe.objective import ObjectiveTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import AirspaceTable, NoFlyTable, RulesTable
+from cocap_opt.scenarios.site import Site
 from cocap_opt.scenarios.tables import Flight, Table
 from cocap_opt.scenarios.text import naming, read_text, rectangle
 from cocap_opt.scenarios.tracks.times import Epoch
@@ -56,6 +61,12 @@ fill = 0.0                  # m, where the file has no data; left out: such file
 nodata = -32768             # a value that means no data, besides what the file says
 band = 1                    # of the file; left out: the only one
 lowest = 0.5                # m above the ground; what is lower is no obstacle
+
+[[layer]]                   # a further map on that one, as many as there are: the highest counts
+file = "trees.tif"          # unit, band, nodata, lowest and heights as in [map]; absolute heights
+                            # are taken above the ground of [map]
+trunks = 4.0                # m above the ground up to which crowns leave room for drones and for
+                            # sight, stems aside; left out: solid down to the ground, the safe side
 
 [[mesh]]
 file = "bridge.glb"         # .obj, .glb, .gltf, .stl, .ply or .off
@@ -108,7 +119,13 @@ views_weight = 2.0          # likewise: Ada is to be seen by two rather than the
 count = 3                   # in random cells, chosen by the seed, within 15 m of someone; other
                             # steps or people choose others, `starts` keeps them
 near = 15
-camera = "dji-mavic-pro"
+camera = "dji-mavic-pro-4k" # `cocap-opt scenes` lists them; in its place the numbers of any other:
+# camera = { width = 3840, height = 2160, fov = 65 }   # px, and degrees across the width; or, in
+#                           # place of fov, one of: focal = 2900 (px), fov_vertical = 40,
+#                           # fov_diagonal = 72 (degrees), lens_35mm = 28 (mm, as on 35 mm film, by
+#                           # the diagonal), sensor = 6.17 with lens = 4.7 (mm, width of the sensor
+#                           # that makes the image); photo = [4, 3]: the maker tells the angle or
+#                           # lens_35mm of photos of this shape, from which film cuts its height
 tilts = [10, 40]            # below the horizon; several make a gimbal
 airframe = "px4"            # whose limits hold; left out, as each of `limits`: none are checked
 
@@ -188,10 +205,11 @@ class Recipe(Table):
 
     steps: Annotated[int, Meta(ge=1, le=MOST_STEPS)]
     map: MapTable
-    drones: Annotated[tuple[DronesTable, ...], Meta(min_length=1)]
+    drones: tuple[DronesTable, ...] = ()  # to look at; a problem needs one
     name: str | None = None  # None: as the file
     step: Annotated[float, Meta(gt=0, le=LARGEST)] = 1.0
     flight: Flight = "above-ground"
+    layer: tuple[LayerTable, ...] = ()
     mesh: tuple[MeshTable, ...] = ()
     walls: tuple[WallsTable, ...] = ()
     tracks: tuple[TracksTable, ...] = ()
@@ -225,14 +243,71 @@ def read(
         line, naming file and field.
     """
     with naming(path):
-        recipe = change(decoded(path))
+        place = _Place.of(change(decoded(path)), path)
+        return place.problem(place.team(np.random.default_rng(seed)))
+
+
+def site(path: Path, seed: int = 0) -> Site:
+    """Reads a recipe whose drones need not have places yet, nor be there at all.
+
+    Raises
+    ------
+    ProblemError
+        If anything else is wrong; one line, naming file and field.
+    """
+    with naming(path):
+        place = _Place.of(decoded(path), path)
+        rng, team, starts, notes = np.random.default_rng(seed), list[Robot](), list[str](), []
+        for k, given in enumerate(place.recipe.drones):
+            with naming(f"drones[{k}]"):
+                given.require_pace(place.around.height_map.resolution, place.recipe.step)
+            try:
+                with naming(f"drones[{k}]"):
+                    added = given.added_to(team, place.around, rng)[len(team) :]
+            except ProblemError as error:
+                notes.append(str(error))
+                continue
+            team += added
+            starts += [start for _, start in _names_of(k, given)]
+        scene = SceneData(**place.fields(team))
+        refusals = refused_starts(scene)
+        if not refusals and team:
+            try:
+                _ = scene.first_starts
+            except ProblemError as error:
+                notes.append(str(error))
+        problem = None if refusals or notes or not team else place.problem(team)
+        if problem is not None:
+            place.say()
+        motions = tuple(dict.fromkeys(given.motion for given in place.recipe.drones)) or (Motion(),)
+        return Site(problem, scene, motions, tuple(refusals), tuple(starts), tuple(notes))
+
+
+class _Place(NamedTuple):
+    """All that a recipe makes but its drones and the objective, which depends on them."""
+
+    recipe: Recipe
+    name: str
+    terrain: Terrain
+    solid: tuple[Mesh, ...]
+    people: Sequence[tuple[Actor, float | None]]
+    earth: Earth | None
+    around: Surroundings
+
+    @classmethod
+    def of(cls, recipe: Recipe, path: Path) -> "_Place":
+        """Reads all files that a recipe names."""
         with naming("map"):
             terrain = recipe.map.terrain(path.parent, recipe.flight)
+        crowns: list[Mesh] = []
+        for k, layer in enumerate(recipe.layer):
+            with naming(f"layer[{k}]"):
+                terrain, bodies = layer.onto(terrain, path.parent)
+            crowns += bodies
         earth = _earth(recipe, terrain)
         projection = MapProjection(earth, terrain.height_map.centre(0, 0))
-        solid = tuple(_meshes(recipe, path.parent, terrain, projection))
+        solid = (*crowns, *_meshes(recipe, path.parent, terrain, projection))
         people = list(_people(recipe, path.parent, terrain, projection))
-        actors = tuple(actor for actor, _ in people)
         with naming("rules"):
             rules = recipe.rules.rules()
         if recipe.earth is not None and earth is not None and terrain.crs is None:
@@ -243,61 +318,78 @@ def read(
             with naming(f"no_fly[{k}]"), naming("polygon"):
                 _require_on_map([zone], terrain.height_map, "it has coordinates of the map")
         workspace = Workspace(terrain.height_map, solid, airspace.no_fly, airspace.ceiling)
+        actors = tuple(actor for actor, _ in people)
         around = Surroundings(workspace, actors, recipe.steps, rules, airspace)
-        team = _team(recipe, around, np.random.default_rng(seed))
+        return cls(recipe, recipe.name or path.stem, terrain, solid, people, earth, around)
+
+    def team(self, rng: np.random.Generator) -> list[Robot]:
+        """Returns the drones of all tables, each of which keeps away from those before."""
+        recipe, height_map = self.recipe, self.around.height_map
+        if not recipe.drones:
+            raise ProblemError(
+                "drones: must have a table [[drones]]; `cocap-opt show` draws the map without any"
+            )
+        team: list[Robot] = []
+        for k, given in enumerate(recipe.drones):
+            with naming(f"drones[{k}]"):
+                given.require_pace(height_map.resolution, recipe.step)
+                team = given.added_to(team, self.around, rng)
+        self.say()
+        return team
+
+    def say(self) -> None:
+        """Says what is doubtful in the tables of drones."""
+        tables = self.recipe.drones
+        say_photos([given.camera for given in tables if isinstance(given.camera, str)])
+        say_moved(tables, self.around.height_map)
+
+    def fields(self, team: Sequence[Robot]) -> dict[str, Any]:
+        """Returns the fields of a scene but the objective."""
+        return {
+            "name": self.name,
+            "height_map": self.terrain.height_map,
+            "meshes": self.solid,
+            "robots": tuple(team),
+            "actors": self.around.actors,
+            "horizon": self.recipe.steps,
+            "rules": self.around.rules,
+            "airspace": self.around.airspace,
+            "face_samples": self.recipe.face_samples,
+            "step": self.recipe.step,
+            "earth": self.earth,
+        }
+
+    def problem(self, team: Sequence[Robot]) -> Problem:
+        """Returns the problem; what is wrong with a drone in it has the names of the recipe."""
         with naming("objective"):
-            factors = [factor for _, factor in people]
-            objective = recipe.objective.objective(actors, factors, team, recipe.steps)
-        return _problem(
-            recipe,
-            name=recipe.name or path.stem,
-            height_map=terrain.height_map,
-            meshes=solid,
-            robots=tuple(team),
-            actors=actors,
-            horizon=recipe.steps,
-            rules=rules,
-            airspace=airspace,
-            objective=objective,
-            face_samples=recipe.face_samples,
-            step=recipe.step,
-            earth=earth,
-        )
+            factors = [factor for _, factor in self.people]
+            objective = self.recipe.objective.objective(
+                self.around.actors, factors, team, self.recipe.steps
+            )
+        try:
+            return Problem(**self.fields(team), objective=objective)
+        except ProblemError as error:
+            names = list(_names(self.recipe))
 
+            def named(found: re.Match[str]) -> str:
+                table, start = names[int(found[1])]
+                return start if found[2] else table
 
-def _team(recipe: Recipe, around: Surroundings, rng: np.random.Generator) -> list[Robot]:
-    """Returns the drones of all tables, each of which keeps away from those before."""
-    team: list[Robot] = []
-    for k, given in enumerate(recipe.drones):
-        with naming(f"drones[{k}]"):
-            given.require_pace(around.height_map.resolution, recipe.step)
-            team = given.added_to(team, around, rng)
-    say_moved(recipe.drones, around.height_map)
-    return team
-
-
-def _problem(recipe: Recipe, **fields: Any) -> Problem:
-    """Returns the problem; what is wrong with a drone in it has the names that the recipe has."""
-    try:
-        return Problem(**fields)
-    except ProblemError as error:
-        names = list(_names(recipe))
-
-        def named(found: re.Match[str]) -> str:
-            table, start = names[int(found[1])]
-            return start if found[2] else table
-
-        raise ProblemError(re.sub(r"robots\[(\d+)\](\.start)?", named, str(error))) from error
+            raise ProblemError(re.sub(r"robots\[(\d+)\](\.start)?", named, str(error))) from error
 
 
 def _names(recipe: Recipe) -> Iterator[tuple[str, str]]:
     """Yields the names of each drone's table and start."""
     for k, given in enumerate(recipe.drones):
-        table = f"drones[{k}]"
-        stated = len(given.stated)
-        yield from ((table, f"{table}.starts[{n}]") for n in range(stated))
-        area = f"{table}.starts" if given.starts is not None and not stated else table
-        yield from ((table, area) for _ in range(given.count or 0))
+        yield from _names_of(k, given)
+
+
+def _names_of(k: int, given: DronesTable) -> Iterator[tuple[str, str]]:
+    """Yields the names of the table and the start of each drone of a table, by its number."""
+    table, stated = f"drones[{k}]", len(given.stated)
+    yield from ((table, f"{table}.starts[{n}]") for n in range(stated))
+    area = f"{table}.starts" if given.starts is not None and not stated else table
+    yield from ((table, area) for _ in range(given.count or 0))
 
 
 def decoded(path: Path) -> Recipe:

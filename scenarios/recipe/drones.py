@@ -18,7 +18,6 @@ from cocap_opt.plausibility import buried
 from cocap_opt.problem import (
     Actor,
     Airspace,
-    Camera,
     CollisionRules,
     Limits,
     Motion,
@@ -26,8 +25,9 @@ from cocap_opt.problem import (
     StartArea,
     State,
 )
-from cocap_opt.scenarios.hardware import AIRFRAMES, CAMERAS
+from cocap_opt.scenarios.hardware import AIRFRAMES
 from cocap_opt.scenarios.maps.ground_plans import sound
+from cocap_opt.scenarios.recipe.cameras import CameraTable, camera_of
 from cocap_opt.scenarios.recipe.people import IMPOSSIBLE
 from cocap_opt.scenarios.tables import Coordinate, Count, Heading, Length, Point, Table
 from cocap_opt.scenarios.text import naming, rectangle
@@ -149,7 +149,7 @@ class DronesTable(Table):
     count: Count | None = None
     near: Length | None = None
     starts: _Several[_StartTable] | _AreaTable | None = None
-    camera: str = "greedy-perspectives"
+    camera: str | CameraTable = "greedy-perspectives"
     tilts: tuple[float, ...] = (10.0,)  # degrees below the horizon
     motion: Motion = Motion()
     airframe: str | None = None
@@ -175,7 +175,7 @@ class DronesTable(Table):
             raise ProblemError(f"must have {words}")
         parts: dict[str, Any] = {
             "motion": self.motion,
-            "camera": self._camera(),
+            "camera": camera_of(self.camera, self.tilts),
             "limits": self._limits(),
         }
         team = list(team)
@@ -232,21 +232,11 @@ class DronesTable(Table):
                 "resolution and step right?"
             )
         limits = self._limits()
-        words = limits and limits.broken_by(self.motion, self._camera().tilts, resolution, step)
+        words = limits and limits.broken_by(
+            self.motion, camera_of(self.camera, self.tilts).tilts, resolution, step
+        )
         if words:
             raise ProblemError(words)
-
-    def _camera(self) -> Camera:
-        if self.camera not in CAMERAS:
-            raise ProblemError(
-                f"camera: must be one of {', '.join(CAMERAS)}, not {self.camera!r}"
-                f"{meant(self.camera, CAMERAS)}"
-            )
-        for angle in self.tilts:
-            if not abs(angle) <= 90:
-                raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
-        tilts = tuple(math.radians(angle) for angle in self.tilts)
-        return CAMERAS[self.camera].replace(tilts=tilts)
 
     def _limits(self) -> Limits | None:
         if self.airframe is not None and self.airframe not in AIRFRAMES:

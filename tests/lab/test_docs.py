@@ -115,13 +115,15 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
     ),
     "must be slower than": (SHOW, swapped("people.csv", "2,0.0,505024.0", "2,0.0,505924.0")),
     "cell (13, 15) is blocked: height 7 m, flight height 5 m": (
-        SHOW, swapped("scene.toml", "x = 505018.5, y = 4790013.5", "x = 505013.5, y = 4790015.5"),
+        SHOW.replace("show", "plan").replace("html", "json"),
+        swapped("scene.toml", "x = 505018.5, y = 4790013.5", "x = 505013.5, y = 4790015.5"),
     ),
     "motion.radius: must allow at most 1 m/s": (
         SHOW, swapped("scene.toml", "endurance = 1200", "speed = 1"),
     ),
     "cannot fly this: acceleration": (
-        f"plan scene.toml --planner cocap-lns -o plan.json; {FLY}", lambda: None,
+        f"plan scene.toml --planner cocap-lns -o plan.json; {FLY}",
+        swapped("scene.toml", "endurance = 1200", "endurance = 1200, acceleration = 1"),
     ),
     "comes nearer than 4.5 m to person 1": (
         f"plan scene.toml --planner sequential -o plan.json; {FLY}",

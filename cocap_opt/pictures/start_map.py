@@ -1,0 +1,234 @@
+"""Maps of where drones may start at step 0, with starts that are refused, for choosing them."""
+
+import math
+import textwrap
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
+
+from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.output.heights import over_datum
+from cocap_opt.pictures.figures import picture, robot_colour
+from cocap_opt.pictures.style import LABEL, SMALL, TITLE
+from cocap_opt.problem import Motion, StartArea, State
+from cocap_opt.problem.pictures import PERSON, TopView
+from cocap_opt.problem.refusals import startable
+from cocap_opt.problem.scene import SceneData
+from cocap_opt.scenarios import Site
+
+FREE, ABOVE, PEOPLE, CLOSED, BLOCKED = range(5)
+COLOURS = "#d3ead6", "#a5cdae", "#f8d99b", "#e9b3ba", "#6f747c"
+REFUSED = "#b00020"
+_WORDS = {
+    FREE: "free",
+    ABOVE: "free, above something",
+    PEOPLE: "too near to people at step 0",
+    CLOSED: "no-fly zone or ceiling",
+    BLOCKED: "blocked",
+}
+_MOST_PANELS = 4
+_WIDTH, _MOST_DEPTH, _LINE = 10.8, 8.0, 0.19  # inches: the picture, a panel, a line of text
+_LETTERS = 165  # of a line of text below the picture
+
+
+class Level(NamedTuple):
+    """The cells of a map at a flight height.
+
+    Attributes
+    ----------
+    height : m
+    kinds : [X, Y] FREE, ABOVE, PEOPLE, CLOSED or BLOCKED
+    """
+
+    height: float
+    kinds: IntArray
+
+    @classmethod
+    def of(cls, scene: SceneData, motion: Motion, height: float) -> "Level":
+        """Returns the cells in which a drone of this motion may start at a height, and others."""
+        motion = motion.replace(layers=(height,))
+        altitude = scene.height_map.altitudes((height,))
+        low, high = altitude - motion.clearance, altitude + motion.clearance
+        stands_out = scene.height_map.stands_out
+        covered = stands_out | np.isfinite(scene.workspace.columns.low[1:]).any(axis=0)
+        kinds = np.where(covered, ABOVE, FREE)
+        kinds[~startable(scene, motion, 0)] = PEOPLE
+        kinds[scene.workspace.forbidden.solid(altitude, altitude)[0]] = CLOSED
+        kinds[scene.workspace.columns.solid(low, high)[0]] = BLOCKED
+        return cls(height, kinds)
+
+
+def levels(site: Site, heights: Sequence[float] = ()) -> list[Level]:
+    """Returns the cells at each flight height of a site's drones, lowest first.
+
+    Where drones differ in their clearance, the largest counts.
+
+    Parameters
+    ----------
+    heights : m, in place of the drones'
+    """
+    widest = max(site.motions, key=lambda motion: motion.clearance)
+    named = heights or sorted({height for motion in site.motions for height in motion.layers})
+    return [Level.of(site.scene, widest, height) for height in named]
+
+
+def start_picture(site: Site, suffix: str, heights: Sequence[float] = ()) -> bytes:
+    """Returns a file that shows where drones may start, from above, at up to four heights.
+
+    Parameters
+    ----------
+    suffix : one of `cocap_opt.pictures.figures.PICTURES`
+    heights : m; if not given, those at which drones start, or else the lowest of the drones
+    """
+    flown = _heights_of_starts(site)
+    shown = [
+        level for level in levels(site, heights) if heights or not flown or level.height in flown
+    ]
+    return picture(_figure(site, shown[: _MOST_PANELS if flown or heights else 1]), suffix)
+
+
+def _heights_of_starts(site: Site) -> set[float]:
+    """Returns the heights (m) of all starts that are stated one by one."""
+    return {
+        robot.motion.layers[robot.start.layer]
+        for robot in site.scene.robots
+        if isinstance(robot.start, State)
+    }
+
+
+def _figure(site: Site, shown: Sequence[Level]) -> Figure:
+    """Draws panels side by side, what colours mean below them, and then who is refused."""
+    columns = min(len(shown), 2)
+    rows = math.ceil(len(shown) / columns)
+    width, depth = site.scene.height_map.shape
+    panel = min((_WIDTH - 0.9) / columns * depth / width, _MOST_DEPTH / rows) + 0.75
+    lines = [
+        line
+        for words in site.words
+        for line in textwrap.wrap(words, _LETTERS, subsequent_indent="    ")
+    ]
+    below = 0.55 + _LINE * len(lines)
+    whole = 0.5 + rows * panel + below
+    figure = Figure(figsize=(_WIDTH, whole), dpi=130)
+    grid = figure.add_gridspec(
+        rows, columns, left=0.07, right=0.98, top=1 - 0.75 / whole,
+        bottom=(below + 0.45) / whole, hspace=0.75 / panel * 1.2, wspace=0.16,
+    )  # fmt: skip
+    for number, level in enumerate(shown):
+        ax = figure.add_subplot(grid[divmod(number, columns)])
+        draw_level(ax, site, level)
+    title = f"{site.scene.name}: where drones may start"
+    figure.text(0.07, 1 - 0.32 / whole, title, fontsize=TITLE + 2, weight="bold")
+    figure.legend(
+        handles=_handles(site, shown), loc="lower left", ncols=4, fontsize=SMALL, frameon=False,
+        bbox_to_anchor=(0.06, (below - 0.42) / whole), columnspacing=1.6,
+    )  # fmt: skip
+    for number, line in enumerate(lines):
+        at = (below - 0.6 - _LINE * number) / whole
+        figure.text(0.07, at, line, fontsize=SMALL, color=REFUSED, va="center")
+    return figure
+
+
+def draw_level(ax: Axes, site: Site, level: Level) -> Axes:
+    """Draws the cells at a height, people's walks, and the starts of the drones there."""
+    scene = site.scene
+    view = TopView.of_map(scene, level.kinds, level.height)
+    view.draw_map(ax, COLOURS)
+    view.draw_walks(ax)
+    for found in site.refusals:
+        if scene.robots[found.robot].motion.layers[found.state.layer] == level.height:
+            _draw_refused(ax, site, found.state, found.nearest, found.robot)
+    refused = {found.robot for found in site.refusals}
+    for number, robot in enumerate(scene.robots):
+        if isinstance(robot.start, StartArea):
+            _draw_area(ax, scene, robot.start, number)
+        elif number not in refused:
+            for state in scene.starts[number]:
+                if robot.motion.layers[state.layer] == level.height:
+                    yaw = math.tau * state.heading / robot.motion.headings
+                    _draw_start(ax, _middle(scene, state), yaw, number, view.cell)
+    ax.grid(color="white", lw=0.7, alpha=0.7)
+    ax.tick_params(labelsize=SMALL)
+    ax.set_title(f"at {level.height:g} m {over_datum(scene)}", fontsize=LABEL, loc="left")
+    return ax
+
+
+def _middle(scene: SceneData, state: State) -> FloatArray:
+    return np.array(scene.height_map.centre(state.x, state.y))
+
+
+def _draw_start(ax: Axes, at: FloatArray, yaw: float, number: int, cell: float) -> None:
+    colour = robot_colour(number)
+    tip = at + 1.4 * cell * np.array([math.cos(yaw), math.sin(yaw)])
+    ax.plot(*np.stack([at, tip]).T, color=colour, lw=2, zorder=5, solid_capstyle="round")
+    ax.plot(*at, marker="o", mfc="white", mec=colour, mew=1.8, ms=12, zorder=6)
+    _number(ax, at, number, "black")
+
+
+def _draw_refused(ax: Axes, site: Site, state: State, nearest: State | None, number: int) -> None:
+    at = _middle(site.scene, state)
+    halo = [withStroke(linewidth=5, foreground="white")]
+    if nearest is not None:
+        to = _middle(site.scene, nearest)
+        ax.annotate(
+            "", xy=(to[0], to[1]), xytext=(at[0], at[1]), zorder=6, annotation_clip=False,
+            arrowprops={
+                "arrowstyle": "-|>", "lw": 1.2, "color": REFUSED, "shrinkA": 6, "shrinkB": 6,
+            },
+        )  # fmt: skip
+        ax.plot(*to, marker="o", mfc="white", mec=REFUSED, mew=1.4, ms=12, ls="none", zorder=7)
+        _number(ax, to, number, REFUSED)
+    ax.plot(*at, marker="x", color=REFUSED, ms=10, mew=2.6, zorder=8, path_effects=halo, ls="none")
+
+
+def _draw_area(ax: Axes, scene: SceneData, area: StartArea, number: int) -> None:
+    """Draws the outline of the cells in which a drone may choose its start."""
+    if area.cells is None:
+        return
+    inside = np.zeros(scene.height_map.shape)
+    inside[tuple(np.array(area.cells).T)] = 1.0
+    (x, y), size, (width, depth) = (
+        scene.height_map.origin, scene.height_map.resolution, scene.height_map.shape,
+    )  # fmt: skip
+    framed = np.pad(inside, 1).repeat(4, axis=0).repeat(4, axis=1)
+    ax.contour(
+        x + size * (np.arange(4 * (width + 2)) + 0.5 - 4) / 4,
+        y + size * (np.arange(4 * (depth + 2)) + 0.5 - 4) / 4,
+        framed.T, levels=[0.5], colors=[robot_colour(number)], linewidths=1.6,
+        linestyles="dashed", zorder=5,
+    )  # fmt: skip
+
+
+def _number(ax: Axes, at: FloatArray, number: int, colour: str) -> None:
+    x, y = at.tolist()
+    ax.text(
+        x, y, str(number), color=colour, fontsize=7, weight="bold", ha="center",
+        va="center_baseline", zorder=9, clip_on=True,
+    )  # fmt: skip
+
+
+def _handles(site: Site, shown: Sequence[Level]) -> list[Patch | Line2D]:
+    """Returns the entries of the legend, of all that is drawn."""
+
+    def mark(marker: str, label: str, colour: str, fill: str | None = None) -> Line2D:
+        return Line2D([], [], marker=marker, ls="none", color=colour, mfc=fill or colour, mew=1.8,
+                      ms=8, label=label)  # fmt: skip
+
+    there = {kind for level in shown for kind in np.unique(level.kinds).tolist()}
+    handles: list[Patch | Line2D] = [
+        Patch(color=COLOURS[kind], label=words) for kind, words in _WORDS.items() if kind in there
+    ]
+    refused = {found.robot for found in site.refusals}
+    if site.scene.actors:
+        handles.append(mark("o", "people, last step (cross: step 0)", PERSON))
+    if len(refused) < len(site.scene.robots):
+        handles.append(mark("o", "starts, with the way they look", "#30638e", "white"))
+    if refused:
+        handles.append(mark("x", "refused, with the nearest free place", REFUSED))
+    return handles

@@ -1,0 +1,217 @@
+"""Starts in which a drone may not be, all of a scene at once, and the nearest free places."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, IntArray, require, whole
+from cocap_opt.problem.motion import Motion, State
+from cocap_opt.problem.robot import Robot
+from cocap_opt.problem.scene import SceneData
+from cocap_opt.problem.starts import StartStates
+
+_MOST_TOLD = 12
+
+
+class Refusal(NamedTuple):
+    """A start that is refused, and what would do in its place.
+
+    Attributes
+    ----------
+    robot : its number
+    field : path of the start, as messages have it
+    state : the start
+    why : words
+    nearest : the nearest start at this height that is free, and apart from all that are kept and
+        all that are proposed before; None if there is none
+    height : m, the lowest other flight height at which this cell is free; None: none is
+    """
+
+    robot: int
+    field: str
+    state: State
+    why: str
+    nearest: State | None
+    height: float | None
+
+    def way_out(self, scene: SceneData) -> str:
+        """Returns the words for the nearest free place."""
+        motion, nearest = scene.robots[self.robot].motion, self.nearest
+        here = "" if self.height is None else f"; here it is free at {self.height:g} m"
+        if nearest is None:
+            return f"no cell is free at {motion.layers[self.state.layer]:g} m{here}"
+        x, y = scene.height_map.centre(nearest.x, nearest.y)
+        away = math.dist(nearest[:2], self.state[:2]) * scene.height_map.resolution
+        place = f"x = {x:.10g}, y = {y:.10g}, cell ({nearest.x}, {nearest.y})"
+        return f"the nearest free place, {away:.3g} m away, is {place}{here}"
+
+
+def told(scene: SceneData, refusals: Sequence[Refusal]) -> str:
+    """Returns one line that names all refused starts, and the nearest free place of each."""
+    parts = [f"{each.field}: {each.why}; {each.way_out(scene)}" for each in refusals[:_MOST_TOLD]]
+    more = len(refusals) - len(parts)
+    return "; ".join([*parts, *([f"{more} more are refused"] if more else [])])
+
+
+def refused_starts(scene: SceneData) -> list[Refusal]:
+    """Returns the stated starts in which robots may not be, or not beside each other.
+
+    Of two that are too near to each other, the second is refused. Whoever takes all the places
+    that are proposed has starts that are free and apart.
+
+    Raises
+    ------
+    ProblemError
+        If an index is out of range; the message starts with the field's path.
+    """
+    found: dict[tuple[int, str], tuple[State, str]] = {}
+    for i, robot in enumerate(scene.robots):
+        for field, state in _stated(scene, i, robot):
+            _require_in_range(scene, field, robot, state)
+            if words := _closed(scene, robot, state):
+                found[i, field] = state, words
+    kept: list[tuple[int, State]] = []
+    for i, states in enumerate(scene.starts):
+        field = f"robots[{i}].start"
+        if len(states) != 1 or (i, field) in found:
+            continue
+        placed = i, states[0]
+        if words := next(filter(None, (_crowded(scene, other, placed) for other in kept)), ""):
+            found[i, field] = states[0], words
+        else:
+            kept.append(placed)
+    return list(_with_places(scene, found, kept))
+
+
+def _stated(scene: SceneData, i: int, robot: Robot) -> Iterator[tuple[str, State]]:
+    """Yields the starts of a robot that may be refused, with their fields; of several, one."""
+    field = f"robots[{i}].start"
+    if isinstance(robot.start, State):
+        yield field, robot.start
+    elif isinstance(robot.start, StartStates):
+        states = robot.start.states
+        suspects = _suspects(scene, robot, states)
+        yield from ((f"{field}.states[{k}]", states[k]) for k in suspects[:1])
+
+
+def _suspects(scene: SceneData, robot: Robot, states: Sequence[State]) -> list[int]:
+    """Returns the numbers of the states that a robot may not start in, found all at once.
+
+    Where some are no whole numbers, or out of range, only those are.
+    """
+    rows = np.array(states)
+    sizes = np.array((*scene.height_map.shape, *robot.orientation_sizes))
+    if rows.dtype.kind != "i" or (rows < 0).any() or (rows >= sizes).any():
+        return [k for k, state in enumerate(states) if _is_odd(state, sizes)]
+    x, y, layer = rows[:, :3].T
+    free = robot.motion.free_places(scene.workspace)[layer, x, y]
+    near = scene.near_people(0, scene.above(robot, rows[:, :3]))
+    return np.flatnonzero(~free | near).tolist()
+
+
+def _is_odd(state: State, sizes: IntArray) -> bool:
+    """Returns True if an index of a state is no whole number, or out of range."""
+    return any(
+        not isinstance(value, int) or not 0 <= value < size
+        for value, size in zip(state, sizes.tolist(), strict=True)
+    )
+
+
+def _require_in_range(scene: SceneData, field: str, robot: Robot, start: State) -> None:
+    sizes = (*scene.height_map.shape, *robot.orientation_sizes)
+    for name, value, size in zip(State._fields, start, sizes, strict=True):
+        whole(value, f"{field}.{name}")
+        require(0 <= value < size, f"{field}.{name}", f"must be 0..{size - 1}, not {value}")
+
+
+def _closed(scene: SceneData, robot: Robot, start: State) -> str:
+    """Says why a robot may not be at a start, whoever else is there; nothing if it may."""
+    motion = robot.motion
+    cell, height = f"cell ({start.x}, {start.y})", f"flight height {motion.layers[start.layer]:g} m"
+    if scene.blocked(start.x, start.y, motion, start.layer):
+        return f"{cell} is blocked: {_solid_at(scene, start)}, {height}"
+    if scene.closed(start.x, start.y, motion, start.layer):
+        return f"{cell} is in a no-fly zone or above the ceiling, {height}"
+    for j, actor in enumerate(scene.actors):
+        at = scene.where(robot, [start])[0]
+        if scene.airspace.near_person(actor, 0, at):
+            aside = math.dist(at[:2], actor.poses[0, :2])
+            must = f"must be {scene.airspace.told_people}"
+            return f"is {aside:.2f} m from {scene.person(j)} at step 0, {must}"
+    return ""
+
+
+def _solid_at(scene: SceneData, start: State) -> str:
+    """Says which solid matter is in a robot's start cell."""
+    (_, height), *solids = scene.workspace.columns.at(start.x, start.y)
+    if not solids:
+        return f"height {height:g} m"
+    spans = " and ".join(f"from {low:g} to {high:g} m" for low, high in solids)
+    return f"ground at {height:g} m, and walls or a mesh {spans}"
+
+
+def _crowded(scene: SceneData, kept: tuple[int, State], placed: tuple[int, State]) -> str:
+    """Says that a start is too near to one that is kept; nothing if it is not."""
+    a, b = scene.cell(*kept), scene.cell(*placed)
+    if not scene.too_close(a, b):
+        return ""
+    apart = math.dist(*scene.positions([a, b]))
+    return f"is {apart:.2f} m from robots[{kept[0]}].start, must keep the rules {scene.rules}"
+
+
+def _with_places(
+    scene: SceneData, found: dict[tuple[int, str], tuple[State, str]], kept: list[tuple[int, State]]
+) -> Iterator[Refusal]:
+    """Yields refusals with the nearest free places, apart from each other and from those kept."""
+    taken = list(kept)
+    for (i, field), (state, why) in sorted(found.items(), key=lambda row: row[0][0]):
+        free = _free(scene, scene.robots[i], state.layer, taken)
+        cells = np.argwhere(free)
+        nearest = None
+        if len(cells):
+            away = np.hypot(*(cells - state[:2]).T)
+            x, y = cells[int(np.argmin(away))].tolist()
+            nearest = state._replace(x=x, y=y)
+            taken.append((i, nearest))
+        yield Refusal(i, field, state, why, nearest, _other_height(scene, i, state, taken))
+
+
+def _free(
+    scene: SceneData, robot: Robot, layer: int, taken: Sequence[tuple[int, State]]
+) -> BoolArray:
+    """Returns the cells [X, Y] in which a robot may start beside starts that are taken."""
+    free = startable(scene, robot.motion, layer)
+    places = np.argwhere(free)
+    rows = np.column_stack([places, np.full(len(places), layer)])
+    at, crowded = scene.above(robot, rows), np.zeros(len(rows), dtype=np.bool_)
+    for other, state in taken:
+        crowded |= scene.rules.too_near(at - scene.where(scene.robots[other], [state]))
+    free[tuple(places[crowded].T)] = False
+    return free
+
+
+def startable(scene: SceneData, motion: Motion, layer: int) -> BoolArray:
+    """Returns the cells [X, Y] in which a robot of this motion may be at step 0, alone."""
+    free: BoolArray = motion.free_places(scene.workspace)[layer]
+    places = np.argwhere(free)
+    altitudes = scene.height_map.altitudes((motion.layers[layer],))[0][free]
+    middles = scene.height_map.origin + (places + 0.5) * scene.height_map.resolution
+    near = scene.near_people(0, np.column_stack([middles, altitudes]))
+    free[tuple(places[near].T)] = False
+    return free
+
+
+def _other_height(
+    scene: SceneData, i: int, state: State, taken: Sequence[tuple[int, State]]
+) -> float | None:
+    """Returns the lowest flight height (m) but that of a start at which its cell is free."""
+    robot = scene.robots[i]
+    for layer, height in enumerate(robot.motion.layers):
+        other = state._replace(layer=layer)
+        if layer != state.layer and not _closed(scene, robot, other):
+            beside = (placed for placed in taken if placed[0] != i)
+            if not any(_crowded(scene, placed, (i, other)) for placed in beside):
+                return height
+    return None

@@ -1,0 +1,194 @@
+"""Further maps of heights on the map of a recipe: buildings, canopies of trees, and the like.
+
+A layer adds what stands on the ground, and never takes anything away: where two say something of a
+cell, the higher one counts. What hangs in the air, as crowns above bare trunks, becomes boxes.
+"""
+
+import logging
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
+from cocap_opt.scenarios.earth import same_system, short_name
+from cocap_opt.scenarios.maps.raster import SLIVER, Raster
+from cocap_opt.scenarios.maps.raster_files import read_raster
+from cocap_opt.scenarios.maps.terrain import Terrain
+from cocap_opt.scenarios.tables import Length, Size, Table, Unit
+from cocap_opt.scenarios.text import naming, rectangle
+from cocap_opt.world.workspace import HeightMap, Mesh
+
+log = logging.getLogger(__name__)
+
+UNDERSIDE, TOP = 0.5, 1.0  # m, to which those of crowns are rounded, outwards: fewer boxes
+MOST_BOXES = 5_000  # of a layer: each is a body that may hide people
+
+
+class Layered(NamedTuple):
+    """A terrain with a layer on it, and the bodies of the layer that do not reach the ground."""
+
+    terrain: Terrain
+    bodies: tuple[Mesh, ...]
+
+
+class LayerTable(Table):
+    """One of the tables `layer` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
+
+    file: str
+    unit: Unit | None = None  # of the heights; None: as the file says, else m
+    heights: Literal["above-ground", "absolute"] = "above-ground"
+    band: int | None = None
+    nodata: float | None = None
+    lowest: Size = 0.0  # m above the ground; what is lower is no obstacle
+    trunks: Length | None = None  # m above the ground, up to which crowns leave room; None: none
+
+    def onto(self, terrain: Terrain, folder: Path) -> Layered:
+        """Returns a terrain with this layer on it.
+
+        A cell takes the highest of all that lies in it, even in part. Where the file has no data
+        it adds nothing. What is no higher than `trunks` is solid down to the ground.
+
+        Parameters
+        ----------
+        terrain : what the layer lies on, other layers included
+        folder : of the file that the table names
+
+        Raises
+        ------
+        ProblemError
+            If the file cannot be read, is in another reference system than the map, or does not
+            meet it, or crowns are too many; one line.
+        """
+        height_map = terrain.height_map
+        raster = self._raster(folder, height_map)
+        with naming(self.file):
+            if raster.crs and terrain.crs and not same_system(raster.crs, terrain.crs):
+                raise ProblemError(
+                    f"must be in the reference system of the map, {short_name(terrain.crs)}, not "
+                    f"in {short_name(raster.crs)}; gdalwarp -t_srs writes it in that"
+                )
+            tops = highest_in_cells(raster, height_map)
+            if self.heights == "above-ground":
+                tops = tops + terrain.ground
+            above = tops - terrain.ground
+            self._say_holes(above)
+            stands = above > max(self.lowest, 0.0)  # false for nan, too
+            hangs = stands & (above > (np.inf if self.trunks is None else self.trunks))
+            solid = np.where(stands & ~hangs, tops, -np.inf)
+            heights = np.maximum(height_map.heights, solid)
+            bodies = () if self.trunks is None else self._crowns(terrain, tops, hangs)
+        raised = terrain._replace(
+            height_map=height_map.replace(heights=heights), crs=terrain.crs or raster.crs
+        )
+        return Layered(raised, bodies)
+
+    def _raster(self, folder: Path, height_map: HeightMap) -> Raster:
+        (x, y), (upper_x, upper_y) = (end.tolist() for end in height_map.ends)
+        try:
+            return read_raster(
+                folder / self.file, band=self.band, nodata=self.nodata, unit=self.unit,
+                window=(x, y, upper_x, upper_y),
+            )  # fmt: skip
+        except ProblemError as error:
+            words = f"must meet the map, {rectangle(*height_map.ends)}, but the raster covers"
+            missed = "window: must meet the raster, which covers"
+            raise ProblemError(str(error).replace(missed, words)) from error
+
+    def _say_holes(self, above: FloatArray) -> None:
+        """Says how much of the map the layer tells nothing of, if it is much."""
+        share = float(np.isnan(above).mean())
+        if share >= 0.005:
+            log.warning(
+                "%s: has no data on %.0f %% of the map, where it adds nothing",
+                self.file, 100 * share,
+            )  # fmt: skip
+
+    def _crowns(self, terrain: Terrain, tops: FloatArray, hangs: BoolArray) -> tuple[Mesh, ...]:
+        """Returns boxes from where trunks end up to the tops, both rounded outwards."""
+        assert self.trunks is not None
+        low = np.floor((terrain.ground + self.trunks) / UNDERSIDE).astype(np.int64)
+        high = np.ceil(np.where(hangs, tops, 0.0) / TOP).astype(np.int64)
+        boxes = merged(hangs, low, high)
+        if len(boxes) > MOST_BOXES:
+            raise ProblemError(
+                f"trunks: must leave at most {MOST_BOXES} boxes of crowns, not {len(boxes)}; a "
+                "window of [map], or a coarser resolution, makes it so"
+            )
+        (ox, oy), size = terrain.height_map.origin, terrain.height_map.resolution
+        return tuple(
+            Mesh.box(
+                (ox + x0 * size, oy + y0 * size, bottom * UNDERSIDE),
+                (ox + x1 * size, oy + y1 * size, top * TOP),
+            )
+            for x0, y0, x1, y1, bottom, top in boxes
+        )
+
+
+def highest_in_cells(raster: Raster, height_map: HeightMap) -> FloatArray:
+    """Returns the highest value of a raster in each cell of a map [X, Y]; nan where it has none.
+
+    A cell of the raster counts for every cell of the map that it overlaps.
+    """
+    result = np.full(height_map.shape, -np.inf)
+    ranges = [
+        _covered(
+            (raster.origin[axis] - height_map.origin[axis]) / height_map.resolution,
+            raster.cell[axis] / height_map.resolution, raster.values.shape[axis],
+        )
+        for axis in (0, 1)
+    ]  # fmt: skip
+    values = np.where(np.isnan(raster.values), -np.inf, raster.values)
+    (first_x, last_x), (first_y, last_y) = ranges
+    for i in range(int((last_x - first_x).max()) + 1):
+        for j in range(int((last_y - first_y).max()) + 1):
+            x, y = first_x + i, first_y + j
+            in_x = np.flatnonzero((x <= last_x) & (x >= 0) & (x < height_map.shape[0]))
+            in_y = np.flatnonzero((y <= last_y) & (y >= 0) & (y < height_map.shape[1]))
+            np.maximum.at(result, np.ix_(x[in_x], y[in_y]), values[np.ix_(in_x, in_y)])
+    result[np.isneginf(result)] = np.nan
+    return result
+
+
+def _covered(begin: float, length: float, count: int) -> tuple[IntArray, IntArray]:
+    """Returns the first and the last cell [n] that each of n equal intervals overlaps.
+
+    Parameters
+    ----------
+    begin : of the first interval, in cells
+    length : of each, in cells
+    """
+    edges = begin + length * np.arange(count + 1)
+    first = np.floor(edges[:-1] + SLIVER).astype(np.int64)
+    last = np.ceil(edges[1:] - SLIVER).astype(np.int64) - 1
+    return first, np.maximum(first, last)
+
+
+Box = tuple[int, int, int, int, int, int]  # cells x0, y0, x1, y1 (ends left out), low, high
+
+
+def merged(there: BoolArray, low: IntArray, high: IntArray) -> list[Box]:
+    """Returns boxes that together are the columns of some cells from `low` to `high`, all [X, Y].
+
+    Each box is a rectangle of cells alike: the longest run along y, as wide as it goes.
+    """
+    boxes: list[Box] = []
+    left = there.copy()
+    for x, y in np.argwhere(left).tolist():
+        if not left[x, y]:
+            continue
+        kind = low[x, y], high[x, y]
+        y1 = y + 1
+        while y1 < left.shape[1] and left[x, y1] and (low[x, y1], high[x, y1]) == kind:
+            y1 += 1
+        x1 = x + 1
+        while (
+            x1 < left.shape[0]
+            and left[x1, y:y1].all()
+            and (low[x1, y:y1] == kind[0]).all()
+            and (high[x1, y:y1] == kind[1]).all()
+        ):
+            x1 += 1
+        left[x:x1, y:y1] = False
+        boxes.append((x, y, x1, y1, int(kind[0]), int(kind[1])))
+    return boxes

@@ -1,0 +1,142 @@
+"""The camera of a recipe's drones: one that is known by name, or numbers of any other."""
+
+import logging
+import math
+from collections.abc import Sequence
+from typing import Annotated
+
+from msgspec import Meta
+
+from cocap_opt.data import MOST_PIXELS, ProblemError
+from cocap_opt.problem import Camera
+from cocap_opt.scenarios.hardware import CAMERAS, film_of
+from cocap_opt.scenarios.tables import Length, Table
+from cocap_opt.scenarios.text import naming
+from cocap_opt.text import meant
+
+log = logging.getLogger(__name__)
+
+FILM_35MM = math.hypot(36.0, 24.0)  # mm, diagonal of the image to which 35 mm lenses refer
+
+_Pixels = Annotated[int, Meta(ge=1, le=MOST_PIXELS)]
+_Angle = Annotated[float, Meta(gt=0, lt=180)]  # degrees
+_LENSES = "focal", "fov", "fov_vertical", "fov_diagonal", "lens", "lens_35mm"
+_OF_PHOTOS = "fov_diagonal", "fov_vertical", "lens_35mm"  # which refer to more than the width
+
+
+class CameraTable(Table):
+    """A camera by numbers: the size of its images, and its lens in one of six ways.
+
+    The pixels are square, and the principal point is in the middle of the image.
+    """
+
+    width: _Pixels
+    height: _Pixels
+    focal: Length | None = None  # px
+    fov: _Angle | None = None  # degrees across the width of the image
+    fov_vertical: _Angle | None = None  # degrees
+    fov_diagonal: _Angle | None = None  # degrees
+    sensor: Length | None = None  # mm, width of the part of the sensor that makes the image
+    lens: Length | None = None  # mm, true focal length
+    lens_35mm: Length | None = None  # mm, focal length of the same diagonal angle on 35 mm film
+    photo: tuple[_Pixels, _Pixels] | None = None  # shape of the photos of which the lens is told
+
+    def camera(self, tilts: tuple[float, ...]) -> Camera:
+        """Returns the pinhole camera with these tilts (rad).
+
+        Raises
+        ------
+        ProblemError
+            If nothing, or more than one thing, says the lens, or numbers contradict each other.
+        """
+        given = [name for name in _LENSES if getattr(self, name) is not None]
+        if not given:
+            raise ProblemError(
+                "must say the lens by focal (px), fov, fov_vertical or fov_diagonal (degrees), "
+                "sensor and lens (mm), or lens_35mm (mm)"
+            )
+        if len(given) > 1:
+            raise ProblemError(f"must have only one of {' and '.join(given)}: each says the lens")
+        if (self.sensor is None) != (self.lens is None):
+            missing, there = ("sensor", "lens") if self.sensor is None else ("lens", "sensor")
+            raise ProblemError(f"{missing}: must be given beside {there}, both in mm")
+        if self.photo is not None and given[0] not in _OF_PHOTOS:
+            raise ProblemError(
+                f"photo: must be left out beside {given[0]}, which it does not change; it is for "
+                f"{', '.join(_OF_PHOTOS)}"
+            )
+        return Camera(width=self.width, height=self.height, focal=self._focal(), tilts=tilts)
+
+    def _focal(self) -> float:
+        """Returns the focal length in pixels of the image."""
+        if self.focal is not None:
+            return self.focal
+        if self.fov is not None:
+            return _focal(self.width, self.fov)
+        if self.lens is not None and self.sensor is not None:
+            return self.lens / self.sensor * self.width
+        height = self._whole_height()
+        if self.fov_vertical is not None:
+            return _focal(height, self.fov_vertical)
+        diagonal = math.hypot(self.width, height)
+        if self.fov_diagonal is not None:
+            return _focal(diagonal, self.fov_diagonal)
+        assert self.lens_35mm is not None
+        return self.lens_35mm / FILM_35MM * diagonal
+
+    def _whole_height(self) -> float:
+        """Returns the height (px of the image) of what the lens is told of, as wide as the image.
+
+        It is that of the photos, of which film mostly keeps the width and cuts off the rest.
+        """
+        if self.photo is None:
+            return self.height
+        height = self.width * self.photo[1] / self.photo[0]
+        if height < self.height * (1 - 1e-9):
+            raise ProblemError(
+                f"photo: must be no flatter than the image of {self.width} x {self.height} px, "
+                f"which is cut out of it, not {self.photo[0]}:{self.photo[1]}"
+            )
+        return height
+
+
+def _focal(length: float, degrees: float) -> float:
+    """Returns the focal length of an image that is so long and seen under so many degrees."""
+    return length / 2 / math.tan(math.radians(degrees) / 2)
+
+
+def camera_of(given: str | CameraTable, tilts: Sequence[float]) -> Camera:
+    """Returns the camera of drones.
+
+    Parameters
+    ----------
+    given : the name of a camera, or its numbers
+    tilts : degrees below the horizon
+
+    Raises
+    ------
+    ProblemError
+        If there is no camera of that name, numbers do not fit together, or a tilt is out of range.
+    """
+    for angle in tilts:
+        if not abs(angle) <= 90:
+            raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
+    radians = tuple(math.radians(angle) for angle in tilts)
+    if isinstance(given, CameraTable):
+        with naming("camera"):
+            return given.camera(radians)
+    if given not in CAMERAS:
+        raise ProblemError(
+            f"camera: must be one of {', '.join(CAMERAS)}, not {given!r}{meant(given, CAMERAS)}; "
+            "or numbers, such as { width = 3840, height = 2160, fov = 65 }"
+        )
+    return CAMERAS[given].replace(tilts=radians)
+
+
+def say_photos(names: Sequence[str]) -> None:
+    """Says of cameras, by name, which stand for photos, though they film in another shape."""
+    for name in dict.fromkeys(names):
+        if film := film_of(name):
+            log.warning(
+                'camera = "%s" has the shape of its photos; "%s" is what it films', name, film
+            )
