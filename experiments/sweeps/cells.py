@@ -65,7 +65,8 @@ class SweepCell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     time_limit: float  # s, for each computation
     work_limit: int | None = None  # units of work, for each computation
     rendered: bool = False  # J of the rendered pixels is wanted, too
-    start: str = ""  # of BOUND: digest of the start
+    # Of BOUND the digest of its start; of an exact method the planner whose plan it begins with.
+    start: str = ""
     # Digest of the code of a planner that is none of ours.
     planner_digest: str = msgspec.field(default="", name="own")
     code: str  # digest of the code; empty where the cell is not kept

@@ -34,6 +34,7 @@ from cocap_opt.run.own_planners import OwnPlanner
 from cocap_opt.stop import NO_LIMIT
 
 _T = TypeVar("_T")
+_FIRST = "sequential"  # whose plan an exact method begins with; it has one soon in any scene
 Key = tuple[str, int | None]  # scene and seed; None where the starts are the scene file's own
 
 
@@ -129,6 +130,7 @@ class Instance:
         return self._cell(
             planner, settings.time_limit, settings.work_limit, rendered=settings.rendered,
             planner_digest="" if foreign is None else foreign.digest,
+            start=_FIRST if settings.proves_itself else "",
         )  # fmt: skip
 
     def earlier_cells(self, row: GapRow) -> list[SweepCell]:

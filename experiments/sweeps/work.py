@@ -162,14 +162,25 @@ def _plan(task: Task, stop: Stop, watch: Watch) -> CellFile:
     method = cell.planner if task.foreign is None else task.foreign.method
     columns = {"time_limit": cell.time_limit, "work_limit": cell.work_limit}
     try:
+        first, allowance = _first_plan(task, stop, watch)
         judged = run(
-            problem, method, stop, name=cell.planner, allowance=cell.allowance, watch=watch,
-            seed=cell.seed, gap=counting_gap(problem),
+            problem, method, stop, name=cell.planner, allowance=allowance, watch=watch,
+            seed=cell.seed, gap=counting_gap(problem), start=first,
         )  # fmt: skip
     except UnsupportedError as error:
         judged = Judged(Result(None, -math.inf, Reason.UNSUPPORTED, message=str(error)), None)
         columns["seconds"] = None  # nobody timed it
     return _planned(cell, problem, judged, cell.allowance, columns)
+
+
+def _first_plan(task: Task, stop: Stop, watch: Watch) -> tuple[Plan | None, Allowance]:
+    """Returns the plan that an exact method begins with, if it is to, and the time that is left."""
+    cell, allowance = task.cell, task.cell.allowance
+    if not cell.start:
+        return None, allowance
+    first = run(task.problem, cell.start, stop, allowance=allowance, watch=watch)
+    left = max(allowance.seconds - first.result.seconds, 0.0)
+    return first.result.plan if first.valid else None, allowance._replace(seconds=left)
 
 
 def _planned(
