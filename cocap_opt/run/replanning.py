@@ -25,7 +25,6 @@ NEAR = 0.01  # (bound - J) / bound at which the search for a bound ends
 BOUND_SECONDS = 30.0  # for the bound, unless somebody says otherwise
 
 _KEPT = "the old rest is kept: nothing better was found"
-_BETTER = "the search for the bound found a better plan"
 
 
 @dataclass(frozen=True, repr=False)
@@ -154,9 +153,16 @@ class Replanning:
         )  # fmt: skip
         self.bound_seconds = clock.seconds
         if found.valid and (start is None or self._rank(found.result.plan) > self._rank(start)):
-            told = "; ".join(filter(None, (_BETTER, found.result.message, self.rest.message)))
-            return found._replace(
-                result=replace(found.result, seconds=result.seconds, message=told)
+            return _saying(
+                found._replace(
+                    result=replace(
+                        found.result,
+                        seconds=result.seconds,
+                        coverage_seconds=result.coverage_seconds,
+                    ),
+                    coverage_seconds=judged.coverage_seconds,
+                ),
+                "; ".join(filter(None, (_better(judged), self.rest.message))),
             )
         proved = found.result
         if start is not None and proved.plan is None:  # no plan keeps the share: it is said
@@ -203,3 +209,9 @@ def _saying(judged: Judged[Any], words: str) -> Judged[Any]:
         return judged
     told = "; ".join(filter(None, (judged.result.message, words)))
     return judged._replace(result=replace(judged.result, message=told))
+
+
+def _better(before: Judged[Any]) -> str:
+    """Says that the search for the bound found a better plan, and how good the first one was."""
+    words = "the search for the bound found a better plan"
+    return f"{words} than the first, whose J is {before.reward:,.2f}" if before.valid else words
