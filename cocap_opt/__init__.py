@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from cocap_opt.api.methods import bound, plan, solve
     from cocap_opt.api.showing import show
     from cocap_opt.api.teaming import team
-    from cocap_opt.api.variants import with_starts, with_views
+    from cocap_opt.api.variants import rest, with_starts, with_views
     from cocap_opt.console.versions import show_versions
     from cocap_opt.data import ProblemError
     from cocap_opt.files.documents import FileError
@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from cocap_opt.run.front import Front
     from cocap_opt.run.judged import RefereeError
     from cocap_opt.run.quality_bound import QualityBound
+    from cocap_opt.run.replanning import Replanned
     from cocap_opt.run.verified import Verified
     from cocap_opt.scenarios import FORMATS, SCENES
     from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, WorkLimit, never
@@ -87,6 +88,7 @@ _MODULES = {
     "cocap_opt.run.front": ("Front",),
     "cocap_opt.run.judged": ("RefereeError",),
     "cocap_opt.run.quality_bound": ("QualityBound",),
+    "cocap_opt.run.replanning": ("Replanned",),
     "cocap_opt.run.verified": ("Verified",),
     "cocap_opt.api.covering": ("coverage", "coverage_digest"),
     "cocap_opt.api.explaining": ("explain", "replans"),
@@ -99,7 +101,7 @@ _MODULES = {
     "cocap_opt.api.methods": ("bound", "plan", "solve"),
     "cocap_opt.api.showing": ("show",),
     "cocap_opt.api.teaming": ("team",),
-    "cocap_opt.api.variants": ("with_starts", "with_views"),
+    "cocap_opt.api.variants": ("rest", "with_starts", "with_views"),
     "cocap_opt.console.versions": ("show_versions",),
     "cocap_opt.player.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),
@@ -134,7 +136,7 @@ __all__ = [
     "StartStates", "State", "Stop", "SwapConflict", "TimeLimit", "TriangulatedCuboid",
     "UnsupportedError", "Verdict", "Verified", "VertexConflict", "Views", "WorkLimit",
     "bound", "check", "coverage", "coverage_digest", "explain", "front", "gap", "load", "never",
-    "plan", "quality", "quality_bound", "read", "replans", "robustness", "save", "show",
+    "plan", "quality", "quality_bound", "read", "replans", "rest", "robustness", "save", "show",
     "show_versions", "solve", "team", "trajectory", "verify", "with_starts", "with_views",
 ]  # fmt: skip
 

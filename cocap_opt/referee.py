@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from cocap_opt.graph.motion import Window
-from cocap_opt.problem import CollisionRules, Plan, Problem, Robot, State
+from cocap_opt.problem import CollisionRules, Objective, Plan, Problem, Robot, State
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import StateViews
@@ -69,6 +69,18 @@ def check(problem: Problem, plan: Plan) -> Verdict:
     if verdict.violations:
         return verdict
     return replace(verdict, conflicts=tuple(_Referee(problem).conflicts(plan)))
+
+
+def rewards_of_move(objective: Objective, a: State, b: State) -> Iterator[float]:
+    """Yields the rewards that a robot gets for its move from one state to another."""
+    if a == b:
+        yield objective.stationarity
+    if (a.x, a.y, a.layer) == (b.x, b.y, b.layer):
+        yield objective.keep_cell
+    if a.heading == b.heading:
+        yield objective.keep_heading
+    if (b.x - a.x) + (b.y - a.y) == 0:
+        yield objective.balanced
 
 
 @dataclass(frozen=True)
@@ -161,19 +173,13 @@ class _Referee:
 
     def _move_rewards(self, plan: Plan) -> float:
         """Returns the rewards per move of all robots together."""
-        objective, rewards = self.problem.objective, []
-        for path in plan.paths:
-            for t in range(self.problem.horizon):
-                a, b = path[t], path[t + 1]
-                if a == b:
-                    rewards.append(objective.stationarity)
-                if (a.x, a.y, a.layer) == (b.x, b.y, b.layer):
-                    rewards.append(objective.keep_cell)
-                if a.heading == b.heading:
-                    rewards.append(objective.keep_heading)
-                if (b.x - a.x) + (b.y - a.y) == 0:
-                    rewards.append(objective.balanced)
-        return math.fsum(rewards)
+        objective, moves = self.problem.objective, range(self.problem.horizon)
+        return math.fsum(
+            reward
+            for path in plan.paths
+            for t in moves
+            for reward in rewards_of_move(objective, path[t], path[t + 1])
+        )
 
     def _seen(self, plan: Plan) -> list[_Coverage]:
         """Returns the coverage [R][T+1][W] of all robots: of faces, then of people who count."""

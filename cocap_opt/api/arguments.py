@@ -1,7 +1,10 @@
 """The arguments of the face: what they may be, and the words that refuse all else."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from cocap_opt.data import FieldError, ProblemError
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.certificates.format import CertificateFile, ProofFile
 from cocap_opt.formulations.result import CertifiedResult
@@ -9,6 +12,7 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import Verdict, check
 from cocap_opt.result import Result
 from cocap_opt.run.own_planners import plain_plan
+from cocap_opt.run.rest import Rest
 from cocap_opt.text import other_scene
 
 Bound = CertificateFile | ProofFile
@@ -113,6 +117,49 @@ def start_for(problem: Problem, given: Plan | Result | None) -> Plan | None:
         words = "it" if made_for is None else f"it was made for {made_for}, and"
         raise ValueError(f"start: {words} cannot be flown in {problem.name}: {violations[0]}")
     return plan
+
+
+def followed(follow: Plan | Result | None) -> Plan:
+    """Returns the plan that is flown up to a step, of whatever scene it was made for.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    plan = plan_of(follow)
+    if plan is None:
+        raise ValueError("follow: must be the plan that is flown, or a result that has one")
+    return plan
+
+
+def rest_of(
+    problem: Problem,
+    follow: Plan | Result | None,
+    from_step: int | None,
+    without: Sequence[int],
+) -> Rest:
+    """Returns the rest of a mission from a step on.
+
+    Raises
+    ------
+    ValueError
+        If there is no plan, no such step or drone, or what was flown breaks a rule; one line.
+    """
+    require_problem(problem)
+    plan = followed(follow)
+    if from_step is None:
+        raise ValueError("from_step: must be given, the step up to which the plan is flown")
+    require(from_step, "from_step", "a whole number", int, np.integer)
+    require(without, "without", "a list of numbers of drones", list, tuple, set, frozenset)
+    for drone in without:
+        require(drone, "without", "numbers of drones", int, np.integer)
+    try:
+        return Rest.of(problem, plan, int(from_step), [int(drone) for drone in without])
+    except FieldError:
+        raise
+    except ProblemError as error:
+        raise ValueError(f"follow: {error}") from error
 
 
 def bound_in(claim: Plan | Result | Bound) -> Bound | None:

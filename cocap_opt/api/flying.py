@@ -88,11 +88,13 @@ def robustness(
     late: Sequence[float] = (1.0, 2.0),
     aside: Sequence[float] = (1.0,),
     lag: Sequence[float] = (0.5, 1.0, 2.0),
+    lost: Sequence[int] | None = None,
 ) -> "pd.DataFrame":
-    """Tell what is left of a plan when people are late, early or aside, or a drone lags.
+    """Tell what is left of a plan when people are late or aside, or a drone lags or is lost.
 
     Nobody notices: all others fly as planned. Distances and rules are those of every moment, on
-    the flights' polynomials; J is computed between the steps, too.
+    the flights' polynomials; J is computed between the steps, too. A drone that is lost at a step
+    has left the scene: it contributes nothing from there on, and is near nobody.
 
     Parameters
     ----------
@@ -105,6 +107,8 @@ def robustness(
     late : s, by which all people are late, and early
     aside : m, by which all people walk to the left of where they would, and to the right
     lag : s, by which any one drone is late; the worst drone counts
+    lost : steps at which drones are lost, each by itself. None: each drone at its worst step, the
+        last one at which its loss costs as much as if it had never flown
 
     Returns
     -------
@@ -112,7 +116,11 @@ def robustness(
         A row per change, the first is the plan: `change` (in words), `reward` (J), `share` (of
         the J of the flight as planned), `least_distance` (m, between two drones),
         `people_distance` (m, from above, where the scene asks for one), `rules` (kept, or to whom
-        drones come too near; none where there is none between the steps). `attrs` has
+        drones come too near; none where there is none between the steps), `ask_drones` and
+        `ask_people` (m, the distance to ask for in the scene, its own and what is missing). Of
+        lost drones `lost_drone` and `lost_step`; of these and the plan `by_two` and `by_none`
+        (shares of person-steps seen by two drones or more, and by none) and `no_longer` (a list of
+        `person` and `steps`, who is seen by two as planned and is no longer). `attrs` has
         `delay_tolerance`, the seconds below which drones may be behind each other, and
         `delay_tolerance_to_people`, those below which they may be ahead of people or behind them;
         inf: any delay will do; None: the scene asks for no such distance, or there is nobody.
@@ -135,10 +143,13 @@ def robustness(
         tolerated_delay,
         tolerated_delay_of_people,
     )
+    from cocap_opt.footage.losses import what_if
 
     flown = plan_for(problem, plan, "flown")
     flight = _flight_scene(problem, step, margin).without_earth.flight(flown, smooth)
-    table = DataFrame(Changes(late, aside, lag).rows(flight))
+    for step in lost or ():
+        require(step, "lost", "whole numbers of steps", int, np.integer)
+    table = DataFrame(what_if(flight, Changes(late, aside, lag), lost))
     table.attrs = {
         "delay_tolerance": tolerated_delay(flight),
         "delay_tolerance_to_people": tolerated_delay_of_people(flight),

@@ -1,10 +1,18 @@
 """The face's planners, bounds and exact methods: by name or callable, with a limit."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, overload
 
-from cocap_opt.api.arguments import name_of, require, require_number, require_problem, start_for
+from cocap_opt.api.arguments import (
+    followed,
+    name_of,
+    require,
+    require_number,
+    require_problem,
+    rest_of,
+    start_for,
+)
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.method import START_AND_REPORT, Method
@@ -18,6 +26,7 @@ from cocap_opt.run.kept_share import run_keeping
 from cocap_opt.run.named_planners import planner_named
 from cocap_opt.run.options import Allowance, Option
 from cocap_opt.run.own_planners import OwnPlanner, guarded
+from cocap_opt.run.replanning import BOUND_SECONDS, Replanned, Replanning
 from cocap_opt.stop import Stop, never
 
 R = TypeVar("R", bound=Result)
@@ -32,17 +41,50 @@ class _Exact(Protocol):
     ) -> CertifiedResult: ...
 
 
+@overload
 def plan(
     problem: Problem,
     planner: str | Planner = RECOMMENDED,
     *,
     time_limit: float | None = None,
     stop: Stop = never,
-) -> Result:
-    """Plan all drones of a problem.
+    follow: None = None,
+) -> Result: ...
+
+
+@overload
+def plan(
+    problem: Problem,
+    planner: str | Planner = RECOMMENDED,
+    *,
+    time_limit: float | None = None,
+    stop: Stop = never,
+    follow: Plan | Result,
+    from_step: int,
+    without: Sequence[int] = (),
+    bound_limit: float = BOUND_SECONDS,
+) -> Replanned: ...
+
+
+def plan(
+    problem: Problem,
+    planner: str | Planner = RECOMMENDED,
+    *,
+    time_limit: float | None = None,
+    stop: Stop = never,
+    follow: Plan | Result | None = None,
+    from_step: int | None = None,
+    without: Sequence[int] = (),
+    bound_limit: float = BOUND_SECONDS,
+) -> Result | Replanned:
+    """Plan all drones of a problem, or the rest of a mission that is being flown.
 
     If its objective asks for a share of all views that the plan does not keep, views are given more
     and more weight until one does, within the time limit.
+
+    With `follow` and `from_step` the drones have flown a plan up to a step, and its rest is planned
+    again: with drones lost, or with people who walk otherwise than those that the plan was made
+    for. The new rest is no worse than the old one, where that still keeps the rules.
 
     Parameters
     ----------
@@ -51,13 +93,18 @@ def plan(
         offers, or any callable that takes a problem and a stop
     time_limit : seconds, the coverage included
     stop : a further stopping criterion, such as ``co.WorkLimit(100)``
+    follow : a plan of the whole mission, of which the first steps are flown
+    from_step : the step at which the rest begins, from 1 to T - 1
+    without : numbers of the drones that are lost at that step
+    bound_limit : seconds for the bound of the rest, which begins when the plan is there and ends
+        when the plan is proved to be within 1 %; 0: no bound
 
     Returns
     -------
     Result
         With the plan, its J in `value` as the referee computes it, and why the planner stopped.
         Its `seconds` are the wall-clock time of the search; the coverage of all states is apart,
-        in `coverage_seconds`.
+        in `coverage_seconds`. Of the rest of a mission it is a `Replanned`.
 
     Raises
     ------
@@ -66,15 +113,25 @@ def plan(
     RefereeError
         If the planner's plan cannot be flown, or has another J than the planner claims.
     ValueError
-        If there is no planner of this name, it returns no result, or the time limit is negative.
+        If there is no planner of this name, it returns no result, or the time limit is negative;
+        of a rest, if there is no such step or drone, the steps before cannot be flown in this
+        problem, or pixels add up over time.
 
     Examples
     --------
     >>> result = co.plan(problem, time_limit=10)
     >>> result.plot()
+    >>> co.plan(problem, follow=result, from_step=5, without=[1], time_limit=2).rest.gap
     """
     require_problem(problem)
     method, name = _planner(planner), name_of(planner)
+    if follow is not None or from_step is not None or without:
+        rest = rest_of(problem, follow, from_step, without)
+        replanning = Replanning(rest, followed(follow))
+        seconds = _bound_seconds(bound_limit)
+        limits = _limits(rest.scene, method, time_limit, stop)
+        planned = replanning.planned(method, limits, name)
+        return replanning.answer(replanning.bounded(planned, seconds, stop), name)
     judged: Judged[Result] = run_keeping(
         problem, method, _limits(problem, method, time_limit, stop), name=name
     )
@@ -178,6 +235,12 @@ def solve(
     begin = start_for(problem, start)
     limits = _limits(problem, known, time_limit, stop)
     return _answer(problem, method, known, limits, start=begin, report=report, gap=least)
+
+
+def _bound_seconds(bound_limit: float) -> float:
+    """Returns the seconds that the bound of a rest may take."""
+    require_number(bound_limit, "bound_limit")
+    return Option("bound_limit").require_limit(bound_limit)
 
 
 def _planner(given: str | Planner) -> Method[Result]:

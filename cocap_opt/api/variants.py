@@ -1,12 +1,13 @@
-"""The face's variants of problems: what else is to be planned for."""
+"""The face's variants of problems: what else is to be planned for, and what is left to plan."""
 
 from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 
-from cocap_opt.api.arguments import require, require_number, require_problem
-from cocap_opt.problem import Problem
+from cocap_opt.api.arguments import require, require_number, require_problem, rest_of
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.result import Result
 from cocap_opt.run import start_sets
 from cocap_opt.run.options import Option
 from cocap_opt.vision import default_weights
@@ -106,6 +107,46 @@ def with_starts(
     if starts == start_sets.GREEDY:
         return start_sets.with_greedy_starts(problem)
     return start_sets.with_free_starts(problem)
+
+
+def rest(
+    problem: Problem,
+    plan: Plan | Result | None,
+    from_step: int,
+    without: Sequence[int] = (),
+) -> Problem:
+    """Make the scene of the rest of a mission, from a step up to which a plan was flown.
+
+    People walk on from that step, each drone starts in the state in which it is, and its last step
+    is that of the mission. Views at its first step belong to what was flown, so that J of the whole
+    is J of what was flown and J of the rest.
+
+    Parameters
+    ----------
+    problem : the scene of the whole mission; its people may walk otherwise than those that the plan
+        was made for
+    plan : a plan of the whole mission, or a result that has one
+    from_step : from 1 to T - 1
+    without : numbers of the drones that are lost at that step: they contribute nothing from it on
+
+    Returns
+    -------
+    Problem
+        A scene as any other, with the drones that still fly, which `save` writes. Certificates of
+        rests are those of this scene.
+
+    Raises
+    ------
+    ValueError
+        If there is no such step or drone, the steps before cannot be flown in this problem, or
+        pixels add up over time; one line.
+
+    Examples
+    --------
+    >>> left = co.rest(problem, result, 5, without=[1])
+    >>> co.bound(left, time_limit=10).bound
+    """
+    return rest_of(problem, plan, from_step, without).scene
 
 
 def _numbers(weight: float | Sequence[float] | None) -> float | tuple[float, ...] | None:

@@ -32,6 +32,7 @@ from cocap_opt.flight.changes import (
 )
 from cocap_opt.flight.flight_scene import FlightScene
 from cocap_opt.flight.flights import Flight, LimitError
+from cocap_opt.footage.losses import steps_in_words, what_if
 from cocap_opt.missions import FORMATS, Writer
 from cocap_opt.output.files import PlanReader, check_output, save_files
 from cocap_opt.output.printing import Listing, Record, print_result
@@ -338,6 +339,7 @@ def _start(text: str, suffix: str, is_dated: bool) -> datetime:
 # -- robustness ------------------------------------------------------------------------
 
 _USUAL = Changes()
+_SEEN = {"J (%)": "share", "seen by two (%)": "by_two", "by none (%)": "by_none"}
 
 
 def _robustness(
@@ -363,12 +365,21 @@ def _robustness(
             negative="", consume_multiple=True, help="seconds by which any one drone is late"
         ),
     ] = None,
+    lost: Annotated[
+        list[Whole] | None,
+        Parameter(
+            negative="",
+            consume_multiple=True,
+            help="steps at which drones are lost, each by itself; else each at its worst step",
+        ),
+    ] = None,
     json: Json = False,
 ) -> int:
-    """Tell what is left of a plan when people are late, early or aside, or a drone lags.
+    """Tell what is left of a plan when people are late or aside, or a drone lags or is lost.
 
     Nobody reacts: all others fly as planned. J is computed between the steps, too. Distances are
     the least at any moment, and rules are checked at every moment, on the flights' polynomials.
+    Behind each distance that is not kept stands the one to ask for in the scene.
 
     Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
     """
@@ -386,11 +397,11 @@ def _robustness(
     except ProblemError as error:
         raise FileError(f"{plan}: {error}") from error
     try:
-        rows = changes.rows(flight)
+        rows = what_if(flight, changes, lost)
     except ProblemError as error:
         raise UsageError(f"--{error}") from error
     delay, to_people = tolerated_delay(flight), tolerated_delay_of_people(flight)
-    notes = list(_notes(flight, delay, to_people))
+    notes = [*_notes(flight, delay, to_people), *_asking(rows)]
     if json:
         answer: Record = {
             **({"cut_short": cut_short} if cut_short else {}),
@@ -403,8 +414,32 @@ def _robustness(
     else:
         kind = "smooth" if flown.smooth else "straight"
         title = f"{problem.name}, {kind}: what is left of J = {rows[0]['reward']:,.2f}"
-        Listing(title, [_shown(row) for row in rows], notes).print()
+        changed = [row for row in rows if row["lost_drone"] is None]
+        Listing(title, [_shown(row) for row in changed], notes).print()
+        _losses(rows[0], sorted(rows[len(changed) :], key=lambda row: row["reward"])).print()
     return 0
+
+
+def _losses(planned: Record, lost: Sequence[Record]) -> Listing:
+    """Returns the table of lost drones below the plan, with who is no longer seen by two."""
+    notes = [
+        "a drone that is lost at a step contributes nothing from there on, and has left the scene: "
+        "what becomes of it is not looked at; its worst step is the last one at which it costs as "
+        "much as if it had never flown"
+    ]
+    for row in lost[:_MANY]:
+        gone = [f"{seen['person']} at {steps_in_words(seen['steps'])}" for seen in row["no_longer"]]
+        if gone:
+            notes.append(f"{row['change']}, no longer seen by two: {'; '.join(gone)}")
+    rows = [
+        {
+            "change": row["change"],
+            **{name: None if row[key] is None else 100 * row[key] for name, key in _SEEN.items()},
+        }
+        for row in (planned, *lost)
+    ]
+    what = "the plan, and the losses that cost most"
+    return Listing("if a drone is lost", rows, notes).first(_MANY + 1, what)
 
 
 def _shown(row: Record) -> Record:
@@ -417,7 +452,9 @@ def _shown(row: Record) -> Record:
     }
     if row["people_distance"] is not None:
         columns["people (m)"] = row["people_distance"]
-    return {**columns, "rules": row["rules"]}
+    asked = [row[key] for key in ("ask_drones", "ask_people") if row[key] is not None]
+    way_out = f"; ask for {' and '.join(f'{one:g}' for one in asked)} m" if asked else ""
+    return {**columns, "rules": f"{row['rules']}{way_out}"}
 
 
 def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iterator[str]:
@@ -436,6 +473,15 @@ def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iter
     elif not problem.rules.separation and len(problem.robots) > 1:
         yield "the scene's rules ask for no distance between drones between the steps"
     yield from people_and_delay(flight, to_people)
+
+
+def _asking(rows: Sequence[Record]) -> Iterator[str]:
+    """Yields a sentence on the distances to ask for, where there are any."""
+    if any(row["ask_drones"] is not None or row["ask_people"] is not None for row in rows):
+        yield (
+            "distances to ask for are those of the scene and what is missing; a plan made with "
+            "them is another one: look at it again, to people with a --margin larger by as much"
+        )
 
 
 COMMANDS = {"fly": _fly, "robustness": _robustness}

@@ -1,18 +1,15 @@
 """The commands that compute on one scene: plan, bound and solve."""
 
 import math
-import os
 import sys
-from collections.abc import Mapping
 from contextlib import redirect_stdout
-from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-import msgspec
 from cyclopts import Parameter
 
+from cocap_opt.cli.answers import check_outputs, in_order, record_of, save, say
 from cocap_opt.cli.options import (
     USUAL,
     Budget,
@@ -26,15 +23,14 @@ from cocap_opt.cli.options import (
     say_narrow_way,
     say_strains,
 )
+from cocap_opt.cli.rest_command import WHOLE, RestOptions, replan
 from cocap_opt.console.progress import Watch
 from cocap_opt.experiments.tables.rows import OWN_STARTS, PlanRow
-from cocap_opt.files.atomic_write import write_atomically
-from cocap_opt.files.documents import FileError, encode, problem_digest
+from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult
 from cocap_opt.output.files import (
     PlanReader,
-    check_output,
     save_bytes,
 )
 from cocap_opt.output.printing import Record, counted, print_result
@@ -52,7 +48,6 @@ from cocap_opt.run.options import Allowance, Option, UsageError
 from cocap_opt.run.own_planners import OwnPlannerError
 from cocap_opt.stop import Interrupt, Stop
 
-_ENDINGS = {"--trace": (".csv",)}  # of files; all others hold JSON
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
 _WITH_STEP_ENVELOPES = ("branch-and-price", AT_THE_ROOT)
 _NOT_COMPILED = (
@@ -75,16 +70,25 @@ def _plan(
     seed: Seed = 0,
     free: Free = False,
     budget: Budget = USUAL,
+    rest: RestOptions = WHOLE,
     output: Output = None,
     json: Json = False,
 ) -> int:
     """Plan a scene, have the plan checked, and write it to a file.
 
+    With --from-step the drones have flown the plan of --plan up to a step, and the rest is planned
+    again: with drones lost, or in a scene whose people walk otherwise. The new rest is no worse
+    than the old one, where that still keeps the rules. -o writes a plan of the whole mission, as
+    soon as it is there; then a bound on the rest is computed. A lost drone leaves the scene at that
+    step, so there is no whole plan: --rest-plan writes that of the others.
+
     Example: cocap-opt plan corridor --seed 0 -o plan.json
     """
     method = planner_named(Option("--planner"), planner)
     allowance = budget.allowance
-    _check_outputs({"-o": output}, scene)
+    if rest.asked:
+        return replan(rest, scene, seed, free, (planner, method), allowance, output, json)
+    check_outputs({"-o": output}, scene)
     task = _Task.read(scene, seed, free, None)
     problem = task.problem
     say_strains(scene, seed, problem)
@@ -104,14 +108,14 @@ def _plan(
         if not judged.valid:
             say_narrow_way(scene, seed, problem)
         judged.warn(problem, seed, planner)
-        answer = _record(PlanRow.of(problem, seed, planner, judged)) | task.about
-        _save(answer, "plan", {"file": (output, judged.plan_file(problem, planner, allowance))})
+        answer = record_of(PlanRow.of(problem, seed, planner, judged)) | task.about
+        save(answer, "plan", {"file": (output, judged.plan_file(problem, planner, allowance))})
     answer |= judged.result.statistics
     if judged.verdict:
         answer |= judged.reward_parts
         answer["violations"] = judged.verdict.conflicts
     answer |= _chosen_starts(problem, judged.result.plan)
-    print_result(_in_order(answer, judged.result.plan is not None), json)
+    print_result(in_order(answer, judged.result.plan is not None), json)
     return 0
 
 
@@ -135,14 +139,14 @@ def _bound(
     Example: cocap-opt bound corridor --seed 0 -o certificate.json
     """
     allowance = budget.allowance
-    _check_outputs({"-o": output, "--trace": trace}, scene, start)
+    check_outputs({"-o": output, "--trace": trace}, scene, start)
     task = _Task.read(scene, seed, free, start)
     with Interrupt.caught() as interrupt:
         judged = task.certified(method, allowance, interrupt, OPTIMALITY, trace)
         answer = task.answer(method, judged)
-        _say(answer, task.surpassed(judged))
-        _save(answer, "certificate", {"file": (output, judged.result.certificate)})
-    print_result(_in_order({**answer, **judged.result.statistics}), json)
+        say(answer, task.surpassed(judged))
+        save(answer, "certificate", {"file": (output, judged.result.certificate)})
+    print_result(in_order({**answer, **judged.result.statistics}), json)
     return 0
 
 
@@ -182,7 +186,7 @@ def _solve(
     if gap and method not in EXACT:
         raise UsageError(f"--gap: {method} stops at the root at any gap; leave the option out")
     allowance = budget.allowance
-    _check_outputs({"-o": output, "--certificate": certificate, "--trace": trace}, scene, start)
+    check_outputs({"-o": output, "--certificate": certificate, "--trace": trace}, scene, start)
     task = _Task.read(scene, seed, free, start)
     with Interrupt.caught() as interrupt:
         least = max(gap, OPTIMALITY)
@@ -192,26 +196,10 @@ def _solve(
         if judged.result.plan is None:
             say_narrow_way(scene, seed, task.problem)
         made = output, judged.plan_file(task.problem, method, allowance)
-        _save(answer, "plan", {"file": made, "certificate": proof})
+        save(answer, "plan", {"file": made, "certificate": proof})
     has_plan = judged.result.plan is not None
-    print_result(_in_order({**answer, **judged.result.statistics}, has_plan), json)
+    print_result(in_order({**answer, **judged.result.statistics}, has_plan), json)
     return 0
-
-
-def _in_order(answer: Record, has_plan: bool = True) -> Record:
-    """Returns an answer that says first what a limit has left of a plan, or that there is none."""
-    first = ("cut_short",) if has_plan else ("cut_short", "message")
-    return {key: answer[key] for key in first} | answer
-
-
-def _record(row: PlanRow) -> Record:
-    """Returns the columns of a row, and behind those that it sums up how people are seen."""
-    record: Record = {}
-    for key, value in asdict(row).items():
-        record[key] = value
-        if key == "median_error":
-            record["cameras"] = row.cameras
-    return record
 
 
 def _motion(problem: Problem) -> str:
@@ -298,51 +286,12 @@ class _Task(NamedTuple):
         """Returns the record that the command prints."""
         judged.warn(self.problem, self.seed, method)
         row = PlanRow.certified(self.problem, self.seed, method, judged)
-        record = _record(row) | self.about | _chosen_starts(self.problem, judged.result.plan)
+        record = record_of(row) | self.about | _chosen_starts(self.problem, judged.result.plan)
         is_open = OPTIMALITY < judged.result.gap < math.inf
         may_have = method in _WITH_STEP_ENVELOPES and not self.problem.objective.over_time
         if is_open and may_have and find_spec("numba") is None:
-            _say(record, _NOT_COMPILED)
+            say(record, _NOT_COMPILED)
         return record
-
-
-def _check_outputs(paths: Mapping[str, Path | None], *inputs: str | Path | None) -> None:
-    """Refuses files that cannot be written, other endings, and one file for two things."""
-    used: dict[str, str] = {}
-    for option, path in paths.items():
-        if path is None:
-            continue
-        check_output(path, *inputs)
-        Option(option).ending(path, _ENDINGS.get(option, (".json",)))
-        other = used.setdefault(os.path.realpath(path), option)
-        if other != option:
-            raise UsageError(f"{option}: must be another file than {other}, not {path}")
-
-
-def _say(answer: Record, words: str) -> None:
-    """Adds words to the message of an answer."""
-    answer["message"] = "; ".join(filter(None, (answer["message"], words)))
-
-
-_Wanted = tuple[Path | None, msgspec.Struct | None]  # a file, and its content if there is one
-
-
-def _save(answer: Record, noun: str, files: Mapping[str, _Wanted]) -> None:
-    """Writes files together; the answer says by their keys where each is, or why it is not."""
-    contents = {}
-    for key, (path, content) in files.items():
-        answer[key] = None
-        if path is not None and content is not None:
-            contents[path] = encode(content)
-            answer[key] = path
-        elif path is not None:
-            kind = noun if key == "file" else key
-            _say(answer, f"{path} was not written: there is no {kind}")
-    try:
-        write_atomically(contents)
-    except OSError as error:
-        names = " and ".join(map(str, contents))
-        raise FileError(f"{names}: cannot be written: {error.strerror}") from error
 
 
 COMMANDS = {"plan": _plan, "bound": _bound, "solve": _solve}

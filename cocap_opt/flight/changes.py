@@ -13,6 +13,7 @@ from cocap_opt.problem import CollisionRules
 KEPT, NONE = "kept", "none"
 UNLIMITED = "unlimited"  # a delay
 MOST_ASIDE = 100.0  # m
+_TOUCH = 1e-6  # cm, less is rounding
 
 
 class Changes(NamedTuple):
@@ -32,11 +33,7 @@ class Changes(NamedTuple):
     def rows(self, flight: Flight) -> list[dict[str, Any]]:
         """Returns a row per change; of a drone that lags it has the worst, whichever drone it is.
 
-        Columns: `change`, `reward` (J between the steps, too), `share` (of that of the flight as
-        planned; None if that is 0), `least_distance` (m, between drones; None for one drone),
-        `people_distance` (m, to the middle of anybody, from above; None where the scene asks for
-        none), `rules` (kept, or to whom drones come too near; none where the scene has none
-        between the steps).
+        `row_of` says what its columns are.
 
         Raises
         ------
@@ -45,23 +42,13 @@ class Changes(NamedTuple):
         """
         self._require(flight.flown.seconds)
         robustness, moves = Robustness(flight.flown), flight.verdict.reward_moves
-        planned = robustness.as_planned.reward + moves
-        asks = flight.flown.problem.airspace.people_aside > 0
-        fine = KEPT if asks or flight.flown.problem.rules.separation else NONE
-        rows = []
-        for words, outcome in self._outcomes(robustness):
-            reward, near = outcome.reward + moves, sorted(outcome.too_near)
-            rows.append({
-                "change": words,
-                "reward": reward,
-                "share": reward / planned if planned > 0 else None,
-                "least_distance": _finite(outcome.apart),
-                "people_distance": _finite(outcome.aside) if asks else None,
-                "rules": f"too near: {', '.join(near)}" if near else fine,
-            })  # fmt: skip
-        return rows
+        return [
+            row_of(flight, words, outcome, moves, robustness.as_planned.reward + moves)
+            for words, outcome in self._outcomes(robustness)
+        ]
 
     def _outcomes(self, robustness: Robustness) -> Iterator[tuple[str, Outcome]]:
+        """Yields each change in words, and what is left; another change is another line here."""
         yield "as planned", robustness.as_planned
         for late in self.late:
             yield f"people {late:g} s late", robustness.with_people(late=late)
@@ -83,6 +70,45 @@ class Changes(NamedTuple):
                     raise ProblemError(
                         f"{name}: must be more than 0 and at most {most:g} {unit}, not {value:g}"
                     )
+
+
+def row_of(
+    flight: Flight, words: str, outcome: Outcome, moves: float, planned: float
+) -> dict[str, Any]:
+    """Returns the row of a change.
+
+    Columns: `change`, `reward` (J between the steps, too), `share` (of that of the flight as
+    planned; None if that is 0), `least_distance` (m, between drones; None for one drone),
+    `people_distance` (m, to the middle of anybody, from above; None where the scene asks for
+    none), `rules` (kept, or to whom drones come too near; none where the scene has none between the
+    steps), `ask_drones` and `ask_people` (m, the distance to ask for, that of the scene and what is
+    missing, rounded up to centimetres; None where none is missing).
+
+    Parameters
+    ----------
+    moves : rewards for moves, a part of J
+    planned : J as planned
+    """
+    problem = flight.flown.problem
+    asks = problem.airspace.people_aside > 0
+    fine = KEPT if asks or problem.rules.separation else NONE
+    reward, near = outcome.reward + moves, sorted(outcome.too_near)
+    stated = problem.airspace if flight.asked is None else flight.asked
+    return {
+        "change": words,
+        "reward": reward,
+        "share": reward / planned if planned > 0 else None,
+        "least_distance": _finite(outcome.apart),
+        "people_distance": _finite(outcome.aside) if asks else None,
+        "rules": f"too near: {', '.join(near)}" if near else fine,
+        "ask_drones": _asked(problem.rules.separation, outcome.missing.get("drones")),
+        "ask_people": _asked(stated.people_aside, outcome.missing.get("people")),
+    }
+
+
+def _asked(stated: float, missing: float | None) -> float | None:
+    """Returns the distance (m) to ask for, in place of the stated one; None if none is missing."""
+    return None if missing is None else math.ceil(100 * (stated + missing) - _TOUCH) / 100
 
 
 def tolerated_delay(flight: Flight, rules: CollisionRules | None = None) -> float | None:

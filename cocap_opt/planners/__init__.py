@@ -120,6 +120,7 @@ PLANNERS: Mapping[str, Method[Result]] = MappingProxyType(
             "cocap_prices:cocap_prices",
             "sequential (cocap-focal where it fails), then searches where prices point",
             f"{_COMPLETE}; {_ALONE}",
+            takes=frozenset({"start"}),
             **_SOLVES,
         ),
         "joint": _planner(

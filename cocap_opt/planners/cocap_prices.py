@@ -5,7 +5,8 @@ program, and mixture ascent comes near it within dozens of steps. Its prices say
 worth once the others do well, and its paths are parts of good plans (`mixtures.plan_search`). Each
 time the search stands still, the mixture is raised for twice as many steps, and the search goes on
 with its new paths and prices, until that has gained nothing, or often enough. Rounds of best
-responses over all states end each search.
+responses over all states end each search. A plan that is given is the first one, in place of that
+of each drone in turn, where it obeys the rules.
 
 Source: the restricted master heuristics of column generation, Joncour et al. 2010; here the mixture
 is raised without a linear program.
@@ -15,7 +16,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cocap_opt.coordination.low_level import PlannedTeam, value_iteration
+from cocap_opt.coordination.low_level import PlannedTeam, SingleRobotPath, value_iteration
 from cocap_opt.coordination.responses import Responses, followed, in_rounds, one_by_one
 from cocap_opt.mixtures.mixture_ascent import mixture_ascent
 from cocap_opt.mixtures.parameters import AscentParameters, PlanSearchParameters
@@ -24,7 +25,8 @@ from cocap_opt.mixtures.prices import PricedViews, Prices
 from cocap_opt.planners.cocap import EXHAUSTED
 from cocap_opt.planners.cocap_lns import first_plan
 from cocap_opt.planners.results import hovering, result_of, with_message
-from cocap_opt.problem import Problem
+from cocap_opt.problem import Plan, Problem
+from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result
 from cocap_opt.stop import Stop, never
 from cocap_opt.timing import timed
@@ -40,10 +42,15 @@ _STANDS_STILL = "stands still: its last search found nothing better"
 
 
 @timed
-def cocap_prices(problem: Problem, stop: Stop = never) -> Result:
+def cocap_prices(problem: Problem, stop: Stop = never, start: Plan | None = None) -> Result:
     """Plan each robot in turn, as `sequential` does, then search where prices of mixtures point.
 
     Where that fails, the constraint tree goes on, as in `cocap_lns`.
+
+    Parameters
+    ----------
+    start : a plan to begin with, than which the result is no worse. One that cannot be flown here,
+        or breaks a rule, is left aside
 
     Returns
     -------
@@ -54,7 +61,8 @@ def cocap_prices(problem: Problem, stop: Stop = never) -> Result:
     """
     learning = _Learning(Responses(value_iteration, stop), stop)
     nobody = learning.responses.nobody(problem)
-    team, limit = followed(nobody, learning.better_and_better(nobody))
+    begin = None if start is None or not check(problem, start).valid else start
+    team, limit = followed(nobody, learning.better_and_better(nobody, begin))
     if limit is None and not team.is_whole:
         return Result.without_plan(Reason.INFEASIBLE, EXHAUSTED)
     result = result_of(hovering(team), limit, learning.statistics)
@@ -84,13 +92,25 @@ class _Learning:
         asked = self.responses.asked
         return {"responses": asked, "mixtures": self._mixtures, "searches": self.searches}
 
-    def better_and_better(self, nobody: PlannedTeam) -> Iterator[PlannedTeam]:
-        """Yields the team as it is planned, and then each better one."""
-        team = nobody
-        for team in first_plan(nobody, self.responses, self._stop, one_by_one):
+    def better_and_better(
+        self, nobody: PlannedTeam, start: Plan | None = None
+    ) -> Iterator[PlannedTeam]:
+        """Yields the team as it is planned, or as it starts, and then each better one."""
+        team, first = nobody, first_plan(nobody, self.responses, self._stop, one_by_one)
+        if start is not None:
+            first = self._from(nobody, start)
+        for team in first:
             yield team
         if team.is_whole and team.size > 1:
             yield from self._searched(team)
+
+    def _from(self, nobody: PlannedTeam, start: Plan) -> Iterator[PlannedTeam]:
+        """Yields the team that flies a plan, and then as its robots answer one another."""
+        model, team = nobody.model, nobody
+        for robot, path in enumerate(model.paths(start)):
+            team = team.with_path(robot, SingleRobotPath.of(model, robot, path))
+        yield team
+        yield from in_rounds(team, self.responses)
 
     def _searched(self, team: PlannedTeam) -> Iterator[PlannedTeam]:
         """Yields each better team, until searches stand still."""

@@ -1,0 +1,72 @@
+"""Files and answers of the commands that compute on one scene."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import msgspec
+
+from cocap_opt.experiments.tables.rows import PlanRow
+from cocap_opt.files.atomic_write import write_atomically
+from cocap_opt.files.documents import FileError, encode
+from cocap_opt.output.files import check_output
+from cocap_opt.output.printing import Record
+from cocap_opt.run.options import Option, UsageError
+
+_ENDINGS = {"--trace": (".csv",)}  # of files; all others hold JSON
+
+
+def in_order(answer: Record, has_plan: bool = True) -> Record:
+    """Returns an answer that says first what a limit has left of a plan, or that there is none."""
+    first = ("cut_short",) if has_plan else ("cut_short", "message")
+    return {key: answer[key] for key in first} | answer
+
+
+def record_of(row: PlanRow) -> Record:
+    """Returns the columns of a row, and behind those that it sums up how people are seen."""
+    record: Record = {}
+    for key, value in asdict(row).items():
+        record[key] = value
+        if key == "median_error":
+            record["cameras"] = row.cameras
+    return record
+
+
+def check_outputs(paths: Mapping[str, Path | None], *inputs: str | Path | None) -> None:
+    """Refuses files that cannot be written, other endings, and one file for two things."""
+    used: dict[str, str] = {}
+    for option, path in paths.items():
+        if path is None:
+            continue
+        check_output(path, *inputs)
+        Option(option).ending(path, _ENDINGS.get(option, (".json",)))
+        other = used.setdefault(os.path.realpath(path), option)
+        if other != option:
+            raise UsageError(f"{option}: must be another file than {other}, not {path}")
+
+
+def say(answer: Record, words: str) -> None:
+    """Adds words to the message of an answer."""
+    answer["message"] = "; ".join(filter(None, (answer["message"], words)))
+
+
+Wanted = tuple[Path | None, msgspec.Struct | None]  # a file, and its content if there is one
+
+
+def save(answer: Record, noun: str, files: Mapping[str, Wanted]) -> None:
+    """Writes files together; the answer says by their keys where each is, or why it is not."""
+    contents = {}
+    for key, (path, content) in files.items():
+        answer[key] = None
+        if path is not None and content is not None:
+            contents[path] = encode(content)
+            answer[key] = path
+        elif path is not None:
+            kind = noun if key == "file" else key
+            say(answer, f"{path} was not written: there is no {kind}")
+    try:
+        write_atomically(contents)
+    except OSError as error:
+        names = " and ".join(map(str, contents))
+        raise FileError(f"{names}: cannot be written: {error.strerror}") from error

@@ -1,0 +1,145 @@
+"""Flights of which a drone is lost: what is left of J, and who is no longer seen by two.
+
+A drone that is lost at a step contributes nothing from that step on; all others fly as planned. The
+earlier it is lost, the more is lost with it. Its worst step is the last one at which it costs as
+much as if it had never flown.
+"""
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, ProblemError
+from cocap_opt.flight.changes import Changes, row_of
+from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.robustness import Outcome, Robustness
+from cocap_opt.footage.quality import Quality
+from cocap_opt.referee import rewards_of_move
+
+_ROUNDING = 1e-12  # relative
+Row = dict[str, Any]
+_NOTHING: Row = dict.fromkeys(("lost_drone", "lost_step", "by_two", "by_none", "no_longer"))
+
+
+def what_if(flight: Flight, changes: Changes, lost: Sequence[int] | None = None) -> list[Row]:
+    """Returns a row per change, and a row per drone that is lost, at its worst step or others.
+
+    Columns are those of `changes.row_of`, then `lost_drone` and `lost_step`, the number of the
+    drone and the step at which it is lost, `by_two` and `by_none`, the shares of person-steps seen
+    by two drones or more and by none, and `no_longer`, a list of `person` and `steps`: who is seen
+    by two as planned, and is no longer. They are None but for lost drones, the last three also but
+    for the plan.
+
+    Parameters
+    ----------
+    lost : steps at which drones are lost; None: each at its worst step
+
+    Raises
+    ------
+    ProblemError
+        If a change is none, or larger than the flight is long; one line.
+    """
+    losses = Losses(flight)
+    planned, *others = ({**row, **_NOTHING} for row in changes.rows(flight))
+    return [{**planned, **losses.seen(losses.as_planned)}, *others, *losses.rows(lost)]
+
+
+def steps_in_words(steps: Sequence[int]) -> str:
+    """Returns increasing steps in words, as "step 3" or "steps 3-5, 8"."""
+    runs: list[list[int]] = []
+    for step in steps:
+        if runs and step == runs[-1][-1] + 1:
+            runs[-1].append(step)
+        else:
+            runs.append([step])
+    words = ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
+    return f"step{'' if len(steps) == 1 else 's'} {words}"
+
+
+class Losses:
+    """The losses of each drone of a flight.
+
+    Parameters
+    ----------
+    flight : of a plan that keeps the rules
+    """
+
+    def __init__(self, flight: Flight) -> None:
+        self._flight, self._problem = flight, flight.flown.problem
+        self._robustness = Robustness(flight.flown)
+
+    def rows(self, steps: Sequence[int] | None = None) -> Iterator[Row]:
+        """Yields a row for each drone and step at which it is lost; None: at its worst step.
+
+        Raises
+        ------
+        ProblemError
+            If there is no such step.
+        """
+        last = self._problem.horizon
+        for step in steps or ():
+            if not 0 <= step <= last:
+                raise ProblemError(f"lost: must be steps of the plan, 0..{last}, not {step}")
+        planned = self._robustness.as_planned.reward + self._flight.verdict.reward_moves
+        for robot in range(len(self._problem.robots)):
+            for step in [self.worst_step(robot)] if steps is None else steps:
+                words = f"drone {robot} lost at step {step}"
+                outcome, moves = self._lost(robot, step)
+                row = row_of(self._flight, words, outcome, moves, planned)
+                who = {"lost_drone": robot, "lost_step": step}
+                yield {**row, **who, **self.seen(self._seen_without(robot, step))}
+
+    def worst_step(self, robot: int) -> int:
+        """Returns the last step at which the loss of a drone costs as much as at any other."""
+        first, last = 0, self._problem.horizon
+        least = self._reward(robot, 0)
+        while first < last:  # what is left does not fall from step to step
+            middle = (first + last + 1) // 2
+            if self._reward(robot, middle) <= least + _ROUNDING * abs(least):
+                first = middle
+            else:
+                last = middle - 1
+        return first
+
+    def _reward(self, robot: int, step: int) -> float:
+        outcome, moves = self._lost(robot, step)
+        return outcome.reward + moves
+
+    def _lost(self, robot: int, step: int) -> tuple[Outcome, float]:
+        """Returns the outcome if a drone is lost at a step, and the rewards for moves up to it."""
+        path, objective = self._flight.plan.paths[robot], self._problem.objective
+        after = zip(path[step:], path[step + 1 :], strict=False)
+        gone = sum(sum(rewards_of_move(objective, a, b)) for a, b in after)
+        outcome = self._robustness.with_lost(robot, step)
+        return outcome, self._flight.verdict.reward_moves - gone
+
+    @cached_property
+    def _quality(self) -> Quality:
+        return Quality.of(self._problem, self._flight.plan)
+
+    @property
+    def as_planned(self) -> BoolArray:
+        """An array [T+1, R, A], true where a drone sees a person."""
+        return self._quality.seen
+
+    def _seen_without(self, robot: int, step: int) -> BoolArray:
+        seen = self._quality.seen.copy()
+        seen[step:, robot] = False
+        return seen
+
+    def seen(self, seen: BoolArray) -> Row:
+        """Returns the columns of who is seen, where drones see people as in [T+1, R, A]."""
+        counts, views = self._quality.counts, seen.sum(axis=1)
+        counted = views[counts]
+        gone = counts & (self._quality.views >= 2) & (views < 2)
+        people = np.flatnonzero(gone.any(axis=0)).tolist()
+        return {
+            "by_two": float((counted >= 2).mean()) if len(counted) else None,
+            "by_none": float((counted == 0).mean()) if len(counted) else None,
+            "no_longer": [
+                {"person": self._quality.people[j], "steps": np.flatnonzero(gone[:, j]).tolist()}
+                for j in people
+            ],
+        }
