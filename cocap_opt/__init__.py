@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from cocap_opt.api.variants import rest, with_starts, with_views
     from cocap_opt.console.versions import show_versions
     from cocap_opt.data import ProblemError
+    from cocap_opt.experiments.report.teams import Teams
     from cocap_opt.files.documents import FileError
     from cocap_opt.footage.quality import Quality
     from cocap_opt.formulations import BOUNDS, EXACT
@@ -104,6 +105,7 @@ _MODULES = {
     "cocap_opt.api.variants": ("rest", "with_starts", "with_views"),
     "cocap_opt.console.versions": ("show_versions",),
     "cocap_opt.player.player": ("Player",),
+    "cocap_opt.experiments.report.teams": ("Teams",),
     "cocap_opt.files.documents": ("FileError",),
     "cocap_opt.footage.quality": ("Quality",),
     "cocap_opt.formulations": ("BOUNDS", "EXACT"),
@@ -133,7 +135,7 @@ __all__ = [
     "Front", "HeightMap", "Limit", "Limits", "Mesh", "Motion", "Objective", "PassConflict",
     "Plan", "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Quality",
     "QualityBound", "Reason", "RefereeError", "Result", "Robot", "Snapshot", "StartArea",
-    "StartStates", "State", "Stop", "SwapConflict", "TimeLimit", "TriangulatedCuboid",
+    "StartStates", "State", "Stop", "SwapConflict", "Teams", "TimeLimit", "TriangulatedCuboid",
     "UnsupportedError", "Verdict", "Verified", "VertexConflict", "Views", "WorkLimit",
     "bound", "check", "coverage", "coverage_digest", "explain", "front", "gap", "load", "never",
     "plan", "quality", "quality_bound", "read", "replans", "rest", "robustness", "save", "show",
