@@ -124,6 +124,7 @@ class Robot(Data, frozen=True):
     camera : what it films with: a `Camera`, or the `Cone` of Hughes et al.
     goal : cell (x, y), any layer and orientation
     limits : how fast it may move and turn; None: nothing is known of them
+    home : cell (x, y) on whose ground it takes off and lands; None: below its first and last place
     """
 
     start: AnyStart
@@ -131,6 +132,7 @@ class Robot(Data, frozen=True):
     camera: AnyCamera = Camera()
     goal: tuple[int, int] | None = None
     limits: Limits | None = None
+    home: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         given: Any = self.start
@@ -141,6 +143,7 @@ class Robot(Data, frozen=True):
             msgspec.structs.force_setattr(self, "start", self.start.states[0])
         sizes = self.goal is None or len(self.goal) == 2
         require(sizes, "goal", "must be a cell (x, y)")
+        require(self.home is None or len(self.home) == 2, "home", "must be a cell (x, y)")
 
     def may_start_in(self, state: State) -> bool:
         """Returns True if the robot may start in this state, provided that it is free."""
