@@ -209,7 +209,7 @@ def _fly(
     try:
         flight = flown.flight(problem, planned, local)
         flight = flight._replace(start=begins, cut_short=cut_short)
-        parts = parts_of_take(flight.flown.problem, planned) if has_homes(problem) else []
+        parts = parts_of_take(flight.flown.problem, planned) if has_homes(problem) else ()
         mission = write(flight, every)
     except ProblemError as error:
         raise _in_words(error, scene, plan, suffix, flown.step is not None) from error

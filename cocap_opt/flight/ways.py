@@ -8,7 +8,7 @@ for nothing here. Whoever is at home stands on the ground.
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -122,7 +122,8 @@ def has_homes(problem: Problem) -> bool:
     return problem.robots[0].home is not None
 
 
-def parts_of_take(problem: Problem, plan: Plan) -> list[Part]:
+@lru_cache(maxsize=4)
+def parts_of_take(problem: Problem, plan: Plan) -> tuple[Part, ...]:
     """Returns the parts of a take between which batteries are changed, each as long as they last.
 
     There is one part where they last for all of it. All drones go home at once, and take the take
@@ -149,7 +150,7 @@ def parts_of_take(problem: Problem, plan: Plan) -> list[Part]:
             )
         parts.append(Part(first, last, found))
         first = last
-    return parts
+    return tuple(parts)
 
 
 def _longest(

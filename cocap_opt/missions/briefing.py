@@ -1,7 +1,7 @@
 """The text of a flight sheet: what a crew must know of flights before it starts them."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC
 
 import numpy as np
@@ -91,7 +91,7 @@ def _take_off(flight: Flight) -> Iterator[Section]:
         yield (f"Ways{steps}", ["drone           x (m)        y (m)     z (m)", *lines])
 
 
-def _homeward(parts: list[Part]) -> Iterator[str]:
+def _homeward(parts: Sequence[Part]) -> Iterator[str]:
     """Yields in which order drones fly, and for how long they are in the air."""
     if words := pauses_of(parts):
         yield f"ATTENTION: {words}."

@@ -143,7 +143,6 @@ class Robot(Data, frozen=True):
             msgspec.structs.force_setattr(self, "start", self.start.states[0])
         sizes = self.goal is None or len(self.goal) == 2
         require(sizes, "goal", "must be a cell (x, y)")
-        require(self.home is None or len(self.home) == 2, "home", "must be a cell (x, y)")
 
     def may_start_in(self, state: State) -> bool:
         """Returns True if the robot may start in this state, provided that it is free."""
