@@ -16,11 +16,12 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
-from cocap_opt.graph.motion import allowed_moves
+from cocap_opt.graph.motion import Window, allowed_moves
 from cocap_opt.problem import Plan, Problem, State
 
 RISE = 1.0  # m/s, at which drones rise from the ground, and sink to it, at the slowest
 CRUISE = 4.0  # m/s, on the level, of drones whose limits are known and allow it
+_ROOM = 60  # cells around homes and the plan, in which ways are looked for before all of the map
 _LEAST = 1e-9  # s; scipy takes moves of no duration for none
 
 
@@ -134,7 +135,24 @@ def parts_of_take(problem: Problem, plan: Plan) -> tuple[Part, ...]:
     ProblemError
         If a drone has no way, or a battery does not even last for a step and the ways; one line.
     """
-    ways, horizon = _Ways(problem), problem.horizon
+    whole = Window.all_of(problem.workspace)
+    cells = [(state.x, state.y) for path in plan.paths for state in path]
+    homes = [robot.home for robot in problem.robots if robot.home is not None]
+    near = Window.around([*cells, *homes], _ROOM, problem.workspace)
+    try:
+        return tuple(_parts(problem, plan, near))
+    except _NoWayError:
+        if near == whole:
+            raise
+        return tuple(_parts(problem, plan, whole))
+
+
+class _NoWayError(ProblemError):
+    """A drone has no way on the part of the map that was looked at."""
+
+
+def _parts(problem: Problem, plan: Plan, window: Window) -> list[Part]:
+    ways, horizon = _Ways(problem, window), problem.horizon
     parts: list[Part] = []
     first = 0
     while first < horizon:
@@ -150,7 +168,7 @@ def parts_of_take(problem: Problem, plan: Plan) -> tuple[Part, ...]:
             )
         parts.append(Part(first, last, found))
         first = last
-    return tuple(parts)
+    return parts
 
 
 def _longest(
@@ -185,10 +203,10 @@ def _times(
 class _Ways:
     """The ways between the homes of drones and any of their places."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, window: Window) -> None:
         assert problem.step is not None
         self.problem, self.step = problem, problem.step
-        self._nets = [_Net(problem, i) for i in range(len(problem.robots))]
+        self._nets = [_Net(problem, i, window) for i in range(len(problem.robots))]
 
     def out_to(self, states: Sequence[State]) -> list[Way]:
         """Returns the ways from all homes to places; who is there hovers until all are.
@@ -237,7 +255,7 @@ class _Ways:
             ]
             if not ways:
                 where = "from home to its place" if is_out else "home"
-                raise ProblemError(
+                raise _NoWayError(
                     f"drone {left[0]} has no way {where} that keeps away from obstacles, no-fly "
                     "zones and the drones that hover"
                 )
@@ -253,7 +271,7 @@ class _Ways:
 class _Net:
     """The places of a drone and its moves between them, by cells, with the seconds of each."""
 
-    def __init__(self, problem: Problem, drone: int) -> None:
+    def __init__(self, problem: Problem, drone: int, window: Window) -> None:
         self._problem, self._drone = problem, drone
         self._robot = problem.robots[drone]
         self._motion = self._robot.motion.replace(radius=1, climb=1)
@@ -261,7 +279,8 @@ class _Net:
         self._home = self._robot.home
         x, y = self._home
         self._ground = float(problem.height_map.heights[x, y])
-        self._shape = (len(self._motion.layers), *problem.height_map.shape)
+        self._window = window
+        self._shape = (len(self._motion.layers), *window.shape)
         self._pad = math.prod(self._shape)  # the node of the home's ground
         self._tails, self._heads, self._seconds = self._moves()
         self._at = self._places()
@@ -269,7 +288,7 @@ class _Net:
     def _places(self) -> FloatArray:
         """Returns where the nodes are [n, 3] (m); the last is on the ground."""
         layer, x, y = np.unravel_index(np.arange(self._pad), self._shape)
-        rows = np.column_stack([x, y, layer])
+        rows = np.column_stack([x + self._window.x0, y + self._window.y0, layer])
         places = self._problem.above(self._robot, rows)
         ground = [*self._problem.height_map.centre(*self._home), self._ground]
         return np.concatenate([places, [ground]])
@@ -283,9 +302,9 @@ class _Net:
         if limits is not None and limits.speed is not None:
             level = min(max(level, CRUISE), limits.speed)
         tails, heads, seconds = [], [], []
-        altitudes = workspace.height_map.altitudes(self._motion.layers)
+        altitudes = self._window.of(workspace.height_map.altitudes(self._motion.layers))
         numbers = np.arange(self._pad).reshape(self._shape)
-        for (up, dx, dy), may in allowed_moves(workspace, self._motion):
+        for (up, dx, dy), may in allowed_moves(workspace, self._motion, self._window):
             if (up, dx, dy) == (0, 0, 0):
                 continue
             layer, x, y = np.nonzero(may)
@@ -295,8 +314,8 @@ class _Net:
             along = math.hypot(dx, dy) * size / level
             seconds.append(np.maximum(along, self._climbing(rise)))
         for landing in self._landings():
-            node = int(numbers[landing, *self._home])
-            high = abs(float(altitudes[landing, *self._home]) - self._ground) / RISE
+            node = self._node(State(*self._home, landing))
+            high = (self._altitude(landing) - self._ground) / RISE
             tails += [np.array([node]), np.array([self._pad])]
             heads += [np.array([self._pad]), np.array([node])]
             seconds += [np.array([max(high, _LEAST)])] * 2
@@ -314,8 +333,8 @@ class _Net:
         """Returns the layers from which the drone may land at home, straight down."""
         workspace, (x, y) = self._problem.workspace, self._home
         found = []
-        for layer, height in enumerate(self._motion.layers):
-            altitude = workspace.height_map.altitude(x, y, height)
+        for layer in range(len(self._motion.layers)):
+            altitude = self._altitude(layer)
             above = [low for low, _ in workspace.columns.at(x, y)[1:]]
             is_open = all(low > altitude + self._motion.clearance for low in above)
             closed = workspace.forbidden.solid_at(x, y, self._ground, altitude)
@@ -329,7 +348,13 @@ class _Net:
         return found
 
     def _node(self, state: State) -> int:
-        return int(np.ravel_multi_index((state.layer, state.x, state.y), self._shape))
+        place = state.layer, state.x - self._window.x0, state.y - self._window.y0
+        return int(np.ravel_multi_index(place, self._shape))
+
+    def _altitude(self, layer: int) -> float:
+        """Returns the altitude (m) of a layer at home."""
+        height = self._motion.layers[layer]
+        return self._problem.height_map.altitude(*self._home, height)
 
     def _matrix(self, hovering: Sequence[FloatArray]) -> csr_array:
         """Returns the seconds of all moves that keep the rules beside drones that hover (m)."""
