@@ -48,6 +48,8 @@ def recipe(path: Path) -> str:
     del problem["earth"]
     for actor in problem["actors"]:
         del actor["name"], actor["begin"]
+    for robot in problem["robots"]:
+        del robot["home"]
     for holder, field in [(problem, "step"), *((robot, "limits") for robot in problem["robots"])]:
         if holder[field] is None:
             del holder[field]

@@ -53,7 +53,8 @@ def trajectory(
         scene says it `latitude`, `longitude` (WGS 84), `above_sea` or `above_ellipsoid`. `attrs`
         has `step`, `reward`, `least_distance` (m, between two drones at any moment),
         `people_distance` (m, from a drone to the middle of a person, from above; None where there
-        is nobody) and the like.
+        is nobody) and the like, and of drones with homes `from_home`, the seconds of each from
+        take-off to landing.
 
     Raises
     ------
@@ -68,6 +69,8 @@ def trajectory(
     """
     from pandas import DataFrame
 
+    from cocap_opt.flight.ways import has_homes, parts_of_take, rows_of
+
     flown = plan_for(problem, plan, "flown")
     if flown.stays and not hovering:
         why = ("" if plan is None else plan.cut_short) or "all drones stay at their starts"
@@ -75,6 +78,8 @@ def trajectory(
     flight = _flight_scene(problem, step, margin).flight(flown, smooth)
     table = DataFrame(flight.columns(every))
     table.attrs = {**flight.record(), "off_between_rows": flight.off_between_rows(every)}
+    if has_homes(problem):
+        table.attrs["from_home"] = rows_of(parts_of_take(flight.flown.problem, flown))
     return table
 
 

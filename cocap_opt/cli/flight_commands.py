@@ -32,6 +32,7 @@ from cocap_opt.flight.changes import (
 )
 from cocap_opt.flight.flight_scene import FlightScene
 from cocap_opt.flight.flights import Flight, LimitError
+from cocap_opt.flight.ways import NOTE, Part, has_homes, parts_of_take, pauses_of, rows_of
 from cocap_opt.footage.losses import steps_in_words, what_if
 from cocap_opt.missions import FORMATS, Writer
 from cocap_opt.output.files import PlanReader, check_output, save_files
@@ -209,6 +210,7 @@ def _fly(
     try:
         flight = flown.flight(problem, planned, local)
         flight = flight._replace(start=begins, cut_short=cut_short)
+        parts = parts_of_take(flight.flown.problem, planned) if has_homes(problem) else ()
         mission = write(flight, every)
     except ProblemError as error:
         raise _in_words(error, scene, plan, suffix, flown.step is not None) from error
@@ -220,19 +222,51 @@ def _fly(
     first: Record = {"cut_short": cut_short} if cut_short else {}
     answer: Record = {**first, "scene": problem.name, "seed": seed, **record, **mission.facts}
     notes = [*flight.notes(), *mission.notes]
+    notes += _of_homes(parts, suffix)
     notes += _strays(output, suffix, files)
+    if words := pauses_of(parts):
+        _log.warning("%s: %s", plan, words)
     for warning in mission.warnings:
         _log.warning("%s", warning)
     with Interrupt.caught():  # who presses Ctrl-C now is told what is written, unless pressed twice
         save_files(files)
         if json:
             rows = {"drones": flight.rows(), "notes": notes}
+            if parts:
+                rows["from_home"] = _ways(parts)
             print_result({**answer, **rows, "files": [*files]}, json)
         else:
             print_result({**answer, "file": " ".join(map(str, files))}, json)
             shown = [words for words in notes if words != cut_short]  # which stands at the top
+            if parts:
+                Listing("from take-off to landing", rows_of(parts)).print()
             _tightest(flight.rows(), shown).print()
     return 0
+
+
+def _of_homes(parts: Sequence[Part], suffix: str) -> Iterator[str]:
+    """Yields what ways from and to home are, and that missions do not hold them."""
+    if parts:
+        yield NOTE
+        if FORMATS[suffix].autopilots or suffix == ".skyc":
+            yield (
+                f"{suffix} holds no ways from and to home: the sheet (.pdf) and --json have them; "
+                "missions take off and land straight below their first and last places"
+            )
+
+
+def _ways(parts: Sequence[Part]) -> list[Record]:
+    """Returns each drone's ways in each part of the take, with the points at which they turn."""
+    return [
+        {
+            "first": part.first, "last": part.last, "drone": drone.drone,
+            "seconds": drone.seconds, "endurance": drone.endurance,
+            "out": {"waits": drone.out.waits, "points": drone.out.points.tolist()},
+            "back": {"waits": drone.back.waits, "points": drone.back.points.tolist()},
+        }
+        for part in parts
+        for drone in part.drones
+    ]  # fmt: skip
 
 
 def _writer(suffix: str, autopilot: str | None, items: int | None) -> Writer:

@@ -254,8 +254,8 @@ def read_bytes(path: Path) -> bytes:
 def problem_digest(problem: Problem) -> str:
     """Digest of all that J, and what a plan may do, depend on.
 
-    Names, places on the Earth, when tracks begin and the share of views that is asked for have no
-    part in that. The page on files has the recipe, by which anybody can compute the digest.
+    Names, places on the Earth, homes, when tracks begin and the share of views that is asked for
+    have no part in that. The page on files has the recipe, by which anybody can compute the digest.
     """
     actors = tuple(actor.replace(name=None, begin=None) for actor in problem.actors)
     nameless = problem.replace(name="", actors=actors, earth=None)
@@ -265,6 +265,8 @@ def problem_digest(problem: Problem) -> str:
         for name in ("step", "earth", "limits", "name", "begin"):
             if name in holder and holder[name] is None:
                 del holder[name]
+    for robot in fields["robots"]:
+        del robot["home"]
     for name, nothing in (("pixels", 1.0), ("views", None)):
         if fields["objective"][name] == nothing:
             del fields["objective"][name]

@@ -1,7 +1,7 @@
 """The text of a flight sheet: what a crew must know of flights before it starts them."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC
 
 import numpy as np
@@ -14,12 +14,12 @@ from cocap_opt.flight.changes import (
 )
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.safety import Nearest
+from cocap_opt.flight.ways import CRUISE, NOTE, RISE, Part, Way, has_homes, parts_of_take, pauses_of
 from cocap_opt.footage.quality import Quality
 from cocap_opt.footage.summary import whole_percent
 from cocap_opt.missions import FORMATS
 from cocap_opt.missions.autopilots import AUTOPILOTS
 from cocap_opt.missions.routes import (
-    RISE,
     routes,
     seconds_in_the_air,
     seconds_to_step_0,
@@ -35,9 +35,10 @@ ROWS = 12  # of a drone's table, at most, where nobody asked for others
 _MOST_ROWS = 10_000
 _BLANK = "__________"
 _NAME = 24  # characters of a person's name in a table
+_LEGS = "take-off and landing legs, against anything"
 _UNCHECKED = (
     "wind, and how well drones keep to the flight: distances hold for flights flown exactly",
-    "take-off and landing legs, against anything",
+    _LEGS,
     "batteries, radio links and satellite reception",
     "what stands or hangs there and is not on the map; people who are not in the scene, and how "
     "well those in it keep to their walks",
@@ -63,7 +64,7 @@ def briefing(flight: Flight, every: float | None) -> list[Section]:
         ("Distances and limits", [*_distances(flight), "", *_limits(flight)]),
         ("Late drones and people", list(_delays(flight))),
         *_filmed(flight),
-        ("Take-off and landing (a suggestion)", list(_legs(flight))),
+        *_take_off(flight),
         *_missions(flight),
         *_places(flight, every),
         *_walks(flight, every),
@@ -71,9 +72,69 @@ def briefing(flight: Flight, every: float | None) -> list[Section]:
     ]
 
 
+def _take_off(flight: Flight) -> Iterator[Section]:
+    """Yields how drones come to their first places and back to the ground."""
+    problem = flight.flown.problem
+    if not has_homes(problem):
+        yield ("Take-off and landing (a suggestion)", list(_legs(flight)))
+        return
+    parts = parts_of_take(problem, flight.plan)
+    yield ("From home and back", list(_homeward(parts)))
+    for part in parts:
+        steps = f" of steps {part.words}" if len(parts) > 1 else ""
+        lines = [
+            line
+            for drone in part.drones
+            for words, way in (("out", drone.out), ("back", drone.back))
+            for line in _points(drone.drone, words, way)
+        ]
+        yield (f"Ways{steps}", ["drone           x (m)        y (m)     z (m)", *lines])
+
+
+def _homeward(parts: Sequence[Part]) -> Iterator[str]:
+    """Yields in which order drones fly, and for how long they are in the air."""
+    if words := pauses_of(parts):
+        yield f"ATTENTION: {words}."
+    yield f"{NOTE[0].upper()}{NOTE[1:]}."
+    yield (
+        f"Straight up and down at home, at {RISE:g} m/s or faster; on the level at {CRUISE:g} m/s "
+        "if limits are known and allow it, else as fast as in the take."
+    )
+    yield ""
+    heads = "".join(f"{name:>9}" for name in ("out", "waits", "take", "waits", "back"))
+    yield f"steps     drone{heads}{'in the air':>13}"
+    for part in parts:
+        for each in part.drones:
+            known = each.endurance is not None
+            of = f" s of {each.endurance:.0f} s" if known else f" s of {_BLANK}"
+            yield (
+                f"{part.words:<10}{each.drone:>5}{each.out.seconds:>9.1f}{each.out.waits:>9.1f}"
+                f"{each.take:>9.1f}{each.back.waits:>9.1f}{each.back.seconds:>9.1f}"
+                f"{each.seconds:>11.1f}{of}"
+            )
+        for name, ways in (
+            ("take off", [each.out for each in part.drones]),
+            ("go home", [each.back for each in part.drones]),
+        ):
+            # Who waits longest at its place was there first, or leaves it last.
+            order = sorted(ways, key=lambda way: way.waits, reverse=name == "take off")
+            yield f"Drones {name} in this order: {', '.join(str(way.drone) for way in order)}."
+
+
+def _points(drone: int, words: str, way: Way) -> Iterator[str]:
+    """Yields the points at which a way turns."""
+    for k, (x, y, z) in enumerate(way.points.tolist()):
+        name = f"{drone:>5} {words:<6}" if k == 0 else " " * 12
+        yield f"{name}{x:>9.1f} {y:>12.1f} {z:>9.1f}"
+
+
 def _unchecked(flight: Flight) -> Iterator[str]:
     """Yields what nobody has checked; that a plan was cut short stands at the top of the sheet."""
-    yield from _UNCHECKED
+    homes = has_homes(flight.flown.problem)
+    yield from (
+        "people on the ways from and to home" if homes and words == _LEGS else words
+        for words in _UNCHECKED
+    )
     yield from (words for words in flight.warnings() if words != flight.cut_short)
 
 
@@ -151,6 +212,9 @@ def _drones(flight: Flight) -> Iterator[str]:
 
 def _in_the_air(flight: Flight) -> Iterator[str]:
     """Yields how long drones are in the air, and whose battery does not last for it."""
+    if has_homes(flight.flown.problem):
+        yield "In the air: from home and back, as the table below has it."
+        return
     seconds = seconds_in_the_air(flight)
     before = seconds - flight.flown.seconds
     waits = "" if flight.is_smooth else ", where missions of waypoints wait for each other"

@@ -9,9 +9,9 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.ways import RISE
 from cocap_opt.missions.items import Place
 
-RISE = 1.0  # m/s, at which drones take off at the slowest
 _SETTLE = 10.0  # s, that the last one has left then
 _REACHED = 0.5  # m from a waypoint; a quarter of the shortest leg if that is less
 _STAYS = 1e-3  # m, less is no way

@@ -14,6 +14,7 @@ from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.ways import Way, has_homes, parts_of_take
 from cocap_opt.missions.briefing import Section, briefing
 from cocap_opt.missions.export import Export
 from cocap_opt.missions.zones import ZONE, outlines
@@ -80,6 +81,7 @@ def _frame(flight: Flight) -> FloatArray:
     points = np.concatenate([
         flight.flown.at(np.linspace(0.0, flight.flown.seconds, steps)).place[:, :2],
         *(actor.poses[:steps, :2] for actor in flight.flown.problem.actors),
+        *(way.points[:, :2] for way in _ways(flight)),
     ])  # fmt: skip
     corner = np.array(height_map.origin)
     size = np.array(height_map.shape) * height_map.resolution
@@ -87,6 +89,13 @@ def _frame(flight: Flight) -> FloatArray:
     margin = np.maximum(_MARGIN, (most - least).max() / 5)
     low, high = corner, corner + size
     return np.column_stack([np.clip(least - margin, low, high), np.clip(most + margin, low, high)])
+
+
+def _ways(flight: Flight) -> list[Way]:
+    """Returns the ways of drones from home and back, if they have homes."""
+    problem = flight.flown.problem
+    parts = parts_of_take(problem, flight.plan) if has_homes(problem) else ()
+    return [way for part in parts for each in part.drones for way in (each.out, each.back)]
 
 
 def _draw_map(ax: Axes, flight: Flight) -> None:
@@ -112,11 +121,19 @@ def _draw_map(ax: Axes, flight: Flight) -> None:
         ax.plot(*dots.T, color=colour, marker=".", ls="none", ms=5)
         _mark_end(ax, way[-1], colour)
         _mark(ax, way[0], str(i), "white", "black")
+    for leg in _ways(flight):
+        colour = DRONE_COLOURS[leg.drone % len(DRONE_COLOURS)]
+        ax.plot(*leg.points[:, :2].T, color=colour, lw=0.8, alpha=0.7)
+    for i, robot in enumerate(problem.robots):
+        if robot.home is not None:
+            _mark(ax, np.array(problem.height_map.centre(*robot.home)), f"H{i}", "white", "black")
     _draw_north(ax, flight)
     every = flown.seconds / (_MARKS - 1)
     zoned = "; red: closed to drones" if problem.airspace.no_fly else ""
+    homes = "; H: homes, thin lines: ways there" if has_homes(problem) else ""
     ax.set_title(
-        f"rings: starts, of people with P; squares: ends; dots: drones every {every:.3g} s{zoned}",
+        f"rings: starts, of people with P; squares: ends; dots: drones every {every:.3g} s{zoned}"
+        f"{homes}",
         fontsize=_SIZE,
     )
     ax.tick_params(labelsize=_SIZE)

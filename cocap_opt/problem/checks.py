@@ -76,6 +76,10 @@ def _require_robot(scene: SceneData, i: int, robot: Robot) -> None:
         _require_area(scene, f"robots[{i}].start", robot.start, robot)
     if robot.goal is not None:
         _require_goal(scene, f"robots[{i}].goal", robot.motion, *robot.goal)
+    if robot.home is not None:
+        _require_on_map(scene, f"robots[{i}].home", *robot.home)
+    without = f"robots[{i}].home", "must be given for all drones, or for none"
+    require((robot.home is None) == (scene.robots[0].home is None), *without)
     if robot.limits is not None and scene.step is not None:
         _require_limits(scene, f"robots[{i}]", robot, robot.limits, scene.step)
 
@@ -96,7 +100,7 @@ def _require_area(scene: SceneData, field: str, area: StartArea, robot: Robot) -
             require(0 <= value < size, f"{field}.{name}", f"must be 0..{size - 1}, not {value}")
 
 
-def _require_goal(scene: SceneData, field: str, motion: Motion, x: int, y: int) -> None:
+def _require_on_map(scene: SceneData, field: str, x: int, y: int) -> None:
     whole(x, field)
     whole(y, field)
     width, depth = scene.height_map.shape
@@ -105,6 +109,10 @@ def _require_goal(scene: SceneData, field: str, motion: Motion, x: int, y: int) 
         field,
         f"must lie inside the map of {width} x {depth} cells, not ({x}, {y})",
     )
+
+
+def _require_goal(scene: SceneData, field: str, motion: Motion, x: int, y: int) -> None:
+    _require_on_map(scene, field, x, y)
     require(
         any(
             not scene.blocked(x, y, motion, k) and not scene.closed(x, y, motion, k)
@@ -122,9 +130,14 @@ def _require_limits(
     words = limits.broken_by(robot.motion, robot.camera.tilts, edge, step)
     if words:
         raise ProblemError(f"{field}.{words}")
+    if robot.home is not None:  # batteries are changed there in a pause of the take
+        return
     words = limits.outlasted_by(scene.horizon * step)
     if words:
-        raise ProblemError(f"{field}.limits.endurance: {words}; fewer steps would do")
+        raise ProblemError(
+            f"{field}.limits.endurance: {words}; fewer steps would do, or homes, at which "
+            "batteries are changed"
+        )
 
 
 def _require_starts(scene: SceneData) -> None:

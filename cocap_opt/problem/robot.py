@@ -124,6 +124,7 @@ class Robot(Data, frozen=True):
     camera : what it films with: a `Camera`, or the `Cone` of Hughes et al.
     goal : cell (x, y), any layer and orientation
     limits : how fast it may move and turn; None: nothing is known of them
+    home : cell (x, y) on whose ground it takes off and lands; None: below its first and last place
     """
 
     start: AnyStart
@@ -131,6 +132,7 @@ class Robot(Data, frozen=True):
     camera: AnyCamera = Camera()
     goal: tuple[int, int] | None = None
     limits: Limits | None = None
+    home: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         given: Any = self.start

@@ -127,6 +127,8 @@ camera = "dji-mavic-pro-4k" # `cocap-opt scenes` lists them; in its place the nu
 #                           # that makes the image); photo = [4, 3]: the maker tells the angle or
 #                           # lens_35mm of photos of this shape, from which film cuts its height
 tilts = [10, 40]            # below the horizon; several make a gimbal
+homes = [[8, 4], [10, 4], [12, 4]]   # m, where each takes off and lands, in the middle of a cell;
+                            # left out: straight below its first and its last place
 airframe = "px4"            # whose limits hold; left out, as each of `limits`: none are checked
 
 [drones.motion]             # what the drones above can do in one step
@@ -152,6 +154,7 @@ endurance = 1200            # s for which the battery lasts
 [[drones]]
 # A drone starts in the middle of the cell in which x and y are; heading 0 is along x.
 starts = [{ x = 30, y = 20, height = 4, heading = 90 }]
+homes = [[14, 4]]           # of all drones or of none
 # starts = { area = [[20, 10], [40, 10], [40, 30]], heights = [4], headings = [0, 90] }
 #                           # with a count: in the area, wherever it is best; "anywhere": on the
 #                           # whole map; heights, headings left out: all
@@ -373,9 +376,10 @@ class _Place(NamedTuple):
 
             def named(found: re.Match[str]) -> str:
                 table, start = names[int(found[1])]
-                return start if found[2] else table
+                return {".start": start, ".home": f"{table}.homes"}.get(found[2], table)
 
-            raise ProblemError(re.sub(r"robots\[(\d+)\](\.start)?", named, str(error))) from error
+            pattern = r"robots\[(\d+)\](\.start|\.home)?"
+            raise ProblemError(re.sub(pattern, named, str(error))) from error
 
 
 def _names(recipe: Recipe) -> Iterator[tuple[str, str]]:

@@ -154,6 +154,7 @@ class DronesTable(Table):
     motion: Motion = Motion()
     airframe: str | None = None
     limits: _LimitsTable = msgspec.field(default_factory=_LimitsTable)
+    homes: _Several[Point] | None = None  # m, of each drone of the table
 
     def added_to(
         self, team: list[Robot], around: Surroundings, rng: np.random.Generator
@@ -178,16 +179,17 @@ class DronesTable(Table):
             "camera": camera_of(self.camera, self.tilts),
             "limits": self._limits(),
         }
+        homes = self._homes(around.height_map)
         team = list(team)
         if self.near is not None and self.starts is not None:
             raise ProblemError("near: must be left out beside starts; it is for a count alone")
         if isinstance(self.starts, _AreaTable):
             with naming("starts"):
                 area = self.starts.starts(self.motion, around.height_map)
-            return team + [Robot(start=area, **parts)] * (self.count or 0)
-        for start in self.starts or ():
+            return team + [Robot(start=area, home=home, **parts) for home in homes]
+        for start, home in zip(self.starts or (), homes, strict=False):
             state = _stated(start, self.motion, around.height_map)
-            team.append(Robot(start=state, **parts))
+            team.append(Robot(start=state, home=home, **parts))
         states = iter(self._candidates(around, rng) if self.count else ())
         for k in range(self.count or 0):
             apart = (
@@ -201,8 +203,28 @@ class DronesTable(Table):
                 if k == 0:
                     _require_people_on_map(around)
                 raise ProblemError(f"count: must be at most {k} here; {self._room(around)}")
-            team.append(Robot(start=state_apart, **parts))
+            team.append(Robot(start=state_apart, home=homes[k], **parts))
         return team
+
+    def _homes(self, height_map: HeightMap) -> list[tuple[int, int] | None]:
+        """Returns the cells of the homes, one for each drone of the table; None where none is."""
+        drones = self.count or len(self.stated)
+        if self.homes is None:
+            return [None] * drones
+        if len(self.homes) != drones:
+            raise ProblemError(
+                f"homes: must be a place for each of {drones} drones, not {len(self.homes)}"
+            )
+        cells = [height_map.cell_of(x, y) for x, y in self.homes]
+        for k, (cell, (x, y)) in enumerate(zip(cells, self.homes, strict=True)):
+            if not height_map.inside(*cell):
+                ends = rectangle(*height_map.ends)
+                raise ProblemError(
+                    f"homes[{k}]: must lie on the map, {ends}, not at ({x:g}, {y:g}) m"
+                )
+            if cell in cells[:k]:
+                raise ProblemError(f"homes[{k}]: must be in a cell of its own, {cell} is taken")
+        return [*cells]
 
     @property
     def stated(self) -> tuple[_StartTable, ...]:

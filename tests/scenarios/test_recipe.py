@@ -117,6 +117,8 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
             "[[40, 10], [50, 10], [50, 20]]",
             str([[EAST + x, NORTH + y] for x, y in ((40, 10), (50, 10), (50, 20))]),
         ),
+        ("[[8, 4], [10, 4], [12, 4]]", str([[EAST + x, NORTH + 14] for x in (18, 20, 22)])),
+        ("[[14, 4]]", str([[EAST + 24, NORTH + 14]])),
         ("x = 30, y = 20,", f"x = {EAST + 45}, y = {NORTH + 40},"),
         ("starts = [", "motion = { layers = [4] }\nstarts = ["),
     ):
@@ -139,6 +141,7 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
     assert limits is not None
     assert (limits.speed, limits.yaw_rate, limits.endurance) == (8.0, math.radians(90), 1200.0)
     assert problem.robots[3].limits is None
+    assert [robot.home for robot in problem.robots] == [(8, 4), (10, 4), (12, 4), (14, 4)]
     assert problem.earth is not None
     assert (problem.earth.heights, problem.earth.base) == ("sea", 20.0)
     views = problem.objective.views

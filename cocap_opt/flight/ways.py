@@ -1,0 +1,402 @@
+"""The ways of drones from home to their first places and back, and how long batteries must last.
+
+Drones go one after the other, each along the quickest way over the map's cells, while those that
+are not yet gone, or are there already, hover: so the rules between drones, obstacles and no-fly
+zones hold on all ways as they do in the plan. People are known only during the take, and count
+for nothing here. Whoever is at home stands on the ground.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from cocap_opt.data import FloatArray, IntArray, ProblemError
+from cocap_opt.graph.motion import Window, allowed_moves
+from cocap_opt.problem import Plan, Problem, State
+
+RISE = 1.0  # m/s, at which drones rise from the ground, and sink to it, at the slowest
+CRUISE = 4.0  # m/s, on the level, of drones whose limits are known and allow it
+_ROOM = 60  # cells around homes and the plan, in which ways are looked for before all of the map
+_LEAST = 1e-9  # s; scipy takes moves of no duration for none
+
+
+class Way(NamedTuple):
+    """The way of a drone between its place on the ground and one of the plan.
+
+    Attributes
+    ----------
+    drone : its number
+    points : [n, 3] m, where it turns, from the beginning to the end, the ground included
+    seconds : it takes
+    waits : s for which the drone hovers at its place of the plan, while others are on their way
+    """
+
+    drone: int
+    points: FloatArray
+    seconds: float
+    waits: float
+
+
+class AirTime(NamedTuple):
+    """The time that a drone is in the air for a take, or the part of one between two pauses.
+
+    Attributes
+    ----------
+    drone : its number
+    out : its way from home
+    take : s of the plan
+    back : its way home
+    endurance : s for which its battery lasts; None: nobody knows
+    """
+
+    drone: int
+    out: Way
+    take: float
+    back: Way
+    endurance: float | None
+
+    @property
+    def seconds(self) -> float:
+        """Seconds from take-off to landing."""
+        out, back = self.out, self.back
+        return out.seconds + out.waits + self.take + back.waits + back.seconds
+
+    @property
+    def lasts(self) -> bool:
+        """True if the battery lasts, or nobody knows how long it does."""
+        return self.endurance is None or self.seconds <= self.endurance
+
+
+class Part(NamedTuple):
+    """The part of a take that is flown with one set of batteries, from a step to another."""
+
+    first: int
+    last: int
+    drones: tuple[AirTime, ...]
+
+    @property
+    def words(self) -> str:
+        """The steps of the part."""
+        return f"{self.first}..{self.last}"
+
+
+def rows_of(parts: Sequence[Part]) -> list[dict[str, Any]]:
+    """Returns rows of a table: each drone's time in the air in each part, and its battery (s)."""
+    return [
+        {
+            **({"steps": part.words} if len(parts) > 1 else {}),
+            "drone": drone.drone, "out (s)": drone.out.seconds, "take (s)": drone.take,
+            "back (s)": drone.back.seconds, "waits (s)": drone.out.waits + drone.back.waits,
+            "in the air (s)": drone.seconds, "battery (s)": drone.endurance,
+        }
+        for part in parts
+        for drone in part.drones
+    ]  # fmt: skip
+
+
+def pauses_of(parts: Sequence[Part]) -> str:
+    """Says at which steps the take is to be paused for new batteries; nothing if it is not."""
+    if len(parts) < 2:
+        return ""
+    steps = [str(part.last) for part in parts[:-1]]
+    at = f"step {steps[0]}" if len(steps) == 1 else f"steps {', '.join(steps)}"
+    return (
+        f"batteries do not last for the whole take: pause it at {at} at the latest, people too, "
+        "fly all drones home, change batteries, and take it up there"
+    )
+
+
+NOTE = (
+    "ways from and to home keep away from obstacles, no-fly zones and other drones, which hover at "
+    "their places while one after the other flies; people are not looked at there, and must stay "
+    "away"
+)
+
+
+def has_homes(problem: Problem) -> bool:
+    """Returns True if the drones of a problem have places from which they take off."""
+    return problem.robots[0].home is not None
+
+
+@lru_cache(maxsize=4)
+def parts_of_take(problem: Problem, plan: Plan) -> tuple[Part, ...]:
+    """Returns the parts of a take between which batteries are changed, each as long as they last.
+
+    There is one part where they last for all of it. All drones go home at once, and take the take
+    up where they left it.
+
+    Raises
+    ------
+    ProblemError
+        If a drone has no way, or a battery does not even last for a step and the ways; one line.
+    """
+    whole = Window.all_of(problem.workspace)
+    cells = [(state.x, state.y) for path in plan.paths for state in path]
+    homes = [robot.home for robot in problem.robots if robot.home is not None]
+    near = Window.around([*cells, *homes], _ROOM, problem.workspace)
+    try:
+        return tuple(_parts(problem, plan, near))
+    except _NoWayError:
+        if near == whole:
+            raise
+        return tuple(_parts(problem, plan, whole))
+
+
+class _NoWayError(ProblemError):
+    """A drone has no way on the part of the map that was looked at."""
+
+
+def _parts(problem: Problem, plan: Plan, window: Window) -> list[Part]:
+    ways, horizon = _Ways(problem, window), problem.horizon
+    parts: list[Part] = []
+    first = 0
+    while first < horizon:
+        out = ways.out_to([path[first] for path in plan.paths])
+        last, found = _longest(ways, plan, out, first)
+        if last == first:
+            worst = max(found, key=lambda drone: drone.seconds - (drone.endurance or math.inf))
+            raise ProblemError(
+                f"drone {worst.drone} cannot fly even a step from step {first} on: its ways from "
+                f"and to home and the waits for others take {worst.seconds:.4g} s with it, and its "
+                f"battery lasts {worst.endurance:.4g} s; a home nearer to its places, or fewer "
+                "drones, would do"
+            )
+        parts.append(Part(first, last, found))
+        first = last
+    return parts
+
+
+def _longest(
+    ways: "_Ways", plan: Plan, out: list[Way], first: int
+) -> tuple[int, tuple[AirTime, ...]]:
+    """Returns the last step until which batteries last, if drones fly home then, and the times.
+
+    It is the first step itself where they do not even last for one.
+    """
+    problem, shortest = ways.problem, tuple[AirTime, ...]()
+    for last in range(problem.horizon, first, -1):
+        if not ways.may_last(plan, out, first, last):
+            continue
+        back = ways.back_from([path[last] for path in plan.paths], out)
+        shortest = tuple(_times(problem, out, back, (last - first) * ways.step))
+        if all(drone.lasts for drone in shortest):
+            return last, shortest
+    if not shortest:
+        back = ways.back_from([path[first + 1] for path in plan.paths], out)
+        shortest = tuple(_times(problem, out, back, ways.step))
+    return first, shortest
+
+
+def _times(
+    problem: Problem, out: Sequence[Way], back: Sequence[Way], take: float
+) -> Iterator[AirTime]:
+    for i, robot in enumerate(problem.robots):
+        endurance = None if robot.limits is None else robot.limits.endurance
+        yield AirTime(i, out[i], take, back[i], endurance)
+
+
+class _Ways:
+    """The ways between the homes of drones and any of their places."""
+
+    def __init__(self, problem: Problem, window: Window) -> None:
+        assert problem.step is not None
+        self.problem, self.step = problem, problem.step
+        self._nets = [_Net(problem, i, window) for i in range(len(problem.robots))]
+
+    def out_to(self, states: Sequence[State]) -> list[Way]:
+        """Returns the ways from all homes to places; who is there hovers until all are.
+
+        The one whose way is quickest flies last.
+        """
+        return self._in_turn(states, None)
+
+    def back_from(self, states: Sequence[State], out: Sequence[Way]) -> list[Way]:
+        """Returns the ways from places to all homes; who is not yet gone hovers.
+
+        Who has been in the air for longest goes first.
+        """
+        return self._in_turn(states, [way.seconds + way.waits for way in out])
+
+    def may_last(self, plan: Plan, out: Sequence[Way], first: int, last: int) -> bool:
+        """Returns False if a battery cannot last, even if nobody is in anybody's way home."""
+        for i, robot in enumerate(self.problem.robots):
+            if robot.limits is not None and robot.limits.endurance is not None:
+                least = self._nets[i].seconds_home(plan.paths[i][last])
+                take = (last - first) * self.step
+                if out[i].seconds + out[i].waits + take + least > robot.limits.endurance:
+                    return False
+        return True
+
+    def _in_turn(self, states: Sequence[State], flown: Sequence[float] | None) -> list[Way]:
+        """Returns a way for each drone.
+
+        Ways out are found from the last drone to the first, as if time ran backwards.
+
+        Parameters
+        ----------
+        flown : s for which drones were in the air before the take; None: these are the ways out
+        """
+        is_out = flown is None
+        robots = zip(self.problem.robots, states, strict=True)
+        at = [self.problem.where(robot, [state])[0] for robot, state in robots]
+        found: dict[int, Way] = {}
+        waits = 0.0
+        while len(found) < len(states):
+            left = [i for i in range(len(states)) if i not in found]
+            ways = [
+                way
+                for i in left
+                if (way := self._nets[i].way(states[i], is_out, [at[k] for k in left if k != i]))
+            ]
+            if not ways:
+                where = "from home to its place" if is_out else "home"
+                raise _NoWayError(
+                    f"drone {left[0]} has no way {where} that keeps away from obstacles, no-fly "
+                    "zones and the drones that hover"
+                )
+            if flown is None:
+                way = min(ways, key=lambda way: way.seconds)
+            else:
+                way = max(ways, key=lambda way: flown[way.drone])
+            found[way.drone] = way._replace(waits=waits)
+            waits += way.seconds
+        return [found[i] for i in range(len(states))]
+
+
+class _Net:
+    """The places of a drone and its moves between them, by cells, with the seconds of each."""
+
+    def __init__(self, problem: Problem, drone: int, window: Window) -> None:
+        self._problem, self._drone = problem, drone
+        self._robot = problem.robots[drone]
+        self._motion = self._robot.motion.replace(radius=1, climb=1)
+        assert self._robot.home is not None
+        self._home = self._robot.home
+        x, y = self._home
+        self._ground = float(problem.height_map.heights[x, y])
+        self._window = window
+        self._shape = (len(self._motion.layers), *window.shape)
+        self._pad = math.prod(self._shape)  # the node of the home's ground
+        self._tails, self._heads, self._seconds = self._moves()
+        self._at = self._places()
+
+    def _places(self) -> FloatArray:
+        """Returns where the nodes are [n, 3] (m); the last is on the ground."""
+        layer, x, y = np.unravel_index(np.arange(self._pad), self._shape)
+        rows = np.column_stack([x + self._window.x0, y + self._window.y0, layer])
+        places = self._problem.above(self._robot, rows)
+        ground = [*self._problem.height_map.centre(*self._home), self._ground]
+        return np.concatenate([places, [ground]])
+
+    def _moves(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """Returns all moves: the nodes they begin and end at, and their seconds."""
+        workspace, limits = self._problem.workspace, self._robot.limits
+        size, step = workspace.height_map.resolution, self._problem.step
+        assert step is not None
+        level = max(self._robot.motion.radius, 1) * size / step  # in the take, along an axis
+        if limits is not None and limits.speed is not None:
+            level = min(max(level, CRUISE), limits.speed)
+        tails, heads, seconds = [], [], []
+        altitudes = self._window.of(workspace.height_map.altitudes(self._motion.layers))
+        numbers = np.arange(self._pad).reshape(self._shape)
+        for (up, dx, dy), may in allowed_moves(workspace, self._motion, self._window):
+            if (up, dx, dy) == (0, 0, 0):
+                continue
+            layer, x, y = np.nonzero(may)
+            rise = altitudes[layer + up, x + dx, y + dy] - altitudes[layer, x, y]
+            tails.append(numbers[layer, x, y])
+            heads.append(numbers[layer + up, x + dx, y + dy])
+            along = math.hypot(dx, dy) * size / level
+            seconds.append(np.maximum(along, self._climbing(rise)))
+        for landing in self._landings():
+            node = self._node(State(*self._home, landing))
+            high = (self._altitude(landing) - self._ground) / RISE
+            tails += [np.array([node]), np.array([self._pad])]
+            heads += [np.array([self._pad]), np.array([node])]
+            seconds += [np.array([max(high, _LEAST)])] * 2
+        return np.concatenate(tails), np.concatenate(heads), np.concatenate(seconds)
+
+    def _climbing(self, rise: FloatArray) -> FloatArray:
+        """Returns the seconds that climbs and descents (m) take, at what limits allow, or RISE."""
+        limits = self._robot.limits
+        up = (limits and limits.climb) or RISE
+        down = (limits and limits.descent) or RISE
+        seconds: FloatArray = np.where(rise > 0, rise / up, -rise / down)
+        return seconds
+
+    def _landings(self) -> list[int]:
+        """Returns the layers from which the drone may land at home, straight down."""
+        workspace, (x, y) = self._problem.workspace, self._home
+        found = []
+        for layer in range(len(self._motion.layers)):
+            altitude = self._altitude(layer)
+            above = [low for low, _ in workspace.columns.at(x, y)[1:]]
+            is_open = all(low > altitude + self._motion.clearance for low in above)
+            closed = workspace.forbidden.solid_at(x, y, self._ground, altitude)
+            if is_open and not closed and altitude - self._motion.clearance > self._ground:
+                found.append(layer)
+        if not found:
+            raise ProblemError(
+                f"robots[{self._drone}].home: cell ({x}, {y}) must be open above, up to one of the "
+                "drone's flight heights, for take-off and landing"
+            )
+        return found
+
+    def _node(self, state: State) -> int:
+        place = state.layer, state.x - self._window.x0, state.y - self._window.y0
+        return int(np.ravel_multi_index(place, self._shape))
+
+    def _altitude(self, layer: int) -> float:
+        """Returns the altitude (m) of a layer at home."""
+        height = self._motion.layers[layer]
+        return self._problem.height_map.altitude(*self._home, height)
+
+    def _matrix(self, hovering: Sequence[FloatArray]) -> csr_array:
+        """Returns the seconds of all moves that keep the rules beside drones that hover (m)."""
+        kept, rules = np.ones(len(self._tails), dtype=np.bool_), self._problem.rules
+        for place in hovering:
+            before, after = self._at[self._tails] - place, self._at[self._heads] - place
+            kept &= ~(rules.too_near(before) | rules.too_near(after))
+            kept &= ~rules.pass_too_near(before, after)
+        nodes = self._pad + 1
+        rows = self._tails[kept], self._heads[kept]
+        return csr_array((self._seconds[kept], rows), shape=(nodes, nodes))
+
+    @cached_property
+    def _alone(self) -> FloatArray:
+        """The seconds from all nodes home, with nobody in the way."""
+        found: FloatArray = dijkstra(self._matrix([]).T.tocsr(), indices=[self._pad])[0]
+        return found
+
+    def seconds_home(self, state: State) -> float:
+        """Returns the seconds of the way home with nobody in the way; inf if there is none."""
+        return float(self._alone[self._node(state)])
+
+    def way(self, state: State, is_out: bool, hovering: Sequence[FloatArray]) -> Way | None:
+        """Returns the quickest way, from home or to it, beside drones that hover (m); or None."""
+        matrix = self._matrix(hovering)
+        matrix = matrix if is_out else matrix.T.tocsr()
+        (seconds,), (before,) = dijkstra(matrix, indices=[self._pad], return_predecessors=True)
+        node = self._node(state)
+        if not math.isfinite(seconds[node]):
+            return None
+        nodes = [node]
+        while nodes[-1] != self._pad:
+            nodes.append(int(before[nodes[-1]]))
+        points = self._at[nodes[::-1] if is_out else nodes]
+        return Way(self._drone, _turns(points), float(seconds[node]), 0.0)
+
+
+def _turns(points: FloatArray) -> FloatArray:
+    """Returns the points [n, 3] of a way at which it turns, with both its ends."""
+    ways = np.diff(points, axis=0)
+    kept = [0]
+    for k in range(1, len(ways)):
+        if np.linalg.norm(np.cross(ways[k - 1], ways[k])) > 1e-9 or ways[k - 1] @ ways[k] < 0:
+            kept.append(k)
+    return points[[*kept, len(points) - 1]]

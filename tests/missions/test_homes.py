@@ -1,0 +1,129 @@
+"""Homes of recipes, in what `fly` prints and writes."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from cocap_opt.cli.commands import run
+from cocap_opt.data import ProblemError
+from cocap_opt.flight.flights import Flight
+from cocap_opt.missions.briefing import briefing
+from cocap_opt.planners import PLANNERS
+from cocap_opt.problem import Problem
+from cocap_opt.scenarios.recipe import read
+from cocap_opt.stop import never
+
+RECIPE = """
+steps = 6
+step = 2.0
+[map]
+size = [20, 12]
+[[walk]]
+points = [[8, 6], [14, 6]]
+[[drones]]
+starts = [{ x = 6.5, y = 3.5 }, { x = 6.5, y = 8.5 }]
+homes = {homes}
+limits = { endurance = {endurance}, speed = 5 }
+motion = { layers = [5] }
+"""
+
+
+def recipe(folder: Path, homes: str = "[[2.5, 3.5], [2.5, 8.5]]", endurance: float = 60) -> Path:
+    """The file of a recipe with homes."""
+    path = folder / "scene.toml"
+    text = RECIPE.replace("{homes}", homes).replace("{endurance}", str(endurance))
+    path.write_text(text)
+    return path
+
+
+def flight(problem: Problem) -> Flight:
+    """The flight of a plan."""
+    plan = PLANNERS["sequential"](problem, never).plan
+    assert plan is not None
+    return Flight.of(problem, plan, False)
+
+
+def test_fly_tells_the_time_from_take_off_to_landing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """In a table, and in JSON with the points of the ways; where batteries do not last it warns."""
+    plan, out = str(tmp_path / "plan.json"), str(tmp_path / "flight.csv")
+    scene = str(recipe(tmp_path))
+    assert run(["plan", scene, "--planner", "sequential", "-o", plan]) == 0
+    capsys.readouterr()
+    assert run(["fly", scene, plan, "-o", out]) == 0
+    printed = capsys.readouterr().out
+    assert "from take-off to landing" in printed and "people are not looked at there" in " ".join(
+        printed.split()
+    )
+    assert "batteries do not last" not in caplog.text
+    assert run(["fly", scene, plan, "-o", out, "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["from_home"]
+    assert [(row["first"], row["last"], row["drone"]) for row in rows] == [(0, 6, 0), (0, 6, 1)]
+    for row, home in zip(rows, ([2.5, 3.5, 0], [2.5, 8.5, 0]), strict=True):
+        assert row["out"]["points"][0] == home == row["back"]["points"][-1]
+        assert 12 + 2 * 5 < row["seconds"] <= row["endurance"] == 60
+
+    scene = str(recipe(tmp_path, endurance=29))
+    assert run(["plan", scene, "--planner", "sequential", "-o", plan]) == 0
+    assert run(["fly", scene, plan, "-o", out, "--json"]) == 0
+    assert re.search(
+        r"batteries do not last for the whole take: pause it at steps? \d", caplog.text
+    )
+
+
+def test_missions_do_not_hold_the_ways(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Which a note says; the sheet has them."""
+    text = recipe(tmp_path).read_text() + '[earth]\ncrs = "EPSG:25830"\n'
+    path = tmp_path / "scene.toml"
+    path.write_text(text.replace("size = [20, 12]", "size = [20, 12]\norigin = [500000, 4790000]")
+                    .replace("[[8, 6], [14, 6]]", "[[500008, 4790006], [500014, 4790006]]")
+                    .replace("x = 6.5, y = ", "x = 500006.5, y = 479000")
+                    .replace("[[2.5, 3.5], [2.5, 8.5]]",
+                             "[[500002.5, 4790003.5], [500002.5, 4790008.5]]"))  # fmt: skip
+    plan = str(tmp_path / "plan.json")
+    assert run(["plan", str(path), "--planner", "sequential", "-o", plan]) == 0
+    capsys.readouterr()
+    assert run(["fly", str(path), plan, "-o", str(tmp_path / "f.waypoints")]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert ".waypoints holds no ways from and to home: the sheet (.pdf) and --json have" in printed
+
+
+def test_the_sheet_has_ways_and_batteries(tmp_path: Path) -> None:
+    """Order, seconds, points; what is not checked then are people on the ways."""
+    sections = dict(briefing(flight(read(recipe(tmp_path))), None))
+    assert "Take-off and landing (a suggestion)" not in sections
+    lines = sections["From home and back"]
+    rows = [line.split() for line in lines if line.startswith("0..6")]
+    assert [(row[1], row[-2]) for row in rows] == [("0", "60"), ("1", "60")]
+    for row in rows:
+        assert sum(map(float, row[2:7])) == pytest.approx(float(row[7]), abs=0.3)
+    assert sum(line.startswith("Drones take off in this order: ") for line in lines) == 1
+    assert sections["Ways"][1].split() == ["0", "out", "2.5", "3.5", "0.0"]
+    assert "- people on the ways from and to home" in sections["Not checked"]
+    parted = dict(briefing(flight(read(recipe(tmp_path, endurance=29))), None))
+    assert parted["From home and back"][0].startswith("ATTENTION: batteries do not last for the")
+    assert "Ways of steps 0..6" not in parted
+
+
+@pytest.mark.parametrize(("homes", "words"), [
+    ("[[2.5, 3.5]]", r"drones\[0\]: homes: must be a place for each of 2 drones, not 1"),
+    ("[[2.5, 3.5], [90, 3.5]]", r"drones\[0\]: homes\[1\]: must lie on the map, x 0..20"),
+    ("[[2.5, 3.5], [2.2, 3.1]]", r"drones\[0\]: homes\[1\]: must be in a cell of its own, \(2,"),
+    ("[]", r"drones\[0\].homes: must"),
+])  # fmt: skip
+def test_homes_that_do_not_fit_are_named(tmp_path: Path, homes: str, words: str) -> None:
+    """One line with the table and the field."""
+    with pytest.raises(ProblemError, match=words) as error:
+        read(recipe(tmp_path, homes))
+    assert "\n" not in str(error.value)
+
+
+def test_all_tables_have_homes_or_none(tmp_path: Path) -> None:
+    """The message has the recipe's names."""
+    path = recipe(tmp_path)
+    path.write_text(path.read_text() + "[[drones]]\nstarts = [{ x = 15, y = 9 }]\n")
+    with pytest.raises(ProblemError, match=r"drones\[1\].homes: must be given for all drones, or"):
+        read(path)
