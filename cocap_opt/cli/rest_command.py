@@ -260,7 +260,7 @@ def _of_the_mission(replanning: Replanning, judged: Judged[CertifiedResult]) -> 
         "flown_reward": rest.reward_flown,
         "whole_reward": rest.reward_flown + judged.reward if judged.verdict else None,
         "old_reward": replanning.old,
-        "bound_seconds": replanning.bound_seconds,
+        "bound_seconds": replanning.bound_seconds or None,
         "digest": problem_digest(rest.scene),
     }
     if replanning.fault:
