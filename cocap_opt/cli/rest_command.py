@@ -252,7 +252,7 @@ def _row(rest: Rest, seed: int, planner: str, judged: Judged[Any]) -> PlanRow:
 
 
 def _of_the_mission(replanning: Replanning, judged: Judged[CertifiedResult]) -> Record:
-    """Returns what an answer says of the mission besides its rest."""
+    """Returns the part of an answer that is of the mission, besides its rest."""
     rest = replanning.rest
     answer: Record = {
         "from_step": rest.step,
