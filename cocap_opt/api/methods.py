@@ -121,7 +121,7 @@ def plan(
     --------
     >>> result = co.plan(problem, time_limit=10)
     >>> result.plot()
-    >>> co.plan(problem, follow=result, from_step=5, without=[1], time_limit=2).rest.gap
+    >>> co.plan(problem, follow=result, from_step=1, without=[1], time_limit=2).rest.gap
     """
     require_problem(problem)
     method, name = _planner(planner), name_of(planner)

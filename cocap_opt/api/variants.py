@@ -143,7 +143,7 @@ def rest(
 
     Examples
     --------
-    >>> left = co.rest(problem, result, 5, without=[1])
+    >>> left = co.rest(problem, result, 1, without=[1])
     >>> co.bound(left, time_limit=10).bound
     """
     return rest_of(problem, plan, from_step, without).scene

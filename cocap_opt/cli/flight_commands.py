@@ -487,7 +487,7 @@ def _shown(row: Record) -> Record:
     if row["people_distance"] is not None:
         columns["people (m)"] = row["people_distance"]
     asked = [row[key] for key in ("ask_drones", "ask_people") if row[key] is not None]
-    way_out = f"; ask for {' and '.join(f'{one:g}' for one in asked)} m" if asked else ""
+    way_out = f"; ask for {' and '.join(f'{metres:g}' for metres in asked)} m" if asked else ""
     return {**columns, "rules": f"{row['rules']}{way_out}"}
 
 

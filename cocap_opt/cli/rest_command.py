@@ -252,7 +252,7 @@ def _row(rest: Rest, seed: int, planner: str, judged: Judged[Any]) -> PlanRow:
 
 
 def _of_the_mission(replanning: Replanning, judged: Judged[CertifiedResult]) -> Record:
-    """Returns what an answer says of the mission besides its rest."""
+    """Returns the part of an answer that is of the mission, besides its rest."""
     rest = replanning.rest
     answer: Record = {
         "from_step": rest.step,
@@ -260,7 +260,7 @@ def _of_the_mission(replanning: Replanning, judged: Judged[CertifiedResult]) -> 
         "flown_reward": rest.reward_flown,
         "whole_reward": rest.reward_flown + judged.reward if judged.verdict else None,
         "old_reward": replanning.old,
-        "bound_seconds": replanning.bound_seconds,
+        "bound_seconds": replanning.bound_seconds or None,
         "digest": problem_digest(rest.scene),
     }
     if replanning.fault:

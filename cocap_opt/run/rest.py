@@ -87,7 +87,7 @@ class Rest(NamedTuple):
         return Plan(paths=tuple(plan.paths[i][self.step :] for i in self.drones))
 
     def joined(self, plan: Plan) -> Plan | None:
-        """Returns what was flown and a plan of the rest as a plan of the whole mission.
+        """Returns the plan of the whole mission: the steps flown, then a plan of the rest.
 
         None where a drone is lost: a plan has states of all drones at all steps.
         """

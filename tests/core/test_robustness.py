@@ -1,12 +1,28 @@
+import math
+
 import numpy as np
 import pytest
+from losing import value_with
 from test_flight import STEPS, counted, flights
 
 from cocap_opt.data import FloatArray
+from cocap_opt.flight import filming
 from cocap_opt.flight.filming import view_reward
-from cocap_opt.flight.robustness import Robustness
+from cocap_opt.flight.flights import Flight
+from cocap_opt.flight.robustness import Robustness, missing_distance
 from cocap_opt.flight.trajectory import Trajectory
-from cocap_opt.problem import Actor, Airspace, CollisionRules, Plan, Problem, Robot, State
+from cocap_opt.footage.losses import Losses, steps_in_words
+from cocap_opt.footage.quality import Quality
+from cocap_opt.problem import (
+    Actor,
+    Airspace,
+    CollisionRules,
+    Objective,
+    Plan,
+    Problem,
+    Robot,
+    State,
+)
 from cocap_opt.world.workspace import HeightMap
 
 FINE = 4e-3  # m, by which the least of samples may be more than the least
@@ -100,7 +116,86 @@ def test_rules_are_kept_as_long_as_they_are() -> None:
         found = robustness.with_laggard(lag)
         assert (found.apart, found.aside) == pytest.approx((3 - lag, 2.5))
         assert found.too_near == near
+        assert found.missing.get("drones", 0.0) == pytest.approx(max(lag - 1, 0.0), abs=2e-4)
     for left, near in ((1.0, nobody), (-0.29, nobody), (-0.31, people)):
         found = robustness.with_people(left=left)
         assert (found.apart, found.aside) == pytest.approx((3.0, 2.5 + left))
         assert found.too_near == near
+        assert found.missing.get("people", 0.0) == pytest.approx(max(-0.3 - left, 0.0), abs=2e-4)
+
+
+def test_the_missing_distance_is_that_of_samples() -> None:
+    """Random polynomials, with and without a distance in height beside which none is asked for."""
+    rng, missed, shares = np.random.default_rng(3), 0, np.linspace(0, 1, 4001)
+    bernstein = np.column_stack(
+        [math.comb(5, k) * shares**k * (1 - shares) ** (5 - k) for k in range(6)]
+    )
+    for k in range(60):
+        ways = rng.normal(0, 2, (3, 3, 6))
+        rules = CollisionRules(separation=1.5, vertical=0.0 if k % 2 else 1.0)
+        points = np.einsum("nik,tk->nti", ways, bernstein).reshape(-1, 3)
+        counts = np.abs(points[:, 2]) < 1.0 if rules.vertical else np.ones(len(points), np.bool_)
+        flat = points[:, :2] if rules.vertical else points
+        lacks = (1.5 - np.linalg.norm(flat[counts], axis=-1)).max(initial=0.0)
+        found = missing_distance(ways, rules)
+        assert lacks - 1e-5 <= found <= lacks + FINE
+        missed += lacks > 0.1
+    assert 10 < missed < 60
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("over_time", [False, True])
+@pytest.mark.parametrize("people_count", [False, True])
+def test_a_lost_drone_leaves_what_another_evaluator_says(
+    over_time: bool, people_count: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each drone at each step: J at the steps, and who is seen by a scene without the drone."""
+    monkeypatch.setattr(filming, "PARTS", 1)
+    for problem, plan, _ in teams()[:1]:
+        objective = Objective(
+            stationarity=7.0, keep_heading=0.5, over_time=over_time, count_start=over_time
+        )
+        scene = problem.replace(objective=objective)
+        scene = counted(scene, 0.3, weight=100.0) if people_count else scene
+        losses = Losses(Flight.of(scene, plan, smooth=False))
+        seen = Quality.of(scene, plan).views
+        for row in losses.rows([0, 2, STEPS]):
+            i, step = row["lost_drone"], row["lost_step"]
+            assert row["reward"] == pytest.approx(value_with(scene, plan, step, [i]), rel=1e-9)
+            others = scene.replace(robots=tuple(np.delete(np.array(scene.robots, object), i)))
+            paths = (*plan.paths[:i], *plan.paths[i + 1 :])
+            views = np.vstack([seen[:step], Quality.of(others, Plan(paths=paths)).views[step:]])
+            views = views[scene.first_step :]
+            assert row["by_two"] == pytest.approx((views >= 2).mean())
+            assert row["by_none"] == pytest.approx((views == 0).mean())
+            gone = {t for found in row["no_longer"] for t in found["steps"]}
+            both = (seen[scene.first_step :] >= 2) & (views < 2)
+            assert gone == {t + scene.first_step for t in np.flatnonzero(both.any(axis=1))}
+        for i in range(len(plan.paths)):
+            left = [value_with(scene, plan, step, [i]) for step in range(STEPS + 1)]
+            worst = losses.worst_step(i)
+            assert (
+                left[worst] == pytest.approx(min(left))
+                and (np.array(left[worst + 1 :]) > min(left)).all()
+            )
+
+
+def test_a_lost_drone_is_near_nobody_once_it_is_gone() -> None:
+    """Until its step it counts as all others do."""
+    for problem, _, flown in teams():
+        robustness = Robustness(flown)
+        for step in (0, 2):
+            found, times = robustness.with_lost(0, step), np.linspace(0, flown.seconds, 2001)
+            at = places(flown, times)
+            before = times <= step * STEP
+            pairs = [least(at[i], at[i + 1 :]) for i in range(1, len(at) - 1)]
+            pairs += [least(at[0, before], at[1:, before])] if step else []
+            expected = min(pairs, default=np.inf)
+            assert found.apart == pytest.approx(expected, abs=FINE)
+            assert problem.actors and found.aside >= robustness.as_planned.aside - 1e-9
+
+
+def test_steps_are_named_in_runs() -> None:
+    """Runs of steps are told by their ends."""
+    assert steps_in_words([4]) == "step 4"
+    assert steps_in_words([0, 1, 2, 5, 7, 8]) == "steps 0-2, 5, 7-8"

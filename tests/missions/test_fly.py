@@ -372,10 +372,16 @@ def test_a_plan_that_is_not_flown_as_planned(
     assert isinstance(planned, co.Plan)
     table = co.robustness(problem, planned, late=[1, 0.5], aside=[2], lag=[0.7])
     assert run.json["changes"] == table.astype(object).where(table.notna(), None).to_dict("records")
-    assert list(table.change) == [
+    assert list(table.change)[:-2] == [
         "as planned", "people 1 s late", "people 1 s early", "people 0.5 s late",
         "people 0.5 s early", "people 2 m left", "people 2 m right", "any drone 0.7 s late",
     ]  # fmt: skip
+    assert list(table.lost_drone[-2:]) == [0, 1] and table.by_two[:-2].count() == 1
+    at_two = Run(capsys, "robustness", scene, plan, "--lost", 2, 4, "--json").json["changes"]
+    assert [row["change"] for row in at_two[-2:]] == [
+        "drone 1 lost at step 2", "drone 1 lost at step 4",
+    ]  # fmt: skip
+    assert at_two[-2]["reward"] <= at_two[-1]["reward"] <= at_two[0]["reward"]
     first = table.iloc[0]
     assert (first.share, first.rules) == (1, "kept")
     assert first.reward == co.trajectory(problem, planned).attrs["reward_straight"]
@@ -383,6 +389,7 @@ def test_a_plan_that_is_not_flown_as_planned(
     assert (run.json["delay_tolerance"], table.attrs["delay_tolerance"]) == ("unlimited", np.inf)
     assert run.json["delay_tolerance_to_people"] is None
     run = Run(capsys, "robustness", scene, plan, *words)
+    assert "if a drone is lost" in run.out
     assert max(map(len, run.out.splitlines())) <= 200 and "any drone 0.7 s late" in run.out
 
 
@@ -397,6 +404,7 @@ def test_changes_that_are_none_are_refused(
         ((scene, plan, "--lag", 0), "--lag: must be more than 0 and at most 2 s, as long as the"),
         ((scene, plan, "--late", "nan"), "--late: must be more than 0 and at most 2 s"),
         ((scene, plan, "--aside", 1000), "--aside: must be more than 0 and at most 100 m"),
+        ((scene, plan, "--lost", 5), "--lost: must be steps of the plan, 0..4, not 5"),
         ((scene, plan, "--step", 1), "--step: must be left out"),
         (("tiny-queue", clash), "--step: must be given"),
         (("tiny-queue", clash, "--step", "-1"), "--step: must be a finite number of seconds"),
