@@ -156,7 +156,7 @@ def steep_ground(problem: SceneData, robot: Robot, kind: str, is_smooth: bool) -
     """
     rate = RATE if is_smooth else 1.0
     limit = getattr(robot.limits, kind, None)
-    if kind not in _UPRIGHT or limit is None or problem.height_map.datum is None:
+    if kind not in _UPRIGHT or limit is None or not problem.height_map.is_uneven:
         return ""
     layers = robot.motion.largest_climb
     ground = _highest_move(problem, robot.motion) - layers
@@ -200,7 +200,7 @@ def _highest_move(problem: SceneData, motion: Motion) -> float:
 
 def _moves(problem: SceneData, motion: Motion) -> Iterator[tuple[float, float]]:
     """Yields the length (m) of moves seen from above, and the most by which they rise or fall."""
-    edge, ground = problem.height_map.resolution, problem.height_map.datum
+    edge, ground = problem.height_map.resolution, problem.height_map.flight_datum
     climb = motion.largest_climb
     if ground is None:
         yield motion.radius * edge * math.sqrt(2), climb

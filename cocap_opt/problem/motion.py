@@ -5,9 +5,21 @@ from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
-from cocap_opt.data import LARGEST, MOST_TURN, BoolArray, Data, require, whole, within
-from cocap_opt.world.workspace import Workspace
+import numpy as np
 
+from cocap_opt.data import (
+    LARGEST,
+    MOST_TURN,
+    BoolArray,
+    Data,
+    FloatArray,
+    require,
+    whole,
+    within,
+)
+from cocap_opt.world.workspace import HeightMap, Workspace
+
+ROUNDING = 1e-9  # share of a limit by which motion may exceed it
 Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
 
 
@@ -37,6 +49,41 @@ class Cell(NamedTuple):
     layer: int = 0
 
 
+class Stride(Data, frozen=True):
+    """The farthest that a robot moves in one step; what is None has no bound.
+
+    Attributes
+    ----------
+    aside : m, seen from above
+    upright : m, up or down
+    space : m, in space
+    """
+
+    aside: float | None = None
+    upright: float | None = None
+    space: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for field in self.__struct_fields__:
+            if getattr(self, field) is not None:
+                within(getattr(self, field), 0, LARGEST, field, "m")
+
+    def __str__(self) -> str:
+        words = {"aside": "aside", "upright": "up or down", "space": "in space"}
+        bounds = ((getattr(self, field), told) for field, told in words.items())
+        return ", ".join(f"{most:.3g} m {told}" for most, told in bounds if most is not None)
+
+    def allows(self, aside: float, rise: FloatArray) -> BoolArray:
+        """Returns True [..] for moves that are so long, seen from above, and rise so far (m)."""
+        bounds = (self.aside, aside), (self.upright, np.abs(rise)), (self.space, np.hypot(aside, rise))
+        allowed = np.ones(rise.shape, dtype=np.bool_)
+        for most, length in bounds:
+            if most is not None:
+                allowed &= length <= most * (1 + ROUNDING)
+        return allowed
+
+
 class Motion(Data, frozen=True):
     """The moves of a robot in one step: up to `radius` cells along each axis, and a turn.
 
@@ -52,6 +99,7 @@ class Motion(Data, frozen=True):
     pitch_turn : gimbal pitch indices per step, either way
     clearance : m, to solid matter above and below; touching it is too near
     corner_cutting : True: only the ends of a move must be free, as in the papers
+    stride : the farthest that one step leads; None: any of the moves above is as good
     """
 
     radius: int = 1
@@ -62,6 +110,7 @@ class Motion(Data, frozen=True):
     pitch_turn: int = 1
     clearance: float = 0.0
     corner_cutting: bool = False
+    stride: Stride | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -84,6 +133,20 @@ class Motion(Data, frozen=True):
         climb = min(self.climb, len(self.layers) - 1)
         reach, climbs = range(-self.radius, self.radius + 1), range(-climb, climb + 1)
         return sorted(product(climbs, reach, reach), key=lambda move: (move != (0, 0, 0), move))
+
+    def moves_on(self, height_map: HeightMap) -> list[Move]:
+        """Returns the moves of one step that are within the stride somewhere on a map."""
+        if self.stride is None:
+            return self.moves
+        layers, uneven = np.array(self.layers), height_map.is_uneven
+        found = []
+        for move in self.moves:
+            climb, aside = abs(move[0]), height_map.resolution * math.hypot(*move[1:])
+            # Where layers follow the ground a climb may lead less far up, or none at all.
+            rises = np.zeros(1) if uneven else layers[climb:] - layers[: len(layers) - climb]
+            if self.stride.allows(aside, rises).any():
+                found.append(move)
+        return found
 
     @property
     def largest_climb(self) -> float:

@@ -8,10 +8,9 @@ import msgspec
 
 from cocap_opt.data import LARGEST, Data, require, within
 from cocap_opt.problem.camera import AnyCamera, Camera
-from cocap_opt.problem.motion import Motion, State
+from cocap_opt.problem.motion import ROUNDING, Motion, State
 from cocap_opt.problem.starts import AnyStart, StartStates
 
-ROUNDING = 1e-9  # share of a limit by which motion may exceed it
 
 
 class Limits(Data, frozen=True):
