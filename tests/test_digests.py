@@ -57,6 +57,9 @@ def recipe(path: Path) -> str:
     ]:
         if holder[field] is None:
             del holder[field]
+    for robot in problem["robots"]:
+        if int(robot["motion"]["spacing"]) == 1:
+            del robot["motion"]["spacing"]
     if float(problem["airspace"]["people_stray"]) == 0:
         del problem["airspace"]["people_stray"]
     objective = problem["objective"]

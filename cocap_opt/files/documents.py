@@ -272,6 +272,7 @@ def problem_digest(problem: Problem) -> str:
     newer = (
         (fields["height_map"], "lift", None), (fields["airspace"], "people_stray", 0.0),
         *((robot["motion"], "stride", None) for robot in fields["robots"]),
+        *((robot["motion"], "spacing", 1) for robot in fields["robots"]),
     )  # fmt: skip
     for holder, name, nothing in newer:
         if holder[name] == nothing:

@@ -74,6 +74,16 @@ class Stride(Data, frozen=True):
         bounds = ((getattr(self, field), told) for field, told in words.items())
         return ", ".join(f"{most:.3g} m {told}" for most, told in bounds if most is not None)
 
+    def within(self, other: "Stride | None") -> "Stride":
+        """Returns the stride that keeps the bounds of both."""
+        if other is None:
+            return self
+        bounds = {}
+        for field in self.__struct_fields__:
+            known = [most for most in (getattr(self, field), getattr(other, field)) if most is not None]
+            bounds[field] = min(known, default=None)
+        return Stride(**bounds)
+
     def allows(self, aside: float, rise: FloatArray) -> BoolArray:
         """Returns True [..] for moves that are so long, seen from above, and rise so far (m)."""
         bounds = (self.aside, aside), (self.upright, np.abs(rise)), (self.space, np.hypot(aside, rise))
@@ -99,6 +109,7 @@ class Motion(Data, frozen=True):
     pitch_turn : gimbal pitch indices per step, either way
     clearance : m, to solid matter above and below; touching it is too near
     corner_cutting : True: only the ends of a move must be free, as in the papers
+    spacing : cells; moves lead by multiples of it along each axis
     stride : the farthest that one step leads; None: any of the moves above is as good
     """
 
@@ -110,14 +121,16 @@ class Motion(Data, frozen=True):
     pitch_turn: int = 1
     clearance: float = 0.0
     corner_cutting: bool = False
+    spacing: int = 1
     stride: Stride | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for field in ("radius", "headings", "turn", "climb", "pitch_turn"):
+        for field in ("radius", "headings", "turn", "climb", "pitch_turn", "spacing"):
             whole(getattr(self, field), field)
         within(self.radius, 0, 16, "radius", "cells")
         within(self.headings, 1, 360, "headings", "directions")
+        within(self.spacing, 1, 16, "spacing", "cells")
         for field in ("turn", "climb", "pitch_turn"):
             within(getattr(self, field), 0, MOST_TURN, field, "indices per step")
         within(self.clearance, 0, LARGEST, "clearance", "m")
@@ -131,7 +144,8 @@ class Motion(Data, frozen=True):
     def moves(self) -> list[Move]:
         """All cell moves of one step; the first is to stay."""
         climb = min(self.climb, len(self.layers) - 1)
-        reach, climbs = range(-self.radius, self.radius + 1), range(-climb, climb + 1)
+        most = self.radius - self.radius % self.spacing
+        reach, climbs = range(-most, most + 1, self.spacing), range(-climb, climb + 1)
         return sorted(product(climbs, reach, reach), key=lambda move: (move != (0, 0, 0), move))
 
     def moves_on(self, height_map: HeightMap) -> list[Move]:
@@ -162,7 +176,7 @@ class Motion(Data, frozen=True):
     def shortest_move(self, resolution: float) -> float:
         """Returns the length (m) of the shortest move but to stay; inf if there is none."""
         climbs = [b - a for a, b in zip(self.layers, self.layers[1:], strict=False)]
-        lengths = [resolution] if self.radius else []
+        lengths = [self.spacing * resolution] if self.radius >= self.spacing else []
         return min([*lengths, *(climbs if self.climb else [])], default=math.inf)
 
     def headings_after(self, heading: int) -> set[int]:

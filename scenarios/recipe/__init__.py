@@ -9,7 +9,7 @@ import logging
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
@@ -27,7 +27,8 @@ from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings, say_mov
 from cocap_opt.scenarios.recipe.objective import ObjectiveTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import AirspaceTable, NoFlyTable, RulesTable
-from cocap_opt.scenarios.tables import Flight, Table
+from cocap_opt.scenarios.recipe.strides import Strides
+from cocap_opt.scenarios.tables import ABOVE_GROUND, Flight, Table
 from cocap_opt.scenarios.text import naming, read_text, rectangle
 from cocap_opt.scenarios.tracks.times import Epoch
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
@@ -191,7 +192,8 @@ class Recipe(Table):
     drones: Annotated[tuple[DronesTable, ...], Meta(min_length=1)]
     name: str | None = None  # None: as the file
     step: Annotated[float, Meta(gt=0, le=LARGEST)] = 1.0
-    flight: Flight = "above-ground"
+    flight: Flight | None = None  # None: above the ground, and level where that is too steep
+    moves: Literal["smooth", "straight"] = "smooth"
     mesh: tuple[MeshTable, ...] = ()
     walls: tuple[WallsTable, ...] = ()
     tracks: tuple[TracksTable, ...] = ()
@@ -227,9 +229,10 @@ def read(
     with naming(path):
         recipe = change(decoded(path))
         with naming("map"):
-            terrain = recipe.map.terrain(path.parent, recipe.flight)
+            terrain = recipe.map.terrain(path.parent, recipe.flight or ABOVE_GROUND)
         earth = _earth(recipe, terrain)
         projection = MapProjection(earth, terrain.height_map.centre(0, 0))
+        recipe, terrain, stray = _flyable(recipe, terrain)
         solid = tuple(_meshes(recipe, path.parent, terrain, projection))
         people = list(_people(recipe, path.parent, terrain, projection))
         actors = tuple(actor for actor, _ in people)
@@ -239,6 +242,8 @@ def read(
             with naming("earth"):  # walls or tracks off the map say first where it should be
                 require_likely(earth, terrain.height_map)
         airspace = recipe.airspace.airspace(recipe.no_fly)
+        if airspace.people_aside:
+            airspace = airspace.replace(people_stray=stray)
         for k, zone in enumerate(airspace.no_fly):
             with naming(f"no_fly[{k}]"), naming("polygon"):
                 _require_on_map([zone], terrain.height_map, "it has coordinates of the map")
@@ -263,6 +268,27 @@ def read(
             step=recipe.step,
             earth=earth,
         )
+
+
+def _flyable(recipe: Recipe, terrain: Terrain) -> tuple[Recipe, Terrain, float]:
+    """Returns a recipe whose drones can fly all of their moves smoothly, in any order.
+
+    Returns
+    -------
+    recipe, terrain : with other motions, cells and flight heights, where limits ask for that
+    stray : share of a move by which drones may then stray from their even pace
+    """
+    for k, given in enumerate(recipe.drones):
+        with naming(f"drones[{k}]"):
+            given.require_likely(terrain.height_map.resolution, recipe.step)
+    limited = any(table.known_limits is not None for table in recipe.drones)
+    if recipe.moves == "straight" or not limited:
+        return recipe, terrain, 0.0
+    ceiling, follows = recipe.airspace.ceiling, recipe.flight is not None
+    strides = Strides.of(recipe.drones, terrain, recipe.step, follows, ceiling)
+    strides.say()
+    changed = msgspec.structs.replace(recipe, drones=strides.tables)
+    return changed, strides.terrain, strides.law.stray
 
 
 def _team(recipe: Recipe, around: Surroundings, rng: np.random.Generator) -> list[Robot]:

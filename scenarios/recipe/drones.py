@@ -205,6 +205,25 @@ class DronesTable(Table):
         return team
 
     @property
+    def known_limits(self) -> Limits | None:
+        """The limits of the drones; None if nothing is known of them."""
+        return self._limits()
+
+    @property
+    def tilts_in_radians(self) -> tuple[float, ...]:
+        """The tilts of the camera, below the horizon."""
+        return tuple(math.radians(angle) for angle in self.tilts)
+
+    @property
+    def size(self) -> int:
+        """The number of drones."""
+        return self.count or len(self.stated)
+
+    def with_motion(self, motion: Motion) -> "DronesTable":
+        """Returns the table of drones that move otherwise."""
+        return msgspec.structs.replace(self, motion=motion)
+
+    @property
     def stated(self) -> tuple[_StartTable, ...]:
         """The starts that are stated one by one."""
         return () if isinstance(self.starts, _AreaTable) else self.starts or ()
@@ -216,14 +235,16 @@ class DronesTable(Table):
             return set(self.starts.heights or ())
         return {start.height for start in self.stated if start.height is not None}
 
-    def require_pace(self, resolution: float, step: float) -> None:
-        """Raises a ProblemError if no drone, or not one with these limits, could be so fast.
+    def require_likely(self, resolution: float, step: float) -> None:
+        """Raises a ProblemError if no drone could be so fast, or something of it is not known.
 
         Parameters
         ----------
         resolution : edge of the map's cells, m
         step : seconds between steps
         """
+        self._camera()
+        self._limits()
         speed = self.motion.radius * resolution / step
         if speed > IMPOSSIBLE:
             raise ProblemError(
@@ -231,6 +252,9 @@ class DronesTable(Table):
                 f"cells of {resolution:g} m in a step of {step:g} s are {speed:.4g} m/s: are "
                 "resolution and step right?"
             )
+
+    def require_pace(self, resolution: float, step: float) -> None:
+        """Raises a ProblemError if the drones' limits do not allow some move at an even pace."""
         limits = self._limits()
         words = limits and limits.broken_by(self.motion, self._camera().tilts, resolution, step)
         if words:
@@ -245,8 +269,7 @@ class DronesTable(Table):
         for angle in self.tilts:
             if not abs(angle) <= 90:
                 raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
-        tilts = tuple(math.radians(angle) for angle in self.tilts)
-        return CAMERAS[self.camera].replace(tilts=tilts)
+        return CAMERAS[self.camera].replace(tilts=self.tilts_in_radians)
 
     def _limits(self) -> Limits | None:
         if self.airframe is not None and self.airframe not in AIRFRAMES:

@@ -8,6 +8,7 @@ import argparse
 import logging
 import re
 import tempfile
+import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -177,7 +178,7 @@ def fate(path: Path, seconds: float = 2.0, planner: str | None = None) -> tuple[
         return "plan", str(error)
     plan = result.plan
     if plan is None:
-        return "plan", "no plan"
+        return "plan", f"no plan: {result}"
     try:
         flight = Flight.of(problem, plan, smooth=True)
     except LimitError as error:
@@ -186,7 +187,8 @@ def fate(path: Path, seconds: float = 2.0, planner: str | None = None) -> tuple[
         words = str(error)
         kind = "people" if " to person" in words.split(",")[0] else "matter"
         return ("drones" if words.split(":")[1].startswith(" drones") else kind), words
-    return ("hovering" if plan.stays else "flown"), f"{flight.verdict.reward:.3f}"
+    words = f"J {flight.verdict.reward:.3f}, {flight.slowed} slowed, limit {result.limit}"
+    return ("hovering" if plan.stays else "flown"), words
 
 
 def main() -> None:
@@ -203,10 +205,11 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as name:
             folder = options.keep / str(seed) if options.keep else Path(name)
             folder.mkdir(parents=True, exist_ok=True)
+            begun = time.monotonic()
             path = drawn_recipe(np.random.default_rng(seed), folder)
             end, words = fate(path, options.seconds)
         ends[end] += 1
-        print(seed, end, words.replace(str(path), "scene.toml"), flush=True)
+        print(f"{seed} {time.monotonic() - begun:.1f} s", end, words.replace(str(path), "scene.toml"), flush=True)
     print(dict(ends))
 
 
