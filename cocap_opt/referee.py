@@ -323,7 +323,6 @@ class _Referee:
                 ):
                     yield f"step {t} to {t + 1} passes too near to {self.problem.person(j)}"
 
-
     def _with_stray(self, rules: CollisionRules, a: _Position, b: _Position) -> CollisionRules:
         """Returns the rules beside a person for a move (m) that may stray from its even pace."""
         stray = self.problem.airspace.people_stray

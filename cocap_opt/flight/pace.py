@@ -10,7 +10,7 @@ from cocap_opt.data import FloatArray
 from cocap_opt.flight.bernstein import Peak, ever_positive, squared_length
 from cocap_opt.flight.trajectory import PITCH, YAW, Trajectory
 from cocap_opt.problem import Limits
-from cocap_opt.problem.robot import ROUNDING
+from cocap_opt.problem.motion import ROUNDING
 
 _AT_REST = 1e-4  # m/s, rad/s, ..: less is rounding
 _SIGNS = {"climb": 1.0, "descent": -1.0}
@@ -84,7 +84,7 @@ class Excess(NamedTuple):
 
     @classmethod
     def all_of(cls, flown: Trajectory) -> Iterator[Self]:
-        """Yields the pieces in which smooth flights exceed limits, or are not proved to keep them."""
+        """Yields the pieces of smooth flights that are not proved to keep all limits."""
         for i, robot in enumerate(flown.problem.robots):
             for kind, vectors in _demanded(flown, i, is_smooth=True):
                 limit = getattr(robot.limits, kind, None)
@@ -98,9 +98,7 @@ class Excess(NamedTuple):
                     yield cls(i, piece // flown.parts, kind in _TURNS)
 
 
-def _demanded(
-    flown: Trajectory, drone: int, is_smooth: bool
-) -> Iterator[tuple[str, FloatArray]]:
+def _demanded(flown: Trajectory, drone: int, is_smooth: bool) -> Iterator[tuple[str, FloatArray]]:
     """Yields each kind of demand on a drone, and the vectors [N, d, n+1] whose length it is."""
     rates = flown.velocities[drone]
     yield "speed", rates[:, :2]

@@ -15,6 +15,7 @@ is a smooth flight of every plan, whatever its moves are and in whatever order.
 """
 
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class Rests:
         rise = elevated(np.array([[[0.0, 0, 0, 1 / 4, 1 / 2]]]), DEGREE)
         start = split(speed * share * rise, self.ramp)[:, 0]
         middle = np.linspace(start[-1, -1], 0.5, PARTS // 2 - self.ramp + 1)
-        even = [np.linspace(a, b, DEGREE + 1) for a, b in zip(middle, middle[1:], strict=False)]
+        even = [np.linspace(a, b, DEGREE + 1) for a, b in pairwise(middle)]
         half = np.array([*start, *even])
         return read_only(np.concatenate([half, 1 - half[::-1, ::-1]]))
 

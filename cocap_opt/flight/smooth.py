@@ -242,8 +242,8 @@ class _Blends(NamedTuple):
         new = self._replace(shares=self.shares.copy(), turning=self.turning.copy())
         slow = {(drone, danger.step) for danger in found for drone in danger.drones}
         slow |= {(excess.drone, excess.step) for excess in beyond if not excess.is_turn}
-        for drone, step in {(drone, k) for drone, step in slow for k in (step, step + 1)}:
-            new.shares[drone, step] *= _SLOWER
+        for blend in {(drone, k) for drone, step in slow for k in (step, step + 1)}:
+            new.shares[blend] *= _SLOWER
         for excess in beyond:
             if excess.is_turn:
                 new.turning[excess.drone, excess.step : excess.step + 2] = False

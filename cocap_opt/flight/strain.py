@@ -16,7 +16,8 @@ import numpy as np
 
 from cocap_opt.data import LARGEST
 from cocap_opt.problem import Limits, Motion, Robot, SceneData, Stride
-from cocap_opt.problem.robot import ROUNDING, rounded_up
+from cocap_opt.problem.motion import ROUNDING
+from cocap_opt.problem.robot import rounded_up
 from cocap_opt.world.workspace import HeightMap
 
 RATE, ACCELERATION = 15 / 8, 10 / math.sqrt(3)  # of rests at both ends

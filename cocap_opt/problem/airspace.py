@@ -80,9 +80,7 @@ class Airspace(Data, frozen=True):
         if after is None:
             return rules.too_near(before - middles[t])
         scale = self._scale(rules, after - before) if self.people_stray else 1.0
-        return rules.pass_too_near(
-            (before - middles[t]) * scale, (after - middles[t + 1]) * scale
-        )
+        return rules.pass_too_near((before - middles[t]) * scale, (after - middles[t + 1]) * scale)
 
     def _scale(self, rules: CollisionRules, moves: FloatArray) -> FloatArray:
         """Returns factors [.., 3] by which ways are shorter if moves [.., 3] (m) may stray.

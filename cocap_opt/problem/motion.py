@@ -80,13 +80,14 @@ class Stride(Data, frozen=True):
             return self
         bounds = {}
         for field in self.__struct_fields__:
-            known = [most for most in (getattr(self, field), getattr(other, field)) if most is not None]
-            bounds[field] = min(known, default=None)
+            both = getattr(self, field), getattr(other, field)
+            bounds[field] = min((most for most in both if most is not None), default=None)
         return Stride(**bounds)
 
     def allows(self, aside: float, rise: FloatArray) -> BoolArray:
         """Returns True [..] for moves that are so long, seen from above, and rise so far (m)."""
-        bounds = (self.aside, aside), (self.upright, np.abs(rise)), (self.space, np.hypot(aside, rise))
+        space = np.hypot(aside, rise)
+        bounds = (self.aside, aside), (self.upright, np.abs(rise)), (self.space, space)
         allowed = np.ones(rise.shape, dtype=np.bool_)
         for most, length in bounds:
             if most is not None:

@@ -12,7 +12,6 @@ from cocap_opt.problem.motion import ROUNDING, Motion, State, Stride
 from cocap_opt.problem.starts import AnyStart, StartStates
 
 
-
 class Limits(Data, frozen=True):
     """The speeds at which a drone may move and turn, and how long it may fly.
 

@@ -42,7 +42,10 @@ EXAMPLE = """\
 name = "example"            # left out: that of the file
 steps = 20                  # number of moves
 step = 0.5                  # seconds each; left out: 1
-flight = "above-ground"     # or "above-sea"; the layers of all drones are heights above it
+flight = "above-ground"     # or "above-sea"; the layers of all drones are heights above it; left
+                            # out: above the ground, and more where it is too steep for limits
+flown = "smooth"            # drones with limits make moves that smooth flights can have in any
+                            # order; "straight": those that are slow enough by themselves
 face_samples = 3            # squared: rays to each triangle of what meshes may hide
 
 [map]
@@ -120,6 +123,9 @@ climb = 1                   # layers, up or down
 headings = 8                # in a full turn
 turn = 1                    # headings, either way
 pitch_turn = 1              # tilts, either way
+spacing = 1                 # cells of which moves are multiples
+stride = { aside = 2.0, upright = 2.0, space = 3.0 }   # m, the longest moves; left out, as each
+                            # bound: as radius, climb and limits have it
 clearance = 0.5             # m that are free above and below
 corner_cutting = false      # true: a move may cut a wall's corner, only its ends must be free
 
@@ -127,8 +133,8 @@ corner_cutting = false      # true: a move may cut a wall's corner, only its end
 speed = 8                   # m/s; climb and descent likewise
 climb = 5
 descent = 4
-acceleration = 8            # m/s2; from rest it must allow the shortest move within a step,
-                            # 2 x its length / step^2: with cells of 1 m and steps of 0.5 s 8 m/s2
+acceleration = 8            # m/s2; a move from rest to rest within a step wants 5.8 x its length
+                            # / step^2: 0.34 m here, so cells of 1 m are divided by 3
 yaw_rate = 90               # degrees/s, as the gimbal's
 gimbal_rate = 90
 endurance = 1200            # s for which the battery lasts
@@ -193,7 +199,7 @@ class Recipe(Table):
     name: str | None = None  # None: as the file
     step: Annotated[float, Meta(gt=0, le=LARGEST)] = 1.0
     flight: Flight | None = None  # None: above the ground, and level where that is too steep
-    moves: Literal["smooth", "straight"] = "smooth"
+    flown: Literal["smooth", "straight"] = "smooth"
     mesh: tuple[MeshTable, ...] = ()
     walls: tuple[WallsTable, ...] = ()
     tracks: tuple[TracksTable, ...] = ()
@@ -282,7 +288,7 @@ def _flyable(recipe: Recipe, terrain: Terrain) -> tuple[Recipe, Terrain, float]:
         with naming(f"drones[{k}]"):
             given.require_likely(terrain.height_map.resolution, recipe.step)
     limited = any(table.known_limits is not None for table in recipe.drones)
-    if recipe.moves == "straight" or not limited:
+    if recipe.flown == "straight" or not limited:
         return recipe, terrain, 0.0
     ceiling, follows = recipe.airspace.ceiling, recipe.flight is not None
     strides = Strides.of(recipe.drones, terrain, recipe.step, follows, ceiling)

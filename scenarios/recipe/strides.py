@@ -38,7 +38,7 @@ class Strides(NamedTuple):
     law : of time, by which they then move
     tables : with the motions that are left
     terrain : with cells and flight heights of which these motions are
-    told : in words what differs from the recipe, a line for each table, and one for the ground
+    told : the differences from the recipe, a line for each table, and one for the ground
     """
 
     law: Rests
@@ -63,7 +63,7 @@ class Strides(NamedTuple):
         parts = _parts(tables, terrain, law, step)
         finer = terrain.divided(parts)
         motions = [_motion(table, finer, parts, law, step) for table in tables]
-        told = []
+        told: list[str] = []
         if not follows_ground and (slope := _slope(motions, finer)) < math.inf:
             lowest = min(motion.layers[0] for motion in motions)
             most = math.inf if ceiling is None else max(ceiling - lowest, 0.0)
@@ -85,13 +85,13 @@ class Strides(NamedTuple):
 def _merit(
     tables: Sequence[DronesTable], terrain: Terrain, law: Rests, step: float
 ) -> tuple[int, float]:
-    """Returns what a law is judged by: few parts of cells first, then long moves."""
+    """Returns the merit of a law: few parts of cells come first, then long moves."""
     worth = sum(_worth(table, terrain, law, step) for table in tables)
     return -_parts(tables, terrain, law, step), worth
 
 
 def _worth(table: DronesTable, terrain: Terrain, law: Rests, step: float) -> float:
-    """Returns how far drones of a table move by some law, as shares of what the recipe has."""
+    """Returns the shares of the recipe's longest moves that drones of a table have by some law."""
     limits, motion = table.known_limits, table.motion
     if limits is None:
         return 0.0
@@ -211,22 +211,20 @@ def _lifted(terrain: Terrain, slope: float) -> Iterator[str]:
 def _changed(
     k: int, table: DronesTable, motion: Motion, before: Terrain, after: Terrain, step: float
 ) -> Iterator[str]:
-    """Yields what a table's drones can do in a step, if that is not what the recipe has."""
+    """Yields the moves that a table's drones have in place of those of the recipe, in words."""
     old, edge = table.motion, after.height_map.resolution
     words = []
     if motion.spacing * edge < old.spacing * before.height_map.resolution:
         words.append(f"cells are {edge:.3g} m, not {before.height_map.resolution:.3g}")
     count, all_ = len(motion.moves_on(after.height_map)), len(old.moves)
     if motion.stride is not None and motion.stride != old.stride:
-        words.append(
-            f"moves are at most {motion.stride} ({count} of them, not {all_})"
-        )
+        words.append(f"moves are at most {motion.stride} ({count} of them, not {all_})")
     elif count != all_:
         words.append(f"moves are at most {motion.radius} cells ({count} of them, not {all_})")
     if motion.headings != old.headings:
         words.append(f"headings are {motion.headings}, not {old.headings}")
     degrees = [360 / m.headings * min(m.turn, m.headings // 2) for m in (motion, old)]
-    if abs(degrees[0] - degrees[1]) > 1e-9:  # noqa: PLR2004
+    if abs(degrees[0] - degrees[1]) > 1e-9:
         words.append(f"turns at most {degrees[0]:.4g} degrees, not {degrees[1]:.4g}")
     if motion.pitch_turn != old.pitch_turn:
         words.append(f"tilts by {motion.pitch_turn} in a step, not {old.pitch_turn}")
@@ -234,5 +232,5 @@ def _changed(
         yield (
             f"drones[{k}]{f' ({table.airframe})' if table.airframe else ''}: so that any plan can "
             f"be flown smoothly in steps of {step:g} s, {', '.join(words)}; "
-            'moves = "straight" leaves that out'
+            'flown = "straight" leaves that out'
         )

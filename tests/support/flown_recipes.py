@@ -1,12 +1,12 @@
 """Random recipes of drones with limits, as people write them: for flights that are never refused.
 
 `python tests/support/flown_recipes.py 300` plans and flies so many and counts what is refused, by
-kind; `--moves all` does so with all moves of the recipes.
+kind.
 """
 
 import argparse
 import logging
-import re
+import sys
 import tempfile
 import time
 from collections import Counter
@@ -15,7 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from cocap_opt.data import FloatArray
+import cocap_opt as co
+from cocap_opt.data import FloatArray, ProblemError
+from cocap_opt.files.documents import FileError
+from cocap_opt.flight.flights import Flight, LimitError
 from cocap_opt.scenarios.hardware import AIRFRAMES, CAMERAS
 
 _LOWEST = 4.0  # m, the lowest layer
@@ -155,26 +158,20 @@ def _airspace(rng: np.random.Generator, has_terrain: bool) -> list[str]:
     return ["[airspace]", *lines] if lines else []
 
 
-_NUMBERS = re.compile(r"-?\d+(\.\d+)?(e-?\d+)?")
-
-
 def fate(path: Path, seconds: float = 2.0, planner: str | None = None) -> tuple[str, str]:
     """Plans and flies a recipe; returns where it ends and what is said.
 
     It ends at `recipe`, `plan`, `limits`, `people`, `matter`, `drones`, or is `flown` or
     `hovering`.
     """
-    import cocap_opt as co  # noqa: PLC0415
-    from cocap_opt.flight.flights import Flight, LimitError  # noqa: PLC0415
-
     try:
         problem = co.load(path, seed=0)
-    except Exception as error:  # noqa: BLE001
+    except (ProblemError, FileError) as error:
         return "recipe", str(error)
     try:
         result = co.plan(problem, **({} if planner is None else {"planner": planner}),
                          time_limit=seconds)  # fmt: skip
-    except Exception as error:  # noqa: BLE001
+    except ValueError as error:
         return "plan", str(error)
     plan = result.plan
     if plan is None:
@@ -183,7 +180,7 @@ def fate(path: Path, seconds: float = 2.0, planner: str | None = None) -> tuple[
         flight = Flight.of(problem, plan, smooth=True)
     except LimitError as error:
         return "limits", error.words
-    except co.ProblemError as error:
+    except ProblemError as error:
         words = str(error)
         kind = "people" if " to person" in words.split(",")[0] else "matter"
         return ("drones" if words.split(":")[1].startswith(" drones") else kind), words
@@ -209,8 +206,10 @@ def main() -> None:
             path = drawn_recipe(np.random.default_rng(seed), folder)
             end, words = fate(path, options.seconds)
         ends[end] += 1
-        print(f"{seed} {time.monotonic() - begun:.1f} s", end, words.replace(str(path), "scene.toml"), flush=True)
-    print(dict(ends))
+        row = f"{seed} {time.monotonic() - begun:.1f} s {end} {words}"
+        sys.stdout.write(row.replace(str(path), "scene.toml") + "\n")
+        sys.stdout.flush()
+    sys.stdout.write(f"{dict(ends)}\n")
 
 
 if __name__ == "__main__":
