@@ -12,13 +12,15 @@ from functools import lru_cache
 
 import numpy as np
 
+from cocap_opt.data import LARGEST
 from cocap_opt.graph.motion import Window
-from cocap_opt.problem import CollisionRules, Objective, Plan, Problem, Robot, State
+from cocap_opt.problem import CollisionRules, Motion, Objective, Plan, Problem, Robot, State
 from cocap_opt.problem.rules import TOLERANCE
 from cocap_opt.vision.faces import FaceGeometry
 from cocap_opt.vision.views import StateViews
 
 _LESS = 1e-9  # m
+_SHARE = 1e-9  # of a length, by which it may be rounded
 _Coverage = list[list[float]]  # [T+1][W] of one robot
 _Position = tuple[float, float, float]  # cells and altitude (m), or all in m
 
@@ -267,6 +269,8 @@ class _Referee:
         motion = robot.motion
         if max(abs(b.x - a.x), abs(b.y - a.y)) > motion.radius:
             return f"moves more than {motion.radius} cells"
+        if (b.x - a.x) % motion.spacing or (b.y - a.y) % motion.spacing:
+            return f"moves by no multiple of {motion.spacing} cells"
         if abs(b.layer - a.layer) > motion.climb:
             return f"climbs more than {motion.climb} layers"
         turn = abs(b.heading - a.heading)
@@ -275,6 +279,8 @@ class _Referee:
         if abs(b.pitch - a.pitch) > motion.pitch_turn:
             return f"pitches more than {motion.pitch_turn} steps"
         altitudes = self._altitude(robot, a), self._altitude(robot, b)
+        if words := self._too_long(motion, a, b, altitudes[1] - altitudes[0]):
+            return words
         for x in range(min(a.x, b.x), max(a.x, b.x) + 1):
             for y in range(min(a.y, b.y), max(a.y, b.y) + 1):
                 if self._is_forbidden(x, y, altitudes) and _line_touches(a, b, x, y):
@@ -282,6 +288,22 @@ class _Referee:
                 blocked = not motion.corner_cutting and not self._is_free(robot, x, y, altitudes)
                 if blocked and _line_touches(a, b, x, y):
                     return f"passes the blocked cell ({x}, {y})"
+        return ""
+
+    def _too_long(self, motion: Motion, a: State, b: State, rise: float) -> str:
+        """Says which bound of its stride a move exceeds, if it does; `rise` in m."""
+        if motion.stride is None:
+            return ""
+        size = self.problem.height_map.resolution
+        aside = math.sqrt(((b.x - a.x) * size) ** 2 + ((b.y - a.y) * size) ** 2)
+        space = math.sqrt(aside**2 + rise**2)
+        for length, most, words in (
+            (aside, motion.stride.aside, "aside"),
+            (abs(rise), motion.stride.upright, "up or down"),
+            (space, motion.stride.space, "in space"),
+        ):
+            if most is not None and length > most * (1 + _SHARE):
+                return f"moves {length:.4g} m {words}, more than {most:.4g} m"
         return ""
 
     def _is_forbidden(self, x: int, y: int, altitudes: tuple[float, float]) -> bool:
@@ -302,8 +324,21 @@ class _Referee:
             for t, way in enumerate(ways):
                 if _too_near(way, rules):
                     yield f"step {t} is {math.hypot(*way[:2]):.3g} m from {self.problem.person(j)}"
-                elif t + 1 < len(ways) and _pass_too_near(way, ways[t + 1], rules):
+                elif t + 1 < len(ways) and _pass_too_near(
+                    way, ways[t + 1], self._with_stray(rules, at[t], at[t + 1])
+                ):
                     yield f"step {t} to {t + 1} passes too near to {self.problem.person(j)}"
+
+    def _with_stray(self, rules: CollisionRules, a: _Position, b: _Position) -> CollisionRules:
+        """Returns the rules beside a person for a move (m) that may stray from its even pace."""
+        stray = self.problem.airspace.people_stray
+        if not stray:
+            return rules
+        aside, rise = math.hypot(b[0] - a[0], b[1] - a[1]), abs(b[2] - a[2])
+        return rules.replace(
+            separation=rules.separation + stray * aside,
+            vertical=min(rules.vertical + stray * rise, LARGEST),
+        )
 
 
 def _too_near(way: _Position, rules: CollisionRules) -> str:

@@ -8,6 +8,7 @@ from msgspec import Meta
 from cocap_opt.data import LARGEST, MOST_WEIGHT, SMALLEST
 
 Flight = Literal["above-ground", "above-sea"]
+ABOVE_GROUND: Flight = "above-ground"
 Unit = Literal["m", "cm", "mm", "ft", "us-ft"]
 TimeUnit = Literal["s", "ms", "us", "ns"]
 PER_METRE: dict[str, float] = {

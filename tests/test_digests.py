@@ -53,6 +53,17 @@ def recipe(path: Path) -> str:
     for holder, field in [(problem, "step"), *((robot, "limits") for robot in problem["robots"])]:
         if holder[field] is None:
             del holder[field]
+    for holder, field in [
+        (problem["height_map"], "lift"),
+        *((robot["motion"], "stride") for robot in problem["robots"]),
+    ]:
+        if holder[field] is None:
+            del holder[field]
+    for robot in problem["robots"]:
+        if int(robot["motion"]["spacing"]) == 1:
+            del robot["motion"]["spacing"]
+    if float(problem["airspace"]["people_stray"]) == 0:
+        del problem["airspace"]["people_stray"]
     objective = problem["objective"]
     if objective["views"] is None:
         del objective["views"]

@@ -271,6 +271,14 @@ def problem_digest(problem: Problem) -> str:
         if fields["objective"][name] == nothing:
             del fields["objective"][name]
     fields["objective"].get("views", {}).pop("share", None)
+    newer = (
+        (fields["height_map"], "lift", None), (fields["airspace"], "people_stray", 0.0),
+        *((robot["motion"], "stride", None) for robot in fields["robots"]),
+        *((robot["motion"], "spacing", 1) for robot in fields["robots"]),
+    )  # fmt: skip
+    for holder, name, nothing in newer:
+        if holder[name] == nothing:
+            del holder[name]
     return hashlib.sha256(msgspec.json.encode(fields)).hexdigest()
 
 

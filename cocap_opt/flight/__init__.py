@@ -2,7 +2,8 @@
 
 `trajectory` has the flights, straight from step to step or `smooth`; `safety` checks them against
 the scene at every moment, on the polynomials themselves, and says when drones are nearest to each
-other and to people; `pace` checks them against the drones' limits; `strain` says what any smooth
+other and to people; `rests` has flights that rest at steps, of which it is known before that they
+are safe; `pace` checks them against the drones' limits; `strain` says what any smooth
 flight may ask; `filming` computes J between the steps, too; `footprint` gives the ground in the
 images; `earth` gives latitudes and longitudes; `delays` says how far drones may be apart in time,
 `robustness` what becomes of a flight that is not as planned. `bernstein` has the polynomials of

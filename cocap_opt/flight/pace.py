@@ -4,13 +4,17 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple, Self
 
+import numpy as np
+
 from cocap_opt.data import FloatArray
-from cocap_opt.flight.bernstein import Peak, squared_length
+from cocap_opt.flight.bernstein import Peak, ever_positive, squared_length
 from cocap_opt.flight.trajectory import PITCH, YAW, Trajectory
 from cocap_opt.problem import Limits
-from cocap_opt.problem.robot import ROUNDING
+from cocap_opt.problem.motion import ROUNDING
 
 _AT_REST = 1e-4  # m/s, rad/s, ..: less is rounding
+_SIGNS = {"climb": 1.0, "descent": -1.0}
+_TURNS = "yaw_rate", "gimbal_rate"
 _SECOND = ("acceleration",)  # which falls with the square of a step's duration
 
 
@@ -71,16 +75,46 @@ class Demand(NamedTuple):
         return math.sqrt(self.share) if self.kind in _SECOND else self.share
 
 
+class Excess(NamedTuple):
+    """A piece of a flight in which a drone exceeds a limit."""
+
+    drone: int
+    step: int
+    is_turn: bool  # of the drone or of its camera
+
+    @classmethod
+    def all_of(cls, flown: Trajectory) -> Iterator[Self]:
+        """Yields the pieces of smooth flights that are not proved to keep all limits."""
+        for i, robot in enumerate(flown.problem.robots):
+            for kind, vectors in _demanded(flown, i, is_smooth=True):
+                limit = getattr(robot.limits, kind, None)
+                if limit is None:
+                    continue
+                most = limit * (1 + ROUNDING)
+                above = [squared_length(vectors) - most**2]
+                if kind in _SIGNS:  # a fast descent is no climb
+                    above.append(vectors[:, 0] * _SIGNS[kind])
+                for piece in np.flatnonzero(ever_positive(above)).tolist():
+                    yield cls(i, piece // flown.parts, kind in _TURNS)
+
+
+def _demanded(flown: Trajectory, drone: int, is_smooth: bool) -> Iterator[tuple[str, FloatArray]]:
+    """Yields each kind of demand on a drone, and the vectors [N, d, n+1] whose length it is."""
+    rates = flown.velocities[drone]
+    yield "speed", rates[:, :2]
+    yield "climb", rates[:, 2:3]
+    yield "descent", rates[:, 2:3]
+    if is_smooth:
+        yield "acceleration", flown.accelerations[drone][:, :3]
+    yield "yaw_rate", rates[:, [YAW]]
+    yield "gimbal_rate", rates[:, [PITCH]]
+
+
 def _peaks(flown: Trajectory, drone: int, is_smooth: bool) -> Iterator[tuple[str, Peak]]:
     """Yields each kind of demand on a drone where it is largest."""
-    rates = flown.velocities[drone]
-    yield "speed", _longest(rates[:, :2])
-    yield "climb", Peak.of(rates[:, 2])
-    yield "descent", Peak.of(-rates[:, 2])
-    if is_smooth:
-        yield "acceleration", _longest(flown.accelerations[drone][:, :3])
-    yield "yaw_rate", _longest(rates[:, [YAW]])
-    yield "gimbal_rate", _longest(rates[:, [PITCH]])
+    for kind, vectors in _demanded(flown, drone, is_smooth):
+        sign = _SIGNS.get(kind)
+        yield kind, _longest(vectors) if sign is None else Peak.of(sign * vectors[:, 0])
 
 
 def _longest(vectors: FloatArray) -> Peak:

@@ -28,6 +28,8 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray, read_only
 from cocap_opt.flight.bernstein import Peak
+from cocap_opt.flight.pace import Excess
+from cocap_opt.flight.rests import LAWS, PARTS, TURNS, Rests
 from cocap_opt.flight.safety import Danger, dangers
 from cocap_opt.flight.strain import longest_move
 from cocap_opt.flight.trajectory import DEGREE, Trajectory, evenly, split, waypoints
@@ -60,9 +62,42 @@ class Smooth(NamedTuple):
 
     @classmethod
     def of(cls, problem: Problem, plan: Plan) -> Self:
-        """Returns the smooth flights of a plan that can be flown and breaks no rule."""
+        """Returns the smooth flights of a plan that can be flown and breaks no rule.
+
+        Where they are not safe, or ask too much of a drone, those with rests are taken if they are
+        and do not.
+        """
         made = cls._mended(problem, plan, slow=True)
-        return cls._mended(problem, plan, slow=False) if made.dangers else made
+        if made.dangers:
+            made = cls._mended(problem, plan, slow=False)
+        if made.is_flyable:
+            return made
+        rested = (cls._rested(problem, plan, law) for law in LAWS)
+        return next((found for found in rested if found.is_flyable), made)
+
+    @property
+    def is_flyable(self) -> bool:
+        """True if the flights are safe, and keep the drones' limits."""
+        return not self.dangers and not any(Excess.all_of(self.trajectory))
+
+    @classmethod
+    def _rested(cls, problem: Problem, plan: Plan, law: Rests) -> Self:
+        """Returns smooth flights that are slower at the steps, down to rests, until they will do.
+
+        Parameters
+        ----------
+        law : of time, between two rests
+        """
+        straight, points = Trajectory.straight(problem, plan), waypoints(problem, plan)
+        blends = _Blends.longest(points)
+        known: dict[tuple[int, bytes], str] = {}
+        while True:
+            flown = straight.with_pieces(blends.pieces_with_rests(points, law))
+            found, beyond = dangers(flown, known), list(Excess.all_of(flown))
+            mended = blends.slower(found, beyond)
+            if mended.same(blends):
+                return cls(flown, tuple(found), blends.slowed, blends.shortened)
+            blends = mended
 
     @classmethod
     def _mended(cls, problem: Problem, plan: Plan, slow: bool) -> Self:
@@ -102,12 +137,14 @@ class _Blends(NamedTuple):
     cuts : [R, T+1] a blend takes one in so many parts of the steps before and after
     sides : [R, T+1] on which of the step it is made: before, after or both
     bent : [R, T+1] true if moves before and after differ
+    turning : [R, T+1] true if angles need not rest
     """
 
     shares: FloatArray
     cuts: IntArray
     sides: IntArray
     bent: BoolArray
+    turning: BoolArray
 
     @classmethod
     def longest(cls, points: FloatArray) -> Self:
@@ -117,7 +154,7 @@ class _Blends(NamedTuple):
         cuts = np.ones(shares.shape, dtype=np.int64)
         bent = np.ones(shares.shape, dtype=np.bool_)
         bent[:, 1:-1] = (np.abs(np.diff(points[..., :3], n=2, axis=1)) > _SAME).any(axis=-1)
-        return cls(shares, cuts, _BOTH * cuts, bent)
+        return cls(shares, cuts, _BOTH * cuts, bent, np.ones(shares.shape, dtype=np.bool_))
 
     @property
     def slowed(self) -> int:
@@ -138,11 +175,32 @@ class _Blends(NamedTuple):
         """Returns True if these are equal to others."""
         return all((part == rows).all() for part, rows in zip(self, other, strict=True))
 
-    def pieces(self, points: FloatArray) -> FloatArray:
-        """Returns the coefficients [R, N, 5, 6] of flights through points [R, T+1, 5]."""
+    def pieces_with_rests(self, points: FloatArray, law: Rests) -> FloatArray:
+        """Returns flights through points as `pieces` does, with a law of time between rests."""
+        robots, steps = self.shares[:, 1:].shape
+        pieces = self.pieces(points, PARTS).reshape(robots, steps, PARTS, *points.shape[2:], -1)
+        still, fixed = self.shares == 0, ~self.turning
+        fixed[:, [0, -1]] = True
+        found = pieces.copy()
+        for rests, rows, rule in (
+            (still, slice(3), law),
+            (fixed, slice(3, None), TURNS),
+        ):
+            both = rests[:, :-1] & rests[:, 1:]
+            found[both, :, rows] = rule.between(points[..., rows])[both]
+        return read_only(found.reshape(robots, steps * PARTS, *found.shape[3:]))
+
+    def pieces(self, points: FloatArray, parts: int | None = None) -> FloatArray:
+        """Returns the coefficients [R, N, 5, 6] of flights through points [R, T+1, 5].
+
+        Parameters
+        ----------
+        parts : pieces of a step; None: no more than blends ask for
+        """
         moves = np.diff(points, axis=1)
         speed, bend = self._rates(moves)
-        parts, cuts = self.parts, np.repeat(self.cuts[..., None], points.shape[2], axis=-1)
+        parts = self.parts if parts is None else parts
+        cuts = np.repeat(self.cuts[..., None], points.shape[2], axis=-1)
         cuts[..., 3:] = 1
         first = _off(cuts[:, :-1], parts, speed[:, :-1] - moves, bend[:, :-1])
         # What leads to a step looks, backwards, like what follows it.
@@ -179,6 +237,19 @@ class _Blends(NamedTuple):
         new.sides[new.shares < 1] = _BOTH
         return new
 
+    def slower(self, found: list[Danger], beyond: list[Excess]) -> Self:
+        """Returns blends that are slower where flights are unsafe or ask too much of drones."""
+        new = self._replace(shares=self.shares.copy(), turning=self.turning.copy())
+        slow = {(drone, danger.step) for danger in found for drone in danger.drones}
+        slow |= {(excess.drone, excess.step) for excess in beyond if not excess.is_turn}
+        for blend in {(drone, k) for drone, step in slow for k in (step, step + 1)}:
+            new.shares[blend] *= _SLOWER
+        for excess in beyond:
+            if excess.is_turn:
+                new.turning[excess.drone, excess.step : excess.step + 2] = False
+        new.shares[new.shares < _LEAST] = 0.0
+        return new
+
     def _shorten(self, new: Self, blend: _Blend, near: set[int]) -> None:
         """Makes a blend shorter: only on the side that is not near, or in half of the time."""
         (side, *others), passes = near, self.shares[blend] == 1
@@ -206,11 +277,11 @@ class _Blends(NamedTuple):
         before, after = moves[:, :-1], moves[:, 1:]
         speed = np.zeros((moves.shape[0], moves.shape[1] + 1, moves.shape[2]))
         bend = np.zeros_like(speed)
-        share, cuts, side, _ = (rows[:, 1:-1, None] for rows in self)
+        share, cuts, side, _, turning = (rows[:, 1:-1, None] for rows in self)
         mean = (1 + side) / 2 * before + (1 - side) / 2 * after
         speed[:, 1:-1, :3] = (share * mean)[..., :3]
         bend[:, 1:-1, :3] = (share * cuts * (side == _BOTH) * (after - before))[..., :3]
-        speed[:, 1:-1, 3:] = _steady(before[..., 3:], after[..., 3:])
+        speed[:, 1:-1, 3:] = turning * _steady(before[..., 3:], after[..., 3:])
         return speed, bend
 
 

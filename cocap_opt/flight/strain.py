@@ -14,8 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.problem import Limits, Motion, Robot, SceneData
-from cocap_opt.problem.robot import ROUNDING, rounded_up
+from cocap_opt.data import LARGEST
+from cocap_opt.problem import Limits, Motion, Robot, SceneData, Stride
+from cocap_opt.problem.motion import ROUNDING
+from cocap_opt.problem.robot import rounded_up
+from cocap_opt.world.workspace import HeightMap
 
 RATE, ACCELERATION = 15 / 8, 10 / math.sqrt(3)  # of rests at both ends
 SHORTENED = 2.94  # times the even rate, between a stop and a sharp turn, one of them shortened
@@ -156,7 +159,7 @@ def steep_ground(problem: SceneData, robot: Robot, kind: str, is_smooth: bool) -
     """
     rate = RATE if is_smooth else 1.0
     limit = getattr(robot.limits, kind, None)
-    if kind not in _UPRIGHT or limit is None or problem.height_map.datum is None:
+    if kind not in _UPRIGHT or limit is None or not problem.height_map.is_uneven:
         return ""
     layers = robot.motion.largest_climb
     ground = _highest_move(problem, robot.motion) - layers
@@ -190,7 +193,28 @@ def longest_move(problem: SceneData, motion: Motion) -> float:
     It may be one that nobody makes: down where the layer is the lowest, or into a wall. Layers
     above the ground follow it.
     """
-    return max(math.hypot(aside, rise) for aside, rise in _moves(problem, motion))
+    space = (motion.stride or Stride()).space
+    longest = max(math.hypot(aside, rise) for aside, rise in _moves(problem, motion))
+    return longest if space is None else min(longest, space)
+
+
+def rises(height_map: HeightMap, motion: Motion) -> Iterator[tuple[float, float]]:
+    """Yields the length (m) of moves seen from above, and the most by which they rise or fall.
+
+    They are those that cells and layers allow, whatever the stride.
+    """
+    edge, ground = height_map.resolution, height_map.flight_datum
+    climb, radius = motion.largest_climb, motion.radius
+    if ground is None:
+        yield radius // motion.spacing * motion.spacing * edge * math.sqrt(2), climb
+        return
+    width, depth = ground.shape
+    for i in range(0, min(radius, width - 1) + 1, motion.spacing):
+        for j in range(0, min(radius, depth - 1) + 1, motion.spacing):
+            ahead = ground[i:, j:] - ground[: width - i, : depth - j]
+            across = ground[i:, : depth - j] - ground[: width - i, j:]
+            slope = max(float(np.abs(ahead).max()), float(np.abs(across).max()))
+            yield math.hypot(i * edge, j * edge), slope + climb
 
 
 def _highest_move(problem: SceneData, motion: Motion) -> float:
@@ -199,16 +223,9 @@ def _highest_move(problem: SceneData, motion: Motion) -> float:
 
 
 def _moves(problem: SceneData, motion: Motion) -> Iterator[tuple[float, float]]:
-    """Yields the length (m) of moves seen from above, and the most by which they rise or fall."""
-    edge, ground = problem.height_map.resolution, problem.height_map.datum
-    climb = motion.largest_climb
-    if ground is None:
-        yield motion.radius * edge * math.sqrt(2), climb
-        return
-    width, depth = ground.shape
-    for i in range(min(motion.radius, width - 1) + 1):
-        for j in range(min(motion.radius, depth - 1) + 1):
-            ahead = ground[i:, j:] - ground[: width - i, : depth - j]
-            across = ground[i:, : depth - j] - ground[: width - i, j:]
-            slope = max(float(np.abs(ahead).max()), float(np.abs(across).max()))
-            yield math.hypot(i * edge, j * edge), slope + climb
+    """Yields the moves of `rises`, no longer than the stride."""
+    stride = motion.stride or Stride()
+    bounds = [LARGEST if most is None else most for most in (stride.aside, stride.upright)]
+    space = LARGEST if stride.space is None else stride.space
+    for aside, rise in rises(problem.height_map, motion):
+        yield min(aside, bounds[0], space), min(rise, bounds[1], space)

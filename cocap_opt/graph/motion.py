@@ -6,6 +6,7 @@ graphs, `timegraph` compiles them for planners and bounds, which need no edges o
 
 from __future__ import annotations  # a window's own methods return windows
 
+import math
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple, TypeVar
 
@@ -79,13 +80,14 @@ def allowed_moves(
     """
     window = window or Window.all_of(workspace)
     room = (
+        workspace.height_map.resolution,
         window.of(motion.free_places(workspace)),
         window.of(workspace.height_map.altitudes(motion.layers)),
         Columns(*map(window.of, workspace.columns)),
         Columns(*map(window.of, workspace.forbidden)),
     )
     forth: dict[Move, BoolArray] = {}
-    for move in motion.moves:
+    for move in motion.moves_on(workspace.height_map):
         back = (-move[0], -move[1], -move[2])
         if back in forth:  # it passes the same cells at the same altitudes
             yield move, _shifted(forth.pop(back), move, False)
@@ -95,22 +97,28 @@ def allowed_moves(
 
 
 def _allowed_starts(
-    motion: Motion, move: Move, free: BoolArray, altitudes: FloatArray, matter: Columns,
-    forbidden: Columns,
+    motion: Motion, move: Move, edge: float, free: BoolArray, altitudes: FloatArray,
+    matter: Columns, forbidden: Columns,
 ) -> BoolArray:  # fmt: skip
     """Returns an array [layer, X, Y], true for free places from which a move is allowed.
 
     The cells that it passes must have no solid matter from the lower of its two altitudes to
     the higher, nor within the clearance of these. With corner cutting only the two ends count for
-    that. Nothing may be forbidden in between either.
+    that. Nothing may be forbidden in between either, and the move must be within the stride.
 
     Parameters
     ----------
+    edge : m, of a cell
     free, altitudes : [layer, X, Y] true where a robot may be, and m
     """
     here, there = altitudes, _shifted(altitudes, move, np.nan)
     low, high = np.minimum(here, there), np.maximum(here, there)
-    allowed = ~np.isnan(there) & _clear(forbidden, move, low, high)  # it does not lead out
+    allowed = ~np.isnan(there)  # it does not lead out
+    if motion.stride is not None:
+        allowed &= motion.stride.allows(edge * math.hypot(*move[1:]), there - here)
+        if not allowed.any():
+            return allowed
+    allowed &= _clear(forbidden, move, low, high)
     if motion.corner_cutting:
         return allowed & free & _shifted(free, move, False)
     return allowed & _clear(matter, move, low - motion.clearance, high + motion.clearance)

@@ -71,7 +71,7 @@ class TimeGraph:
         self.n_places = int(np.prod(padded))
         self.n_states = self.n_orientations * self.n_places
         self.strides = (padded[1] * padded[2], padded[2], 1)
-        self.moves: list[Move] = motion.moves
+        self.moves: list[Move] = motion.moves_on(workspace.height_map)
         self.shifts: IntArray = np.array(self.moves, np.int64) @ np.array(self.strides, np.int64)
         self._require_memory()
         self.allowed = self._compile(workspace)
@@ -148,6 +148,7 @@ class TimeGraph:
             here, there = actor.poses[[t, min(t + 1, len(actor.poses) - 1)], :2]
             x, y = height_map.cell_of(*here.tolist())
             aside = airspace.people_aside + math.hypot(*(there - here))  # m, the walk included
+            aside += airspace.people_stray * self.motion.radius * resolution * math.sqrt(2)
             reach = math.ceil(aside / resolution) + 1
             around = self.places_around(x, y, reach)
             near = around[airspace.near_person(actor, t, self.positions(height_map, around))]

@@ -24,12 +24,15 @@ class Airspace(Data, frozen=True):
     people_aside : m, least distance to the middle of a person, seen from above; 0: none
     people_above : m over a head, or below the feet, from which on that does not count; None: it
         counts at any height
+    people_stray : share of a move, by which drones may be ahead of their even pace or behind it;
+        moves keep so much farther from people than is said above
     """
 
     no_fly: tuple[Mesh, ...] = ()
     ceiling: float | None = None
     people_aside: float = 0.0
     people_above: float | None = None
+    people_stray: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -42,6 +45,7 @@ class Airspace(Data, frozen=True):
         if self.people_above is not None:
             within(self.people_above, 0, LARGEST, "people_above", "m")
             require(self.people_aside > 0, "people_above", "must be None where people_aside is 0")
+        within(self.people_stray, 0, 1, "people_stray", "of a move")
 
     def __str__(self) -> str:
         return ", ".join(self._words())
@@ -75,7 +79,18 @@ class Airspace(Data, frozen=True):
         rules, middles = self.rules_beside(actor), actor.middles
         if after is None:
             return rules.too_near(before - middles[t])
-        return rules.pass_too_near(before - middles[t], after - middles[t + 1])
+        scale = self._scale(rules, after - before) if self.people_stray else 1.0
+        return rules.pass_too_near((before - middles[t]) * scale, (after - middles[t + 1]) * scale)
+
+    def _scale(self, rules: CollisionRules, moves: FloatArray) -> FloatArray:
+        """Returns factors [.., 3] by which ways are shorter if moves [.., 3] (m) may stray.
+
+        Who keeps a distance with a stray to spare keeps that distance in a world shrunk by as much.
+        """
+        aside = np.hypot(moves[..., 0], moves[..., 1])
+        least = np.array([rules.separation, rules.separation, rules.vertical]) - TOLERANCE
+        spare = self.people_stray * np.stack([aside, aside, np.abs(moves[..., 2])], axis=-1)
+        return np.asarray(least / (least + spare))
 
     def rules_beside(self, actor: Actor) -> CollisionRules:
         """Returns the rules that hold between a drone and the middle of a person's body."""

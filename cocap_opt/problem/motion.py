@@ -5,9 +5,21 @@ from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
-from cocap_opt.data import LARGEST, MOST_TURN, BoolArray, Data, require, whole, within
-from cocap_opt.world.workspace import Workspace
+import numpy as np
 
+from cocap_opt.data import (
+    LARGEST,
+    MOST_TURN,
+    BoolArray,
+    Data,
+    FloatArray,
+    require,
+    whole,
+    within,
+)
+from cocap_opt.world.workspace import HeightMap, Workspace
+
+ROUNDING = 1e-9  # share of a limit by which motion may exceed it
 Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
 
 
@@ -37,6 +49,52 @@ class Cell(NamedTuple):
     layer: int = 0
 
 
+class Stride(Data, frozen=True):
+    """The farthest that a robot moves in one step; what is None has no bound.
+
+    Attributes
+    ----------
+    aside : m, seen from above
+    upright : m, up or down
+    space : m, in space
+    """
+
+    aside: float | None = None
+    upright: float | None = None
+    space: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for field in self.__struct_fields__:
+            if getattr(self, field) is not None:
+                within(getattr(self, field), 0, LARGEST, field, "m")
+
+    def __str__(self) -> str:
+        words = {"aside": "aside", "upright": "up or down", "space": "in space"}
+        bounds = ((getattr(self, field), told) for field, told in words.items())
+        return ", ".join(f"{most:.3g} m {told}" for most, told in bounds if most is not None)
+
+    def within(self, other: "Stride | None") -> "Stride":
+        """Returns the stride that keeps the bounds of both."""
+        if other is None:
+            return self
+        bounds = {}
+        for field in self.__struct_fields__:
+            both = getattr(self, field), getattr(other, field)
+            bounds[field] = min((most for most in both if most is not None), default=None)
+        return Stride(**bounds)
+
+    def allows(self, aside: float, rise: FloatArray) -> BoolArray:
+        """Returns True [..] for moves that are so long, seen from above, and rise so far (m)."""
+        space = np.hypot(aside, rise)
+        bounds = (self.aside, aside), (self.upright, np.abs(rise)), (self.space, space)
+        allowed = np.ones(rise.shape, dtype=np.bool_)
+        for most, length in bounds:
+            if most is not None:
+                allowed &= length <= most * (1 + ROUNDING)
+        return allowed
+
+
 class Motion(Data, frozen=True):
     """The moves of a robot in one step: up to `radius` cells along each axis, and a turn.
 
@@ -52,6 +110,8 @@ class Motion(Data, frozen=True):
     pitch_turn : gimbal pitch indices per step, either way
     clearance : m, to solid matter above and below; touching it is too near
     corner_cutting : True: only the ends of a move must be free, as in the papers
+    spacing : cells; moves lead by multiples of it along each axis
+    stride : the farthest that one step leads; None: any of the moves above is as good
     """
 
     radius: int = 1
@@ -62,13 +122,16 @@ class Motion(Data, frozen=True):
     pitch_turn: int = 1
     clearance: float = 0.0
     corner_cutting: bool = False
+    spacing: int = 1
+    stride: Stride | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for field in ("radius", "headings", "turn", "climb", "pitch_turn"):
+        for field in ("radius", "headings", "turn", "climb", "pitch_turn", "spacing"):
             whole(getattr(self, field), field)
         within(self.radius, 0, 16, "radius", "cells")
         within(self.headings, 1, 360, "headings", "directions")
+        within(self.spacing, 1, 16, "spacing", "cells")
         for field in ("turn", "climb", "pitch_turn"):
             within(getattr(self, field), 0, MOST_TURN, field, "indices per step")
         within(self.clearance, 0, LARGEST, "clearance", "m")
@@ -82,8 +145,23 @@ class Motion(Data, frozen=True):
     def moves(self) -> list[Move]:
         """All cell moves of one step; the first is to stay."""
         climb = min(self.climb, len(self.layers) - 1)
-        reach, climbs = range(-self.radius, self.radius + 1), range(-climb, climb + 1)
+        most = self.radius - self.radius % self.spacing
+        reach, climbs = range(-most, most + 1, self.spacing), range(-climb, climb + 1)
         return sorted(product(climbs, reach, reach), key=lambda move: (move != (0, 0, 0), move))
+
+    def moves_on(self, height_map: HeightMap) -> list[Move]:
+        """Returns the moves of one step that are within the stride somewhere on a map."""
+        if self.stride is None:
+            return self.moves
+        layers, uneven = np.array(self.layers), height_map.is_uneven
+        found = []
+        for move in self.moves:
+            climb, aside = abs(move[0]), height_map.resolution * math.hypot(*move[1:])
+            # Where layers follow the ground a climb may lead less far up, or none at all.
+            rises = np.zeros(1) if uneven else layers[climb:] - layers[: len(layers) - climb]
+            if self.stride.allows(aside, rises).any():
+                found.append(move)
+        return found
 
     @property
     def largest_climb(self) -> float:
@@ -99,7 +177,7 @@ class Motion(Data, frozen=True):
     def shortest_move(self, resolution: float) -> float:
         """Returns the length (m) of the shortest move but to stay; inf if there is none."""
         climbs = [b - a for a, b in zip(self.layers, self.layers[1:], strict=False)]
-        lengths = [resolution] if self.radius else []
+        lengths = [self.spacing * resolution] if self.radius >= self.spacing else []
         return min([*lengths, *(climbs if self.climb else [])], default=math.inf)
 
     def headings_after(self, heading: int) -> set[int]:

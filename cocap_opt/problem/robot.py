@@ -8,10 +8,8 @@ import msgspec
 
 from cocap_opt.data import LARGEST, Data, require, within
 from cocap_opt.problem.camera import AnyCamera, Camera
-from cocap_opt.problem.motion import Motion, State
+from cocap_opt.problem.motion import ROUNDING, Motion, State, Stride
 from cocap_opt.problem.starts import AnyStart, StartStates
-
-ROUNDING = 1e-9  # share of a limit by which motion may exceed it
 
 
 class Limits(Data, frozen=True):
@@ -81,13 +79,14 @@ class Limits(Data, frozen=True):
 
         Angles are in degrees.
         """
-        diagonal = math.sqrt(2) * resolution
-        most = motion.radius * diagonal
+        diagonal, stride = math.sqrt(2) * resolution, motion.stride or Stride()
+        most = min(motion.radius * diagonal, LARGEST if stride.aside is None else stride.aside)
         cells = 0 if self.speed is None else math.floor(self.speed * step / diagonal + ROUNDING)
         words = f"a move of {motion.radius} cells of {resolution:g} m along both axes, {most:.4g} m"
         smaller = f", or a radius of {cells}" if cells else ""
         yield "radius", words, most, self.speed, smaller, "m/s"
-        most = motion.largest_climb
+        upright = LARGEST if stride.upright is None else stride.upright
+        most = min(motion.largest_climb, upright)
         for way, limit in (("climb", self.climb), ("descent", self.descent)):
             yield "climb", f"a {way} of {most:g} m", most, limit, ", or nearer layers", "m/s"
         turn = min(motion.turn, motion.headings // 2) * 360 / motion.headings

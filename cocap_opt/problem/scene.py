@@ -226,8 +226,8 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         """Returns where a robot is in places x, y, layer [n, 3], as [n, 3] (m)."""
         (x, y, layer), height_map = places.T, self.height_map
         heights = np.array(robot.motion.layers)[layer]
-        if height_map.datum is not None:
-            heights = heights + height_map.datum[x, y]
+        if height_map.flight_datum is not None:
+            heights = heights + height_map.flight_datum[x, y]
         (ox, oy), size = height_map.origin, height_map.resolution
         return np.column_stack([ox + (x + 0.5) * size, oy + (y + 0.5) * size, heights])
 

@@ -44,6 +44,8 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
     resolution : m, edge of a cell
     origin : m, corner of cell (0, 0)
     datum : [X, Y] m, zero of flight heights; None: 0 everywhere
+    lift : [X, Y] m, by which flight heights are above what they say, where the datum is too steep
+        to be followed; None: nowhere. A ceiling is above the datum as it is
 
     Raises
     ------
@@ -55,6 +57,7 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
     resolution: float = 1.0
     origin: tuple[float, float] = (0.0, 0.0)
     datum: FloatArray | None = None
+    lift: FloatArray | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -62,11 +65,15 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
         within(self.resolution, SMALLEST, LARGEST, "resolution", "m")
         for value in self.origin:
             within(value, -LARGEST, LARGEST, "origin", "m")
-        if self.datum is not None:
-            msgspec.structs.force_setattr(self, "datum", frozen(self.datum, "datum", 2))
-            sizes = self.shape
-            same = self.datum.shape == sizes
-            require(same, "datum", f"must have {sizes[0]} x {sizes[1]} cells like the heights")
+        for field in ("datum", "lift"):
+            if getattr(self, field) is not None:
+                values = frozen(getattr(self, field), field, 2)
+                msgspec.structs.force_setattr(self, field, values)
+                sizes = self.shape
+                same = values.shape == sizes
+                require(same, field, f"must have {sizes[0]} x {sizes[1]} cells like the heights")
+        if self.lift is not None:
+            require(bool((self.lift >= 0).all()), "lift", "must be at least 0 m")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -107,7 +114,8 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
 
     def altitude(self, x: int, y: int, height: float) -> float:
         """Returns the altitude (m) of flight height `height` in cell (x, y)."""
-        return height if self.datum is None else height + float(self.datum[x, y])
+        zero = self.flight_datum
+        return height if zero is None else height + float(zero[x, y])
 
     def way(self, tail: Place, head: Place) -> tuple[float, float, float]:
         """Returns the way (m) from one place to another, each a cell x, y and a flight height."""
@@ -117,9 +125,25 @@ class HeightMap(Data, frozen=True, eq=False, dict=True):
 
     def altitudes(self, heights: tuple[float, ...]) -> FloatArray:
         """Returns the altitudes [layer, X, Y] (m) of flight heights in all cells."""
-        datum = np.zeros(self.shape) if self.datum is None else self.datum
-        result: FloatArray = np.array(heights)[:, None, None] + datum
+        zero = np.zeros(self.shape) if self.flight_datum is None else self.flight_datum
+        result: FloatArray = np.array(heights)[:, None, None] + zero
         return result
+
+    def ceilings(self, height: float) -> FloatArray:
+        """Returns the altitudes [X, Y] (m) of a ceiling in all cells."""
+        return height + (np.zeros(self.shape) if self.datum is None else self.datum)
+
+    @cached_property
+    def flight_datum(self) -> FloatArray | None:
+        """The altitudes [X, Y] (m) of flight height 0: the datum with the lift; None: 0."""
+        if self.lift is None:
+            return self.datum
+        return self.lift if self.datum is None else self.datum + self.lift
+
+    @property
+    def is_uneven(self) -> bool:
+        """True if flight heights may differ in altitude from cell to cell."""
+        return self.flight_datum is not None
 
     @property
     def ground(self) -> FloatArray:
@@ -268,7 +292,7 @@ def _forbidden(workspace: Workspace) -> Columns:
     columns = Columns.of(np.full(height_map.shape, -np.inf), _joined(zones, height_map))
     if workspace.ceiling is None:
         return columns
-    (top,) = height_map.altitudes((workspace.ceiling,))
+    top = height_map.ceilings(workspace.ceiling)
     above = Columns(np.nextafter(top, np.inf)[None], np.full((1, *top.shape), np.inf))
     return Columns(*(np.concatenate(parts) for parts in zip(columns, above, strict=True)))
 

@@ -229,7 +229,7 @@ def _cliques_of_cells(problem: Problem, slots: _Slots) -> sparse.csr_array:
     """Returns sets of slots that hold all pairs that are too close, and only such pairs."""
     if not problem.rules.separation or not len(slots):
         return sparse.eye_array(len(slots), format="csr")
-    if problem.height_map.datum is not None:
+    if problem.height_map.is_uneven:
         return _pairs_too_close(problem, slots)
     blocks, entries = [], 0
     for shape in _shapes(problem):

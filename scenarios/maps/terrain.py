@@ -29,6 +29,9 @@ SURFACE = "surface"  # in place of the ground's file
 DEEP = 1.0  # m below the ground; more in a map of heights above the ground is a mistake
 
 
+_HARDLY = 1e-3  # m; lifts by less are none
+
+
 class Terrain(NamedTuple):
     """A height map, and the ground below the obstacles on it."""
 
@@ -36,11 +39,83 @@ class Terrain(NamedTuple):
     ground: FloatArray  # [X, Y] m
     crs: str | None = None  # reference system that the map's file states
 
+    def divided(self, parts: int) -> "Terrain":
+        """Returns the same terrain with each cell divided in so many along x and y.
+
+        Flight heights above the ground go from cell to cell without jumps.
+        """
+        if parts == 1:
+            return self
+        height_map = self.height_map
+        finer = HeightMap(
+            heights=_repeated(height_map.heights, parts),
+            resolution=height_map.resolution / parts,
+            origin=height_map.origin,
+            datum=None if height_map.datum is None else _between(height_map.datum, parts),
+        )
+        return self._replace(height_map=finer, ground=_repeated(self.ground, parts))
+
+    def lifted(self, slope: float, most: float) -> "Terrain":
+        """Returns the terrain with flight heights that rise by no more than a slope, m per m.
+
+        They are nowhere nearer to the ground than before, and higher by `most` (m) at most.
+        """
+        height_map = self.height_map
+        if height_map.datum is None:
+            return self
+        level = _rise_bounded(height_map.datum, slope * height_map.resolution)
+        lift = np.minimum(level - height_map.datum, most)
+        if lift.max() < _HARDLY:
+            return self
+        return self._replace(height_map=height_map.replace(lift=lift))
+
     def floor(self, x: float, y: float) -> float:
         """Returns the altitude of the ground at a point (m); outside, that of the nearest cell."""
         i, j = self.height_map.cell_of(x, y)
         width, depth = self.height_map.shape
         return float(self.ground[min(max(i, 0), width - 1), min(max(j, 0), depth - 1)])
+
+
+def _rise_bounded(ground: FloatArray, rise: float) -> FloatArray:
+    """Returns the lowest surface [X, Y] that is nowhere below another and rises slowly.
+
+    Parameters
+    ----------
+    ground : [X, Y] m
+    rise : m that it may rise from a cell to one that shares an edge; times sqrt(2) diagonally
+    """
+    found = ground.copy()
+    slow = rise, rise * math.sqrt(2)
+    while True:
+        before = found.copy()
+        for axis in (0, 1):
+            rows = np.moveaxis(found, axis, 0)
+            for order in (range(1, len(rows)), range(len(rows) - 2, -1, -1)):
+                back = -1 if order.step > 0 else 1
+                for i in order:
+                    last = rows[i + back]
+                    np.maximum(rows[i], last - slow[0], out=rows[i])
+                    np.maximum(rows[i, 1:], last[:-1] - slow[1], out=rows[i, 1:])
+                    np.maximum(rows[i, :-1], last[1:] - slow[1], out=rows[i, :-1])
+        if (found == before).all():
+            return found
+
+
+def _repeated(values: FloatArray, parts: int) -> FloatArray:
+    """Returns values [X, Y] of cells in each of the parts that they are divided in."""
+    return values.repeat(parts, axis=0).repeat(parts, axis=1)
+
+
+def _between(values: FloatArray, parts: int) -> FloatArray:
+    """Returns values [X, Y] of cells in each of the parts that they are divided in, linearly."""
+    for axis in (0, 1):
+        size = values.shape[axis]
+        at = ((np.arange(size * parts) + 0.5) / parts - 0.5).clip(0, size - 1)
+        low = np.floor(at).astype(np.int64)
+        share = np.expand_dims(at - low, 1 - axis)
+        high = np.minimum(low + 1, size - 1)
+        values = (1 - share) * values.take(low, axis) + share * values.take(high, axis)
+    return values
 
 
 class MapTable(Table):

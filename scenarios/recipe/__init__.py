@@ -9,7 +9,7 @@ import logging
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -31,8 +31,9 @@ from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings, say_mov
 from cocap_opt.scenarios.recipe.objective import ObjectiveTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import AirspaceTable, NoFlyTable, RulesTable
+from cocap_opt.scenarios.recipe.strides import Strides
 from cocap_opt.scenarios.site import Site
-from cocap_opt.scenarios.tables import Flight, Table
+from cocap_opt.scenarios.tables import ABOVE_GROUND, Flight, Table
 from cocap_opt.scenarios.text import naming, read_text, rectangle
 from cocap_opt.scenarios.tracks.times import Epoch
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
@@ -46,7 +47,10 @@ EXAMPLE = """\
 name = "example"            # left out: that of the file
 steps = 20                  # number of moves
 step = 0.5                  # seconds each; left out: 1
-flight = "above-ground"     # or "above-sea"; the layers of all drones are heights above it
+flight = "above-ground"     # or "above-sea"; the layers of all drones are heights above it; left
+                            # out: above the ground, and more where it is too steep for limits
+flown = "smooth"            # drones with limits make moves that smooth flights can have in any
+                            # order; "straight": those that are slow enough by themselves
 face_samples = 3            # squared: rays to each triangle of what meshes may hide
 
 [map]
@@ -138,6 +142,9 @@ climb = 1                   # layers, up or down
 headings = 8                # in a full turn
 turn = 1                    # headings, either way
 pitch_turn = 1              # tilts, either way
+spacing = 1                 # cells of which moves are multiples
+stride = { aside = 2.0, upright = 2.0, space = 3.0 }   # m, the longest moves; left out, as each
+                            # bound: as radius, climb and limits have it
 clearance = 0.5             # m that are free above and below
 corner_cutting = false      # true: a move may cut a wall's corner, only its ends must be free
 
@@ -145,8 +152,8 @@ corner_cutting = false      # true: a move may cut a wall's corner, only its end
 speed = 8                   # m/s; climb and descent likewise
 climb = 5
 descent = 4
-acceleration = 8            # m/s2; from rest it must allow the shortest move within a step,
-                            # 2 x its length / step^2: with cells of 1 m and steps of 0.5 s 8 m/s2
+acceleration = 8            # m/s2; a move from rest to rest within a step wants 5.8 x its length
+                            # / step^2: 0.34 m here, so cells of 1 m are divided by 3
 yaw_rate = 90               # degrees/s, as the gimbal's
 gimbal_rate = 90
 endurance = 1200            # s for which the battery lasts
@@ -211,7 +218,8 @@ class Recipe(Table):
     drones: tuple[DronesTable, ...] = ()  # to look at; a problem needs one
     name: str | None = None  # None: as the file
     step: Annotated[float, Meta(gt=0, le=LARGEST)] = 1.0
-    flight: Flight = "above-ground"
+    flight: Flight | None = None  # None: above the ground, and level where that is too steep
+    flown: Literal["smooth", "straight"] = "smooth"
     layer: tuple[LayerTable, ...] = ()
     mesh: tuple[MeshTable, ...] = ()
     walls: tuple[WallsTable, ...] = ()
@@ -301,7 +309,7 @@ class _Place(NamedTuple):
     def of(cls, recipe: Recipe, path: Path) -> "_Place":
         """Reads all files that a recipe names."""
         with naming("map"):
-            terrain = recipe.map.terrain(path.parent, recipe.flight)
+            terrain = recipe.map.terrain(path.parent, recipe.flight or ABOVE_GROUND)
         crowns: list[Mesh] = []
         for k, layer in enumerate(recipe.layer):
             with naming(f"layer[{k}]"):
@@ -309,6 +317,7 @@ class _Place(NamedTuple):
             crowns += bodies
         earth = _earth(recipe, terrain)
         projection = MapProjection(earth, terrain.height_map.centre(0, 0))
+        recipe, terrain, stray = _flyable(recipe, terrain)
         solid = (*crowns, *_meshes(recipe, path.parent, terrain, projection))
         people = list(_people(recipe, path.parent, terrain, projection))
         with naming("rules"):
@@ -317,6 +326,8 @@ class _Place(NamedTuple):
             with naming("earth"):  # walls or tracks off the map say first where it should be
                 require_likely(earth, terrain.height_map)
         airspace = recipe.airspace.airspace(recipe.no_fly)
+        if airspace.people_aside:
+            airspace = airspace.replace(people_stray=stray)
         for k, zone in enumerate(airspace.no_fly):
             with naming(f"no_fly[{k}]"), naming("polygon"):
                 _require_on_map([zone], terrain.height_map, "it has coordinates of the map")
@@ -380,6 +391,27 @@ class _Place(NamedTuple):
 
             pattern = r"robots\[(\d+)\](\.start|\.home)?"
             raise ProblemError(re.sub(pattern, named, str(error))) from error
+
+
+def _flyable(recipe: Recipe, terrain: Terrain) -> tuple[Recipe, Terrain, float]:
+    """Returns a recipe whose drones can fly all of their moves smoothly, in any order.
+
+    Returns
+    -------
+    recipe, terrain : with other motions, cells and flight heights, where limits ask for that
+    stray : share of a move by which drones may then stray from their even pace
+    """
+    for k, given in enumerate(recipe.drones):
+        with naming(f"drones[{k}]"):
+            given.require_likely(terrain.height_map.resolution, recipe.step)
+    limited = any(table.known_limits is not None for table in recipe.drones)
+    if recipe.flown == "straight" or not limited:
+        return recipe, terrain, 0.0
+    ceiling, follows = recipe.airspace.ceiling, recipe.flight is not None
+    strides = Strides.of(recipe.drones, terrain, recipe.step, follows, ceiling)
+    strides.say()
+    changed = msgspec.structs.replace(recipe, drones=strides.tables)
+    return changed, strides.terrain, strides.law.stray
 
 
 def _names(recipe: Recipe) -> Iterator[tuple[str, str]]:

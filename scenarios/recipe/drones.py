@@ -227,6 +227,25 @@ class DronesTable(Table):
         return [*cells]
 
     @property
+    def known_limits(self) -> Limits | None:
+        """The limits of the drones; None if nothing is known of them."""
+        return self._limits()
+
+    @property
+    def tilts_in_radians(self) -> tuple[float, ...]:
+        """The tilts of the camera, below the horizon."""
+        return tuple(math.radians(angle) for angle in self.tilts)
+
+    @property
+    def size(self) -> int:
+        """The number of drones."""
+        return self.count or len(self.stated)
+
+    def with_motion(self, motion: Motion) -> "DronesTable":
+        """Returns the table of drones that move otherwise."""
+        return msgspec.structs.replace(self, motion=motion)
+
+    @property
     def stated(self) -> tuple[_StartTable, ...]:
         """The starts that are stated one by one."""
         return () if isinstance(self.starts, _AreaTable) else self.starts or ()
@@ -238,14 +257,16 @@ class DronesTable(Table):
             return set(self.starts.heights or ())
         return {start.height for start in self.stated if start.height is not None}
 
-    def require_pace(self, resolution: float, step: float) -> None:
-        """Raises a ProblemError if no drone, or not one with these limits, could be so fast.
+    def require_likely(self, resolution: float, step: float) -> None:
+        """Raises a ProblemError if no drone could be so fast, or something of it is not known.
 
         Parameters
         ----------
         resolution : edge of the map's cells, m
         step : seconds between steps
         """
+        camera_of(self.camera, self.tilts)
+        self._limits()
         speed = self.motion.radius * resolution / step
         if speed > IMPOSSIBLE:
             raise ProblemError(
@@ -253,6 +274,9 @@ class DronesTable(Table):
                 f"cells of {resolution:g} m in a step of {step:g} s are {speed:.4g} m/s: are "
                 "resolution and step right?"
             )
+
+    def require_pace(self, resolution: float, step: float) -> None:
+        """Raises a ProblemError if the drones' limits do not allow some move at an even pace."""
         limits = self._limits()
         words = limits and limits.broken_by(
             self.motion, camera_of(self.camera, self.tilts).tilts, resolution, step

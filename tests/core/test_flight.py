@@ -666,6 +666,6 @@ def test_shortened_blends_are_no_faster_than_said() -> None:
     shares[:, [0, -1]] = 0.0
     sides = np.where(shares < 1, 0, rng.choice([-1, 0, 1], size=shape))
     cuts = rng.choice([1, 2, 4, 8], size=shape)
-    blends = _Blends(shares, cuts, sides, np.ones(shape, dtype=np.bool_))
+    blends = _Blends(shares, cuts, sides, *np.ones((2, *shape), dtype=np.bool_))
     rates = derivative(blends.pieces(points)) * cuts.max()
     assert 2.75 < Peak.of(rates[:, :, 0].reshape(-1, rates.shape[-1])).value <= SHORTENED

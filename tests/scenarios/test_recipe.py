@@ -121,6 +121,7 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
         ("[[14, 4]]", str([[EAST + 24, NORTH + 14]])),
         ("x = 30, y = 20,", f"x = {EAST + 45}, y = {NORTH + 40},"),
         ("starts = [", "motion = { layers = [4] }\nstarts = ["),
+        ('flown = "smooth"', 'flown = "straight"'),  # cells as they are stated
     ):
         assert old in text
         text = text.replace(old, new)

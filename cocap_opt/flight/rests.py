@@ -1,0 +1,107 @@
+"""Flights in which drones rest at both ends of a step: the laws of time by which they then move.
+
+A drone that rests at both steps flies the straight line of the plan, by some law s(tau) of time,
+0 at the first step and 1 at the next. It knows where it is safe, whatever the rest of the plan:
+
+- It keeps away from walls and zones as the straight move does, being nowhere else.
+- Drones with the same law are as far apart as on straight flights at some moment: all of them are
+  the same share of their moves on.
+- From a person, who walks evenly, it is farther away than an even flight would be, but for
+  |s(tau) - tau| of its move: the `stray` of the law.
+- Its speeds and accelerations are those of the move, times constants of the law.
+
+So where moves keep the limits of drones at rest (`Rests.stride`), and the stray from people, there
+is a smooth flight of every plan, whatever its moves are and in whatever order.
+"""
+
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, read_only
+from cocap_opt.flight.bernstein import Peak, derivative, elevated
+from cocap_opt.flight.trajectory import DEGREE, split
+from cocap_opt.problem import Limits, Stride
+
+PARTS = 8  # pieces of a step in which a law is made
+_OVER = 1 + 1e-7  # times a constant, so that rounding exceeds no limit
+
+
+class Rests:
+    """A law of time between two rests, with continuous speed and acceleration.
+
+    Parameters
+    ----------
+    ramp : pieces of the step, 1..4 of `PARTS`, in which the drone reaches an even speed, and in
+        which it loses it; `PARTS`: it never has one, and its acceleration is small
+    """
+
+    def __init__(self, ramp: int) -> None:
+        self.ramp = ramp
+
+    @cached_property
+    def law(self) -> FloatArray:
+        """Coefficients [PARTS, 6] of s(tau), piece by piece; the second half mirrors the first."""
+        if self.ramp == PARTS:
+            return read_only(split(np.array([[[0.0, 0, 0, 1, 1, 1]]]), PARTS)[:, 0])
+        share = self.ramp / PARTS
+        speed = 1 / (1 - share)
+        # The speed rises by 3 u^2 - 2 u^3, which leads to u^3 - u^4 / 2.
+        rise = elevated(np.array([[[0.0, 0, 0, 1 / 4, 1 / 2]]]), DEGREE)
+        start = split(speed * share * rise, self.ramp)[:, 0]
+        middle = np.linspace(start[-1, -1], 0.5, PARTS // 2 - self.ramp + 1)
+        even = [np.linspace(a, b, DEGREE + 1) for a, b in pairwise(middle)]
+        half = np.array([*start, *even])
+        return read_only(np.concatenate([half, 1 - half[::-1, ::-1]]))
+
+    @cached_property
+    def rate(self) -> float:
+        """The largest speed, times that of an even flight."""
+        return Peak.of(derivative(self.law) * PARTS).value * _OVER
+
+    @cached_property
+    def acceleration(self) -> float:
+        """The largest acceleration, in moves per squared step."""
+        bends = derivative(derivative(self.law)) * PARTS**2
+        return max(Peak.of(bends).value, Peak.of(-bends).value) * _OVER
+
+    @cached_property
+    def stray(self) -> float:
+        """The largest share of its move by which a drone is behind its even pace, or ahead."""
+        even = np.linspace(0.0, 1.0, PARTS * DEGREE + 1)
+        pieces = np.array([even[k * DEGREE : (k + 1) * DEGREE + 1] for k in range(PARTS)])
+        return max(Peak.of(self.law - pieces).value, Peak.of(pieces - self.law).value) * _OVER
+
+    def stride(self, limits: Limits, step: float) -> Stride:
+        """Returns the longest moves that a drone can make between two rests.
+
+        Parameters
+        ----------
+        step : s
+        """
+        upright = [most for most in (limits.climb, limits.descent) if most is not None]
+        return Stride(
+            aside=None if limits.speed is None else limits.speed * step / self.rate,
+            upright=min(upright) * step / self.rate if upright else None,
+            space=(
+                None
+                if limits.acceleration is None
+                else limits.acceleration * step**2 / self.acceleration
+            ),
+        )
+
+    def between(self, points: FloatArray) -> FloatArray:
+        """Returns the coefficients [.., T, PARTS, d, 6] of ways through points [.., T+1, d].
+
+        They begin and end exactly there, and who stays has the same coefficients.
+        """
+        a, b = points[..., :-1, None, :, None], points[..., 1:, None, :, None]
+        share = self.law[:, None, :]
+        way: FloatArray = np.where(share < 0.5, a + (b - a) * share, b - (b - a) * (1 - share))
+        return way
+
+
+GENTLE = Rests(PARTS)
+LAWS = GENTLE, Rests(2), Rests(1)  # the gentlest first
+TURNS = Rests(1)  # of angles, of whose accelerations nothing is known
