@@ -22,6 +22,7 @@ from cocap_opt.problem.rules import NO_RULES, SEPARATION, VERTEX_ONLY, Collision
 from cocap_opt.problem.scene import Earth, SceneData
 from cocap_opt.problem.shapes import Cuboid, Prism, Shape, TriangulatedCuboid
 from cocap_opt.problem.starts import AnyStart, StartArea, StartStates
+from cocap_opt.problem.takes import Take
 
 __all__ = [
     "COVERAGE_VERSION",
@@ -54,6 +55,7 @@ __all__ = [
     "StartStates",
     "State",
     "SwapConflict",
+    "Take",
     "TriangulatedCuboid",
     "VertexConflict",
     "Views",
