@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from cocap_opt.api.measuring import gap
     from cocap_opt.api.methods import bound, plan, solve
     from cocap_opt.api.showing import show
-    from cocap_opt.api.variants import with_starts, with_views
+    from cocap_opt.api.variants import takes, with_starts, with_views
     from cocap_opt.console.versions import show_versions
     from cocap_opt.data import ProblemError
     from cocap_opt.files.documents import FileError
@@ -98,7 +98,7 @@ _MODULES = {
     "cocap_opt.api.measuring": ("gap",),
     "cocap_opt.api.methods": ("bound", "plan", "solve"),
     "cocap_opt.api.showing": ("show",),
-    "cocap_opt.api.variants": ("with_starts", "with_views"),
+    "cocap_opt.api.variants": ("takes", "with_starts", "with_views"),
     "cocap_opt.console.versions": ("show_versions",),
     "cocap_opt.player.player": ("Player",),
     "cocap_opt.files.documents": ("FileError",),
@@ -134,7 +134,7 @@ __all__ = [
     "UnsupportedError", "Verdict", "Verified", "VertexConflict", "Views", "WorkLimit",
     "bound", "check", "coverage", "coverage_digest", "explain", "front", "gap", "load", "never",
     "plan", "quality", "quality_bound", "read", "replans", "robustness", "save", "show",
-    "show_versions", "solve", "trajectory", "verify", "with_starts", "with_views",
+    "show_versions", "solve", "takes", "trajectory", "verify", "with_starts", "with_views",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # or any misspelt name would be one for type checkers

@@ -50,6 +50,11 @@ def equal_chances(names: Sequence[str]) -> tuple[Take, ...]:
     return tuple(Take(name=name, probability=1 / len(names)) for name in names)
 
 
+def least_chance(takes: Sequence[Take]) -> float:
+    """Returns the least probability of a take that may happen; 1 without takes."""
+    return min((take.probability for take in takes if take.probability), default=1.0)
+
+
 def require_takes(takes: Sequence[Take], actors: Sequence[Actor], field: str = "takes") -> None:
     """Checks takes, and that people name them; the message names the field.
 

@@ -18,6 +18,7 @@ from msgspec import Meta
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Actor, Earth, Problem, Robot
+from cocap_opt.problem.takes import least_chance
 from cocap_opt.scenarios.earth.place import EarthTable, MapProjection, require_likely
 from cocap_opt.scenarios.kinds import JSON
 from cocap_opt.scenarios.maps.terrain import MapTable, Terrain
@@ -27,6 +28,7 @@ from cocap_opt.scenarios.recipe.drones import DronesTable, Surroundings, say_mov
 from cocap_opt.scenarios.recipe.objective import ObjectiveTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import AirspaceTable, NoFlyTable, RulesTable
+from cocap_opt.scenarios.recipe.takes import SpreadTable, TakeTable, in_takes, people_in_takes
 from cocap_opt.scenarios.tables import Flight, Table
 from cocap_opt.scenarios.text import naming, read_text, rectangle
 from cocap_opt.scenarios.tracks.times import Epoch
@@ -94,6 +96,7 @@ delimiter = " "             # left out: what the first row looks like
 still = 0.1                 # m/s; people who are slower keep their heading
 shape = { type = "prism", sides = 6, apothem = 0.25 }
 views_weight = 0.5          # times the weight of views in [objective]; left out: 1
+take = "rehearsed"          # or ["rehearsed", "late"]: takes in which they are; left out: all
 
 [[walk]]
 points = [[20, 20], [60, 22]]
@@ -103,6 +106,22 @@ first = 0.5                 # m of the way that are walked before step 0
 # heading = 90              # where the person looks all the time, from x to y; left out: ahead
 shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
 views_weight = 2.0          # likewise: Ada is to be seen by two rather than the others
+# take = "late"             # likewise; left out: Ada is there in each take
+
+[[take]]                    # people may walk otherwise: one of several ways; left out: they do not
+name = "rehearsed"
+probability = 0.75          # those of all takes sum to 1
+
+[[take]]
+name = "late"
+probability = 0.25
+
+# [spread]                  # in place of [[take]]: ways that are drawn around those above
+# takes = 3                 # equally probable; the first is as above
+# delay = 1.0               # s: standard deviation of how late a person is, or early
+# aside = 0.5               # m, to the left or right
+# speed = 0.1               # share by which a person is faster or slower
+# seed = 0                  # of the draws; they lead into no obstacle, nor off the map
 
 [[drones]]
 count = 3                   # in random cells, chosen by the seed, within 15 m of someone; other
@@ -196,6 +215,8 @@ class Recipe(Table):
     walls: tuple[WallsTable, ...] = ()
     tracks: tuple[TracksTable, ...] = ()
     walk: tuple[WalkTable, ...] = ()
+    take: tuple[TakeTable, ...] = ()
+    spread: SpreadTable | None = None
     no_fly: tuple[NoFlyTable, ...] = ()
     airspace: AirspaceTable = msgspec.field(default_factory=AirspaceTable)
     rules: RulesTable = msgspec.field(default_factory=RulesTable)
@@ -232,7 +253,7 @@ def read(
         projection = MapProjection(earth, terrain.height_map.centre(0, 0))
         solid = tuple(_meshes(recipe, path.parent, terrain, projection))
         people = list(_people(recipe, path.parent, terrain, projection))
-        actors = tuple(actor for actor, _ in people)
+        given = tuple(actor for actor, _ in people)
         with naming("rules"):
             rules = recipe.rules.rules()
         if recipe.earth is not None and earth is not None and terrain.crs is None:
@@ -243,22 +264,28 @@ def read(
             with naming(f"no_fly[{k}]"), naming("polygon"):
                 _require_on_map([zone], terrain.height_map, "it has coordinates of the map")
         workspace = Workspace(terrain.height_map, solid, airspace.no_fly, airspace.ceiling)
-        around = Surroundings(workspace, actors, recipe.steps, rules, airspace)
+        filmed = people_in_takes(
+            recipe.take, recipe.spread, given, workspace, recipe.steps, recipe.step
+        )
+        around = Surroundings(workspace, filmed.actors, recipe.steps, rules, airspace)
         team = _team(recipe, around, np.random.default_rng(seed))
         with naming("objective"):
             factors = [factor for _, factor in people]
-            objective = recipe.objective.objective(actors, factors, team, recipe.steps)
+            objective = recipe.objective.objective(
+                given, factors, team, recipe.steps, least_chance(filmed.takes)
+            )
         return _problem(
             recipe,
             name=recipe.name or path.stem,
             height_map=terrain.height_map,
             meshes=solid,
             robots=tuple(team),
-            actors=actors,
+            actors=filmed.actors,
+            takes=filmed.takes,
             horizon=recipe.steps,
             rules=rules,
             airspace=airspace,
-            objective=objective,
+            objective=filmed.objective(objective),
             face_samples=recipe.face_samples,
             step=recipe.step,
             earth=earth,
@@ -381,6 +408,7 @@ def _people(
         with naming(f"tracks[{k}]"):
             _require_views(recipe, given)
             actors, begin = given.actors(folder, terrain, recipe.step, recipe.steps, projection)
+            actors = [copy for who in actors for copy in in_takes(who, given.take, recipe.take)]
         if begin is not None:
             begins[k] = begin
         yield from ((actor, given.views_weight) for actor in actors)
@@ -389,7 +417,8 @@ def _people(
         with naming(f"walk[{k}]"):
             _require_views(recipe, walk)
             actor = walk.actor(terrain, recipe.step, recipe.steps)
-        yield actor, walk.views_weight
+            actors = in_takes(actor, walk.take, recipe.take)
+        yield from ((actor, walk.views_weight) for actor in actors)
 
 
 def _require_views(recipe: Recipe, table: TracksTable | WalkTable) -> None:

@@ -125,7 +125,11 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
     np.testing.assert_allclose(problem.height_map.origin, (EAST + 10, NORTH + 10), atol=1e-6)
     assert problem.height_map.datum is not None
     assert [len(mesh.triangles) for mesh in problem.meshes] == [12, 32]
-    assert [actor.shape.height for actor in problem.actors] == [1.75, 1.75, 1.75, 1.8]
+    assert [actor.shape.height for actor in problem.actors] == [1.75, 1.75, 1.75, 1.8, 1.8]
+    assert [(take.name, take.probability) for take in problem.takes] == [
+        ("rehearsed", 0.75), ("late", 0.25),
+    ]  # fmt: skip
+    assert problem.take_of.tolist() == [0, 0, 0, 0, 1]
     assert len(problem.robots) == 4
     assert problem.robots[3].start.heading == 2
     assert problem.robots[0].camera.tilts == (math.radians(10), math.radians(40))
@@ -140,13 +144,15 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
     views = problem.objective.views
     assert views is not None and (views.cameras, views.at_least) == (2, 0.3)
     by_default = default_weights(problem.actors, problem.robots)
-    assert views.weight == tuple(w * f for w, f in zip(by_default, (0.5, 0.5, 0.5, 2), strict=True))
+    assert views.weight == tuple(
+        w * f for w, f in zip(by_default, (0.5, 0.5, 0.5, 2, 2), strict=True)
+    )
 
 
 def test_the_example_has_every_field() -> None:
     """Whoever reads the example knows all that a recipe can say."""
     tables = Table.__subclasses__()
-    assert len(tables) == 16
+    assert len(tables) == 18
     for table in tables:
         for field in table.__struct_fields__:
             assert f"{field} =" in EXAMPLE or f"{field}]" in EXAMPLE, field

@@ -101,12 +101,12 @@ def in_takes(draw: st.DrawFn, drawn: st.SearchStrategy[Problem], counting: bool 
     alone = []
     for take in takes:
         inside = [j for j, person in enumerate(people) if person.take in (None, take.name)]
-        own = objective
+        mine = objective
         if objective.views is not None and isinstance(weights, tuple):
             chosen = tuple(weights[j] for j in inside)
-            own = objective.replace(views=objective.views.replace(weight=chosen))
+            mine = objective.replace(views=objective.views.replace(weight=chosen))
         there: tuple[Actor, ...] = tuple(people[j].replace(take=None) for j in inside)
-        alone.append((take.probability, plain.replace(actors=there, objective=own)))
+        alone.append((take.probability, plain.replace(actors=there, objective=mine)))
     return InTakes(problem, alone)
 
 
