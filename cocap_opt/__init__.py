@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from cocap_opt.api.filming import quality, quality_bound
     from cocap_opt.api.flying import robustness, trajectory
     from cocap_opt.api.fronts import front
+    from cocap_opt.api.hedging import compare_takes
     from cocap_opt.api.judging import check, verify
     from cocap_opt.api.measuring import gap
     from cocap_opt.api.methods import bound, plan, solve
@@ -91,6 +92,7 @@ _MODULES = {
     "cocap_opt.api.covering": ("coverage", "coverage_digest"),
     "cocap_opt.api.explaining": ("explain", "replans"),
     "cocap_opt.api.fronts": ("front",),
+    "cocap_opt.api.hedging": ("compare_takes",),
     "cocap_opt.api.files": ("load", "read", "save"),
     "cocap_opt.api.filming": ("quality", "quality_bound"),
     "cocap_opt.api.flying": ("robustness", "trajectory"),
@@ -132,9 +134,9 @@ __all__ = [
     "QualityBound", "Reason", "RefereeError", "Result", "Robot", "Snapshot", "StartArea",
     "StartStates", "State", "Stop", "SwapConflict", "Take", "TimeLimit", "TriangulatedCuboid",
     "UnsupportedError", "Verdict", "Verified", "VertexConflict", "Views", "WorkLimit",
-    "bound", "check", "coverage", "coverage_digest", "explain", "front", "gap", "load", "never",
-    "plan", "quality", "quality_bound", "read", "replans", "robustness", "save", "show",
-    "show_versions", "solve", "takes", "trajectory", "verify", "with_starts", "with_views",
+    "bound", "check", "compare_takes", "coverage", "coverage_digest", "explain", "front", "gap",
+    "load", "never", "plan", "quality", "quality_bound", "read", "replans", "robustness", "save",
+    "show", "show_versions", "solve", "takes", "trajectory", "verify", "with_starts", "with_views",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # or any misspelt name would be one for type checkers

@@ -8,7 +8,7 @@ from contextlib import redirect_stdout
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 from cyclopts import Parameter
@@ -50,6 +50,7 @@ from cocap_opt.run.kept_share import run_keeping
 from cocap_opt.run.named_planners import FORMS, planner_named
 from cocap_opt.run.options import Allowance, Option, UsageError
 from cocap_opt.run.own_planners import OwnPlannerError
+from cocap_opt.run.takes import take_rows
 from cocap_opt.stop import Interrupt, Stop
 
 _ENDINGS = {"--trace": (".csv",)}  # of files; all others hold JSON
@@ -111,6 +112,7 @@ def _plan(
         answer |= judged.reward_parts
         answer["violations"] = judged.verdict.conflicts
     answer |= _chosen_starts(problem, judged.result.plan)
+    answer |= _take_by_take(problem, judged)
     print_result(_in_order(answer, judged.result.plan is not None), json)
     return 0
 
@@ -299,11 +301,18 @@ class _Task(NamedTuple):
         judged.warn(self.problem, self.seed, method)
         row = PlanRow.certified(self.problem, self.seed, method, judged)
         record = _record(row) | self.about | _chosen_starts(self.problem, judged.result.plan)
+        record |= _take_by_take(self.problem, judged)
         is_open = OPTIMALITY < judged.result.gap < math.inf
         may_have = method in _WITH_STEP_ENVELOPES and not self.problem.objective.over_time
         if is_open and may_have and find_spec("numba") is None:
             _say(record, _NOT_COMPILED)
         return record
+
+
+def _take_by_take(problem: Problem, judged: Judged[Any]) -> Record:
+    """Returns J and the quality of a plan in each take, where there are takes."""
+    rows = take_rows(problem, judged.result.plan)
+    return {"takes": rows} if rows else {}
 
 
 def _check_outputs(paths: Mapping[str, Path | None], *inputs: str | Path | None) -> None:
