@@ -32,7 +32,17 @@ if TYPE_CHECKING:
 GROUND, COVERED, WALL, LOW, PERSON = "#f4f1ea", "#cfc8b8", "#6b6f76", "#a9b18f", "#d1495b"
 # Colours of drones, of matplotlib's ten; red is kept for people.
 DRONE_COLOURS = tuple(f"C{k}" for k in (0, 2, 1, 4, 9, 5, 8, 6, 7))
+# People of one take each; the first is that of people where there are no takes.
+TAKE_COLOURS = PERSON, "#7b3fa0", "#b35900", "#c2378f", "#5b4bbd", "#8f6a00"
 TICK = 0.9  # cells, length of the line that shows a heading
+
+
+_MOST_TAKES = len(TAKE_COLOURS)  # in a legend
+
+
+def take_colour(take: int) -> str:
+    """Returns the colour of the people of a take, by its number."""
+    return TAKE_COLOURS[take % len(TAKE_COLOURS)]
 
 
 class HasPaths(Protocol):
@@ -51,6 +61,8 @@ class TopView(NamedTuple):
     cell: float  # m, edge of a cell
     height: float  # m, at which cells block
     walks: Sequence[FloatArray]  # per person [T+1, 2] m
+    take_of: Sequence[int]  # per person
+    takes: Sequence[str]  # names; none where people walk as they do
     flights: Sequence[FloatArray]  # per drone [T+1, 3] x, y (m) and yaw (rad); or its start [1, 3]
 
     @classmethod
@@ -84,6 +96,8 @@ class TopView(NamedTuple):
             cell=scene.height_map.resolution,
             height=lowest,
             walks=[actor.poses[: scene.horizon + 1, :2] for actor in scene.actors],
+            take_of=scene.take_of.tolist(),
+            takes=[take.name for take in scene.takes],
             flights=flights,
         )
 
@@ -107,10 +121,11 @@ class TopView(NamedTuple):
             figure = Figure(figsize=(5.6, whole), dpi=100)
             ax = figure.add_axes((0.12, 0.6 / whole, 0.84, size / whole))
         self.draw_map(ax)
-        for number, walk in enumerate(self.walks):
-            ax.plot(*walk.T, color=PERSON, lw=1, ls=":", zorder=3)
-            ax.plot(*walk[0], marker="x", color=PERSON, ms=4, zorder=3)
-            _draw_numbered_disc(ax, walk[-1], PERSON, number)
+        for number, (walk, take) in enumerate(zip(self.walks, self.take_of, strict=True)):
+            colour = take_colour(take)
+            ax.plot(*walk.T, color=colour, lw=1, ls=":", zorder=3)
+            ax.plot(*walk[0], marker="x", color=colour, ms=4, zorder=3)
+            _draw_numbered_disc(ax, walk[-1], colour, number)
         for number, flight in enumerate(self.flights):
             _draw_flight(ax, flight, DRONE_COLOURS[number % len(DRONE_COLOURS)], number, self.cell)
         self._draw_legend(ax)
@@ -150,7 +165,9 @@ class TopView(NamedTuple):
             words = "drones, last step (ring: start)" if flown else "drones' starts"
             handles.append(disc(DRONE_COLOURS[0], words))
         if self.walks:
-            handles.append(disc(PERSON, "people, last step (cross: step 0)"))
+            words = "people, last step (cross: step 0)"
+            named = [f"{words}, {name}" for name in self.takes[:_MOST_TAKES]] or [words]
+            handles += [disc(take_colour(k), label) for k, label in enumerate(named)]
         kinds = {
             1: (COVERED, "something above"),
             2: (WALL, f"blocks flight at {self.height:g} m"),
