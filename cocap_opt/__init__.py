@@ -22,12 +22,13 @@ if TYPE_CHECKING:
     from cocap_opt.api.filming import quality, quality_bound
     from cocap_opt.api.flying import robustness, trajectory
     from cocap_opt.api.fronts import front
+    from cocap_opt.api.hedging import compare_takes
     from cocap_opt.api.judging import check, verify
     from cocap_opt.api.measuring import gap
     from cocap_opt.api.methods import bound, plan, solve
     from cocap_opt.api.showing import show
     from cocap_opt.api.teaming import team
-    from cocap_opt.api.variants import rest, with_starts, with_views
+    from cocap_opt.api.variants import rest, takes, with_starts, with_views
     from cocap_opt.console.versions import show_versions
     from cocap_opt.data import ProblemError
     from cocap_opt.experiments.report.teams import Teams
@@ -65,6 +66,7 @@ if TYPE_CHECKING:
         StartStates,
         State,
         SwapConflict,
+        Take,
         TriangulatedCuboid,
         VertexConflict,
         Views,
@@ -94,6 +96,7 @@ _MODULES = {
     "cocap_opt.api.covering": ("coverage", "coverage_digest"),
     "cocap_opt.api.explaining": ("explain", "replans"),
     "cocap_opt.api.fronts": ("front",),
+    "cocap_opt.api.hedging": ("compare_takes",),
     "cocap_opt.api.files": ("load", "read", "save"),
     "cocap_opt.api.filming": ("quality", "quality_bound"),
     "cocap_opt.api.flying": ("robustness", "trajectory"),
@@ -102,7 +105,7 @@ _MODULES = {
     "cocap_opt.api.methods": ("bound", "plan", "solve"),
     "cocap_opt.api.showing": ("show",),
     "cocap_opt.api.teaming": ("team",),
-    "cocap_opt.api.variants": ("rest", "with_starts", "with_views"),
+    "cocap_opt.api.variants": ("rest", "takes", "with_starts", "with_views"),
     "cocap_opt.console.versions": ("show_versions",),
     "cocap_opt.player.player": ("Player",),
     "cocap_opt.experiments.report.teams": ("Teams",),
@@ -118,7 +121,7 @@ _MODULES = {
         "COVERAGE_VERSION", "NO_RULES", "VERTEX_ONLY", "Actor", "Airspace", "Camera",
         "CollisionRules", "Cone", "Cuboid", "Earth", "Limits", "Motion", "Objective",
         "PassConflict", "Plan", "Prism", "Problem", "Robot", "StartArea", "StartStates", "State",
-        "SwapConflict", "TriangulatedCuboid", "VertexConflict", "Views",
+        "SwapConflict", "Take", "TriangulatedCuboid", "VertexConflict", "Views",
     ),
     "cocap_opt.result": ("Reason", "Result", "UnsupportedError"),
     "cocap_opt.scenarios": ("FORMATS", "SCENES"),
@@ -135,11 +138,12 @@ __all__ = [
     "Front", "HeightMap", "Limit", "Limits", "Mesh", "Motion", "Objective", "PassConflict",
     "Plan", "Planner", "Player", "Prism", "Problem", "ProblemError", "ProofFile", "Quality",
     "QualityBound", "Reason", "RefereeError", "Result", "Robot", "Snapshot", "StartArea",
-    "StartStates", "State", "Stop", "SwapConflict", "Teams", "TimeLimit", "TriangulatedCuboid",
-    "UnsupportedError", "Verdict", "Verified", "VertexConflict", "Views", "WorkLimit",
-    "bound", "check", "coverage", "coverage_digest", "explain", "front", "gap", "load", "never",
-    "plan", "quality", "quality_bound", "read", "replans", "rest", "robustness", "save", "show",
-    "show_versions", "solve", "team", "trajectory", "verify", "with_starts", "with_views",
+    "StartStates", "State", "Stop", "SwapConflict", "Take", "Teams", "TimeLimit",
+    "TriangulatedCuboid", "UnsupportedError", "Verdict", "Verified", "VertexConflict", "Views",
+    "WorkLimit", "bound", "check", "compare_takes", "coverage", "coverage_digest", "explain",
+    "front", "gap", "load", "never", "plan", "quality", "quality_bound", "read", "replans", "rest",
+    "robustness", "save", "show", "show_versions", "solve", "takes", "team", "trajectory", "verify",
+    "with_starts", "with_views",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # or any misspelt name would be one for type checkers

@@ -54,7 +54,7 @@ def warnings(problem: SceneData) -> list[str]:
     ]
     if not problem.actors:
         found.append("there are no people to film, so that every view reward is 0")
-    for j, actor in enumerate(problem.actors):
+    for j, actor in _distinct_people(problem):
         found += [f"{problem.person(j)} {warning}" for warning in _about(problem, actor)]
     found += _about_cameras(problem)
     around = _around_robots(problem)
@@ -164,7 +164,7 @@ def _around_robots(problem: SceneData) -> dict[Motion, Encounters]:
         reach = min((problem.horizon + 1) * motion.radius, _WIDEST)
         window = Window.around(starts, reach, problem.workspace)
         found[motion] = Encounters(
-            problem.workspace, motion, problem.actors, problem.horizon, NEAR, window
+            problem.workspace, motion, problem.distinct_people, problem.horizon, NEAR, window
         )
     return found
 
@@ -181,7 +181,7 @@ def _in_the_way(problem: SceneData) -> Iterator[str]:
     if problem.airspace.people_aside:
         return
     for i, robot in enumerate(problem.robots):
-        for j, actor in enumerate(problem.actors):
+        for j, actor in _distinct_people(problem):
             height = _height_within(problem, robot, actor)
             if height is not None:
                 yield (
@@ -235,6 +235,12 @@ def buried(workspace: Workspace, actor: Actor, horizon: int) -> str:
         return ""
     words = f"its feet are {next(iter(depths.values())):.3g} m below the top of the obstacle"
     return _at(list(depths), steps, "is inside an obstacle", words)
+
+
+def _distinct_people(problem: SceneData) -> Iterator[tuple[int, Actor]]:
+    """Yields people and their numbers; of those who walk alike in several takes only the first."""
+    distinct = set(map(id, problem.distinct_people))
+    yield from ((j, actor) for j, actor in enumerate(problem.actors) if id(actor) in distinct)
 
 
 def _at(when: list[int], steps: list[_Pose], what: str, words: str) -> str:

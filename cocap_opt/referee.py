@@ -202,6 +202,7 @@ class _Referee:
             for j, actor in enumerate(self.problem.actors):
                 drones = sum(coverage[t][first + j] for coverage in seen)
                 importance = 1.0 if actor.importance is None else actor.importance[t]
+                importance *= float(self.problem.chances[j])
                 rewards[t][j] = weights[j] * importance * min(drones, views.cameras)
         return rewards
 

@@ -46,8 +46,17 @@ def recipe(path: Path) -> str:
     problem = json.loads(text, parse_float=Number, parse_int=Number)["problem"]
     problem["name"] = ""
     del problem["earth"]
+    numbers = {take["name"]: str(k) for k, take in enumerate(problem["takes"])}
+    for take in problem["takes"]:
+        take["name"] = numbers[take["name"]]
+    if not problem["takes"]:
+        del problem["takes"]
     for actor in problem["actors"]:
         del actor["name"], actor["begin"]
+        if actor["take"] is None:
+            del actor["take"]
+        else:
+            actor["take"] = numbers[actor["take"]]
     for robot in problem["robots"]:
         del robot["home"]
     for holder, field in [(problem, "step"), *((robot, "limits") for robot in problem["robots"])]:
@@ -92,13 +101,17 @@ def own_scene() -> co.Problem:
     )
 
 
-@pytest.mark.parametrize("scene", [*SCENES, "bottleneck", "own", "views"])
+@pytest.mark.parametrize("scene", [*SCENES, "bottleneck", "own", "views", "takes"])
 def test_the_recipe_of_a_scenes_digest(scene: str, tmp_path: Path) -> None:
     """By the page, and the file alone, anybody computes the digest that plans name."""
-    problem = own_scene() if scene in ("own", "views") else co.load(scene)
+    problem = own_scene() if scene in ("own", "views", "takes") else co.load(scene)
     if scene == "views":
         problem = co.with_views(problem, weight=[0.5], share=0.9)
         problem = problem.replace(objective=problem.objective.replace(pixels=0))
+    if scene == "takes":
+        likely, rare = co.Take(name="usual", probability=0.9), co.Take(name="rare", probability=0.1)
+        late = problem.actors[0].replace(take="rare")
+        problem = problem.replace(takes=(likely, rare), actors=(*problem.actors, late))
     co.save(tmp_path / "scene.json", problem)
     assert recipe(tmp_path / "scene.json") == problem_digest(problem)
     assert problem_digest(co.read(tmp_path / "scene.json", co.Problem)) == problem_digest(problem)

@@ -46,7 +46,7 @@ ORDER = {
         "relaxations", "column_generation", "integer_programs",
     ),
     "scenarios": (
-        "kinds", "text", "tables", "hardware", "walking", "site", "earth", "maps",
+        "kinds", "text", "tables", "hardware", "walking", "spread", "site", "earth", "maps",
         "meshes", "tracks", "formats", "recipe", "built_in",
     ),
     "run": ("console", "output", "run", "pictures", "missions", "player"),

@@ -14,6 +14,7 @@ __all__ = [
     "filming",
     "flying",
     "fronts",
+    "hedging",
     "judging",
     "measuring",
     "methods",

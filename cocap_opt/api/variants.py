@@ -9,7 +9,9 @@ from cocap_opt.api.arguments import require, require_number, require_problem, re
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import Result
 from cocap_opt.run import start_sets
+from cocap_opt.run.drawn_takes import with_drawn_takes
 from cocap_opt.run.options import Option
+from cocap_opt.scenarios.spread import Spread
 from cocap_opt.vision import default_weights
 
 
@@ -147,6 +149,63 @@ def rest(
     >>> co.bound(left, time_limit=10).bound
     """
     return rest_of(problem, plan, from_step, without).scene
+
+
+def takes(
+    problem: Problem,
+    count: int = 3,
+    delay: float = 0.0,
+    aside: float = 0.0,
+    speed: float = 0.0,
+    seed: int = 0,
+    probabilities: Sequence[float] | None = None,
+    people: Sequence[int] | None = None,
+) -> Problem:
+    """Let people walk otherwise: draw takes around the walks that they have.
+
+    In the first take people walk as tracked. In each other one every person is late or early by a
+    number of seconds, aside by a number of metres, and slower or faster, each drawn from a normal
+    distribution. Draws that lead into an obstacle, off the map, into somebody of the same take, or
+    too near to a drone's fixed start are drawn again; who finds none in 50 draws walks as tracked,
+    which a warning says. Nobody of one take hides anybody of another. J is then its mean over the
+    takes, and plans keep away from the people of all of them.
+
+    Parameters
+    ----------
+    problem : the problem, without takes
+    count : number of takes, the first included, 2 to 100
+    delay, aside, speed : standard deviations: in s, in m, and as a share of the speed
+    seed : of the draws
+    probabilities : of the takes, which sum to 1; all equal if not given
+    people : numbers of those who may walk otherwise; all if not given. The others are in all takes
+
+    Returns
+    -------
+    Problem
+        The problem with takes "as tracked", "take 1", "take 2" and so on, whose name says so.
+
+    Raises
+    ------
+    ProblemError
+        If a number is out of range, or delays have no seconds; one line names the field.
+
+    Examples
+    --------
+    >>> hedged = co.takes(problem, count=4, delay=1.0, aside=0.3, seed=1)
+    >>> co.plan(hedged, "cocap", time_limit=10).value
+    """
+    require_problem(problem)
+    for name, value in (("delay", delay), ("aside", aside), ("speed", speed)):
+        require_number(value, name)
+    require(count, "count", "a whole number", int, np.integer)
+    return with_drawn_takes(
+        problem,
+        int(count),
+        Spread(float(delay), float(aside), float(speed)),
+        Option("seed").require_whole(seed),
+        None if probabilities is None else tuple(probabilities),
+        None if people is None else tuple(people),
+    )
 
 
 def _numbers(weight: float | Sequence[float] | None) -> float | tuple[float, ...] | None:

@@ -19,6 +19,7 @@ from cocap_opt.cli import (
     result_commands,
     scene_commands,
     solver_commands,
+    takes_command,
     team_command,
     verify_command,
 )
@@ -56,7 +57,7 @@ app = App(
 )
 for _family in (
     scene_commands, solver_commands, verify_command, quality_command, gap_command, team_command,
-    front_command,    result_commands, picture_commands, flight_commands,
+    takes_command, front_command, result_commands, picture_commands, flight_commands,
 ):  # fmt: skip
     for _name, _command in _family.COMMANDS.items():
         app.command(_command, name=_name, help=_help(_command), usage=_usage(_name, _command))

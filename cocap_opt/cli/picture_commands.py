@@ -173,8 +173,8 @@ def _render(
 ) -> int:
     """Render what each drone sees, and compare planned coverage with what is in the pictures.
 
-    The folder gets a PNG per drone and step, and coverage.csv with a row
-    for each face in a picture.
+    The folder gets a PNG per drone and step, and take if people may walk otherwise, and
+    coverage.csv with a row for each face in a picture.
 
     Example: cocap-opt render corridor plan.json -o views
     """

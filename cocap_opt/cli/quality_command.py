@@ -24,10 +24,11 @@ from cocap_opt.output.files import (
     save_bytes,
     save_files,
 )
-from cocap_opt.output.printing import Listing, Record, print_result
+from cocap_opt.output.printing import Listing, Record, print_result, rounded
 from cocap_opt.referee import check
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.run.quality_bound import QualityBound
+from cocap_opt.run.takes import take_rows
 from cocap_opt.stop import Interrupt
 from cocap_opt.text import printable
 
@@ -140,11 +141,19 @@ def _quality(
         limits = _proved(limits, given, seconds, output)
     if json:
         answer = {"scene": given.problem.name, "seed": seed, **_record(found)}
+        if rows := take_rows(given.problem, given.plan):
+            answer["takes"] = [
+                row | summary._asdict() for row, summary in zip(rows, found.by_take, strict=True)
+            ]
         first: Record = {"cut_short": cut_short} if cut_short else {}
         last = {} if limits is None else {"bound": _bound_record(limits, found, obeys_rules)}
         print_result({**first, **answer, "assumptions": numbers, "file": csv, **last}, json)
     else:
         sys.stdout.write(f"{printable(str(found), chr(10))}\n\n")
+        if rows := take_rows(given.problem, given.plan):
+            by_take = ", ".join(f"{row['take']} {rounded(row['reward'])}" for row in rows)
+            words = textwrap.fill(f"J take by take: {by_take}", _WIDTH)
+            sys.stdout.write(f"{printable(words, chr(10))}\n\n")
         if limits is not None:
             for words in limits.sentences(found, obeys_rules):
                 sys.stdout.write(f"{textwrap.fill(words, _WIDTH)}\n")

@@ -5,7 +5,7 @@ import sys
 from contextlib import redirect_stdout
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from cyclopts import Parameter
 
@@ -46,6 +46,7 @@ from cocap_opt.run.kept_share import run_keeping
 from cocap_opt.run.named_planners import FORMS, planner_named
 from cocap_opt.run.options import Allowance, Option, UsageError
 from cocap_opt.run.own_planners import OwnPlannerError
+from cocap_opt.run.takes import take_rows
 from cocap_opt.stop import Interrupt, Stop
 
 AT_THE_ROOT = "column-generation"  # a bound that comes with a plan
@@ -115,6 +116,7 @@ def _plan(
         answer |= judged.reward_parts
         answer["violations"] = judged.verdict.conflicts
     answer |= _chosen_starts(problem, judged.result.plan)
+    answer |= _take_by_take(problem, judged)
     print_result(in_order(answer, judged.result.plan is not None), json)
     return 0
 
@@ -287,11 +289,18 @@ class _Task(NamedTuple):
         judged.warn(self.problem, self.seed, method)
         row = PlanRow.certified(self.problem, self.seed, method, judged)
         record = record_of(row) | self.about | _chosen_starts(self.problem, judged.result.plan)
+        record |= _take_by_take(self.problem, judged)
         is_open = OPTIMALITY < judged.result.gap < math.inf
         may_have = method in _WITH_STEP_ENVELOPES and not self.problem.objective.over_time
         if is_open and may_have and find_spec("numba") is None:
             say(record, _NOT_COMPILED)
         return record
+
+
+def _take_by_take(problem: Problem, judged: Judged[Any]) -> Record:
+    """Returns J and the quality of a plan in each take, where there are takes."""
+    rows = take_rows(problem, judged.result.plan)
+    return {"takes": rows} if rows else {}
 
 
 COMMANDS = {"plan": _plan, "bound": _bound, "solve": _solve}

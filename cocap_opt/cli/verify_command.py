@@ -41,6 +41,7 @@ from cocap_opt.run.explained_words import explained_sentences
 from cocap_opt.run.forecast import warn_of_checking
 from cocap_opt.run.judged import Judged, finite
 from cocap_opt.run.options import Option, UsageError
+from cocap_opt.run.takes import take_rows
 from cocap_opt.run.verified import ProvedBound, Verified
 from cocap_opt.scenarios import FORMATS, has_seed, scene_of_plan
 from cocap_opt.stop import TimeLimit, never
@@ -333,6 +334,8 @@ class _Claims(NamedTuple):
             if known:
                 found |= Judged.parts_of(verdict) | {"reward_per_face": verdict.face_reward}
                 found |= self._filmed()
+                if rows := take_rows(self.problem, self.plan):
+                    found["takes"] = rows
         if self.bounds:
             proved = math.isfinite(verified.bound)
             found |= {"method": verified.method, "bound": verified.bound if proved else None}

@@ -257,13 +257,18 @@ def problem_digest(problem: Problem) -> str:
     Names, places on the Earth, homes, when tracks begin and the share of views that is asked for
     have no part in that. The page on files has the recipe, by which anybody can compute the digest.
     """
-    actors = tuple(actor.replace(name=None, begin=None) for actor in problem.actors)
-    nameless = problem.replace(name="", actors=actors, earth=None)
+    numbers = {take.name: str(k) for k, take in enumerate(problem.takes)}
+    actors = tuple(
+        actor.replace(name=None, begin=None, take=numbers.get(actor.take or ""))
+        for actor in problem.actors
+    )
+    takes = tuple(take.replace(name=numbers[take.name]) for take in problem.takes)
+    nameless = problem.replace(name="", actors=actors, earth=None, takes=takes)
     fields = msgspec.to_builtins(_read_back(nameless), enc_hook=_encode_array)
     # Newer fields than files whose digests hold are left out where nothing is in them.
     for holder in (fields, *fields["robots"], *fields["actors"]):
-        for name in ("step", "earth", "limits", "name", "begin"):
-            if name in holder and holder[name] is None:
+        for name in ("step", "earth", "limits", "name", "begin", "take", "takes"):
+            if name in holder and holder[name] in (None, [], ()):
                 del holder[name]
     for robot in fields["robots"]:
         del robot["home"]

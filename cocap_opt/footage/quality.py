@@ -20,7 +20,7 @@ from cocap_opt.footage.shares import visible_shares
 from cocap_opt.footage.strip import draw_strip
 from cocap_opt.footage.summary import OfPerson, Summary
 from cocap_opt.footage.words import quality_words
-from cocap_opt.problem import Camera, Plan, Problem
+from cocap_opt.problem import Camera, Plan, Problem, Take
 from cocap_opt.vision.seen import are_seen
 
 if TYPE_CHECKING:
@@ -56,6 +56,8 @@ class Quality:
     has_pictures : [R] true for the drones with a pinhole camera
     assumptions : that it was measured with
     times : [T+1] s since step 0; None where nobody says how long a step lasts
+    takes : ways in which people may walk; empty where they walk as they do
+    take_of : [A] number of the take that each person is in; 0 without takes
     """
 
     people: tuple[str, ...]
@@ -69,6 +71,8 @@ class Quality:
     has_pictures: BoolArray
     assumptions: Assumptions
     times: FloatArray | None
+    takes: tuple[Take, ...]
+    take_of: IntArray
 
     @classmethod
     def of(
@@ -111,6 +115,8 @@ class Quality:
             has_pictures=~np.isnan(focal),
             assumptions=assumptions,
             times=None if problem.step is None else np.arange(float(len(seen))) * problem.step,
+            takes=problem.takes,
+            take_of=problem.take_of,
         )
 
     @property
@@ -133,8 +139,13 @@ class Quality:
 
     @property
     def summary(self) -> Summary:
-        """The shares, errors and counts of all person-steps that count."""
-        return self._summarized(slice(None))
+        """The shares, errors and counts of all person-steps that count, on average over takes."""
+        return self._summarized(np.arange(len(self.people)))
+
+    @property
+    def by_take(self) -> list[Summary]:
+        """The same of each take alone, as if people were sure to walk so."""
+        return [self._summarized(np.flatnonzero(self.take_of == k)) for k in range(len(self.takes))]
 
     @property
     def by_person(self) -> list[OfPerson]:
@@ -142,7 +153,7 @@ class Quality:
         moments = worst_moments(self.views, self.angles, self.counts)
         worst = {m.person: m.words(self.times) for m in reversed(moments)}
         return [
-            OfPerson.of(name, j, self._summarized(slice(j, j + 1)), worst.get(j, ""))
+            OfPerson.of(name, j, self._summarized(np.array([j])), worst.get(j, ""))
             for j, name in enumerate(self.people)
             if self.counts[:, j].any()
         ]
@@ -204,7 +215,10 @@ class Quality:
 
     def __str__(self) -> str:
         blurred = None if self.blur is None else self.blur.swapaxes(1, 2)[self.counts]
-        return quality_words(self.summary, self.worst, blurred, self.has_pictures, self.assumptions)
+        takes = [(take.name, found) for take, found in zip(self.takes, self.by_take, strict=True)]
+        return quality_words(
+            self.summary, self.worst, blurred, self.has_pictures, self.assumptions, takes
+        )
 
     def __repr__(self) -> str:
         return str(self)
@@ -213,15 +227,19 @@ class Quality:
         """Describes the quality in a notebook."""
         return f"<pre>{html.escape(str(self))}</pre>"
 
-    def _summarized(self, people: slice) -> Summary:
+    def _summarized(self, people: IntArray) -> Summary:
         """Returns the summary of the person-steps of some people."""
-        counts = self.counts[:, people]
+        counts, chances = self.counts[:, people], None
+        if self.takes:
+            of_each = np.array([take.probability for take in self.takes])[self.take_of[people]]
+            chances = np.broadcast_to(of_each, counts.shape)[counts]
         pictures = self.drones_seen[self.first_step :, self.has_pictures]
         return Summary.of(
             self.views[:, people][counts],
             self.angles[:, people][counts],
             self.errors[:, people][counts],
             pictures.reshape(-1, pictures.shape[2]),
+            chances,
         )
 
 

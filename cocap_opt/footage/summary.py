@@ -8,11 +8,14 @@ import numpy as np
 from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.footage.moments import APART
 
+_ROUNDING = 1e-9  # relative, of sums of probabilities
+
 
 class Summary(NamedTuple):
     """The quality of a plan in a few numbers, over the person-steps that count.
 
-    Shares are nan where nothing counts; errors are nan where no drone has pictures.
+    Shares are nan where nothing counts; errors are nan where no drone has pictures. Where people
+    may walk otherwise, person-steps count as much as their take is probable.
 
     Attributes
     ----------
@@ -40,8 +43,9 @@ class Summary(NamedTuple):
 
     @classmethod
     def of(
-        cls, views: IntArray, angles: FloatArray, errors: FloatArray, drones_seen: BoolArray
-    ) -> Self:
+        cls, views: IntArray, angles: FloatArray, errors: FloatArray, drones_seen: BoolArray,
+        chances: FloatArray | None = None,
+    ) -> Self:  # fmt: skip
         """Returns the summary of n person-steps.
 
         Parameters
@@ -50,15 +54,16 @@ class Summary(NamedTuple):
         angles : [n] degrees, the widest between two rays; nan where there is none
         errors : [n] mm
         drones_seen : [m, R] true where a drone is in one of m pictures
+        chances : [n] probability of each person-step, as which it counts; None: all are alike
         """
         return cls(
             person_steps=len(views),
-            by_two=share(views >= 2),
-            by_three=share(views >= 3),
-            apart=share(angles >= APART),
-            infinite=share(np.isinf(errors)),
-            median=_not_exceeded(errors, 0.5),
-            most_of_them=_not_exceeded(errors, 0.9),
+            by_two=share(views >= 2, chances),
+            by_three=share(views >= 3, chances),
+            apart=share(angles >= APART, chances),
+            infinite=share(np.isinf(errors), chances),
+            median=_not_exceeded(errors, 0.5, chances),
+            most_of_them=_not_exceeded(errors, 0.9, chances),
             in_pictures=int(drones_seen.sum()),
             disturbed=share(np.asarray(drones_seen.any(axis=1))),
         )
@@ -122,15 +127,23 @@ def whole_percent(part: float) -> str:
     return "over 99 %" if 0.99 < part < 1 else f"{100 * part:.0f} %"
 
 
-def share(held: BoolArray) -> float:
-    """Returns the share of values that are true; nan of none."""
+def share(held: BoolArray, weights: FloatArray | None = None) -> float:
+    """Returns the share of values that are true, by weights if they have some; nan of none."""
+    if weights is not None and len(held):
+        return min(math.fsum(weights[held]) / math.fsum(weights), 1.0)
     return float(held.mean()) if len(held) else math.nan
 
 
-def _not_exceeded(values: FloatArray, part: float) -> float:
+def _not_exceeded(values: FloatArray, part: float, weights: FloatArray | None = None) -> float:
     """Returns the least of some values [n] that so large a share of them does not exceed.
 
     It is nan if all of them are; else those that are do not count.
     """
-    known = np.sort(values[~np.isnan(values)])
+    is_known = ~np.isnan(values)
+    if weights is not None and is_known.any():
+        order = np.argsort(values[is_known], kind="stable")
+        up_to = np.cumsum(weights[is_known][order])
+        first = int(np.searchsorted(up_to, part * up_to[-1] * (1 - _ROUNDING)))
+        return float(values[is_known][order][first])
+    known = np.sort(values[is_known])
     return float(known[math.ceil(part * len(known)) - 1]) if len(known) else math.nan

@@ -22,6 +22,7 @@ def quality_words(
     blur: FloatArray | None,
     has_pictures: BoolArray,
     had: Assumptions,
+    takes: Sequence[tuple[str, Summary]] = (),
 ) -> str:
     """Returns the summary of a plan's quality, its worst moments, and what was assumed.
 
@@ -31,6 +32,7 @@ def quality_words(
     blur : [n, R] px of the person-steps that count; nan where a drone does not see the person or
         has no picture. None where nobody says how long a step lasts
     has_pictures : [R] true for the drones with a pinhole camera
+    takes : names of the ways in which people may walk, and the summary of each
     """
     if not found.person_steps:
         return "Quality of a plan: nobody has any weight, so that no person-step counts"
@@ -44,6 +46,10 @@ def quality_words(
         _line("error of a point, RMS", _told_errors(found, has_pictures)),
         _line("blur", _told_blur(blur)),
         _line("drones in others' pictures", _told_intruders(found)),
+        *(
+            _line("" if k else "take by take", f"{name}: {of.line or 'nobody counts'}")
+            for k, (name, of) in enumerate(takes)
+        ),
         *(_line("" if k else "worst moments", words) for k, words in enumerate(worst)),
         *(textwrap.fill(words, _WIDTH) for words in _notes(had, blur is not None, has_pictures)),
     ]

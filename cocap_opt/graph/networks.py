@@ -174,6 +174,6 @@ class _GridSteps:
         states = [State(x, y, layer) for layer, x, y in (tail, head)]
         here, there = self._problem.where(self._spec, states)
         airspace = self._problem.airspace
-        for actor in self._problem.actors:
+        for actor in self._problem.distinct_people:
             yield bool(airspace.near_person(actor, t, here, there))
             yield bool(airspace.near_person(actor, t + 1, there))

@@ -274,7 +274,7 @@ class CoverageTables:
             __name__, problem.workspace, problem.airspace, spec.motion, spec.camera,
             graph_of(problem, spec).window,
             self._starts(spec), problem.horizon, problem.face_samples, problem.first_step, poses,
-            shapes, at_least,
+            shapes, at_least, problem.take_of,
         )  # fmt: skip
         return TableCache.of_user(), key
 
@@ -351,5 +351,5 @@ def graph_of(problem: Problem, spec: Robot) -> TimeGraph:
     window = Window.around(_start_cells(problem, spec), reach, problem.workspace)
     people = None
     if problem.airspace.people_aside:
-        people = People(problem.actors, problem.airspace, problem.horizon)
+        people = People(problem.distinct_people, problem.airspace, problem.horizon)
     return TimeGraph.of(problem.workspace, spec.motion, len(spec.camera.tilts), window, people)

@@ -64,6 +64,7 @@ _LABELS = {
     "shortened": "steps at which a drone changes speed in less time, to be safe",
     "reward_straight": "J, straight, between the steps too",
     "reward_smooth": "J, smooth, between the steps too",
+    "takes": "take by take",
     "smoothing_cost": "J of the smooth flight against that of the straight one",
     "accuracy": "latitudes and longitudes may be off by (m)",
 }
@@ -127,11 +128,24 @@ def _shown(key: str, value: Any) -> str:
     """Returns a value as people read it: conflicts in groups, and long lists summed up."""
     if key == "smoothing_cost":  # which is below 0 where smoothness gains
         return f"{-100 * value:+.3f} %"
+    if key == "takes":
+        return told_takes(value)
     if key == "violations":
         return _text(key, grouped_conflicts(value))
     if key in _SERIES and len(value) > _FEW:
         return _summary(value, *_SERIES[key])
     return _text(key, value)
+
+
+def told_takes(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Returns J and the quality of a plan in each take, a line each."""
+    return _BREAK.join(
+        "; ".join(filter(None, [
+            f"{row['take']} ({100 * row['probability']:.3g} %): J {rounded(row['reward'])}",
+            row["cameras"],
+        ]))
+        for row in rows
+    )  # fmt: skip
 
 
 def _summary(rewards: Sequence[float], noun: str, first: int) -> str:

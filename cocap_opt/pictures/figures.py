@@ -115,16 +115,15 @@ def _draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
     """Draws people at step t as filled outlines with their walk so far."""
     for j, actor in enumerate(problem.actors):
         x, y, _, yaw = actor.poses[t]
-        ax.plot(*actor.poses[: t + 1, :2].T, color=pictures.PERSON, lw=1, ls=":", zorder=3)
+        colour = pictures.take_colour(int(problem.take_of[j]))
+        ax.plot(*actor.poses[: t + 1, :2].T, color=colour, lw=1, ls=":", zorder=3)
         outline = actor.shape.faces()
         base = np.unique(np.concatenate(outline)[:, :2].round(9), axis=0)
         order = np.argsort(np.arctan2(base[:, 1], base[:, 0]))
         c, s = np.cos(yaw), np.sin(yaw)
         corners = base[order] @ np.array([[c, s], [-s, c]]) + [x, y]
-        ax.add_patch(
-            Polygon(corners, facecolor=pictures.PERSON, edgecolor="black", lw=0.6, zorder=5)
-        )
-        ax.plot(x, y, marker="o", color=pictures.PERSON, ms=5, zorder=4)  # of small outlines
+        ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="black", lw=0.6, zorder=5))
+        ax.plot(x, y, marker="o", color=colour, ms=5, zorder=4)  # of small outlines
         tip = (x + 0.9 * c, y + 0.9 * s)
         arrow = ax.annotate(
             "", xy=tip, xytext=(x, y), zorder=6, annotation_clip=False,
@@ -133,7 +132,7 @@ def _draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
         arrow.set_in_layout(False)  # people may be far off the map
         number = ax.annotate(
             str(j), xy=(x, y), xytext=(-_BEHIND * c, -_BEHIND * s), textcoords="offset points",
-            color=pictures.PERSON, fontsize=SMALL, weight="bold", ha="center", va="center",
+            color=colour, fontsize=SMALL, weight="bold", ha="center", va="center",
             zorder=7, clip_on=True, annotation_clip=True,
             path_effects=[withStroke(linewidth=2, foreground="white")],
         )  # fmt: skip

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import matplotlib as mpl
@@ -33,6 +34,8 @@ def write_views(
 ) -> Record:
     """Writes a picture per drone and step, and coverage.csv; returns rewards and errors by name.
 
+    Where people may walk otherwise, there is a picture of each take.
+
     Parameters
     ----------
     width : px, of the pictures
@@ -42,12 +45,14 @@ def write_views(
     verdict = check(problem, plan)
     steps = [max(round(Renderer.camera_of(robot).width / width), 1) for robot in problem.robots]
     painters = {step: Renderer(problem, step) for step in set(steps)}
-    drawn, paint = Pose.all_of(plan), counter("picture")
-    for number, pose in enumerate(drawn):
+    takes = range(max(len(problem.takes), 1))
+    drawn, paint = list(product(Pose.all_of(plan), takes)), counter("picture")
+    for number, (pose, take) in enumerate(drawn):
         paint(number, len(drawn))
         painter = painters[steps[pose.robot]]
-        picture = painter.picture(problem.robots[pose.robot], pose.t, pose.state)
-        name = folder / f"drone{pose.robot:02d}-step{pose.t:03d}.png"
+        picture = painter.picture(problem.robots[pose.robot], pose.t, pose.state, take)
+        of_take = f"-take{take}" if problem.takes else ""
+        name = folder / f"drone{pose.robot:02d}-step{pose.t:03d}{of_take}.png"
         save_bytes(name, _png(problem, *picture))
     renderer = Renderer(problem, pixel_step)
     poses = Pose.all_of(plan, problem.first_step)

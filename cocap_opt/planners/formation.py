@@ -58,10 +58,13 @@ class Circle(NamedTuple):
         """
         from scipy.optimize import linear_sum_assignment  # a quarter of what imports take
 
-        count = min(len(problem.robots), len(problem.actors))
+        of_take = problem.numbers_in_take  # whoever walks otherwise in another take is one person
+        people = int(of_take.max(initial=-1)) + 1
+        count = min(len(problem.robots), people)
         if not count:
             return []
-        actors = np.array_split(np.arange(len(problem.actors)), count)
+        groups = np.array_split(np.arange(people), count)
+        actors = [np.flatnonzero(np.isin(of_take, group)) for group in groups]
         sizes = [len(group) for group in np.array_split(np.arange(len(problem.robots)), count)]
         of_seat = np.repeat(np.arange(count), sizes)  # each robot takes a seat on some circle
         middles = np.array([_middle(problem, tuple(group.tolist()))[0] for group in actors])

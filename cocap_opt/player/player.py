@@ -161,6 +161,7 @@ def _about(problem: Problem) -> str:
     """Returns the numbers of drones, people and steps in words."""
     counts = ((len(problem.robots), "drone", "drones"), (len(problem.actors), "person", "people"),
               (problem.horizon, "step", "steps"))  # fmt: skip
-    return ", ".join(
+    words = ", ".join(
         f"{count} {singular if count == 1 else plural}" for count, singular, plural in counts
     )
+    return f"{words}, {len(problem.takes)} takes" if problem.takes else words

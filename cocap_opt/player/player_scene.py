@@ -20,6 +20,7 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
+from cocap_opt.problem.pictures import take_colour
 from cocap_opt.world.workspace import Mesh, Workspace
 
 MOST_CELLS = 128  # along an edge of the map, as it is drawn
@@ -194,6 +195,7 @@ class PlayerScene:
         return {
             "faces": [self.rounded(face) for face in faces],
             "called": self.problem.person(j),
+            "take": take_colour(int(self.problem.take_of[j])) if self.problem.takes else None,
             "names": actor.shape.face_names,
             "height": self.rounded(np.array(actor.shape.height)),
             "poses": self.rounded(poses),

@@ -22,6 +22,7 @@ from cocap_opt.problem.rules import NO_RULES, SEPARATION, VERTEX_ONLY, Collision
 from cocap_opt.problem.scene import Earth, SceneData
 from cocap_opt.problem.shapes import Cuboid, Prism, Shape, TriangulatedCuboid
 from cocap_opt.problem.starts import AnyStart, StartArea, StartSet, StartStates
+from cocap_opt.problem.takes import Take
 
 __all__ = [
     "COVERAGE_VERSION",
@@ -56,6 +57,7 @@ __all__ = [
     "State",
     "Stride",
     "SwapConflict",
+    "Take",
     "TriangulatedCuboid",
     "VertexConflict",
     "Views",

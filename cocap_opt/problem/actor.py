@@ -23,6 +23,7 @@ class Actor(Data, frozen=True, eq=False, dict=True):
     importance : [>= T+1] factor of the weights; None: all 1
     name : as people call the person; None: nobody says it
     begin : s, the time at step 0 in the track that the person walks; None: there is no track
+    take : name of the only take in which the person is there; None: of all takes
 
     Raises
     ------
@@ -37,6 +38,7 @@ class Actor(Data, frozen=True, eq=False, dict=True):
     importance: tuple[float, ...] | None = None
     name: str | None = None
     begin: float | None = None
+    take: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -54,6 +56,8 @@ class Actor(Data, frozen=True, eq=False, dict=True):
                 within(weight, 0, MOST_WEIGHT, "weights")
         if self.name is not None:
             msgspec.structs.force_setattr(self, "name", shortened(printable(self.name)))
+        if self.take is not None:
+            msgspec.structs.force_setattr(self, "take", shortened(printable(self.take)))
         if self.begin is not None:
             within(self.begin, -_LATEST, _LATEST, "begin")
         for value in self.importance or ():

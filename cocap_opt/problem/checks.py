@@ -16,6 +16,7 @@ from cocap_opt.problem.refusals import refused_starts, told
 from cocap_opt.problem.robot import Limits, Robot
 from cocap_opt.problem.scene import SceneData
 from cocap_opt.problem.starts import StartArea
+from cocap_opt.problem.takes import require_takes
 
 
 def require_scene(scene: SceneData) -> None:
@@ -39,6 +40,7 @@ def require_scene(scene: SceneData) -> None:
     within(scene.face_samples, 1, 64, "face_samples")
     if scene.step is not None:
         within(scene.step, SMALLEST, LARGEST, "step", "s")
+    require_takes(scene.takes, scene.actors)
     for j, actor in enumerate(scene.actors):
         rows = len(actor.poses)
         require(

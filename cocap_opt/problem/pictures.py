@@ -32,7 +32,17 @@ if TYPE_CHECKING:
 GROUND, COVERED, WALL, LOW, PERSON = "#f4f1ea", "#cfc8b8", "#6b6f76", "#a9b18f", "#d1495b"
 # Colours of drones, of matplotlib's ten; red is kept for people.
 DRONE_COLOURS = tuple(f"C{k}" for k in (0, 2, 1, 4, 9, 5, 8, 6, 7))
+# People of one take each; the first is that of people where there are no takes.
+TAKE_COLOURS = PERSON, "#7b3fa0", "#b35900", "#c2378f", "#5b4bbd", "#8f6a00"
 TICK = 0.9  # cells, length of the line that shows a heading
+
+
+_MOST_TAKES = len(TAKE_COLOURS)  # in a legend
+
+
+def take_colour(take: int) -> str:
+    """Returns the colour of the people of a take, by its number."""
+    return TAKE_COLOURS[take % len(TAKE_COLOURS)]
 
 
 class HasPaths(Protocol):
@@ -51,6 +61,8 @@ class TopView(NamedTuple):
     cell: float  # m, edge of a cell
     height: float  # m, at which cells block
     walks: Sequence[FloatArray]  # per person [T+1, 2] m
+    take_of: Sequence[int]  # per person
+    takes: Sequence[str]  # names; none where people walk as they do
     flights: Sequence[FloatArray]  # per drone [T+1, 3] x, y (m) and yaw (rad); or its start [1, 3]
 
     @classmethod
@@ -89,6 +101,8 @@ class TopView(NamedTuple):
             cell=scene.height_map.resolution,
             height=height,
             walks=[actor.poses[: scene.horizon + 1, :2] for actor in scene.actors],
+            take_of=scene.take_of.tolist(),
+            takes=[take.name for take in scene.takes],
             flights=[],
         )
 
@@ -164,7 +178,9 @@ class TopView(NamedTuple):
             words = "drones, last step (ring: start)" if flown else "drones' starts"
             handles.append(disc(DRONE_COLOURS[0], words))
         if self.walks:
-            handles.append(disc(PERSON, "people, last step (cross: step 0)"))
+            words = "people, last step (cross: step 0)"
+            named = [f"{words}, {name}" for name in self.takes[:_MOST_TAKES]] or [words]
+            handles += [disc(take_colour(k), label) for k, label in enumerate(named)]
         kinds = {
             1: (COVERED, "something above"),
             2: (WALL, f"blocks flight at {self.height:g} m"),

@@ -22,6 +22,7 @@ from cocap_opt.data import FloatArray, IntArray, read_only
 from cocap_opt.problem.checks import require_scene
 from cocap_opt.problem.rules import NO_RULES
 from cocap_opt.problem.scene import SceneData
+from cocap_opt.problem.takes import in_all_takes, of_people
 from cocap_opt.returns import Returns
 from cocap_opt.text import printable
 
@@ -49,6 +50,8 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     airspace : no-fly zones, a ceiling, and the distance that drones keep from people
     step : seconds from a step to the next; None: nobody says how long
     earth : where the scene is on the Earth; None: nobody knows
+    takes : ways in which people may walk, whose probabilities sum to 1; a person who is in none of
+        them becomes a copy in each. None: people walk as they do
 
     Raises
     ------
@@ -59,17 +62,27 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         msgspec.structs.force_setattr(self, "name", printable(self.name))  # it may be a file's
+        actors, objective = in_all_takes(self.takes, self.actors, self.objective)
+        if actors != self.actors:
+            msgspec.structs.force_setattr(self, "actors", actors)
+            msgspec.structs.force_setattr(self, "objective", objective)
         require_scene(self)
 
     def __repr__(self) -> str:
         (x, y), views = self.height_map.shape, self.objective.views
         return (
-            f"Problem {self.name!r}: {len(self.robots)} drones film {len(self.actors)} people over "
+            f"Problem {self.name!r}: {len(self.robots)} drones film {self.told_people} over "
             f"{self.horizon} steps\n"
             f"on {x} x {y} cells of {self.height_map.resolution:g} m; collision rules: {self.rules}"
             f"{f'; airspace: {self.airspace}' if str(self.airspace) else ''}"
             f"{'' if views is None else f'; up to {views.cameras} drones that see a person count'}"
         )
+
+    @property
+    def told_people(self) -> str:
+        """The number of people in words, of all takes where there are several."""
+        people = f"{len(self.actors)} people"
+        return f"{people} of {len(self.takes)} takes" if self.takes else people
 
     def _repr_html_(self) -> str:
         """Describes the problem in a notebook, with a picture."""
@@ -109,6 +122,28 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     def _without_rules(self) -> "Problem":
         return self.replace(rules=NO_RULES)
 
+    def of_take(self, k: int) -> "Problem":
+        """Returns the problem of one take alone, in which nobody else is there.
+
+        J of a plan is the mean over all takes of its J there, each as probable as it is. It is the
+        same object each time; without takes, take 0 is the problem itself.
+        """
+        if not self.takes:
+            return (self,)[k]
+        if k not in self._alone:
+            inside = np.flatnonzero(self.take_of == k).tolist()
+            self._alone[k] = self.replace(
+                actors=tuple(self.actors[j].replace(take=None) for j in inside),
+                objective=of_people(self.objective, len(self.actors), inside),
+                takes=(),
+                name=f"{self.name}, take {self.takes[k].name}",
+            )
+        return self._alone[k]
+
+    @cached_property
+    def _alone(self) -> "dict[int, Problem]":
+        return {}
+
     @cached_property
     def step_weights(self) -> FloatArray:
         """Weights of all faces at all steps [T+1, F]: the face's times its actor's importance."""
@@ -127,12 +162,13 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
     @cached_property
     def importance(self) -> FloatArray:
-        """Importance of all people at all steps [T+1, A]."""
+        """Importance of all people at all steps [T+1, A], times the probability of their take."""
         steps = self.horizon + 1
         rows = [
             (1.0,) * steps if a.importance is None else a.importance[:steps] for a in self.actors
         ]
-        return read_only(np.array(rows).reshape(len(self.actors), steps).T)
+        importance = np.array(rows).reshape(len(self.actors), steps).T
+        return read_only(importance * self.chances if self.takes else importance)
 
     @cached_property
     def face_weights(self) -> FloatArray:

@@ -16,6 +16,7 @@ from cocap_opt.data import (
     FloatArray,
     IntArray,
     ProblemError,
+    read_only,
     require,
     within,
 )
@@ -27,6 +28,7 @@ from cocap_opt.problem.placement import UndecidedError, places_apart
 from cocap_opt.problem.robot import Robot
 from cocap_opt.problem.rules import CollisionRules
 from cocap_opt.problem.starts import StartSet, StartStates
+from cocap_opt.problem.takes import Take
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 _MOST_CRS = 100 * MOST_LETTERS  # letters; WKT may be long
@@ -83,6 +85,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
     airspace: Airspace = Airspace()
     step: float | None = None
     earth: Earth | None = None
+    takes: tuple[Take, ...] = ()
 
     @property
     def workspace(self) -> Workspace:
@@ -209,14 +212,48 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         before, after : [n, 3] m, as `Airspace.near_person` takes them
         """
         near = np.zeros(len(before), dtype=np.bool_)
-        for actor in self.actors:
+        for actor in self.distinct_people if self.airspace.people_aside else ():
             near |= self.airspace.near_person(actor, t, before, after)
         return near
 
     def person(self, j: int) -> str:
         """Returns the words for a person: the number, and the name if there is one."""
-        name = self.actors[j].name
-        return f"person {j}" if name is None else f"person {j} ({name})"
+        name, take = self.actors[j].name, self.actors[j].take
+        words = [*([] if name is None else [name]), *([] if take is None else [f"take {take}"])]
+        return f"person {j} ({', '.join(words)})" if words else f"person {j}"
+
+    @cached_property
+    def distinct_people(self) -> tuple[Actor, ...]:
+        """The people, but only one of those who walk alike in several takes: who is where."""
+        if not self.takes:
+            return self.actors
+        alike = {(actor.poses.tobytes(), actor.shape): actor for actor in reversed(self.actors)}
+        return tuple(reversed(alike.values()))
+
+    @cached_property
+    def take_of(self) -> IntArray:
+        """Number of the take that each person is in [A]; 0 of all where there are no takes."""
+        numbers = {take.name: k for k, take in enumerate(self.takes)}
+        of_each = [0 if actor.take is None else numbers[actor.take] for actor in self.actors]
+        found = np.array(of_each, dtype=np.int64)
+        found.setflags(write=False)
+        return found
+
+    @property
+    def numbers_in_take(self) -> IntArray:
+        """Number of each person among those of the take, in their order [A]."""
+        numbers = np.zeros(len(self.actors), dtype=np.int64)
+        for k in np.unique(self.take_of).tolist():
+            inside = np.flatnonzero(self.take_of == k)
+            numbers[inside] = np.arange(len(inside))
+        return numbers
+
+    @cached_property
+    def chances(self) -> FloatArray:
+        """Probability that each person is there [A]: that of the take; 1 without takes."""
+        if not self.takes:
+            return read_only(np.ones(len(self.actors)))
+        return read_only(np.array([take.probability for take in self.takes])[self.take_of])
 
     def where(self, robot: Robot, states: Sequence[State]) -> FloatArray:
         """Returns where a robot is in states [n], as [n, 3] (m)."""

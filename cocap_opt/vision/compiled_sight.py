@@ -31,14 +31,17 @@ class CompiledSight:
     ----------
     fixed : bodies that hide people, besides other people
     first_face : [A + 1] of each person
+    take_of : [A] the take of each person, in which nobody of another is there
     axes : [O, 3, 3] right, up and forward of the orientations
     """
 
     def __init__(
-        self, fixed: Bodies, first_face: IntArray, projection: Projection, axes: FloatArray
-    ) -> None:
+        self, fixed: Bodies, first_face: IntArray, take_of: IntArray, projection: Projection,
+        axes: FloatArray,
+    ) -> None:  # fmt: skip
         camera = projection.camera
         self._bodies, self._first_face = fixed, _plain(first_face, np.int64)
+        self._take_of = _plain(take_of, np.int64)
         slopes = np.array([camera.width / 2 / camera.focal, camera.height / 2 / camera.focal])
         image = float(camera.width * camera.height)
         self._mine = _OfThread()
@@ -128,7 +131,7 @@ class CompiledSight:
             _plain(faces.middles[step]), _plain(faces.reaches), _plain(faces.corners[step]),
             _plain(faces.n_corners, np.int64), self._first_face, _plain(faces.polygons[step]),
             _plain(faces.n_vertices, np.int64), _plain(faces.normals[step]), _plain(faces.areas),
-            _solids_of(faces.bodies.taken(np.arange(step * n, (step + 1) * n))),
+            _solids_of(faces.bodies.taken(np.arange(step * n, (step + 1) * n))), self._take_of,
         )  # fmt: skip
 
     def _before(self, faces: Faces, step: int) -> kernel.Before:
@@ -160,7 +163,9 @@ def call_once() -> None:
     scene = SceneData(name="flat", height_map=flat, robots=(robot,), actors=(actor,), horizon=0)
     geometry, camera = FaceGeometry(scene), Camera()
     first_face = np.array([0, len(geometry.at(0).areas)])
-    sight = CompiledSight(geometry.fixed, first_face, Projection(camera), np.zeros((1, 3, 3)))
+    sight = CompiledSight(
+        geometry.fixed, first_face, scene.take_of, Projection(camera), np.zeros((1, 3, 3))
+    )
     nothing = np.zeros(0, np.int64)
     sight.at_step(geometry.at(0), 0, np.zeros((0, 3)), np.zeros(1, np.int64), nothing)
 

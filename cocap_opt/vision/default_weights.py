@@ -16,6 +16,7 @@ import numpy as np
 
 from cocap_opt.data import MOST_WEIGHT, FloatArray, ProblemError, read_only, require
 from cocap_opt.problem import Actor, Camera, Objective, Problem, Robot, Shape, Views
+from cocap_opt.problem.takes import least_chance
 from cocap_opt.vision.faces import local_faces
 from cocap_opt.vision.projection import Projection, dot
 
@@ -75,7 +76,9 @@ def with_views(
     actors, robots = problem.actors, problem.robots
     if isinstance(weight, str):
         require(weight == FIRST, "weight", f'must be a number or "{FIRST}"')
-        weight = weight_before_all(actors, robots, problem.horizon, problem.objective)
+        weight = weight_before_all(
+            actors, robots, problem.horizon, problem.objective, least_chance(problem.takes)
+        )
     elif weight is None:
         weight = default_weights(actors, robots)
     views = Views(cameras=cameras, weight=weight, at_least=at_least, share=share)
@@ -83,22 +86,25 @@ def with_views(
 
 
 def weight_before_all(
-    actors: Sequence[Actor], robots: Sequence[Robot], horizon: int, objective: Objective
-) -> float:
+    actors: Sequence[Actor], robots: Sequence[Robot], horizon: int, objective: Objective,
+    chance: float = 1.0,
+) -> float:  # fmt: skip
     """Returns a weight by which a drone that sees a person outweighs all that pixels and moves pay.
 
     A face of area A and weight w that has p pixels, in all images together, pays w sqrt(p / A). No
     pixel shows two faces. So all faces together pay at most sqrt(P sum w^2 / A) at a step, by
     Cauchy and Schwarz, where P is the number of pixels of all images.
 
-    A plan of more views comes before others where all importances are 0 or one number. Where they
-    differ, so may the views of two plans by less than the least importance; pixels may decide then.
+    A plan of more views comes before others where all importances are 0 or one number, and so are
+    the probabilities of takes. Where they differ, so may the views of two plans by less than the
+    least of them; pixels may decide then.
 
     Parameters
     ----------
     actors, robots : of the problem
     horizon : T
     objective : of which views have no part
+    chance : least probability of a take, so many times as much as which a view is worth there
 
     Raises
     ------
@@ -122,7 +128,7 @@ def weight_before_all(
     )
     at_a_step = objective.pixels * math.sqrt(images * per_area) + len(robots) * moves
     least = min((x for actor in actors for x in actor.importance or () if x > 0), default=1.0)
-    weight = float(math.ceil((horizon + 1) * at_a_step / min(least, 1.0) + 1))
+    weight = float(math.ceil((horizon + 1) * at_a_step / (min(least, 1.0) * chance) + 1))
     require(
         weight <= MOST_WEIGHT,
         "weight",

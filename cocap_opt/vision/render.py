@@ -66,8 +66,8 @@ class Renderer:
     def pixels(self, robot: Robot, t: int, state: State) -> FloatArray:
         """Returns the pixels [F] of every face in a robot's image at step t."""
         counts = np.zeros(len(self._problem.face_weights))
-        actors, triangle_faces = self._bodies(t)
         for actor, box in self._boxes(t, robot, state):
+            actors, triangle_faces = self._bodies(t, int(self._problem.take_of[actor]))
             for _, ways, surface, triangle in self._cast(
                 robot, state, box, (actors, self._terrain)
             ):
@@ -95,15 +95,21 @@ class Renderer:
         result: FloatArray = self.pixels(robot, t, state) / self.areas(t)
         return result
 
-    def picture(self, robot: Robot, t: int, state: State) -> tuple[IntArray, FloatArray]:
+    def picture(
+        self, robot: Robot, t: int, state: State, take: int = 0
+    ) -> tuple[IntArray, FloatArray]:
         """Returns the whole image, one pixel for each block.
+
+        Parameters
+        ----------
+        take : number of the take whose people are there
 
         Returns
         -------
         faces : [height, width] number of the face that each pixel shows, or TERRAIN or SKY
         shade : [height, width] cosine between ray and surface normal; 0 for the sky
         """
-        actors, triangle_faces = self._bodies(t)
+        actors, triangle_faces = self._bodies(t, take)
         surfaces = (actors, self._terrain)
         camera = self.camera_of(robot)
         width, height = (-(-size // self._step) for size in (camera.width, camera.height))
@@ -117,19 +123,20 @@ class Renderer:
                 shade[at[hit]] = np.abs((_normals(surface.triangles[triangle]) * ways[hit]).sum(1))
         return shown.reshape(height, width), shade.reshape(height, width)
 
-    def _all(self, t: int) -> tuple[Surface, IntArray]:
-        """Returns all actors at step t as one surface, and the face of each of its triangles."""
+    def _all(self, t: int, take: int) -> tuple[Surface, IntArray]:
+        """Returns all actors of a take at step t as one surface, and the face of each triangle."""
         polygons = self._geometry.at(t).polygons[0]
         fans = np.stack(
             [polygons[:, [0, k, k + 1]] for k in range(1, polygons.shape[1] - 1)], axis=1
         )
         # Shorter polygons repeat their last vertex.
-        face, k = np.nonzero((fans[:, :, 1] != fans[:, :, 2]).any(axis=-1))
+        there = self._problem.take_of[self._problem.face_owner] == take
+        face, k = np.nonzero((fans[:, :, 1] != fans[:, :, 2]).any(axis=-1) & there[:, None])
         return Surface(fans[face, k]), face
 
     def _only(self, t: int, actor: int) -> tuple[Surface, IntArray]:
         """Returns one actor alone, and the face of each of its triangles."""
-        actors, triangle_faces = self._bodies(t)
+        actors, triangle_faces = self._bodies(t, int(self._problem.take_of[actor]))
         its_triangles = np.flatnonzero(self._problem.face_owner[triangle_faces] == actor)
         return Surface(actors.triangles[its_triangles]), triangle_faces[its_triangles]
 

@@ -70,7 +70,7 @@ class PinholeSight:
         self._slopes = camera.width / 2 / camera.focal, camera.height / 2 / camera.focal
         self._axes = axes
         self._owners, self._n_actors = problem.face_owner, len(problem.actors)
-        self._samples = problem.face_samples
+        self._take_of, self._samples = problem.take_of, problem.face_samples
         self._visibility = Visibility(geometry, problem)
 
     @cached_property
@@ -78,7 +78,9 @@ class PinholeSight:
         from cocap_opt.vision.compiled_sight import CompiledSight
 
         first = np.searchsorted(self._owners, np.arange(self._n_actors + 1))
-        return CompiledSight(self._geometry.fixed, first, self._projection, self._axes)
+        return CompiledSight(
+            self._geometry.fixed, first, self._take_of, self._projection, self._axes
+        )
 
     @property
     def batch(self) -> int:

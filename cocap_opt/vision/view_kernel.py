@@ -75,6 +75,7 @@ class People(NamedTuple):
     normals: FloatArray  # [F, 3]
     areas: FloatArray  # [F] m2
     solids: Solids  # A bodies
+    take_of: IntArray  # [A] only people of one take hide each other
 
 
 class Before(NamedTuple):
@@ -528,12 +529,12 @@ def _shadows_of_fixed(before: Before, people: People, person: int, eye: Eye, mem
 
 @_inlined
 def _shadows_of_people(people: People, person: int, eye: Eye, memory: Memory, found: int) -> int:
-    """Adds the shadows of those who stand between the eye and a person, or nearly so."""
+    """Adds the shadows of those in a person's take who are between them and the eye, or nearly."""
     middles, reaches = people.middles, people.reaches
     x, y, z = middles[person, 0] - eye[0], middles[person, 1] - eye[1], middles[person, 2] - eye[2]
     square = max(x * x + y * y + z * z, LEAST)
     for other in range(len(reaches)):
-        if other == person:
+        if other == person or people.take_of[other] != people.take_of[person]:
             continue
         a, b, c = middles[other, 0] - eye[0], middles[other, 1] - eye[1], middles[other, 2] - eye[2]
         along = min(max((a * x + b * y + c * z) / square, 0.0), 1.0)

@@ -98,6 +98,7 @@ class Visibility:
         self._mesh = geometry.mesh
         self._owners = problem.face_owner
         self._samples = problem.face_samples
+        self._take_of = problem.take_of if problem.takes else None
 
     def of(self, faces: Faces, steps: IntArray, eyes: FloatArray, wanted: BoolArray) -> Sightings:
         """Returns the faces and parts of faces seen from eyes [E, 3], each at a step [E].
@@ -189,7 +190,7 @@ class Visibility:
         casting = _Casting(corners, eyes, skyline.hidden)
         casting.cast_in_turn(fixed, *sifted)
         rest = np.flatnonzero(~casting.hidden)
-        pair, body = _near_actors(faces, steps[rest], eyes[rest], actors[rest])
+        pair, body = _near_actors(faces, steps[rest], eyes[rest], actors[rest], self._take_of)
         casting.cast(faces.bodies, rest[pair], body)
         return casting.result()
 
@@ -265,9 +266,13 @@ class _Casting:
 
 
 def _near_actors(
-    faces: Faces, steps: IntArray, eyes: FloatArray, actors: IntArray
+    faces: Faces, steps: IntArray, eyes: FloatArray, actors: IntArray, take_of: IntArray | None
 ) -> tuple[IntArray, IntArray]:
     """Returns which actors stand between eyes [n, 3] and actors [n], or nearly so.
+
+    Parameters
+    ----------
+    take_of : [A] the take of each actor, of which others are not there; None: all are
 
     Returns
     -------
@@ -281,6 +286,8 @@ def _near_actors(
     off = others - along[..., None] * target
     near = dot(off, off) <= (faces.reaches[actors, None] + faces.reaches) ** 2
     near[numbers, actors] = False
+    if take_of is not None:
+        near &= take_of[actors, None] == take_of
     pair, other = np.nonzero(near)
     return pair, steps[pair] * n_actors + other
 

@@ -20,6 +20,7 @@ from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Actor, Earth, Motion, Problem, Robot
 from cocap_opt.problem.refusals import refused_starts
 from cocap_opt.problem.scene import SceneData
+from cocap_opt.problem.takes import least_chance
 from cocap_opt.scenarios.earth.place import EarthTable, MapProjection, require_likely
 from cocap_opt.scenarios.kinds import JSON
 from cocap_opt.scenarios.maps.layers import LayerTable
@@ -32,6 +33,13 @@ from cocap_opt.scenarios.recipe.objective import ObjectiveTable
 from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import AirspaceTable, NoFlyTable, RulesTable
 from cocap_opt.scenarios.recipe.strides import Strides
+from cocap_opt.scenarios.recipe.takes import (
+    People,
+    SpreadTable,
+    TakeTable,
+    in_takes,
+    people_in_takes,
+)
 from cocap_opt.scenarios.site import Site
 from cocap_opt.scenarios.tables import ABOVE_GROUND, Flight, Table
 from cocap_opt.scenarios.text import naming, read_text, rectangle
@@ -109,6 +117,7 @@ delimiter = " "             # left out: what the first row looks like
 still = 0.1                 # m/s; people who are slower keep their heading
 shape = { type = "prism", sides = 6, apothem = 0.25 }
 views_weight = 0.5          # times the weight of views in [objective]; left out: 1
+take = "rehearsed"          # or ["rehearsed", "late"]: takes in which they are; left out: all
 
 [[walk]]
 points = [[20, 20], [60, 22]]
@@ -118,6 +127,22 @@ first = 0.5                 # m of the way that are walked before step 0
 # heading = 90              # where the person looks all the time, from x to y; left out: ahead
 shape = { type = "cuboid", length = 0.4, width = 0.5, height = 1.8 }
 views_weight = 2.0          # likewise: Ada is to be seen by two rather than the others
+# take = "late"             # likewise; left out: Ada is there in each take
+
+[[take]]                    # people may walk otherwise: one of several ways; left out: they do not
+name = "rehearsed"
+probability = 0.75          # those of all takes sum to 1
+
+[[take]]
+name = "late"
+probability = 0.25
+
+# [spread]                  # in place of [[take]]: ways that are drawn around those above
+# takes = 3                 # equally probable; the first is as above
+# delay = 1.0               # s: standard deviation of how late a person is, or early
+# aside = 0.5               # m, to the left or right
+# speed = 0.1               # share by which a person is faster or slower
+# seed = 0                  # of the draws; they lead into no obstacle, nor off the map
 
 [[drones]]
 count = 3                   # in random cells, chosen by the seed, within 15 m of someone; other
@@ -225,6 +250,8 @@ class Recipe(Table):
     walls: tuple[WallsTable, ...] = ()
     tracks: tuple[TracksTable, ...] = ()
     walk: tuple[WalkTable, ...] = ()
+    take: tuple[TakeTable, ...] = ()
+    spread: SpreadTable | None = None
     no_fly: tuple[NoFlyTable, ...] = ()
     airspace: AirspaceTable = msgspec.field(default_factory=AirspaceTable)
     rules: RulesTable = msgspec.field(default_factory=RulesTable)
@@ -302,6 +329,7 @@ class _Place(NamedTuple):
     terrain: Terrain
     solid: tuple[Mesh, ...]
     people: Sequence[tuple[Actor, float | None]]
+    filmed: People
     earth: Earth | None
     around: Surroundings
 
@@ -320,6 +348,7 @@ class _Place(NamedTuple):
         recipe, terrain, stray = _flyable(recipe, terrain)
         solid = (*crowns, *_meshes(recipe, path.parent, terrain, projection))
         people = list(_people(recipe, path.parent, terrain, projection))
+        given = tuple(actor for actor, _ in people)
         with naming("rules"):
             rules = recipe.rules.rules()
         if recipe.earth is not None and earth is not None and terrain.crs is None:
@@ -332,9 +361,11 @@ class _Place(NamedTuple):
             with naming(f"no_fly[{k}]"), naming("polygon"):
                 _require_on_map([zone], terrain.height_map, "it has coordinates of the map")
         workspace = Workspace(terrain.height_map, solid, airspace.no_fly, airspace.ceiling)
-        actors = tuple(actor for actor, _ in people)
-        around = Surroundings(workspace, actors, recipe.steps, rules, airspace)
-        return cls(recipe, recipe.name or path.stem, terrain, solid, people, earth, around)
+        filmed = people_in_takes(
+            recipe.take, recipe.spread, given, workspace, recipe.steps, recipe.step
+        )
+        around = Surroundings(workspace, filmed.actors, recipe.steps, rules, airspace)
+        return cls(recipe, recipe.name or path.stem, terrain, solid, people, filmed, earth, around)
 
     def team(self, rng: np.random.Generator) -> list[Robot]:
         """Returns the drones of all tables, each of which keeps away from those before."""
@@ -365,6 +396,7 @@ class _Place(NamedTuple):
             "meshes": self.solid,
             "robots": tuple(team),
             "actors": self.around.actors,
+            "takes": self.filmed.takes,
             "horizon": self.recipe.steps,
             "rules": self.around.rules,
             "airspace": self.around.airspace,
@@ -376,12 +408,12 @@ class _Place(NamedTuple):
     def problem(self, team: Sequence[Robot]) -> Problem:
         """Returns the problem; what is wrong with a drone in it has the names of the recipe."""
         with naming("objective"):
-            factors = [factor for _, factor in self.people]
+            given, factors = [person for person, _ in self.people], [f for _, f in self.people]
             objective = self.recipe.objective.objective(
-                self.around.actors, factors, team, self.recipe.steps
+                given, factors, team, self.recipe.steps, least_chance(self.filmed.takes)
             )
         try:
-            return Problem(**self.fields(team), objective=objective)
+            return Problem(**self.fields(team), objective=self.filmed.objective(objective))
         except ProblemError as error:
             names = list(_names(self.recipe))
 
@@ -509,6 +541,7 @@ def _people(
         with naming(f"tracks[{k}]"):
             _require_views(recipe, given)
             actors, begin = given.actors(folder, terrain, recipe.step, recipe.steps, projection)
+            actors = [copy for who in actors for copy in in_takes(who, given.take, recipe.take)]
         if begin is not None:
             begins[k] = begin
         yield from ((actor, given.views_weight) for actor in actors)
@@ -517,7 +550,8 @@ def _people(
         with naming(f"walk[{k}]"):
             _require_views(recipe, walk)
             actor = walk.actor(terrain, recipe.step, recipe.steps)
-        yield actor, walk.views_weight
+            actors = in_takes(actor, walk.take, recipe.take)
+        yield from ((actor, walk.views_weight) for actor in actors)
 
 
 def _require_views(recipe: Recipe, table: TracksTable | WalkTable) -> None:

@@ -19,7 +19,7 @@ class ViewsTable(Table):
 
     def views(
         self, actors: Sequence[Actor], factors: Sequence[float], robots: Sequence[Robot],
-        horizon: int, objective: Objective,
+        horizon: int, objective: Objective, chance: float,
     ) -> Views:  # fmt: skip
         """Returns the views, with a number for each person.
 
@@ -28,6 +28,7 @@ class ViewsTable(Table):
         actors, factors : the people [A], and the factor of each one's weight
         robots : whose cameras weights are computed of
         horizon, objective : T, and what counts besides views
+        chance : least probability of a take
 
         Raises
         ------
@@ -38,7 +39,7 @@ class ViewsTable(Table):
         if weight is None:
             weight = default_weights(actors, robots)
         elif weight == FIRST:
-            weight = weight_before_all(actors, robots, horizon, objective)
+            weight = weight_before_all(actors, robots, horizon, objective, chance)
         # Each number is checked before it is multiplied, under the name that the recipe has.
         given = Views(cameras=self.cameras, weight=weight, at_least=self.at_least, share=self.share)
         given.require_for(len(actors))
@@ -63,7 +64,7 @@ class ObjectiveTable(Table):
 
     def objective(
         self, actors: Sequence[Actor], factors: Sequence[float | None], robots: Sequence[Robot],
-        horizon: int,
+        horizon: int, chance: float = 1.0,
     ) -> Objective:  # fmt: skip
         """Returns the objective, which holds numbers only.
 
@@ -73,6 +74,7 @@ class ObjectiveTable(Table):
         factors : of each one's weight in `views`; None: 1
         robots : the drones
         horizon : T
+        chance : least probability of a take
 
         Raises
         ------
@@ -86,6 +88,11 @@ class ObjectiveTable(Table):
         with naming("views"):
             table = ViewsTable(weight=FIRST) if self.views == FIRST else self.views
             views = table.views(
-                actors, [1.0 if f is None else f for f in factors], robots, horizon, objective
+                actors,
+                [1.0 if f is None else f for f in factors],
+                robots,
+                horizon,
+                objective,
+                chance,
             )
         return objective.replace(views=views)

@@ -31,6 +31,8 @@ log = logging.getLogger(__name__)
 FASTEST = 12.0  # m/s; nobody runs faster, and few ride
 IMPOSSIBLE = 100.0  # m/s; above it a unit, a frame rate or a step is wrong
 
+Takes = str | Annotated[list[str], Meta(min_length=1)] | None  # None: all
+
 _MOSTLY = 0.5  # of all ways between rows, from which on rows are too far apart for anything
 _LONGEST = 60.0  # s, for which somebody's way may be meant to be straight
 _LEAST_WALK = 0.5  # of the scene's duration; who walks for less may be meant to walk on
@@ -53,6 +55,7 @@ class TracksTable(Table):
     shape: Shape = BODY
     views_weight: Factor | None = None
     still: Size = STILL
+    take: Takes = None
 
     def actors(
         self, folder: Path, terrain: Terrain, step: float, steps: int, projection: MapProjection
@@ -227,6 +230,7 @@ class WalkTable(Table):
     heading: Heading | None = None
     shape: Shape = BODY
     views_weight: Factor | None = None
+    take: Takes = None
 
     def actor(self, terrain: Terrain, step: float, steps: int) -> Actor:
         """Returns a person who walks along the legs, and stands where they end.

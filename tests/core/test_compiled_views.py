@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from kernels import NotLoaded, of_views
 from pool import problems
 from strategies import examples
+from takes import in_takes
 from test_culling import all_states, close_ups, graph_of, hills, rough_maps
 
 from cocap_opt import compiling
@@ -72,7 +73,10 @@ def assert_same(problem: Problem, nodes: IntArray, kernel: Kernel) -> None:
     np.testing.assert_allclose(ours[1].unhidden, theirs[1].unhidden, rtol=1e-9)
 
 
-ANY = st.one_of(close_ups(), rough_maps(), hills(), problems())
+ANY = st.one_of(
+    close_ups(), rough_maps(), hills(), problems(),
+    in_takes(problems()).map(lambda drawn: drawn.problem),
+)  # fmt: skip
 
 
 @examples(120)

@@ -132,7 +132,11 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
     assert problem.height_map.datum is not None
     *crowns, bridge, walls = (len(mesh.triangles) for mesh in problem.meshes)
     assert (set(crowns), bridge, walls) == ({12}, 12, 32)
-    assert [actor.shape.height for actor in problem.actors] == [1.75, 1.75, 1.75, 1.8]
+    assert [actor.shape.height for actor in problem.actors] == [1.75, 1.75, 1.75, 1.8, 1.8]
+    assert [(take.name, take.probability) for take in problem.takes] == [
+        ("rehearsed", 0.75), ("late", 0.25),
+    ]  # fmt: skip
+    assert problem.take_of.tolist() == [0, 0, 0, 0, 1]
     assert len(problem.robots) == 4
     assert problem.robots[3].start.heading == 2
     assert problem.robots[0].camera.tilts == (math.radians(10), math.radians(40))
@@ -148,7 +152,9 @@ def test_the_example_in_the_manual_is_read(parts: Path) -> None:
     views = problem.objective.views
     assert views is not None and (views.cameras, views.at_least) == (2, 0.3)
     by_default = default_weights(problem.actors, problem.robots)
-    assert views.weight == tuple(w * f for w, f in zip(by_default, (0.5, 0.5, 0.5, 2), strict=True))
+    assert views.weight == tuple(
+        w * f for w, f in zip(by_default, (0.5, 0.5, 0.5, 2, 2), strict=True)
+    )
 
 
 def test_the_example_has_every_field() -> None:

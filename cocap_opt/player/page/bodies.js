@@ -89,14 +89,14 @@ class Bodies {
     });
   }
 
-  // Where people have walked.
+  // Where people have walked, in the colours of their takes.
   walks(pen, time) {
     this.data.people.forEach((person, j) => {
       const done = person.poses.slice(this.isCrowd ? Math.max(Math.floor(time) - TRAIL, 0) : 0, Math.floor(time) + 1);
       const points = [...done, this.person(j, time)].map(([x, y, z]) => [x, y, z + 0.05]);
       for (let t = 1; t < points.length; t++) {
         const [a, b] = [points[t - 1], points[t]];
-        pen.line(a, a.map((v, i) => (v + b[i]) / 2), palette.walk, 1.3); // dashes
+        pen.line(a, a.map((v, i) => (v + b[i]) / 2), person.take ?? palette.walk, 1.3); // dashes
       }
     });
   }

@@ -22,7 +22,8 @@ class Labels {
     this.conflicts(time);
   }
 
-  // A number above each person, with the name where it covers nobody else's.
+  // A number above each person, with the name where it covers nobody else's; its border has the
+  // colour of the person's take.
   people(time) {
     const { context, view } = this;
     context.font = `600 10px ${FONT}`;
@@ -34,8 +35,8 @@ class Labels {
       const label = hasRoom ? labelOf(person) : String(j), tag = tagOf(label), { wide } = tag;
       this.tags.push(tag);
       context.fillStyle = words.halo;
-      context.strokeStyle = words.soft;
-      context.lineWidth = 1;
+      context.strokeStyle = person.take ?? words.soft;
+      context.lineWidth = person.take ? 2 : 1;
       context.beginPath();
       context.roundRect(px - wide / 2, py - 19, wide, 13, 3);
       context.fill();

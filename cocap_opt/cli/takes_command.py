@@ -1,0 +1,154 @@
+"""The command `takes`: plans for each take beside a plan for all, each in every take."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.options import Json, Scene, Seed, Whole, load
+from cocap_opt.console.progress import Watch
+from cocap_opt.data import ProblemError
+from cocap_opt.files.documents import PlanFile, SceneFile, encode
+from cocap_opt.output.files import make_folder, save_files
+from cocap_opt.output.printing import Listing, Record, print_result
+from cocap_opt.problem import Problem
+from cocap_opt.run.drawn_takes import with_drawn_takes
+from cocap_opt.run.options import Option, UsageError
+from cocap_opt.run.takes import Hedging, PlanForTake, hedging
+from cocap_opt.scenarios.spread import Spread
+from cocap_opt.stop import Interrupt
+from cocap_opt.text import rounded_up
+
+_DRAWN = 3  # takes
+
+
+def _takes(
+    scene: Scene,
+    /,
+    *,
+    seed: Seed = 0,
+    seconds: Annotated[
+        float, Parameter(name="--seconds", help="for each plan, the coverage included")
+    ] = 20.0,
+    delay: Annotated[
+        float, Parameter(help="s by which people are late or early: standard deviation")
+    ] = 0.0,
+    aside: Annotated[
+        float, Parameter(help="m by which people walk to a side: standard deviation")
+    ] = 0.0,
+    speed: Annotated[
+        float, Parameter(help="share by which people are faster or slower: standard deviation")
+    ] = 0.0,
+    count: Annotated[
+        Whole | None,
+        Parameter(
+            help=f"takes that are drawn, the first as the scene has it; {_DRAWN} if not given"
+        ),
+    ] = None,
+    draw_seed: Annotated[Whole | None, Parameter(help="of these draws; 0 if not given")] = None,
+    output: Annotated[
+        Path | None,
+        Parameter(
+            name=["-o", "--output"],
+            help="folder for plans, certificates and the scenes they are of",
+        ),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Tell what a plan for one take loses in another, and what hedging costs.
+
+    For each take alone, and for all of them on average, it finds a plan and proves how much J no
+    plan exceeds, and shows J of each plan in each take. All plans keep away from the people of all
+    takes. Takes are those of the scene; if it has none, --delay, --aside and --speed draw some.
+
+    Example: cocap-opt takes bottleneck --aside 0.5 --count 3 --seconds 10 -o takes
+    """
+    if not Option("--seconds").require_seconds(seconds) > 0:
+        raise UsageError("--seconds: must be more than 0")
+    problem = _in_takes(load(scene, seed), Spread(delay, aside, speed), count, draw_seed)
+    make_folder(output)
+    with Interrupt.caught() as interrupt, Watch.on_terminal(problem.name) as watch:
+        found = hedging(problem, seconds, interrupt, show=watch.show)
+    files = {} if output is None else _saved(found, output)
+    _say(found, seed, files, output, json)
+    return 0
+
+
+def _in_takes(problem: Problem, spread: Spread, count: int | None, seed: int | None) -> Problem:
+    """Returns the scene with its takes, or with takes that are drawn if it has none."""
+    options = {
+        "--delay": spread.delay, "--aside": spread.aside, "--speed": spread.speed,
+        "--count": count, "--draw-seed": seed,
+    }  # fmt: skip
+    if problem.takes:
+        for option, value in options.items():
+            if value:
+                raise UsageError(f"{option}: must be left out, for the scene has takes")
+        return problem
+    if not any(spread):
+        raise UsageError("SCENE: has no takes; --delay, --aside or --speed draw some")
+    draws = 0 if seed is None else Option("--draw-seed").require_whole(seed)
+    try:
+        return with_drawn_takes(problem, _DRAWN if count is None else count, spread, draws)
+    except ProblemError as error:
+        raise Option.refused(error) from error
+
+
+def _saved(found: Hedging, folder: Path) -> dict[str, list[str]]:
+    """Writes the plans and certificates, and the scenes that they are of; returns their names."""
+    contents = {}
+    for k, row in enumerate((found.hedged, *found.plans)):
+        name = f"take-{k - 1}" if k else "hedged"
+        contents[f"{name}.scene.json"] = encode(SceneFile(problem=row.problem))
+        if row.certificate is not None:
+            contents[f"{name}.bound.json"] = encode(row.certificate)
+        if row.plan is not None:
+            contents[f"{name}.plan.json"] = encode(
+                PlanFile.of(found.problem, row.plan, row.mean, f"for {row.made_for}")
+            )
+    save_files({folder / name: content for name, content in contents.items()})
+    return {"files": sorted(contents)}
+
+
+def _say(
+    found: Hedging, seed: int, files: dict[str, list[str]], output: Path | None, json: bool
+) -> None:
+    """Prints the table and what it says."""
+    notes = list(found.sentences())
+    if json:
+        answer: Record = {
+            "scene": found.problem.name,
+            "seed": seed,
+            "takes": [{"name": t.name, "probability": t.probability} for t in found.problem.takes],
+            "plans": [_record(row) for row in (*found.plans, found.hedged)],
+            "foreknowledge": found.foreknowledge,
+            "notes": notes,
+            "output": output,
+            **files,
+        }
+        print_result(answer, json)
+        return
+    rows = [
+        {key: _told(value, last=row is found_rows[-1]) for key, value in row.items()}
+        for found_rows in [found.rows]
+        for row in found_rows
+    ]
+    Listing(f"{found.problem.name}: J of each plan in each take", rows, notes).print()
+
+
+def _record(row: PlanForTake) -> Record:
+    """Returns a plan for a take as plain data."""
+    return {
+        "plan_for": row.made_for, "rewards": list(row.rewards), "mean": row.mean,
+        "bound": row.bound, "seconds": row.seconds,
+    }  # fmt: skip
+
+
+def _told(value: object, last: bool) -> object:
+    """Returns J as it is told; a bound not below what is proved."""
+    if not isinstance(value, float):
+        return value
+    return rounded_up(value, 2) if last else f"{value:,.2f}"
+
+
+COMMANDS = {"takes": _takes}

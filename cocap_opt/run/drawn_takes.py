@@ -1,0 +1,69 @@
+"""A problem whose people walk otherwise in takes that are drawn."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cocap_opt.data import ProblemError, require
+from cocap_opt.problem import Actor, Problem, State, Take
+from cocap_opt.problem.takes import equal_chances, of_people
+from cocap_opt.scenarios.spread import Spread, drawn_takes
+
+
+def with_drawn_takes(
+    problem: Problem,
+    count: int,
+    spread: Spread,
+    seed: int = 0,
+    probabilities: Sequence[float] | None = None,
+    people: Sequence[int] | None = None,
+) -> Problem:
+    """Returns the problem with takes that are drawn around the walks of its people.
+
+    Parameters
+    ----------
+    count : number of takes, of which the first has people as they are
+    spread : standard deviations of delays, shifts and speeds
+    seed : of the draws
+    probabilities : of the takes; None: all equal
+    people : numbers of those who may walk otherwise; None: all
+
+    Raises
+    ------
+    ProblemError
+        If the problem has takes, or a number is out of range; it names the field.
+    """
+    require(not problem.takes, "problem", "must have no takes yet")
+    require(len(problem.actors) > 0, "problem", "must have people, who walk otherwise")
+    names, drawn = drawn_takes(
+        problem.actors, problem.workspace, problem.horizon, problem.step, spread, count,
+        np.random.default_rng(seed), people, lambda actor: _at_a_start(problem, actor),
+    )  # fmt: skip
+    numbers, actors = zip(*drawn, strict=True)
+    return problem.replace(
+        name=f"{problem.name}, {count} takes",
+        takes=_takes(names, probabilities),
+        actors=actors,
+        objective=of_people(problem.objective, len(problem.actors), numbers),
+    )
+
+
+def _takes(names: Sequence[str], probabilities: Sequence[float] | None) -> tuple[Take, ...]:
+    if probabilities is None:
+        return equal_chances(names)
+    if len(probabilities) != len(names):
+        raise ProblemError(
+            f"probabilities: must be one for each of {len(names)} takes, not {len(probabilities)}"
+        )
+    return tuple(
+        Take(name=name, probability=p) for name, p in zip(names, probabilities, strict=True)
+    )
+
+
+def _at_a_start(problem: Problem, actor: Actor) -> bool:
+    """Returns True if a person is too near at step 0 to a drone that can start nowhere else."""
+    return any(
+        bool(problem.airspace.near_person(actor, 0, problem.where(robot, [robot.start])).any())
+        for robot in problem.robots
+        if isinstance(robot.start, State)
+    )

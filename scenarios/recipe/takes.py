@@ -1,0 +1,110 @@
+"""The takes of a recipe: ways in which people may walk, said one by one or drawn."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import ProblemError
+from cocap_opt.problem import Actor, Objective, Take
+from cocap_opt.problem.takes import equal_chances, of_people, require_takes
+from cocap_opt.scenarios.spread import Spread, drawn_takes
+from cocap_opt.scenarios.tables import Table
+from cocap_opt.scenarios.text import naming
+from cocap_opt.world.workspace import Workspace
+
+
+class TakeTable(Table):
+    """One of the tables `take` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
+
+    name: str
+    probability: float
+
+
+class SpreadTable(Table):
+    """The table `spread` of a recipe, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
+
+    takes: int = 3
+    delay: float = 0.0
+    aside: float = 0.0
+    speed: float = 0.0
+    seed: int = 0
+
+
+class People(NamedTuple):
+    """The people of all takes.
+
+    Attributes
+    ----------
+    takes : none where people walk as they do
+    actors : they, each in one take or in all
+    numbers : of each, the number among the people whom the recipe has
+    """
+
+    takes: tuple[Take, ...]
+    actors: tuple[Actor, ...]
+    numbers: tuple[int, ...]
+
+    def objective(self, given: Objective) -> Objective:
+        """Returns the objective for them, of that for the people whom the recipe has."""
+        return of_people(given, max(self.numbers, default=-1) + 1, self.numbers)
+
+
+def people_in_takes(
+    tables: Sequence[TakeTable], spread: SpreadTable | None, actors: Sequence[Actor],
+    workspace: Workspace, steps: int, step: float,
+) -> People:  # fmt: skip
+    """Returns the people of the takes that a recipe says or has drawn.
+
+    Parameters
+    ----------
+    tables, spread : of the recipe, which has one of both or neither
+    actors : the people, who name their takes
+    workspace : which drawn ways do not enter
+    steps, step : T, and the s of each
+
+    Raises
+    ------
+    ProblemError
+        If takes do not fit together, or something is out of range; it names the table.
+    """
+    numbers = tuple(range(len(actors)))
+    if spread is None:
+        takes = []
+        for k, table in enumerate(tables):
+            with naming(f"take[{k}]"):
+                takes.append(Take(name=table.name, probability=table.probability))
+        require_takes(takes, (), "take")
+        return People(tuple(takes), tuple(actors), numbers)
+    with naming("spread"):
+        if tables:
+            raise ProblemError("must be left out where [[take]] says how people walk")
+        if not actors:
+            raise ProblemError("must be left out where there are no people")
+        wide = Spread(spread.delay, spread.aside, spread.speed)
+        rng = np.random.default_rng(spread.seed)
+        names, drawn = drawn_takes(actors, workspace, steps, step, wide, spread.takes, rng)
+    numbers, people = zip(*drawn, strict=True)
+    return People(equal_chances(names), people, numbers)
+
+
+def in_takes(
+    actor: Actor, named: str | list[str] | None, takes: Sequence[TakeTable]
+) -> list[Actor]:
+    """Returns a person who is in some takes, once for each of them; once, if there in all.
+
+    Raises
+    ------
+    ProblemError
+        If a name is no take's, or comes twice.
+    """
+    if named is None:
+        return [actor]
+    names, known = [named] if isinstance(named, str) else named, [take.name for take in takes]
+    for name in names:
+        if name not in known:
+            allowed = f"must be one of {', '.join(map(repr, known))}" if known else "needs [[take]]"
+            raise ProblemError(f"take: {allowed}, not {name!r}")
+    if len(set(names)) < len(names):
+        raise ProblemError("take: must be names that differ")
+    return [actor.replace(take=name) for name in names]

@@ -1,0 +1,204 @@
+"""Takes drawn at random: the same people are late or early, aside, faster or slower.
+
+Each person of each take has a draw of their own. Draws that lead into an obstacle, off the map or
+into somebody of the same take are not kept: they are drawn again, and who finds none walks as
+tracked. So the spread that people have is a little less than what is stated where there is no room.
+"""
+
+import logging
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import FloatArray, ProblemError, require, within
+from cocap_opt.plausibility import buried
+from cocap_opt.problem import Actor
+from cocap_opt.world.workspace import Workspace
+
+log = logging.getLogger(__name__)
+
+AS_TRACKED = "as tracked"  # name of the first take, in which nobody walks otherwise
+MOST_TAKES = 100  # that are drawn; each has the people once more
+_TRIES = 50  # draws for a person
+_MOST_DELAY, _MOST_ASIDE = 3600.0, 100.0  # s, m: standard deviations
+_SLOWEST = 0.1  # times the speed of the track, however large the spread
+
+
+class Spread(NamedTuple):
+    """The spread of how people walk: standard deviations of normal distributions.
+
+    Attributes
+    ----------
+    delay : s, by which a person is late; early, where the draw is negative
+    aside : m, by which a person walks to the left, or to the right
+    speed : share by which a person is faster or slower all the time; never below a tenth
+    """
+
+    delay: float = 0.0
+    aside: float = 0.0
+    speed: float = 0.0
+
+    def require_for(self, step: float | None) -> None:
+        """Checks the spread for a scene whose steps last so many seconds; None: nobody knows.
+
+        Raises
+        ------
+        ProblemError
+            If a number is out of range, all are 0, or delays need seconds; it names the field.
+        """
+        within(self.delay, 0, _MOST_DELAY, "delay", "s")
+        within(self.aside, 0, _MOST_ASIDE, "aside", "m")
+        within(self.speed, 0, 1, "speed")
+        require(any(self), "delay", "or aside or speed must be more than 0, or all takes are alike")
+        if self.delay and step is None:
+            raise ProblemError(
+                "delay: must be 0 s where nobody says how long a step of the scene is"
+            )
+
+
+class _Walk(NamedTuple):
+    """A draw: how one person walks otherwise."""
+
+    late: float  # steps
+    left: float  # m
+    speed: float  # times that of the track
+
+    def of(self, actor: Actor, workspace: Workspace, horizon: int) -> Actor:
+        """Returns the person who walks so.
+
+        Before the track begins and after it ends, the person stands. Feet stay as far above the
+        ground as they are on the track.
+        """
+        poses = actor.poses[: horizon + 1].copy()
+        poses[:, 3] = np.unwrap(poses[:, 3])  # the short way round
+        steps = np.arange(horizon + 1.0)
+        then = np.clip(self.speed * steps - self.late, 0.0, float(horizon))
+        walked = np.column_stack([np.interp(then, steps, column) for column in poses.T])
+        before = _ground(workspace, walked)
+        walked[:, 0] -= self.left * np.sin(walked[:, 3])
+        walked[:, 1] += self.left * np.cos(walked[:, 3])
+        walked[:, 2] += _ground(workspace, walked) - before
+        return actor.replace(poses=walked)
+
+    def aside(self, farther: float, apart: float) -> "Iterator[_Walk]":
+        """Yields walks from the side of the track outwards, so far apart (m).
+
+        The last is so much farther than this one, so that nothing stands between it and the track
+        where all of them are free.
+        """
+        far = abs(self.left) + farther
+        for share in np.linspace(0.0, 1.0, math.ceil(far / apart) + 1)[1:].tolist():
+            yield self._replace(left=math.copysign(share * far, self.left))
+
+
+def drawn_takes(
+    actors: Sequence[Actor],
+    workspace: Workspace,
+    horizon: int,
+    step: float | None,
+    spread: Spread,
+    count: int,
+    rng: np.random.Generator,
+    varied: Sequence[int] | None = None,
+    barred: Callable[[Actor], bool] = lambda actor: False,
+) -> tuple[list[str], list[tuple[int, Actor]]]:
+    """Draws takes of some people, of which the first has them as tracked.
+
+    Parameters
+    ----------
+    step : s of a step; None: nobody knows
+    spread : standard deviations
+    count : number of takes, the first included
+    varied : numbers of the people who may walk otherwise; None: all. The others are in all takes
+    barred : tells that a person must not walk so
+
+    Returns
+    -------
+    names : of the takes
+    people : the number among `actors` of each person, and the person, who names the take
+
+    Raises
+    ------
+    ProblemError
+        If a number is out of range; it names the field.
+    """
+    within(count, 2, MOST_TAKES, "count", "takes")
+    spread.require_for(step)
+    chosen = range(len(actors)) if varied is None else varied
+    for j in chosen:
+        within(j, 0, len(actors) - 1, "people")
+    names = [AS_TRACKED, *(f"take {k}" for k in range(1, count))]
+    fixed = [(j, actor) for j, actor in enumerate(actors) if j not in chosen]
+    people = [(j, actors[j].replace(take=AS_TRACKED)) for j in chosen]
+    stuck = []
+    for name in names[1:]:
+        there = [actor for _, actor in fixed]
+        for j in chosen:
+            found = _drawn(actors[j], there, workspace, horizon, step, spread, rng, barred)
+            if found is None:
+                stuck.append(f"person {j} in {name}")
+            there.append(actors[j] if found is None else found)
+            people.append((j, there[-1].replace(take=name)))
+    if stuck:
+        more = f" and {len(stuck) - 1} more" if len(stuck) > 1 else ""
+        log.warning(
+            "takes: %s%s walk as tracked: %d draws led into an obstacle, off the map, into "
+            "somebody or too near to a drone's start; a smaller spread has room",
+            stuck[0], more, _TRIES,
+        )  # fmt: skip
+    return names, [*fixed, *people]
+
+
+def _drawn(
+    actor: Actor, there: Sequence[Actor], workspace: Workspace, horizon: int, step: float | None,
+    spread: Spread, rng: np.random.Generator, barred: Callable[[Actor], bool],
+) -> Actor | None:  # fmt: skip
+    """Returns a person who walks as drawn, beside those who are there; None if all draws fail."""
+    may_be_inside = bool(buried(workspace, actor, horizon))  # as tracked already
+    for _ in range(_TRIES):
+        late, left, faster = rng.standard_normal(3) * spread
+        walk = _Walk(late / (step or 1.0), left, max(1.0 + faster, _SLOWEST))
+        found = walk.of(actor, workspace, horizon)
+        if barred(found) or any(_meet(found, other, horizon) for other in there):
+            continue
+        between = walk.aside(_radius(actor), workspace.height_map.resolution / 2)
+        sides = (side.of(actor, workspace, horizon) for side in between)
+        if all(
+            _on_map(workspace, side) and (may_be_inside or not buried(workspace, side, horizon))
+            for side in sides
+        ):
+            return found
+    return None
+
+
+def _meet(actor: Actor, other: Actor, horizon: int) -> bool:
+    """Returns True if two people are within each other at a step."""
+    ways = (actor.poses - other.poses[: len(actor.poses)])[: horizon + 1, :3]
+    aside = np.hypot(ways[:, 0], ways[:, 1]) < _radius(actor) + _radius(other)
+    tallest = max(actor.shape.height, other.shape.height)
+    return bool((aside & (np.abs(ways[:, 2]) < tallest)).any())
+
+
+def _radius(actor: Actor) -> float:
+    """Returns half of the narrower width of a body, in m: people pass who turn their shoulders."""
+    corners = np.concatenate(actor.shape.faces())[:, :2]
+    return float(np.ptp(corners, axis=0).min()) / 2
+
+
+def _on_map(workspace: Workspace, actor: Actor) -> bool:
+    cells = workspace.height_map.cells_of(actor.poses)
+    return bool(((cells >= 0) & (cells < workspace.height_map.shape)).all())
+
+
+def _ground(workspace: Workspace, poses: FloatArray) -> FloatArray:
+    """Returns the altitude of the ground [n] at poses [n, 4]; at the edge of the map beyond it.
+
+    Where a map does not tell ground from obstacles it is 0: nobody is lifted onto an obstacle.
+    """
+    height_map = workspace.height_map
+    if height_map.datum is None:
+        return np.zeros(len(poses))
+    x, y = np.clip(height_map.cells_of(poses), 0, np.array(height_map.shape) - 1).T
+    return np.asarray(height_map.ground[x, y])
