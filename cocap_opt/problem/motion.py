@@ -163,6 +163,18 @@ class Motion(Data, frozen=True):
                 found.append(move)
         return found
 
+    def longest_aside(self, resolution: float) -> float:
+        """Returns the length (m) of the longest move of one step, seen from above."""
+        stride = self.stride or Stride()
+        most = self.radius // self.spacing
+        lengths = (
+            resolution * self.spacing * math.hypot(i, j)
+            for i in range(most + 1)
+            for j in range(i + 1)
+        )
+        level = np.zeros(())
+        return max(length for length in lengths if stride.allows(length, level))
+
     @property
     def largest_climb(self) -> float:
         """The largest difference in height (m) of one step's layers."""

@@ -84,10 +84,16 @@ class Strides(NamedTuple):
 
 def _merit(
     tables: Sequence[DronesTable], terrain: Terrain, law: Rests, step: float
-) -> tuple[int, float]:
-    """Returns the merit of a law: few parts of cells come first, then long moves."""
-    worth = sum(_worth(table, terrain, law, step) for table in tables)
-    return -_parts(tables, terrain, law, step), worth
+) -> tuple[int, int, float]:
+    """Returns the merit of a law: drones that can move, few parts of cells, then long moves."""
+    parts = _parts(tables, terrain, law, step)
+    edge = terrain.height_map.resolution / parts
+    moving = sum(
+        table.size
+        for table in tables
+        if table.known_limits is None or _farthest(law.stride(table.known_limits, step)) >= edge
+    )
+    return moving, -parts, sum(_worth(table, terrain, law, step) for table in tables)
 
 
 def _worth(table: DronesTable, terrain: Terrain, law: Rests, step: float) -> float:
