@@ -19,6 +19,7 @@ from cocap_opt.data import (
 )
 from cocap_opt.world.workspace import HeightMap, Workspace
 
+MOST_MOVED = 16  # of a move along an axis
 ROUNDING = 1e-9  # share of a limit by which motion may exceed it
 Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
 
@@ -129,9 +130,9 @@ class Motion(Data, frozen=True):
         super().__post_init__()
         for field in ("radius", "headings", "turn", "climb", "pitch_turn", "spacing"):
             whole(getattr(self, field), field)
-        within(self.radius, 0, 16, "radius", "cells")
+        within(self.radius, 0, MOST_MOVED, "radius", "cells")
         within(self.headings, 1, 360, "headings", "directions")
-        within(self.spacing, 1, 16, "spacing", "cells")
+        within(self.spacing, 1, MOST_MOVED, "spacing", "cells")
         for field in ("turn", "climb", "pitch_turn"):
             within(getattr(self, field), 0, MOST_TURN, field, "indices per step")
         within(self.clearance, 0, LARGEST, "clearance", "m")

@@ -221,6 +221,10 @@ class DronesTable(Table):
         """The number of drones."""
         return self.count or len(self.stated)
 
+    def without_limits(self) -> "DronesTable":
+        """Returns the table of drones of whose limits nothing is known."""
+        return msgspec.structs.replace(self, airframe=None, limits=_LimitsTable())
+
     def with_motion(self, motion: Motion) -> "DronesTable":
         """Returns the table of drones that move otherwise."""
         return msgspec.structs.replace(self, motion=motion)

@@ -52,7 +52,7 @@ def test_laws_lead_from_rest_to_rest_as_fast_as_they_say(law: Rests) -> None:
     for tau, at in list(zip(taus, along, strict=True))[::100]:
         assert at == pytest.approx(share(law, tau), abs=1e-6)
     speed = np.gradient(along, taus)
-    assert 0 <= speed.min() + 1e-6 and speed.max() == pytest.approx(law.rate, rel=1e-3)
+    assert speed.min() + 1e-6 >= 0 and speed.max() == pytest.approx(law.rate, rel=1e-3)
     bends = np.abs(np.gradient(speed, taus)[2:-2]).max()
     assert 0.98 * law.acceleration < bends < 1.001 * law.acceleration
     assert np.abs(along - taus).max() == pytest.approx(law.stray, rel=1e-3)
@@ -169,15 +169,15 @@ def test_moves_beyond_the_stride_are_none_for_planners_and_referee() -> None:
             aside=float(rng.uniform(1, 3)), upright=float(rng.uniform(0.2, 2)),
             space=float(rng.uniform(1, 3)) if rng.random() < 0.7 else None,
         )  # fmt: skip
-        motion = Motion(
-            radius=2, layers=(4.0, 5.0), stride=stride, spacing=int(rng.integers(1, 3))
-        )
+        motion = Motion(radius=2, layers=(4.0, 5.0), stride=stride, spacing=int(rng.integers(1, 3)))
         height_map = HeightMap(heights=np.zeros((5, 5)), datum=datum, lift=lift)
         problem = Problem(
             name="stride", height_map=height_map, actors=(), horizon=1,
             robots=(Robot(start=State(2, 2), motion=motion),),
         )  # fmt: skip
-        found = {move for move, starts in allowed_moves(problem.workspace, motion) if starts[0, 2, 2]}
+        found = {
+            move for move, starts in allowed_moves(problem.workspace, motion) if starts[0, 2, 2]
+        }
         for climb, dx, dy in product((0, 1), range(-2, 3), range(-2, 3)):
             plan = Plan(paths=((State(2, 2), State(2 + dx, 2 + dy, climb)),))
             assert check(problem, plan).valid == ((climb, dx, dy) in found)
