@@ -14,6 +14,7 @@ from cocap_opt.cli import (
     flight_commands,
     front_command,
     gap_command,
+    limits_command,
     picture_commands,
     quality_command,
     result_commands,
@@ -56,8 +57,8 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 for _family in (
-    scene_commands, solver_commands, verify_command, quality_command, gap_command, team_command,
-    takes_command, front_command, result_commands, picture_commands, flight_commands,
+    scene_commands, solver_commands, limits_command, verify_command, quality_command, gap_command,
+    team_command, takes_command, front_command, result_commands, picture_commands, flight_commands,
 ):  # fmt: skip
     for _name, _command in _family.COMMANDS.items():
         app.command(_command, name=_name, help=_help(_command), usage=_usage(_name, _command))

@@ -208,11 +208,11 @@ def _motion(problem: Problem) -> str:
     """Says how far drones may move in a step, and how fast that is where steps have a duration."""
     edge = problem.height_map.resolution
     kinds = []
-    for radius in sorted({robot.motion.radius for robot in problem.robots}):
+    moves = {(bot.motion.radius, bot.motion.longest_aside(edge)) for bot in problem.robots}
+    for radius, longest in sorted(moves):
         words = f"{counted(radius, 'cell')} of {edge:g} m along each axis a step"
         if problem.step is not None:
-            fastest = math.sqrt(2) * radius * edge / problem.step
-            words += f" of {problem.step:g} s, at most {fastest:.3g} m/s"
+            words += f" of {problem.step:g} s, at most {longest / problem.step:.3g} m/s"
         kinds.append(words)
     return "; ".join(kinds)
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.data import LARGEST
+from cocap_opt.flight.rests import LAWS, TURNS, Rests
 from cocap_opt.problem import Limits, Motion, Robot, SceneData, Stride
 from cocap_opt.problem.motion import ROUNDING
 from cocap_opt.problem.robot import rounded_up
@@ -78,15 +79,32 @@ def sufficient_step(problem: SceneData, is_smooth: bool, shortened: bool = False
 def strains(problem: SceneData) -> list[str]:
     """Returns which drones may be refused a smooth flight, in words, one line for each kind.
 
-    It is no proof that a plan cannot be flown: smooth flights are checked as they are.
+    It is no proof that a plan cannot be flown: smooth flights are checked as they are. Where drones
+    can rest at each step none is refused.
     """
-    if problem.step is None:
+    if problem.step is None or any(_may_rest(problem, law) for law in LAWS):
         return []
     kinds = dict[tuple[Motion, Limits | None, tuple[float, ...]], list[int]]()
     for i, robot in enumerate(problem.robots):
         kinds.setdefault((robot.motion, robot.limits, robot.camera.tilts), []).append(i)
     words = ((_words(problem, problem.robots[who[0]]), who) for who in kinds.values())
     return [f"{_who(who)} {told}" for told, who in words if told]
+
+
+def _may_rest(problem: SceneData, law: Rests) -> bool:
+    """Returns True if all drones can make all of their moves from rest to rest, by some law."""
+    for robot in problem.robots:
+        stride = law.stride(robot.limits or Limits(), problem.step or 0.0)
+        moves = rises(problem.height_map, robot.motion)
+        within = robot.motion.stride or Stride()
+        if within.within(stride) != within and not all(
+            stride.allows(aside, np.array(rise)) for aside, rise in moves
+        ):
+            return False
+        turns = (one for one in _strains(problem, robot) if one.kind in _ANGLES)
+        if any(TURNS.rate * one.even(problem.step or 0.0) > one.limit for one in turns):
+            return False
+    return True
 
 
 def _strains(problem: SceneData, robot: Robot) -> Iterator[_Strain]:

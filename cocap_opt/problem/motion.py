@@ -19,6 +19,7 @@ from cocap_opt.data import (
 )
 from cocap_opt.world.workspace import HeightMap, Workspace
 
+MOST_MOVED = 16  # of a move along an axis
 ROUNDING = 1e-9  # share of a limit by which motion may exceed it
 Move = tuple[int, int, int]  # (layers, cells along x, cells along y)
 
@@ -129,9 +130,9 @@ class Motion(Data, frozen=True):
         super().__post_init__()
         for field in ("radius", "headings", "turn", "climb", "pitch_turn", "spacing"):
             whole(getattr(self, field), field)
-        within(self.radius, 0, 16, "radius", "cells")
+        within(self.radius, 0, MOST_MOVED, "radius", "cells")
         within(self.headings, 1, 360, "headings", "directions")
-        within(self.spacing, 1, 16, "spacing", "cells")
+        within(self.spacing, 1, MOST_MOVED, "spacing", "cells")
         for field in ("turn", "climb", "pitch_turn"):
             within(getattr(self, field), 0, MOST_TURN, field, "indices per step")
         within(self.clearance, 0, LARGEST, "clearance", "m")
@@ -162,6 +163,18 @@ class Motion(Data, frozen=True):
             if self.stride.allows(aside, rises).any():
                 found.append(move)
         return found
+
+    def longest_aside(self, resolution: float) -> float:
+        """Returns the length (m) of the longest move of one step, seen from above."""
+        stride = self.stride or Stride()
+        most = self.radius // self.spacing
+        lengths = (
+            resolution * self.spacing * math.hypot(i, j)
+            for i in range(most + 1)
+            for j in range(i + 1)
+        )
+        level = np.zeros(())
+        return max(length for length in lengths if stride.allows(length, level))
 
     @property
     def largest_climb(self) -> float:

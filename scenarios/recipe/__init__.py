@@ -425,6 +425,12 @@ class _Place(NamedTuple):
             raise ProblemError(re.sub(pattern, named, str(error))) from error
 
 
+def without_limits(recipe: Recipe) -> Recipe:
+    """Returns a recipe of whose drones nobody knows how fast they can be."""
+    tables = tuple(table.without_limits() for table in recipe.drones)
+    return msgspec.structs.replace(recipe, drones=tables)
+
+
 def _flyable(recipe: Recipe, terrain: Terrain) -> tuple[Recipe, Terrain, float]:
     """Returns a recipe whose drones can fly all of their moves smoothly, in any order.
 

@@ -13,7 +13,8 @@ from shapely import Polygon
 
 from cocap_opt.data import BoolArray, FloatArray, IntArray, ProblemError
 from cocap_opt.graph.encounters import NEAR, Encounters
-from cocap_opt.graph.motion import Window
+from cocap_opt.graph.motion import People, Window
+from cocap_opt.graph.timegraph import TimeGraph
 from cocap_opt.plausibility import buried
 from cocap_opt.problem import (
     Actor,
@@ -197,6 +198,7 @@ class DronesTable(Table):
                 for state in states
                 if not _crowded(state, self.motion, around.rules, around.height_map, team)
                 and not _beside(state, self.motion, around)
+                and _gets_away(state, self.motion, around)
             )
             state_apart = next(apart, None)
             if state_apart is None:
@@ -240,6 +242,10 @@ class DronesTable(Table):
     def size(self) -> int:
         """The number of drones."""
         return self.count or len(self.stated)
+
+    def without_limits(self) -> "DronesTable":
+        """Returns the table of drones of whose limits nothing is known."""
+        return msgspec.structs.replace(self, airframe=None, limits=_LimitsTable())
 
     def with_motion(self, motion: Motion) -> "DronesTable":
         """Returns the table of drones that move otherwise."""
@@ -469,6 +475,20 @@ def _crowded(
         if isinstance(r.start, State)
     ]
     return any(bool(rules.too_near(np.array(height_map.way(cell, other)))) for other in starts)
+
+
+def _gets_away(state: State, motion: Motion, around: Surroundings) -> bool:
+    """Returns True if a drone that people send away from its start can go, all the time.
+
+    Where drones have no limits it is not asked for.
+    """
+    airspace, workspace, horizon = around.airspace, around.workspace, around.horizon
+    if not airspace.people_stray:
+        return True
+    window = Window.around([(state.x, state.y)], motion.radius * horizon, workspace)
+    people = People(around.actors, airspace, horizon)
+    graph = TimeGraph(workspace, motion, 1, window, people)
+    return bool(graph.reachable([graph.index(state)], horizon)[-1].any())
 
 
 def _beside(state: State, motion: Motion, around: Surroundings) -> bool:

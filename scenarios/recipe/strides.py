@@ -17,12 +17,12 @@ import numpy as np
 from cocap_opt.flight.rests import LAWS, TURNS, Rests
 from cocap_opt.flight.strain import rises
 from cocap_opt.problem import Limits, Motion, Stride
+from cocap_opt.problem.motion import MOST_MOVED
 from cocap_opt.scenarios.maps.raster import MOST_CELLS
 from cocap_opt.scenarios.maps.terrain import Terrain
 from cocap_opt.scenarios.recipe.drones import DronesTable
 from cocap_opt.world.workspace import HeightMap
 
-_FINEST = 16  # parts into which a cell is divided at most, as `Motion.radius` allows
 _MOST_HEADINGS = 360
 _UPHILL = 0.97  # of a stride that a cell takes at most where ground is uneven: a slope of 1 : 4
 _LESS = 1 - 1e-9
@@ -84,10 +84,16 @@ class Strides(NamedTuple):
 
 def _merit(
     tables: Sequence[DronesTable], terrain: Terrain, law: Rests, step: float
-) -> tuple[int, float]:
-    """Returns the merit of a law: few parts of cells come first, then long moves."""
-    worth = sum(_worth(table, terrain, law, step) for table in tables)
-    return -_parts(tables, terrain, law, step), worth
+) -> tuple[int, int, float]:
+    """Returns the merit of a law: drones that can move, few parts of cells, then long moves."""
+    parts = _parts(tables, terrain, law, step)
+    edge = terrain.height_map.resolution / parts
+    moving = sum(
+        table.size
+        for table in tables
+        if table.known_limits is None or _farthest(law.stride(table.known_limits, step)) >= edge
+    )
+    return moving, -parts, sum(_worth(table, terrain, law, step) for table in tables)
 
 
 def _worth(table: DronesTable, terrain: Terrain, law: Rests, step: float) -> float:
@@ -111,7 +117,7 @@ def _worth(table: DronesTable, terrain: Terrain, law: Rests, step: float) -> flo
 def _parts(tables: Sequence[DronesTable], terrain: Terrain, law: Rests, step: float) -> int:
     """Returns in how many parts cells are divided, so that each drone can move by a cell."""
     height_map = terrain.height_map
-    most = min(_FINEST, math.isqrt(MOST_CELLS // height_map.heights.size))
+    most = min(MOST_MOVED, math.isqrt(MOST_CELLS // height_map.heights.size))
     share = _UPHILL if height_map.is_uneven else 1.0
     found = 1
     for table in tables:
@@ -154,7 +160,7 @@ def _motion(table: DronesTable, terrain: Terrain, parts: int, law: Rests, step: 
 
 def _within(radius: int, spacing: int) -> int:
     """Returns the largest multiple of a spacing within a radius that motions may have."""
-    return min(radius, _FINEST) // spacing * spacing
+    return min(radius, MOST_MOVED) // spacing * spacing
 
 
 def _unbound(motion: Motion, height_map: HeightMap, stated: Stride | None) -> Motion:

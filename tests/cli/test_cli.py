@@ -334,7 +334,7 @@ def test_what_was_said_when_a_scene_was_planned_is_not_said_again(
     """Warnings of a scene come before there is a plan; built-in scenes have none."""
     scene, plan = tmp_path / "heavy.toml", tmp_path / "plan.json"
     scene.write_text(
-        "steps = 1\n[map]\nsize = [8, 8]\n[[walk]]\npoints = [[50, 6]]\n"
+        "steps = 1\nflown = 'straight'\n[map]\nsize = [8, 8]\n[[walk]]\npoints = [[50, 6]]\n"
         "[[drones]]\nstarts = [{ x = 2.1, y = 6.1 }]\nlimits = { acceleration = 1 }\n"
     )
     Run(capsys, "plan", scene, "-o", plan)

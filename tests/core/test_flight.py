@@ -631,7 +631,7 @@ def test_steep_ground_is_named_as_the_cause_of_a_climb_limit() -> None:
     assert "may be refused flights, even straight ones; smooth ones ask for up to climb" in words
     level = problem.replace(height_map=HeightMap(heights=ground))
     assert not strains(level)
-    far = robot.replace(motion=Motion(layers=(9.0, 10.5)))
+    far = robot.replace(motion=Motion(layers=(9.0, 10.9)))
     (words,) = strains(level.replace(robots=(far,)))
     assert "layers at most 1.06 m apart" in words and "ground" not in words
 

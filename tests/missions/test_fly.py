@@ -18,6 +18,7 @@ from cocap_opt.flight import flights
 from cocap_opt.flight.safety import Danger
 from cocap_opt.missions import FORMATS, Export, MissionFormat, table
 
+STRAIGHT = 'flown = "straight"'
 RECIPE = """
 steps = 4
 {step}
@@ -295,13 +296,13 @@ def test_limits_hold_for_scenes_and_for_flights(
         ("limits = { wings = 2 }", "wings"),
         ("limits = { endurance = 1.9 }", "endurance: the flight takes 2 s, but the battery lasts"),
     ):
-        scene.write_text(RECIPE.format(step="step = 0.5", limits=limits))
+        scene.write_text(RECIPE.format(step=f"step = 0.5\n{STRAIGHT}", limits=limits))
         run = Run(capsys, "plan", scene)
         assert run.code == 2
         assert re.search(words, run.err), run.err
     for step, most, code in (("1", 2.0, 2), ("2.03", 2.0, 0), ("1", 100.0, 0)):
         limits = f"limits = {{ acceleration = {most} }}"
-        scene.write_text(RECIPE.format(step=f"step = {step}", limits=limits))
+        scene.write_text(RECIPE.format(step=f"step = {step}\n{STRAIGHT}", limits=limits))
         co.save(plan, co.plan(co.load(scene), "sequential"))
         run = Run(capsys, "fly", scene, plan, "--smooth", "-o", tmp_path / "f.csv", "--json")
         assert run.code == code

@@ -193,18 +193,20 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("count", type=int)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--seeds", type=int, nargs="*", help="in place of the first so many")
+    parser.add_argument("--planner")
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--seconds", type=float, default=2.0)
     options = parser.parse_args()
     logging.disable(logging.WARNING)
     ends = Counter[str]()
-    for seed in range(options.first, options.first + options.count):
+    for seed in options.seeds or range(options.first, options.first + options.count):
         with tempfile.TemporaryDirectory() as name:
             folder = options.keep / str(seed) if options.keep else Path(name)
             folder.mkdir(parents=True, exist_ok=True)
             begun = time.monotonic()
             path = drawn_recipe(np.random.default_rng(seed), folder)
-            end, words = fate(path, options.seconds)
+            end, words = fate(path, options.seconds, options.planner)
         ends[end] += 1
         row = f"{seed} {time.monotonic() - begun:.1f} s {end} {words}"
         sys.stdout.write(row.replace(str(path), "scene.toml") + "\n")

@@ -1,0 +1,123 @@
+"""The command `limits`: the moves that drones' limits leave in a recipe, and their price in J."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.options import USUAL, Budget, Json, Scene, Seed, load_planned
+from cocap_opt.console.progress import Watch
+from cocap_opt.console.streams import without_warnings
+from cocap_opt.data import ProblemError
+from cocap_opt.files.documents import FileError
+from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.output.files import PlanReader
+from cocap_opt.output.printing import Listing, Record, print_result
+from cocap_opt.problem import Problem
+from cocap_opt.problem.motion import MOST_MOVED
+from cocap_opt.referee import check
+from cocap_opt.run.kept_share import run_keeping
+from cocap_opt.run.options import UsageError
+from cocap_opt.stop import Interrupt
+
+_METHOD = "column-generation"
+
+
+def _limits(
+    scene: Scene,
+    plan: Annotated[
+        Path | None, Parameter(help="file of a plan for it, whose J is compared")
+    ] = None,
+    /,
+    *,
+    seed: Seed = 0,
+    budget: Budget = USUAL,
+    json: Json = False,
+) -> int:
+    """Say which moves the limits of a recipe's drones leave, and how much J that costs at most.
+
+    A recipe with limits plans the moves that drones can fly smoothly in any order. With a plan a
+    bound is computed and certified, of all the moves that the recipe has, however fast, from the
+    same starts: no plan loses more J to the limits.
+
+    Example: cocap-opt limits scene.toml plan.json
+    """
+    allowance = budget.allowance
+    problem = load_planned(scene, seed)
+    unlimited = _unlimited(Path(scene), seed)
+    wide = _with_moves_of(problem, unlimited)
+    answer: Record = {"scene": problem.name, "seed": seed}
+    rows, notes = _rows(problem, wide), []
+    if plan is not None:
+        given = PlanReader(scene, problem).plan(plan).plan
+        reward = check(problem, given).reward
+        with Interrupt.caught() as interrupt, Watch.on_terminal(problem.name) as watch:
+            judged = run_keeping(
+                wide, _METHOD, allowance.begin(interrupt), watch=watch, start=None,
+                report=watch.report(), gap=OPTIMALITY,
+            )  # fmt: skip
+        bound = judged.result.bound
+        lost = max(bound - reward, 0.0)
+        answer |= {"reward": reward, "bound": bound, "lost": lost}
+        if math.isfinite(bound):
+            notes.append(
+                f"certified: with all moves of the recipe no plan has more than J {bound:,.2f}; "
+                f"this one, with J {reward:,.2f}, has at most {100 * lost / bound:.2f} % less"
+            )
+        else:
+            notes.append("no bound was found in time; a longer --time-limit may give one")
+    if json:
+        print_result({**answer, "drones": rows, "notes": notes}, json)
+    else:
+        Listing("moves in a step", rows, notes).print()
+    return 0
+
+
+def _unlimited(path: Path, seed: int) -> Problem:
+    """Returns the scene of a recipe whose drones have no limits."""
+    from cocap_opt.scenarios.recipe import read, without_limits  # its readers are slow to import
+
+    if path.suffix.lower() != ".toml":
+        raise UsageError(f"SCENE: must be a recipe, a .toml file, not {path}")
+    try:
+        with without_warnings("cocap_opt.scenarios"):
+            return read(path, seed, without_limits)
+    except ProblemError as error:
+        raise FileError(str(error)) from error
+
+
+def _with_moves_of(problem: Problem, other: Problem) -> Problem:
+    """Returns a problem whose drones make the moves that they make in another, on its own cells."""
+    parts = round(other.height_map.resolution / problem.height_map.resolution)
+    robots = []
+    for robot, free in zip(problem.robots, other.robots, strict=True):
+        most = MOST_MOVED // parts * parts
+        times = robot.motion.headings // free.motion.headings
+        motion = free.motion.replace(
+            radius=min(free.motion.radius * parts, most),
+            spacing=free.motion.spacing * parts,
+            headings=robot.motion.headings,
+            turn=free.motion.turn * times,
+        )
+        robots.append(robot.replace(motion=motion, limits=None))
+    airspace = problem.airspace.replace(people_stray=0.0)
+    return problem.replace(robots=tuple(robots), airspace=airspace)
+
+
+def _rows(problem: Problem, wide: Problem) -> list[Record]:
+    """Returns the moves of each drone beside those of the recipe."""
+    rows: list[Record] = []
+    for i, (robot, free) in enumerate(zip(problem.robots, wide.robots, strict=True)):
+        row: Record = {"drone": i}
+        for name, motion in (("", robot.motion), (" of recipe", free.motion)):
+            row |= {
+                f"moves{name}": len(motion.moves_on(problem.height_map)),
+                f"longest{name} (m)": motion.longest_aside(problem.height_map.resolution),
+                f"turn{name} (deg)": 360 / motion.headings * min(motion.turn, motion.headings // 2),
+            }
+        rows.append(row)
+    return rows
+
+
+COMMANDS = {"limits": _limits}
