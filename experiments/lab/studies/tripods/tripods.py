@@ -273,3 +273,27 @@ def tripods_in_markdown() -> str:
         }
         for row in stored_placements()
     ])  # fmt: skip
+
+
+def tripods_in_words() -> str:
+    """Says in how many stored rows each program's cameras see all points, and who scores higher."""
+    rows = stored_placements()
+    ours, proved, theirs, rounded, higher = (
+        sum(of) for of in zip(
+            *(
+                (
+                    row.ours >= _ALL, row.proved, row.theirs >= _ALL, row.theirs_rounded >= _ALL,
+                    row.theirs_score > row.ours_score,
+                )
+                for row in rows
+            ),
+            strict=True,
+        )
+    )  # fmt: skip
+    least = min(rows, key=lambda row: row.theirs)
+    return (
+        f"Of {len(rows)} rows, our cameras see all points by two in {ours}, and {proved} optima are "
+        f"proved. Its cameras see all in {theirs} as they are, in {rounded} in our cells; the least "
+        f"is {100 * least.theirs:.1f} %, of {least.cameras} cameras in `{least.room}`. By its score "
+        f"its placement is better in {higher} of {len(rows)}."
+    )
