@@ -3,8 +3,10 @@
 import itertools
 import random
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cocap_opt.experiments.lab.results import STORED
@@ -29,6 +31,8 @@ from cocap_opt.experiments.lab.studies.tripods.tripods import (
     value_in_cells,
 )
 from cocap_opt.files.documents import FileError
+from cocap_opt.footage.shares import visible_shares
+from cocap_opt.problem import Plan
 
 TINY = Room(
     "tiny", "none", (2.0, 1.5), 3.0, (60.0, 50.0), (1.2,), 0.6, 0.5, (0.5, 1.5),
@@ -40,13 +44,12 @@ TINY = Room(
 class Shuffled(Program):
     """A stand-in for the program that mounts cameras at random, apart, and scores their number."""
 
-    def place(self, room: Room, numbers: object) -> list[Placed]:
-        assert isinstance(numbers, list)
-        draw = random.Random(1)
-        return [Placed(apart(room, number, draw), float(number), 0.1) for number in numbers]
+    def place(self, room: Room, number: int) -> Placed:
+        """Returns cameras drawn from a fixed seed."""
+        return Placed(apart(room, number, random.Random(1)), float(number), 0.1)
 
-    def score(self, room: Room, placements: object) -> list[float]:
-        assert isinstance(placements, list)
+    def score(self, room: Room, placements: Sequence[Sequence[Mounted]]) -> list[float]:
+        """Returns the numbers of cameras."""
         return [float(len(cameras)) for cameras in placements]
 
 
@@ -65,17 +68,17 @@ def apart(room: Room, number: int, draw: random.Random) -> list[Mounted]:
 
 
 def keep_apart(room: Room, a: Mounted, b: Mounted) -> bool:
+    """Returns True if two cameras keep the room's distance, seen from above."""
     return (a.x - b.x) ** 2 + (a.y - b.y) ** 2 >= (room.spacing - 1e-6) ** 2
 
 
 def seen_alone(room: Room, camera: Mounted) -> frozenset[int]:
-    """Returns the points that a camera sees, each asked of a zone of its own."""
-    found = set()
-    for k, (x, y, _) in enumerate(room.points):
-        alone = room._replace(zones=(Zone((x, y, x, y), 1.0),))
-        if value_in_cells(alone, [camera], 1).seen == 1:
-            found.add(k)
-    return frozenset(found)
+    """Returns the points that a camera sees, by the solid angles that are visible to it."""
+    cells = Cells(room)
+    state = cells.state(camera)
+    problem = cells.problem(1, {camera.orientation: [(state,)]})
+    shares = visible_shares(problem, Plan(paths=((state,) * len(room.points),)))
+    return frozenset(np.flatnonzero(shares[:, 0, 0] >= room.whole).tolist())
 
 
 def best_by_brute_force(room: Room) -> float:
@@ -117,6 +120,7 @@ def test_no_placement_is_above_the_bound() -> None:
 
 
 def test_a_point_in_two_zones_has_the_larger_weight() -> None:
+    """Priorities do not add up."""
     assert TINY.points == [
         (0.5, 0.5, 1.0), (0.5, 1.0, 1.0), (1.0, 0.5, 2.0), (1.0, 1.0, 1.0), (1.5, 0.5, 1.0),
         (1.5, 1.0, 1.0),
@@ -134,16 +138,17 @@ def test_a_pillar_hides_points_and_takes_places() -> None:
 
 
 def test_a_python_without_the_program_is_refused() -> None:
+    """The message names the option."""
     with pytest.raises(FileError, match="--theirs: must be a Python with lab-camera-optimizer"):
-        Program(Path(sys.executable)).place(TINY, [2])
-    with pytest.raises(FileError, match="--theirs: .*nowhere cannot be run"):
-        Program(Path("/nowhere")).place(TINY, [2])
+        Program(Path(sys.executable)).place(TINY, 2)
+    with pytest.raises(FileError, match=r"--theirs: .*nowhere cannot be run"):
+        Program(Path("/nowhere")).place(TINY, 2)
 
 
 def assert_sound(row: TripodRow) -> None:
     """What either program places in our cells is at most the bound; shares are shares."""
     assert max(row.ours, row.theirs_rounded) <= row.bound + 1e-9 <= 1 + 2e-9
-    assert 0 <= min(row.theirs, row.theirs_apart, row.ours_apart)
+    assert min(row.theirs, row.theirs_apart, row.ours_apart) >= 0
 
 
 def test_what_is_stored_is_sound_and_on_the_page() -> None:

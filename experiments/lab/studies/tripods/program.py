@@ -16,7 +16,7 @@ _SEED = 0
 
 
 class Placed(NamedTuple):
-    """Cameras that the program has placed, their score by it, and the seconds that it took."""
+    """Cameras that the program has placed, their score by it, and the seconds of processor time."""
 
     cameras: list[Mounted]
     score: float
@@ -33,13 +33,10 @@ class Program(NamedTuple):
 
     python: Path
 
-    def place(self, room: Room, numbers: Sequence[int]) -> list[Placed]:
-        """Returns where the program mounts so many cameras, for each number."""
-        answer = self._asked(room, {"place": list(numbers), "score": []})
-        return [
-            Placed([Mounted(*c) for c in one["cameras"]], one["score"], one["seconds"])
-            for one in answer["placed"]
-        ]
+    def place(self, room: Room, number: int) -> Placed:
+        """Returns where the program mounts so many cameras."""
+        (found,) = self._asked(room, {"place": [number], "score": []})["placed"]
+        return Placed([Mounted(*c) for c in found["cameras"]], found["score"], found["seconds"])
 
     def score(self, room: Room, placements: Sequence[Sequence[Mounted]]) -> list[float]:
         """Returns the program's score of each placement."""

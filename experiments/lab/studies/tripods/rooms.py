@@ -7,7 +7,6 @@ other by one person who stands there, a step for each, so that nobody hides anyb
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -124,9 +123,7 @@ class Room(NamedTuple):
         """
         sine, aside = math.sin(math.radians(heading)), abs(y - self.walk)
         way = (self.walk - y) / sine if abs(sine) > _LEAST_SINE else 0.0
-        return math.atan2(
-            height - self.person / 2, max(way if way > 0 else aside, _LEAST_WAY)
-        )
+        return math.atan2(height - self.person / 2, max(way if way > 0 else aside, _LEAST_WAY))
 
 
 class Cells(NamedTuple):
@@ -186,9 +183,7 @@ class Cells(NamedTuple):
         )
 
     def _robot(self, orientation: str, states: tuple[State, ...]) -> Robot:
-        sides = [
-            round(2 * _FOCAL * math.tan(math.radians(angle / 2))) for angle in self.room.lens
-        ]
+        sides = [round(2 * _FOCAL * math.tan(math.radians(angle / 2))) for angle in self.room.lens]
         width, height = sides if orientation == LANDSCAPE else reversed(sides)
         motion = Motion(
             radius=0, turn=0, climb=0, pitch_turn=0,

@@ -15,6 +15,7 @@ from cyclopts import Parameter
 from cocap_opt.console.streams import say
 from cocap_opt.experiments.lab.results import STORED, Results, load_csv, markdown
 from cocap_opt.experiments.lab.studies.options import Out, Seconds
+from cocap_opt.experiments.lab.studies.runs import ProcessorLimit
 from cocap_opt.experiments.lab.studies.tripods.program import Placed, Program
 from cocap_opt.experiments.lab.studies.tripods.rooms import (
     LANDSCAPE,
@@ -32,7 +33,6 @@ from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.run.engine import BOUND_METHOD, run
 from cocap_opt.run.options import Option
-from cocap_opt.stop import Clock, TimeLimit
 
 _TABLE = "tripods.csv"
 _APART = 30.0  # degrees
@@ -75,7 +75,7 @@ class Best(NamedTuple):
     cameras : those found
     value : of them
     bound : share of points, by weight, that so many of these cameras see at most
-    seconds : of all searches
+    seconds : of processor time, of all searches
     is_proved : True if the views of no other placement are more
     """
 
@@ -105,7 +105,7 @@ class TripodRow(NamedTuple):
     proved: bool
     theirs_score: float  # its score of its placement
     ours_score: float  # its score of ours
-    theirs_seconds: float
+    theirs_seconds: float  # of processor time
     ours_seconds: float
     heading_rounding: float  # degrees, the largest of its cameras
     tilt_rounding: float  # degrees
@@ -144,10 +144,11 @@ def compared(
 
     Parameters
     ----------
-    seconds : time limit of each of our searches, of which there is one for each number of cameras
+    seconds : of processor time, for each of our searches, of which there is one for each number of cameras
         in landscape, until all points are seen
     """
-    for number, placed in zip(numbers, program.place(room, numbers), strict=True):
+    for number in numbers:
+        placed = program.place(room, number)
         best = best_placement(room, number, seen_by, seconds)
         (score,) = program.score(room, [best.cameras])
         say(f"{room.name}, {number} cameras: {best.value.seen:.4f} of at most {best.bound:.4f}")
@@ -156,18 +157,18 @@ def compared(
 
 def _row(room: Room, seen_by: int, placed: Placed, best: Best, score: float) -> TripodRow:
     cells = Cells(room)
-    rounded = [cells.camera(c.orientation, nearest(cells, c)) for c in placed.cameras]
-    turned = [_turn(a.heading, b.heading) for a, b in zip(placed.cameras, rounded, strict=True)]
+    rounded = [(c, nearest(cells, c)) for c in placed.cameras]
+    turned = [_turn(c.heading, state.heading * 360 / cells.headings) for c, state in rounded]
     tilted = [
-        abs(math.degrees(room.tilt(c.y, c.heading, c.height) - cells.tilts[nearest(cells, c).pitch]))
-        for c in placed.cameras
+        abs(room.tilt(c.y, c.heading, c.height) - cells.tilts[state.pitch]) for c, state in rounded
     ]
     exact = value_as_placed(room, placed.cameras, seen_by)
     in_cells = value_in_cells(room, placed.cameras, seen_by)
     return TripodRow(
         room.name, len(placed.cameras), seen_by, len(room.points), exact.seen, in_cells.seen,
         exact.apart, best.value.seen, best.value.apart, best.bound, best.is_proved, placed.score,
-        score, placed.seconds, best.seconds, max(turned), max(tilted),
+        score, placed.seconds, best.seconds, max(turned),
+        math.degrees(max(tilted)),
     )  # fmt: skip
 
 
@@ -197,14 +198,18 @@ def nearest(cells: Cells, camera: Mounted) -> State:
 
     def far(state: State) -> tuple[float, float, float]:
         away = math.dist(state[:3], wanted[:3])
-        return away, _turn(state.heading * turn, camera.heading), abs(cells.tilts[state.pitch] - tilt)
+        return (
+            away,
+            _turn(state.heading * turn, camera.heading),
+            abs(cells.tilts[state.pitch] - tilt),
+        )
 
     return min(cells.candidates(camera.orientation), key=far)
 
 
 def best_placement(room: Room, number: int, seen_by: int, seconds: float) -> Best:
     """Returns the best placement of so many cameras, over all numbers of those in landscape."""
-    cells, clock = Cells(room), Clock()
+    cells, spent = Cells(room), ProcessorLimit(math.inf)
     candidates = {side: cells.candidates(side) for side in (LANDSCAPE, PORTRAIT)}
     found: list[tuple[float, list[Mounted], Value]] = []
     bound, proved = 0.0, True
@@ -212,7 +217,7 @@ def best_placement(room: Room, number: int, seen_by: int, seconds: float) -> Bes
         counts = {LANDSCAPE: number - upright, PORTRAIT: upright}
         starts = {side: [candidates[side]] * count for side, count in counts.items()}
         problem = cells.problem(seen_by, starts)
-        judged = run(problem, BOUND_METHOD, TimeLimit(seconds))
+        judged = run(problem, BOUND_METHOD, ProcessorLimit(seconds))
         most = seen_by * problem.importance.sum()
         bound = max(bound, judged.result.bound / most)
         proved &= judged.reason == Reason.OPTIMAL
@@ -220,14 +225,12 @@ def best_placement(room: Room, number: int, seen_by: int, seconds: float) -> Bes
             chosen = [path[0] for path in judged.result.plan.paths]
             sides = [side for side, count in counts.items() for _ in range(count)]
             mounted = [cells.camera(side, s) for side, s in zip(sides, chosen, strict=True)]
-            found.append(
-                (judged.reward / most, mounted, Value.of(problem, chosen, seen_by))
-            )
+            found.append((judged.reward / most, mounted, Value.of(problem, chosen, seen_by)))
             if judged.reward / most >= _ALL:  # nothing is better
                 bound, proved = 1.0, True
                 break
     _, mounted, value = max(found, key=lambda one: one[0])
-    return Best(mounted, value, min(bound, 1.0), clock.seconds, proved)
+    return Best(mounted, value, min(bound, 1.0), spent.seconds, proved)
 
 
 def _value(cells: Cells, states: dict[str, list[State]], seen_by: int) -> Value:
@@ -278,22 +281,16 @@ def tripods_in_markdown() -> str:
 def tripods_in_words() -> str:
     """Says in how many stored rows each program's cameras see all points, and who scores higher."""
     rows = stored_placements()
-    ours, proved, theirs, rounded, higher = (
-        sum(of) for of in zip(
-            *(
-                (
-                    row.ours >= _ALL, row.proved, row.theirs >= _ALL, row.theirs_rounded >= _ALL,
-                    row.theirs_score > row.ours_score,
-                )
-                for row in rows
-            ),
-            strict=True,
-        )
-    )  # fmt: skip
+    ours, theirs, rounded = (
+        sum(getattr(row, field) >= _ALL for row in rows)
+        for field in ("ours", "theirs", "theirs_rounded")
+    )
+    proved = sum(row.proved for row in rows)
+    higher = sum(row.theirs_score > row.ours_score for row in rows)
     least = min(rows, key=lambda row: row.theirs)
     return (
         f"Of {len(rows)} rows, our cameras see all points by two in {ours}, and {proved} optima are "
-        f"proved. Its cameras see all in {theirs} as they are, in {rounded} in our cells; the least "
-        f"is {100 * least.theirs:.1f} %, of {least.cameras} cameras in `{least.room}`. By its score "
-        f"its placement is better in {higher} of {len(rows)}."
+        f"proved. Its cameras see all in {theirs} as they are, in {rounded} in our cells; the "
+        f"least is {100 * least.theirs:.1f} %, of {least.cameras} cameras in `{least.room}`. By "
+        f"its score its placement is better in {higher} of {len(rows)}."
     )
