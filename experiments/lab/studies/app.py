@@ -100,6 +100,13 @@ Measure what it is worth to choose where drones start: proved optima from sets a
 
 Example: cocap-opt study starts --scene corridor --seeds 0
 """),
+    "tripods": Study("tripods.tripods:tripods", """\
+Set fixed cameras on a room's walls, with proofs, beside those of lab-camera-optimizer 1.2.1.
+
+It is called in a Python of its own, given by --theirs, such as venv/bin/python.
+
+Example: cocap-opt study tripods --theirs venv/bin/python --room demo --cameras 2-3
+"""),
     "separation": Study("separation.separation:separation", """\
 Measure what it costs that drones keep apart at every moment, certified.
 

@@ -46,6 +46,10 @@ from cocap_opt.experiments.lab.studies.separation.tables import separation_in_ma
 from cocap_opt.experiments.lab.studies.solvers.table import solvers_in_markdown
 from cocap_opt.experiments.lab.studies.speed import gain_in_words, speed_in_markdown
 from cocap_opt.experiments.lab.studies.starts import starts_in_markdown
+from cocap_opt.experiments.lab.studies.tripods.tripods import (
+    tripods_in_markdown,
+    tripods_in_words,
+)
 from cocap_opt.experiments.lab.studies.views import views_in_markdown
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.files.documents import FileError
@@ -109,6 +113,8 @@ QUOTES: dict[str, Callable[[], str]] = {
     "coverage": coverage_in_markdown,
     "growth": growth_in_markdown,
     "starts": starts_in_markdown,
+    "tripods": tripods_in_markdown,
+    "tripods_in_words": tripods_in_words,
     "views": views_in_markdown,
     "solver_figures": solvers_in_markdown,
     "speed": speed_in_markdown,
