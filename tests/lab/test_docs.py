@@ -74,6 +74,16 @@ def swapped(file: str, old: str, new: str) -> Callable[[], None]:
     return swap
 
 
+def straight(old: str, new: str) -> Callable[[], None]:
+    """Returns what replaces something in the recipe, whose plans are then flown straight."""
+
+    def swap() -> None:
+        swapped("scene.toml", old, new)()
+        swapped("scene.toml", "steps = 5", 'flown = "straight"\nsteps = 5')()
+
+    return swap
+
+
 def told(**tags: Any) -> Callable[[], None]:
     """Returns what changes attributes of the map, such as its system of coordinates."""
 
@@ -119,26 +129,26 @@ WRONG: dict[str, tuple[str, Callable[[], None]]] = {
         swapped("scene.toml", "x = 505018.5, y = 4790013.5", "x = 505013.5, y = 4790015.5"),
     ),
     "motion.radius: must allow at most 1 m/s": (
-        SHOW, swapped("scene.toml", "endurance = 1200", "speed = 1"),
+        SHOW, straight("endurance = 1200", "speed = 1"),
     ),
     "cannot fly this: acceleration": (
         f"plan scene.toml --planner cocap-lns -o plan.json; {FLY}",
-        swapped("scene.toml", "endurance = 1200", "endurance = 1200, acceleration = 1"),
+        straight("endurance = 1200", "endurance = 1200, acceleration = 1"),
     ),
     "comes nearer than 4.5 m to person 1": (
         f"plan scene.toml --planner sequential -o plan.json; {FLY}",
-        swapped("scene.toml", "people = 3.5", "people = 4.5"),
+        straight("people = 3 ", "people = 4.5 "),
     ),
     "items, more than the 9 that PX4 takes": (
-        "fly scene.toml plan.json --margin 0.5 --items 9 -o bad.plan", lambda: None,
+        "fly scene.toml plan.json --items 9 -o bad.plan", lambda: None,
     ),
     "cannot fly this mission: from the take-off": (
         "plan scene.toml --planner sequential -o plan.json; "
-        "fly scene.toml plan.json --margin 0.5 -o bad.plan",
+        "fly scene.toml plan.json -o bad.plan",
         swapped("scene.toml", "endurance = 1200", "endurance = 20"),
     ),
     "--smooth: must be left out, for waypoints have straight legs": (
-        FLY.replace("bad.csv", "bad.plan --margin 0.5"), lambda: None,
+        FLY.replace("bad.csv", "bad.plan"), lambda: None,
     ),
 }  # fmt: skip
 
