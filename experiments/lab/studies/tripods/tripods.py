@@ -144,8 +144,8 @@ def compared(
 
     Parameters
     ----------
-    seconds : of processor time, for each of our searches, of which there is one for each number of cameras
-        in landscape, until all points are seen
+    seconds : of processor time, for each of our searches, of which there is one for each number of
+        cameras in landscape, until all points are seen
     """
     for number in numbers:
         placed = program.place(room, number)
@@ -289,8 +289,8 @@ def tripods_in_words() -> str:
     higher = sum(row.theirs_score > row.ours_score for row in rows)
     least = min(rows, key=lambda row: row.theirs)
     return (
-        f"Of {len(rows)} rows, our cameras see all points by two in {ours}, and {proved} optima are "
-        f"proved. Its cameras see all in {theirs} as they are, in {rounded} in our cells; the "
+        f"Our cameras see all points by two in {ours} of {len(rows)} rows, and {proved} are proved "
+        f"best. Its cameras see all in {theirs} as they are, in {rounded} in our cells; the "
         f"least is {100 * least.theirs:.1f} %, of {least.cameras} cameras in `{least.room}`. By "
         f"its score its placement is better in {higher} of {len(rows)}."
     )
