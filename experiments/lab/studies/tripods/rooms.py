@@ -262,7 +262,7 @@ def exactly(room: Room, cameras: Sequence[Mounted]) -> tuple[Cells, dict[str, li
     }
 
 
-_WIDE, _NARROW = (110.0, 70.0), (80.0, 58.0)
+_WIDE, _NARROW, _LONG = (110.0, 70.0), (80.0, 58.0), (54.4, 37.8)
 
 ROOMS = {
     room.name: room
@@ -280,6 +280,12 @@ ROOMS = {
         Room(
             "narrow", "example_simple.yaml, with the lens and the height of its tripods",
             (10.0, 6.0), 3.0, _NARROW, (1.5,), 1.5, 3.0, (3.0, 7.0),
+            (Zone((1.0, 2.5, 9.0, 3.5), 0.5), Zone((3.0, 2.5, 7.0, 3.5), 1.0)),
+            3, 0.9, 0.01, 10,
+        ),
+        Room(
+            "long", "example_simple.yaml, with a lens of 35 mm on a full frame at 1.5 m",
+            (10.0, 6.0), 3.0, _LONG, (1.5,), 1.5, 3.0, (3.0, 7.0),
             (Zone((1.0, 2.5, 9.0, 3.5), 0.5), Zone((3.0, 2.5, 7.0, 3.5), 1.0)),
             3, 0.9, 0.01, 10,
         ),

@@ -289,8 +289,8 @@ def tripods_in_words() -> str:
     higher = sum(row.theirs_score > row.ours_score for row in rows)
     least = min(rows, key=lambda row: row.theirs)
     return (
-        f"Of {len(rows)} rows, our cameras see all points by two in {ours}, and {proved} optima "
-        f"are proved. Its cameras see all in {theirs} as they are, in {rounded} in our cells; the "
+        f"Our cameras see all points by two in {ours} of {len(rows)} rows, and {proved} are proved "
+        f"best. Its cameras see all in {theirs} as they are, in {rounded} in our cells; the "
         f"least is {100 * least.theirs:.1f} %, of {least.cameras} cameras in `{least.room}`. By "
         f"its score its placement is better in {higher} of {len(rows)}."
     )
