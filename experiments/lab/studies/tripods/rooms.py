@@ -6,7 +6,7 @@ other by one person who stands there, a step for each, so that nobody hides anyb
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -139,7 +139,7 @@ class Cells(NamedTuple):
     headings: int = _HEADINGS
     tilts: tuple[float, ...] = _TILTS
 
-    def problem(self, seen_by: int, starts: dict[str, Sequence[tuple[State, ...]]]) -> Problem:
+    def problem(self, seen_by: int, starts: Mapping[str, Sequence[tuple[State, ...]]]) -> Problem:
         """Returns the problem of so many cameras, whose J counts views of the zones' points.
 
         Parameters
