@@ -101,8 +101,8 @@ def _may_rest(problem: SceneData, law: Rests) -> bool:
             stride.allows(aside, np.array(rise)) for aside, rise in moves
         ):
             return False
-        turns = (one for one in _strains(problem, robot) if one.kind in _ANGLES)
-        if any(TURNS.rate * one.even(problem.step or 0.0) > one.limit for one in turns):
+        turns = (strain for strain in _strains(problem, robot) if strain.kind in _ANGLES)
+        if any(TURNS.rate * turn.even(problem.step or 0.0) > turn.limit for turn in turns):
             return False
     return True
 

@@ -468,7 +468,7 @@ def test_all_of_the_core_but_the_face_is_digested() -> None:
     assert {"planners", "formulations", "vision", "graph", "objective", "stop"} <= rooms
     assert not {"scenarios", "missions", "player", *FRONT} & rooms
     flights = {name.rpartition(".")[2] for name in modules if name.split(".")[1] == "flight"}
-    assert flights == {"__init__", "bernstein", "trajectory"}
+    assert flights == {"__init__", "bernstein", "earth", "rests", "strain", "trajectory"}
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,3 @@
 """Fixed cameras in rooms, beside those that lab-camera-optimizer places."""
 
-__all__ = ["program", "rooms", "theirs", "tripods"]
+__all__ = ["tripods"]

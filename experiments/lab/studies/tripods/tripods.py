@@ -6,6 +6,7 @@ that so many cameras see; theirs is a score of many parts, of which that is none
 
 import math
 from collections.abc import Iterator, Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, NamedTuple, Self
 
@@ -229,7 +230,7 @@ def best_placement(room: Room, number: int, seen_by: int, seconds: float) -> Bes
             if judged.reward / most >= _ALL:  # nothing is better
                 bound, proved = 1.0, True
                 break
-    _, mounted, value = max(found, key=lambda one: one[0])
+    _, mounted, value = max(found, key=itemgetter(0))
     return Best(mounted, value, min(bound, 1.0), spent.seconds, proved)
 
 
