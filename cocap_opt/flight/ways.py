@@ -9,15 +9,16 @@ for nothing here. Whoever is at home stands on the ground.
 import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.graph.motion import Window, allowed_moves
 from cocap_opt.problem import Plan, Problem, State
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 RISE = 1.0  # m/s, at which drones rise from the ground, and sink to it, at the slowest
 CRUISE = 4.0  # m/s, on the level, of drones whose limits are known and allow it
@@ -356,8 +357,10 @@ class _Net:
         height = self._motion.layers[layer]
         return self._problem.height_map.altitude(*self._home, height)
 
-    def _matrix(self, hovering: Sequence[FloatArray]) -> csr_array:
+    def _matrix(self, hovering: Sequence[FloatArray]) -> "csr_array":
         """Returns the seconds of all moves that keep the rules beside drones that hover (m)."""
+        from scipy.sparse import csr_array  # slow to import
+
         kept, rules = np.ones(len(self._tails), dtype=np.bool_), self._problem.rules
         for place in hovering:
             before, after = self._at[self._tails] - place, self._at[self._heads] - place
@@ -370,6 +373,8 @@ class _Net:
     @cached_property
     def _alone(self) -> FloatArray:
         """The seconds from all nodes home, with nobody in the way."""
+        from scipy.sparse.csgraph import dijkstra  # slow to import
+
         found: FloatArray = dijkstra(self._matrix([]).T.tocsr(), indices=[self._pad])[0]
         return found
 
@@ -379,6 +384,8 @@ class _Net:
 
     def way(self, state: State, is_out: bool, hovering: Sequence[FloatArray]) -> Way | None:
         """Returns the quickest way, from home or to it, beside drones that hover (m); or None."""
+        from scipy.sparse.csgraph import dijkstra  # slow to import
+
         matrix = self._matrix(hovering)
         matrix = matrix if is_out else matrix.T.tocsr()
         (seconds,), (before,) = dijkstra(matrix, indices=[self._pad], return_predecessors=True)
