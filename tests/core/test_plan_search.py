@@ -4,6 +4,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from brute_force import optimum
 from counting import either
 from hypothesis import assume, given
 from pool import meetings, problems
@@ -21,11 +22,11 @@ from cocap_opt.planners import PLANNERS
 from cocap_opt.planners.cocap_lns import cocap_lns
 from cocap_opt.planners.cocap_prices import cocap_prices
 from cocap_opt.planners.sequential import sequential_rounds
-from cocap_opt.problem import Problem
+from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason
 from cocap_opt.scenarios import load_scene
-from cocap_opt.stop import Limit, never
+from cocap_opt.stop import Limit, TimeLimit, never
 
 
 def first_mixture(problem: Problem, steps: int = 3) -> tuple[PlannedTeam, PlanSearch, PricedViews]:
@@ -89,6 +90,21 @@ def test_it_goes_on_from_rounds(problem: Problem) -> None:
     result = cocap_prices(problem)
     assert result.value >= sequential_rounds(problem).value * (1 - 1e-9)
     assert result.reason in (Reason.FINISHED, Reason.INFEASIBLE)
+
+
+@examples(12)
+@given(problem=meetings(team=2))
+def test_it_is_no_worse_than_the_plan_that_it_starts_from(problem: Problem) -> None:
+    """Also where a limit stops it at once; a plan that breaks a rule is left aside."""
+    best = optimum(problem).plan
+    if best is None:
+        return
+    for stop in (never, TimeLimit(0)):
+        result = cocap_prices(problem, stop, best)
+        assert result.value >= check(problem, best).reward * (1 - 1e-9)
+    clash = Plan(paths=(best.paths[0],) * 2)
+    assert not check(problem, clash).valid
+    assert cocap_prices(problem, never, clash).value == cocap_prices(problem).value
 
 
 @pytest.mark.slow(seconds=6)
