@@ -8,7 +8,7 @@ from cocap_opt.data import ProblemError
 from cocap_opt.flight.delays import bearable_delay, bearable_delay_of_people
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.robustness import Outcome, Robustness
-from cocap_opt.problem import CollisionRules
+from cocap_opt.problem import CollisionRules, Problem
 
 KEPT, NONE = "kept", "none"
 UNLIMITED = "unlimited"  # a delay
@@ -44,12 +44,14 @@ class Changes(NamedTuple):
         robustness, moves = Robustness(flight.flown), flight.verdict.reward_moves
         return [
             row_of(flight, words, outcome, moves, robustness.as_planned.reward + moves)
-            for words, outcome in self._outcomes(robustness)
+            for words, outcome in self._outcomes(robustness, flight.flown.problem)
         ]
 
-    def _outcomes(self, robustness: Robustness) -> Iterator[tuple[str, Outcome]]:
+    def _outcomes(self, robustness: Robustness, problem: Problem) -> Iterator[tuple[str, Outcome]]:
         """Yields each change in words, and what is left; another change is another line here."""
         yield "as planned", robustness.as_planned
+        for k, take in enumerate(problem.takes):
+            yield f"take {take.name}", robustness.with_take(k)
         for late in self.late:
             yield f"people {late:g} s late", robustness.with_people(late=late)
             yield f"people {late:g} s early", robustness.with_people(late=-late)

@@ -7,6 +7,7 @@ of which one is late are cut where either of them ends. J is looked at at some m
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -88,6 +89,10 @@ class Robustness:
         walks = [_late(self._flown.walk_of(actor), pieces, duration)
                  for actor in problem.actors]  # fmt: skip
         return self._outcome(reward, self._flown.between_drones, drones, walks)
+
+    def with_take(self, k: int) -> Outcome:
+        """Returns the outcome if people walk as in one take, of a scene that has takes."""
+        return Robustness(replace(self._flown, problem=self._problem.of_take(k))).as_planned
 
     def with_laggard(self, lag: float) -> Outcome:
         """Returns the worst of the outcomes if a drone is late by seconds >= 0, any of them."""

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,7 +23,9 @@ from cocap_opt.problem import (
     Problem,
     Robot,
     State,
+    Take,
 )
+from cocap_opt.problem.takes import of_people
 from cocap_opt.world.workspace import HeightMap
 
 FINE = 4e-3  # m, by which the least of samples may be more than the least
@@ -199,3 +202,28 @@ def test_steps_are_named_in_runs() -> None:
     """Runs of steps are told by their ends."""
     assert steps_in_words([4]) == "step 4"
     assert steps_in_words([0, 1, 2, 5, 7, 8]) == "steps 0-2, 5, 7-8"
+
+
+def test_each_take_is_the_scene_of_its_people_alone() -> None:
+    """J of takes has J as planned as its mean; nobody of another take is near a drone."""
+    problem, _, made = flights()[0]
+    walkers = problem.actors
+    takes = (Take("as planned", 0.25), Take("aside", 0.75))
+    poses = [actor.poses + np.array([3.0, 0.0, 0.0, 0.0]) for actor in walkers]
+    people = (
+        *(actor.replace(take="as planned") for actor in walkers),
+        *(
+            actor.replace(take="aside", poses=moved)
+            for actor, moved in zip(walkers, poses, strict=True)
+        ),
+    )
+    objective = of_people(problem.objective, len(walkers), [*range(len(walkers))] * 2)
+    both = problem.replace(actors=people, takes=takes, objective=objective, airspace=Airspace())
+    flown = replace(made.trajectory, problem=both)
+    robustness = Robustness(flown)
+    found = [robustness.with_take(k) for k in range(2)]
+    alone = Robustness(replace(made.trajectory, problem=problem.replace(airspace=Airspace())))
+    assert found[0].reward == pytest.approx(alone.as_planned.reward)
+    mean = sum(take.probability * each.reward for take, each in zip(takes, found, strict=True))
+    assert robustness.as_planned.reward == pytest.approx(mean)
+    assert min(each.aside for each in found) == pytest.approx(robustness.as_planned.aside)

@@ -163,11 +163,13 @@ def _row(room: Room, seen_by: int, placed: Placed, best: Best, score: float) -> 
     tilted = [
         abs(room.tilt(c.y, c.heading, c.height) - cells.tilts[state.pitch]) for c, state in rounded
     ]
+    # The search is for views, up to so many of a point: the share of points may be below its best.
+    attained = best.is_proved and best.value.seen >= _ALL * best.bound
     exact = value_as_placed(room, placed.cameras, seen_by)
     in_cells = value_in_cells(room, placed.cameras, seen_by)
     return TripodRow(
         room.name, len(placed.cameras), seen_by, len(room.points), exact.seen, in_cells.seen,
-        exact.apart, best.value.seen, best.value.apart, best.bound, best.is_proved, placed.score,
+        exact.apart, best.value.seen, best.value.apart, best.bound, attained, placed.score,
         score, placed.seconds, best.seconds, max(turned),
         math.degrees(max(tilted)),
     )  # fmt: skip
