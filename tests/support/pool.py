@@ -16,6 +16,7 @@ import hashlib
 import json
 import math
 import os
+import subprocess
 import sys
 from collections.abc import Collection, Iterable
 from functools import cache
@@ -227,7 +228,26 @@ def store() -> None:
     write_atomically({FILE: b"".join(line_of(row) + b"\n" for row in (first, *rows))})
 
 
+def drawn_elsewhere(every: int) -> list[bytes]:
+    """Lines of some stored problems, drawn again in a process of its own.
+
+    hypothesis draws other numbers where other modules of the project are loaded.
+    """
+    command = [sys.executable, __file__, "--draw-some", str(every)]
+    done = subprocess.run(command, capture_output=True, check=True)
+    return done.stdout.splitlines()
+
+
+def draw_some(every: int) -> None:
+    """Draws some of the stored problems, and prints their lines."""
+    for drawn in stored()[::every]:
+        sys.stdout.write(line_of(draw(drawn.kind, drawn.number)).decode() + "\n")
+
+
 if __name__ == "__main__":
-    if sys.argv[1:] != ["--draw"]:
+    if sys.argv[1:2] == ["--draw-some"]:
+        draw_some(int(sys.argv[2]))
+    elif sys.argv[1:] == ["--draw"]:
+        store()
+    else:
         sys.exit(f"usage: {COMMAND}")
-    store()
