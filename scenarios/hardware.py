@@ -77,6 +77,13 @@ def camera_name(camera: AnyCamera) -> str | None:
     return next(known, None)
 
 
+def camera_called(name: str) -> Camera:
+    """Returns the camera of a name in `CAMERAS`, or raises a ProblemError that lists them."""
+    if name not in CAMERAS:
+        raise ProblemError(f"camera: must be one of {', '.join(CAMERAS)}, not {name!r}")
+    return CAMERAS[name]
+
+
 def with_cameras(
     problem: Problem, name: str | None = None, tilts: tuple[float, ...] | None = None
 ) -> Problem:
@@ -95,8 +102,7 @@ def with_cameras(
         If there is no camera of that name, a tilt is out of range, or a robot has a sensor that
         makes no pictures.
     """
-    if name is not None and name not in CAMERAS:
-        raise ProblemError(f"camera: must be one of {', '.join(CAMERAS)}, not {name!r}")
+    given = None if name is None else camera_called(name)
     for angle in tilts or ():
         if not abs(angle) <= 90:  # true for nan, too
             raise ProblemError(f"tilts: must be within +-90 degrees, not {angle:g}")
@@ -104,8 +110,8 @@ def with_cameras(
     for i, robot in enumerate(problem.robots):
         if not isinstance(robot.camera, Camera):
             raise ProblemError(f"robots[{i}].camera: must be a pinhole camera to be changed")
-        if name is not None:
-            robot = robot.replace(camera=CAMERAS[name].replace(tilts=robot.camera.tilts))
+        if given is not None:
+            robot = robot.replace(camera=given.replace(tilts=robot.camera.tilts))
         robots.append(robot if tilts is None else _tilted(robot, tilts))
     return problem.replace(robots=tuple(robots))
 

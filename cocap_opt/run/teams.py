@@ -9,7 +9,7 @@ from typing import NamedTuple
 from cocap_opt.data import ProblemError, require, within
 from cocap_opt.problem import AnyCamera, AnyStart, Camera, Problem, Robot, StartArea, State
 from cocap_opt.run.view_share import views_alone, views_asked
-from cocap_opt.scenarios.hardware import CAMERAS
+from cocap_opt.scenarios.hardware import camera_called
 
 MOST_DRONES = 1000
 
@@ -94,11 +94,10 @@ def drone_of(problem: Problem) -> Robot:
 def _with_camera(robot: Robot, name: str | None) -> Robot:
     if name is None:
         return robot
-    if name not in CAMERAS:
-        raise ProblemError(f"camera: must be one of {', '.join(CAMERAS)}, not {name!r}")
+    given = camera_called(name)
     camera: AnyCamera = robot.camera
     require(isinstance(camera, Camera), "robots[0].camera", "must make pictures to be changed")
-    return robot.replace(camera=CAMERAS[name].replace(tilts=camera.tilts))
+    return robot.replace(camera=given.replace(tilts=camera.tilts))
 
 
 def _with_height(robot: Robot, height: float | None) -> Robot:
