@@ -40,7 +40,7 @@ def values_to_go(
     """
     graph, objective = robot_class.graph, problem.objective
     shape = graph.n_orientations, graph.n_places
-    bonuses, places, states, moves = _terms(graph, objective, charges)
+    rewards, places, states, moves = _terms(graph, objective, charges)
     value = np.where(graph.free, reward[-1].reshape(shape), -np.inf)
     if robot_class.goal is not None:
         _, x, y = graph.coordinates(np.arange(graph.n_places))
@@ -48,7 +48,7 @@ def values_to_go(
     value = value - places.get(problem.horizon, 0.0) - states.get(problem.horizon, 0.0)
     yield value.reshape(-1)
     for t in range(problem.horizon - 1, -1, -1):
-        best = _best_moves(graph, objective, t, value, graph.turns, bonuses, moves)
+        best = _best_moves(graph, objective, t, value, graph.turns, rewards, moves)
         value = best + reward[t].reshape(shape) - places.get(t, 0.0) - states.get(t, 0.0)
         yield value.reshape(-1)
 
@@ -72,13 +72,13 @@ def values_so_far(
     """
     graph, objective = robot_class.graph, problem.objective
     shape = graph.n_orientations, graph.n_places
-    bonuses, places, states, moves = _terms(graph, objective, charges)
+    rewards, places, states, moves = _terms(graph, objective, charges)
     value = np.where(graph.free, first.reshape(shape), -np.inf)
     yield value.reshape(-1)
     turns = _turned_from(graph)
     for t in range(problem.horizon):
         here = value + reward[t].reshape(shape) - places.get(t, 0.0) - states.get(t, 0.0)
-        best = _best_moves(graph, objective, t, here, turns, bonuses, moves, forwards=True)
+        best = _best_moves(graph, objective, t, here, turns, rewards, moves, forwards=True)
         value = np.where(graph.free, best, -np.inf)
         yield value.reshape(-1)
 
@@ -89,7 +89,7 @@ def _best_moves(
     t: int,
     value: FloatArray,
     turns: Sequence[Sequence[int]],
-    bonuses: Mapping[int, FloatArray],
+    rewards: Sequence[FloatArray],
     moves: Mapping[tuple[int, int], FloatArray],
     forwards: bool = False,
 ) -> FloatArray:
@@ -99,20 +99,20 @@ def _best_moves(
     ----------
     value : [O, P] of being in a state at t + 1; at t, if `forwards`
     turns : orientations to, or from, which a step can turn
-    bonuses, moves : as `_terms` returns them
+    rewards, moves : as `_terms` returns them
     forwards : look at the states at t + 1 and the moves into them, not at t and out of them
     """
     turned = _plain_turns(turns, value, objective.keep_heading, graph.shape[1])
-    best = np.full(value.shape, -np.inf)
-    for k, (shift, allowed) in enumerate(zip(graph.shifts, graph.allowed, strict=True)):
-        tails = np.flatnonzero(allowed)
-        known, wanted = (tails, tails + shift) if forwards else (tails + shift, tails)
-        gained = turned[:, known]
-        if k in bonuses:
-            gained = gained + bonuses[k]
+    best, room = np.full(value.shape, -np.inf), np.empty(value.shape)
+    for k, shift in enumerate(graph.shifts.tolist()):
+        # Of all places from which the move does not lead over an end of the numbers of places.
+        tails = slice(max(0, -shift), graph.n_places - max(0, shift))
+        heads = slice(tails.start + shift, tails.stop + shift)
+        known, wanted = (tails, heads) if forwards else (heads, tails)
+        gained = np.add(turned[:, known], rewards[k][tails], out=room[:, tails])
         if (t, k) in moves:
-            gained = gained - moves[t, k][tails]
-        best[:, wanted] = np.maximum(best[:, wanted], gained)
+            gained -= moves[t, k][tails]
+        np.maximum(best[:, wanted], gained, out=best[:, wanted])
     if objective.stationarity:
         # To stay is the first of the moves.
         stay = value + reward_of_staying(objective) - moves.get((t, 0), 0.0)
@@ -123,15 +123,15 @@ def _best_moves(
 def _terms(
     graph: TimeGraph, objective: Objective, charges: Charges
 ) -> tuple[
-    dict[int, FloatArray], dict[int, FloatArray], dict[int, FloatArray],
+    list[FloatArray], dict[int, FloatArray], dict[int, FloatArray],
     dict[tuple[int, int], FloatArray],
 ]:  # fmt: skip
     """Returns rewards for moves and charges as arrays; what people close is charged, too.
 
     Returns
     -------
-    The bonuses of each move k, for each place it may begin in; the charges of places by step [P],
-    of states by step [O, P], and of moves by step and k [P], where they begin.
+    The rewards of each move k [P], -inf from places where it is not open; the charges of places by
+    step [P], of states by step [O, P], and of moves by step and k [P], where they begin.
     """
     shape = (graph.n_orientations, graph.n_places)
     places, states = dict[int, FloatArray](), dict[int, FloatArray]()
@@ -145,7 +145,7 @@ def _terms(
         leads = graph.allowed[:, tail] & (tail + graph.shifts == head)
         for k in np.flatnonzero(leads).tolist():
             moves.setdefault((t, k), np.zeros(graph.n_places))[tail] += cost
-    return _bonuses(graph, objective), places, states, moves
+    return _rewards(graph, objective), places, states, moves
 
 
 def reward_of_staying(objective: Objective) -> float:
@@ -184,14 +184,14 @@ def _plain_turns(
     return turned
 
 
-def _bonuses(graph: TimeGraph, objective: Objective) -> dict[int, FloatArray]:
-    """Returns the rewards of each move k from the places where it is open, turns left aside."""
-    bonuses: dict[int, FloatArray] = {}
-    if not objective.keep_cell and not objective.balanced:
-        return bonuses
-    for k, (shift, allowed) in enumerate(zip(graph.shifts, graph.allowed, strict=True)):
+def _rewards(graph: TimeGraph, objective: Objective) -> list[FloatArray]:
+    """Returns the rewards of each move k [P], turns left aside; -inf where it is not open."""
+    rewards = []
+    for shift, allowed in zip(graph.shifts, graph.allowed, strict=True):
         tails = np.flatnonzero(allowed)
         climb, dx, dy = graph.coordinates(tails + shift) - graph.coordinates(tails)
         stays = (climb == 0) & (dx == 0) & (dy == 0)
-        bonuses[k] = objective.keep_cell * stays + objective.balanced * (dx + dy == 0)
-    return bonuses
+        reward = np.full(graph.n_places, -np.inf)
+        reward[tails] = objective.keep_cell * stays + objective.balanced * (dx + dy == 0)
+        rewards.append(reward)
+    return rewards
