@@ -68,14 +68,14 @@ class _Walk(NamedTuple):
     def of(self, actor: Actor, workspace: Workspace, horizon: int) -> Actor:
         """Returns the person who walks so.
 
-        Before the track begins and after it ends, the person stands. Feet stay as far above the
-        ground as they are on the track.
+        Before the track begins and after it ends, the person stands; a track may go on after the
+        scene. Feet stay as far above the ground as they are on the track.
         """
-        poses = actor.poses[: horizon + 1].copy()
+        poses = actor.poses.copy()
         poses[:, 3] = np.unwrap(poses[:, 3])  # the short way round
-        steps = np.arange(horizon + 1.0)
-        then = np.clip(self.speed * steps - self.late, 0.0, float(horizon))
-        walked = np.column_stack([np.interp(then, steps, column) for column in poses.T])
+        known = np.arange(float(len(poses)))
+        then = self.speed * np.arange(horizon + 1.0) - self.late
+        walked = np.column_stack([np.interp(then, known, column) for column in poses.T])
         before = _ground(workspace, walked)
         walked[:, 0] -= self.left * np.sin(walked[:, 3])
         walked[:, 1] += self.left * np.cos(walked[:, 3])
@@ -129,6 +129,7 @@ def drawn_takes(
     chosen = range(len(actors)) if varied is None else varied
     for j in chosen:
         within(j, 0, len(actors) - 1, "people")
+    require(len(set(chosen)) == len(chosen), "people", "must be numbers that differ")
     names = [AS_TRACKED, *(f"take {k}" for k in range(1, count))]
     fixed = [(j, actor) for j, actor in enumerate(actors) if j not in chosen]
     people = [(j, actors[j].replace(take=AS_TRACKED)) for j in chosen]

@@ -46,10 +46,10 @@ def _limits(
     allowance = budget.allowance
     problem = load_planned(scene, seed)
     unlimited = _unlimited(Path(scene), seed)
-    wide = _with_moves_of(problem, unlimited)
     answer: Record = {"scene": problem.name, "seed": seed}
-    rows, notes = _rows(problem, wide), []
+    rows, notes = _rows(problem, unlimited), []
     if plan is not None:
+        wide = _with_moves_of(problem, unlimited)
         given = PlanReader(scene, problem).plan(plan).plan
         reward = check(problem, given).reward
         with Interrupt.caught() as interrupt, Watch.on_terminal(problem.name) as watch:
@@ -60,7 +60,12 @@ def _limits(
         bound = judged.result.bound
         lost = max(bound - reward, 0.0)
         answer |= {"reward": reward, "bound": bound, "lost": lost}
-        if math.isfinite(bound):
+        if reward > bound:
+            notes.append(
+                f"the limits cost nothing: the plan, with J {reward:,.2f}, moves by parts of "
+                f"cells; certified: none that moves by whole cells has more than J {bound:,.2f}"
+            )
+        elif math.isfinite(bound):
             notes.append(
                 f"certified: with all moves of the recipe no plan has more than J {bound:,.2f}; "
                 f"this one, with J {reward:,.2f}, has at most {100 * lost / bound:.2f} % less"
@@ -91,11 +96,16 @@ def _with_moves_of(problem: Problem, other: Problem) -> Problem:
     """Returns a problem whose drones make the moves that they make in another, on its own cells."""
     parts = round(other.height_map.resolution / problem.height_map.resolution)
     robots = []
-    for robot, free in zip(problem.robots, other.robots, strict=True):
-        most = MOST_MOVED // parts * parts
+    for i, (robot, free) in enumerate(zip(problem.robots, other.robots, strict=True)):
+        if free.motion.radius * parts > MOST_MOVED:
+            raise UsageError(
+                f"PLAN: must be left out: cells are divided by {parts} for the limits, so drone "
+                f"{i} of the recipe moves by {free.motion.radius * parts} of them in a step, and "
+                f"no more than {MOST_MOVED} can be compared"
+            )
         times = robot.motion.headings // free.motion.headings
         motion = free.motion.replace(
-            radius=min(free.motion.radius * parts, most),
+            radius=free.motion.radius * parts,
             spacing=free.motion.spacing * parts,
             headings=robot.motion.headings,
             turn=free.motion.turn * times,
@@ -105,15 +115,16 @@ def _with_moves_of(problem: Problem, other: Problem) -> Problem:
     return problem.replace(robots=tuple(robots), airspace=airspace)
 
 
-def _rows(problem: Problem, wide: Problem) -> list[Record]:
+def _rows(problem: Problem, unlimited: Problem) -> list[Record]:
     """Returns the moves of each drone beside those of the recipe."""
     rows: list[Record] = []
-    for i, (robot, free) in enumerate(zip(problem.robots, wide.robots, strict=True)):
+    for i in range(len(problem.robots)):
         row: Record = {"drone": i}
-        for name, motion in (("", robot.motion), (" of recipe", free.motion)):
+        for name, scene in (("", problem), (" of recipe", unlimited)):
+            motion, terrain = scene.robots[i].motion, scene.height_map
             row |= {
-                f"moves{name}": len(motion.moves_on(problem.height_map)),
-                f"longest{name} (m)": motion.longest_aside(problem.height_map.resolution),
+                f"moves{name}": len(motion.moves_on(terrain)),
+                f"longest{name} (m)": motion.longest_aside(terrain.resolution),
                 f"turn{name} (deg)": 360 / motion.headings * min(motion.turn, motion.headings // 2),
             }
         rows.append(row)

@@ -1,5 +1,6 @@
 """The command `takes`: plans for each take beside a plan for all, each in every take."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -77,20 +78,25 @@ def _takes(
 def _in_takes(problem: Problem, spread: Spread, count: int | None, seed: int | None) -> Problem:
     """Returns the scene with its takes, or with takes that are drawn if it has none."""
     options = {
-        "--delay": spread.delay, "--aside": spread.aside, "--speed": spread.speed,
-        "--count": count, "--draw-seed": seed,
+        "--delay": spread.delay or None, "--aside": spread.aside or None,
+        "--speed": spread.speed or None, "--count": count, "--draw-seed": seed,
     }  # fmt: skip
     if problem.takes:
         for option, value in options.items():
-            if value:
+            if value is not None:
                 raise UsageError(f"{option}: must be left out, for the scene has takes")
         return problem
     if not any(spread):
         raise UsageError("SCENE: has no takes; --delay, --aside or --speed draw some")
+    if not problem.actors:
+        raise UsageError("SCENE: must have people, who walk otherwise")
     draws = 0 if seed is None else Option("--draw-seed").require_whole(seed)
     try:
         return with_drawn_takes(problem, _DRAWN if count is None else count, spread, draws)
     except ProblemError as error:
+        field = str(error).partition(":")[0]
+        if f"--{field}" not in options:
+            raise
         raise Option.refused(error) from error
 
 
@@ -128,10 +134,10 @@ def _say(
         }
         print_result(answer, json)
         return
+    *plans, bounds = found.rows
     rows = [
-        {key: _told(value, last=row is found_rows[-1]) for key, value in row.items()}
-        for found_rows in [found.rows]
-        for row in found_rows
+        *({key: _told(value) for key, value in row.items()} for row in plans),
+        {key: _told_bound(value) for key, value in bounds.items()},
     ]
     Listing(f"{found.problem.name}: J of each plan in each take", rows, notes).print()
 
@@ -144,11 +150,16 @@ def _record(row: PlanForTake) -> Record:
     }  # fmt: skip
 
 
-def _told(value: object, last: bool) -> object:
-    """Returns J as it is told; a bound not below what is proved."""
+def _told(value: object) -> object:
+    """Returns J as it is told."""
+    return f"{value:,.2f}" if isinstance(value, float) else value
+
+
+def _told_bound(value: object) -> object:
+    """Returns a bound as it is told: not below what is proved."""
     if not isinstance(value, float):
         return value
-    return rounded_up(value, 2) if last else f"{value:,.2f}"
+    return rounded_up(value, 2) if math.isfinite(value) else "not proved"
 
 
 COMMANDS = {"takes": _takes}

@@ -16,6 +16,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.graph.motion import Window, allowed_moves
 from cocap_opt.problem import Plan, Problem, State
+from cocap_opt.problem.homes import landing_layers
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -177,20 +178,19 @@ def _longest(
 ) -> tuple[int, tuple[AirTime, ...]]:
     """Returns the last step until which batteries last, if drones fly home then, and the times.
 
-    It is the first step itself where they do not even last for one.
+    It is the first step itself where they do not even last for one, with the times for one step.
     """
-    problem, shortest = ways.problem, tuple[AirTime, ...]()
-    for last in range(problem.horizon, first, -1):
-        if not ways.may_last(plan, out, first, last):
-            continue
+
+    def times(last: int) -> tuple[AirTime, ...]:
         back = ways.back_from([path[last] for path in plan.paths], out)
-        shortest = tuple(_times(problem, out, back, (last - first) * ways.step))
-        if all(drone.lasts for drone in shortest):
-            return last, shortest
-    if not shortest:
-        back = ways.back_from([path[first + 1] for path in plan.paths], out)
-        shortest = tuple(_times(problem, out, back, ways.step))
-    return first, shortest
+        return tuple(_times(ways.problem, out, back, (last - first) * ways.step))
+
+    for last in range(ways.problem.horizon, first, -1):
+        if ways.may_last(plan, out, first, last):
+            found = times(last)
+            if all(drone.lasts for drone in found):
+                return last, found
+    return first, times(first + 1)
 
 
 def _times(
@@ -275,7 +275,8 @@ class _Net:
     def __init__(self, problem: Problem, drone: int, window: Window) -> None:
         self._problem, self._drone = problem, drone
         self._robot = problem.robots[drone]
-        self._motion = self._robot.motion.replace(radius=1, climb=1)
+        # Ways are timed by the drone's limits, not by steps, so strides are not those of the plan.
+        self._motion = self._robot.motion.replace(radius=1, climb=1, spacing=1, stride=None)
         assert self._robot.home is not None
         self._home = self._robot.home
         x, y = self._home
@@ -314,7 +315,7 @@ class _Net:
             heads.append(numbers[layer + up, x + dx, y + dy])
             along = math.hypot(dx, dy) * size / level
             seconds.append(np.maximum(along, self._climbing(rise)))
-        for landing in self._landings():
+        for landing in landing_layers(self._problem, self._robot):
             node = self._node(State(*self._home, landing))
             high = (self._altitude(landing) - self._ground) / RISE
             tails += [np.array([node]), np.array([self._pad])]
@@ -329,24 +330,6 @@ class _Net:
         down = (limits and limits.descent) or RISE
         seconds: FloatArray = np.where(rise > 0, rise / up, -rise / down)
         return seconds
-
-    def _landings(self) -> list[int]:
-        """Returns the layers from which the drone may land at home, straight down."""
-        workspace, (x, y) = self._problem.workspace, self._home
-        found = []
-        for layer in range(len(self._motion.layers)):
-            altitude = self._altitude(layer)
-            above = [low for low, _ in workspace.columns.at(x, y)[1:]]
-            is_open = all(low > altitude + self._motion.clearance for low in above)
-            closed = workspace.forbidden.solid_at(x, y, self._ground, altitude)
-            if is_open and not closed and altitude - self._motion.clearance > self._ground:
-                found.append(layer)
-        if not found:
-            raise ProblemError(
-                f"robots[{self._drone}].home: cell ({x}, {y}) must be open above, up to one of the "
-                "drone's flight heights, for take-off and landing"
-            )
-        return found
 
     def _node(self, state: State) -> int:
         place = state.layer, state.x - self._window.x0, state.y - self._window.y0

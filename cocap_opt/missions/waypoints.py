@@ -210,9 +210,9 @@ def _ceiling(flight: Flight, autopilot: Autopilot) -> Iterator[str]:
     problem, ceiling = flight.flown.problem, flight.flown.problem.airspace.ceiling
     if ceiling is None:
         return
-    altitude, surface = problem.height_map.altitude, problem.height_map.heights
+    altitudes, surface = problem.height_map.ceilings(ceiling), problem.height_map.heights
     starts = zip(*flight.flown.start_cells, strict=True)
-    least = min(altitude(x, y, ceiling) - float(surface[x, y]) for x, y in starts)
+    least = min(float(altitudes[x, y] - surface[x, y]) for x, y in starts)
     yield (
         f"the ceiling, {ceiling:g} m {over_datum(problem)}, is not in these files: set "
         f"{autopilot.ceiling} of {autopilot.title}, which is above the take-off, to {least:.4g} m "

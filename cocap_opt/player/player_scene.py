@@ -138,7 +138,7 @@ class PlayerScene:
     def _lid(self, ceiling: float | None) -> list[float]:
         if ceiling is None:
             return []
-        tops = self._coarse(self.problem.height_map.altitudes((ceiling,))[0], np.minimum)
+        tops = self._coarse(self.problem.height_map.ceilings(ceiling), np.minimum)
         shown: list[float] = self.rounded(tops.ravel() - self._corner[2])
         return shown if tops.min() <= self._sky else []
 

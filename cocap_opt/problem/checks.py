@@ -11,6 +11,7 @@ from cocap_opt.data import (
     within,
 )
 from cocap_opt.problem.actor import Actor
+from cocap_opt.problem.homes import landing_layers
 from cocap_opt.problem.motion import Motion
 from cocap_opt.problem.refusals import refused_starts, told
 from cocap_opt.problem.robot import Limits, Robot
@@ -78,12 +79,28 @@ def _require_robot(scene: SceneData, i: int, robot: Robot) -> None:
         _require_area(scene, f"robots[{i}].start", robot.start, robot)
     if robot.goal is not None:
         _require_goal(scene, f"robots[{i}].goal", robot.motion, *robot.goal)
-    if robot.home is not None:
-        _require_on_map(scene, f"robots[{i}].home", *robot.home)
     without = f"robots[{i}].home", "must be given for all drones, or for none"
     require((robot.home is None) == (scene.robots[0].home is None), *without)
+    if robot.home is not None:
+        _require_home(scene, i, robot)
     if robot.limits is not None and scene.step is not None:
         _require_limits(scene, f"robots[{i}]", robot, robot.limits, scene.step)
+
+
+def _require_home(scene: SceneData, i: int, robot: Robot) -> None:
+    """Checks that a drone can take off from its home, where no other drone lands."""
+    assert robot.home is not None
+    field, (x, y) = f"robots[{i}].home", robot.home
+    _require_on_map(scene, field, x, y)
+    for k, other in enumerate(scene.robots[:i]):
+        words = f"must be in a cell of its own; that of robots[{k}] is ({x}, {y}), too"
+        require(other.home != robot.home, field, words)
+    require(
+        len(landing_layers(scene, robot)) > 0,
+        field,
+        f"cell ({x}, {y}) must be open above, up to one of the drone's flight heights, for "
+        "take-off and landing",
+    )
 
 
 def _require_area(scene: SceneData, field: str, area: StartArea, robot: Robot) -> None:

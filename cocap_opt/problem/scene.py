@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cached_property
 from operator import eq
 from typing import Literal
@@ -124,7 +125,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
     def first_starts(self) -> tuple[State, ...]:
         """A start of each robot that keeps the rules beside all others, fixed ones as they are.
 
-        They are starts at which robots may stay, as far as there are any.
+        Robots may stay at all of them, if such starts are found; else any starts are taken.
 
         Raises
         ------
@@ -141,8 +142,10 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         if not self.has_free_starts:
             return tuple(states[0] for states in self.starts)
         words = f"must have a start for every drone that keeps the rules {self.rules}"
-        try:
+        chosen = None
+        with suppress(UndecidedError):
             chosen = self.starts_apart([self._with_hovering(i) for i in range(len(self.robots))])
+        try:
             chosen = chosen or self.starts_apart(self.starts)
         except UndecidedError:
             raise ProblemError(f"robots: {words}; none was found, larger areas help") from None

@@ -142,9 +142,9 @@ class Replanning:
         stop : a further stopping criterion
         options : of `engine.run`
         """
-        result = judged.result
-        if not seconds:
-            return judged._replace(result=_certified(result))
+        result, known = judged.result, _certified(judged.result)
+        if not seconds or known.gap <= NEAR:  # exact methods have a bound of their own
+            return judged._replace(result=known)
         start = result.plan if judged.valid else None
         clock = Clock()
         found = run_keeping(
@@ -167,8 +167,10 @@ class Replanning:
         proved = found.result
         if start is not None and proved.plan is None:  # no plan keeps the share: it is said
             told = "; ".join(filter(None, (result.message, proved.message)))
-            return judged._replace(result=replace(_certified(result), message=told))
-        both = replace(_certified(result), bound=proved.bound, certificate=proved.certificate)
+            return judged._replace(result=replace(known, message=told))
+        both = known
+        if proved.bound < known.bound:
+            both = replace(known, bound=proved.bound, certificate=proved.certificate)
         if proved.reason is Reason.INFEASIBLE:
             both = replace(both, reason=proved.reason, limit=None, message=proved.message)
         again = Judged.of(BOUND_METHOD, self.rest.scene, both)

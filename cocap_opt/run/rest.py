@@ -17,12 +17,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from cocap_opt.data import FieldError, ProblemError
-from cocap_opt.problem import Actor, Plan, Problem
+from cocap_opt.problem import Actor, Plan, Problem, Robot, State
 from cocap_opt.referee import check
 from cocap_opt.run.view_share import most_views, views_alone, views_asked, views_to_keep
 from cocap_opt.text import shortened
 
 _ROUNDING = 1e-9  # relative, of a share of views
+_NO_HOMES = "homes and batteries are not looked at in the rest: leave time for the ways home"
 _MOST_LETTERS = 200  # of the name, before the words for the rest
 
 
@@ -37,7 +38,7 @@ class Rest(NamedTuple):
     drones : numbers of those that still fly, in the order of the rest's robots
     reward_flown : J of what was flown, with all drones at the steps before k, and at step k with
         those that still fly
-    message : what is out of reach now, in words; empty if nothing is
+    message : what is out of reach now, or not looked at, in words; empty if nothing is
     """
 
     scene: Problem
@@ -75,6 +76,8 @@ class Rest(NamedTuple):
             views = scene.objective.views.replace(share=share)
             scene = scene.replace(objective=scene.objective.replace(views=views))
         reward = _reward(mission, flown, drones)
+        if mission.robots[0].home is not None:
+            message = "; ".join(filter(None, (message, _NO_HOMES)))
         return cls(scene, mission, flown, drones, reward, message)
 
     @property
@@ -144,7 +147,7 @@ def _require_flown(mission: Problem, flown: Plan) -> None:
 def _from_step(mission: Problem, flown: Plan, step: int, drones: Sequence[int]) -> Problem:
     """Returns the scene of the rest, whose objective asks for the same share of all views."""
     starts = {i: flown.paths[i][-1] for i in drones}
-    robots = tuple(mission.robots[i].replace(start=state) for i, state in starts.items())
+    robots = tuple(_in_the_air(mission, i, step, state) for i, state in starts.items())
     horizon, words = mission.horizon - step, f", from step {step}"
     lost = [i for i in range(len(mission.robots)) if i not in drones]
     if lost:
@@ -156,6 +159,20 @@ def _from_step(mission: Problem, flown: Plan, step: int, drones: Sequence[int]) 
         horizon=horizon,
         objective=mission.objective.replace(count_start=False),
     )
+
+
+def _in_the_air(mission: Problem, i: int, step: int, state: State) -> Robot:
+    """Returns a drone that is in a state at a step, with what is left of its battery.
+
+    With homes nobody knows what is left: the ways there count as well, and batteries may have been
+    changed. So neither homes nor batteries are of the rest.
+    """
+    robot, seconds = mission.robots[i], step * (mission.step or 0.0)
+    limits = robot.limits
+    if limits is not None and limits.endurance is not None:
+        left = None if robot.home is not None else limits.endurance - seconds
+        limits = limits.replace(endurance=left)
+    return robot.replace(start=state, home=None, limits=limits)
 
 
 def _walking_on(actor: Actor, mission: Problem, step: int) -> Actor:

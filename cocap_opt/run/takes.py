@@ -140,17 +140,13 @@ class Hedging(NamedTuple):
         for k, row in enumerate(self.plans):
             if row.plan is None or not takes[k].probability:
                 continue
-            cost = _loss(hedged.rewards[k], row.rewards[k])
-            most = _loss(hedged.rewards[k], row.bound)
-            yield (
-                f"hedging costs {100 * cost:.1f} % in {takes[k].name}, proved: at most "
-                f"{rounded_up(100 * most, 1)} %"
-            )
-        open_ = _loss(hedged.mean, hedged.bound)
+            cost = 100 * _loss(hedged.rewards[k], row.rewards[k])
+            proved = _at_most(hedged.rewards[k], row.bound, 1)
+            yield f"hedging costs {cost:.1f} % in {takes[k].name}, {proved}"
         yield (
-            f"on average no plan has more than {rounded_up(100 * open_, 2)} % beyond the plan for "
-            f"{HEDGED}; whoever knew the take would have at most "
-            f"{rounded_up(100 * _loss(hedged.mean, self.foreknowledge), 1)} % more"
+            f"on average the plan for {HEDGED} has less than the best plan, "
+            f"{_at_most(hedged.mean, hedged.bound, 2)}, and less than whoever knew the take, "
+            f"{_at_most(hedged.mean, self.foreknowledge, 1)}"
         )
 
     def __str__(self) -> str:
@@ -168,6 +164,13 @@ class Hedging(NamedTuple):
 def _loss(reward: float, of: float) -> float:
     """Returns the share of J that is missing; none of nothing."""
     return (of - reward) / of if of > 0 else 0.0
+
+
+def _at_most(reward: float, bound: float, digits: int) -> str:
+    """Returns in words how large a share of J is missing at most, by a bound."""
+    if not math.isfinite(bound):
+        return "at most how much is not proved"
+    return f"proved: at most {rounded_up(100 * _loss(reward, bound), digits)} %"
 
 
 def if_sure(problem: Problem, k: int) -> Problem:

@@ -69,7 +69,8 @@ class TeamChoice(NamedTuple):
 def drone_of(problem: Problem) -> Robot:
     """Returns the drone of which teams are made: as the scene's drones are, with all their starts.
 
-    Drones whose start is fixed may start in every free state.
+    Drones whose start is fixed may start in every free state. Homes are left out, for each drone
+    needs one of its own.
 
     Raises
     ------
@@ -88,7 +89,7 @@ def drone_of(problem: Problem) -> Robot:
     )
     words = "must be the same for all drones, or fixed ones, where teams are made"
     require(len(chosen) <= 1, "robots", f"their choices of starts {words}")
-    return first.replace(start=next(iter(chosen), StartArea()))
+    return first.replace(start=next(iter(chosen), StartArea()), home=None)
 
 
 def _with_camera(robot: Robot, name: str | None) -> Robot:

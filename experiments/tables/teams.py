@@ -105,10 +105,11 @@ class TeamRow:
 
     @property
     def told_bound(self) -> str | None:
-        """The share that no plan exceeds, in %: as that of the best plan, if that attains it."""
-        if self.seen_bound is not None and self.reached >= self.seen_bound - _ROUNDING:
-            return percent(self.reached)
-        return None if self.seen_bound is None else rounded_up(100 * min(self.seen_bound, 1.0), 1)
+        """The share that no plan exceeds, in %: that of the best plan, if that attains it."""
+        if self.seen_bound is None:
+            return None
+        attains = self.reached >= self.seen_bound - _ROUNDING
+        return rounded_up(100 * min(self.reached if attains else self.seen_bound, 1.0), 1)
 
     @property
     def most(self) -> float:
@@ -174,9 +175,11 @@ def sentences(rows: Sequence[TeamRow], share: float) -> Iterator[str]:
     ----------
     share : of person-steps that `cameras` drones or more are to see
     """
-    for group in grouped([row for row in rows if row.reason_seen]):
-        words, text = kind_words(group[0]), " ".join(_about(group, share))
-        yield f"{words}: {text}" if words else text
+    for asked in grouped(rows):
+        group = [row for row in asked if row.reason_seen]
+        if group:
+            words, text = kind_words(group[0]), " ".join(_about(group, asked, share))
+            yield f"{words}: {text}" if words else text
 
 
 def kind_words(row: TeamRow) -> str:
@@ -193,7 +196,14 @@ def grouped(rows: Sequence[TeamRow]) -> list[list[TeamRow]]:
     return [sorted(group, key=lambda row: row.drones) for group in found.values()]
 
 
-def _about(group: Sequence[TeamRow], share: float) -> Iterator[str]:
+def _about(group: Sequence[TeamRow], asked_for: Sequence[TeamRow], share: float) -> Iterator[str]:
+    """Yields sentences about teams of one kind.
+
+    Parameters
+    ----------
+    group : teams whose views were searched for
+    asked_for : all teams of the kind, those for which there is no room among them
+    """
     cameras = group[0].cameras
     asked = f"{100 * share:g} % of person-steps be seen by {NUMBERS.get(cameras, cameras)}"
     enough = [row for row in group if row.reached >= share - _ROUNDING]
@@ -206,11 +216,14 @@ def _about(group: Sequence[TeamRow], share: float) -> Iterator[str]:
         if best.reached >= 0:
             yield f"The most is {percent(best.reached)} %, by {counted(best.drones, 'drone')}."
     fewer = [row for row in group if cameras <= row.drones < fewest]
-    unasked = sorted(set(range(cameras, fewest)) - {row.drones for row in group})
+    missing = sorted(set(range(cameras, fewest)) - {row.drones for row in group})
     if fewer:
-        yield _limit(fewer, share, "" if unasked else " or fewer")
-    if unasked:
-        yield f"Not asked about: {', '.join(map(str, unasked))}."
+        yield _limit(fewer, share, "" if missing else " or fewer")
+    failed = [row.drones for row in asked_for if row.drones in missing]
+    unasked = [number for number in missing if number not in failed]
+    for words, numbers in (("No answer for", failed), ("Not asked about", unasked)):
+        if numbers:
+            yield f"{words}: {', '.join(map(str, numbers))}."
 
 
 def _limit(group: Sequence[TeamRow], share: float, fewer: str) -> str:

@@ -27,9 +27,9 @@ opens it, in one place.
 
 Below both, the trusted core, about 6,000 lines:
 
-- `problem`: `actor`, `airspace`, `camera`, `checks`, `motion`, `objective`, `plan`, `problem`,
-  `refusals`, `robot`, `rules`, `scene`, `shapes`, `starts`, `takes`; the scene, and which
-  conflicts it forbids.
+- `problem`: `actor`, `airspace`, `camera`, `checks`, `homes`, `motion`, `objective`, `plan`,
+  `problem`, `refusals`, `robot`, `rules`, `scene`, `shapes`, `starts`, `takes`; the scene, and
+  which conflicts it forbids.
 - `world`: `columns`, `triangles`, `workspace`; what is solid.
 - `graph`: `charges`, `motion`, `move_rewards`, `timegraph`; which moves there are.
 - `vision`: `bodies`, `candidates`, `coverage`, `faces`, `projection`, `seen`, `shadows`,

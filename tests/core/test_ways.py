@@ -24,6 +24,7 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
+from cocap_opt.problem.motion import Stride
 from cocap_opt.world.workspace import HeightMap, Mesh
 
 MOTION = Motion(layers=(3.0, 6.0), clearance=0.5)
@@ -228,13 +229,22 @@ def test_drones_that_are_shut_in_are_named() -> None:
         parts_of_take(high, hovering(high))
     assert parts_of_take(place([State(7, 3)], [(1, 3)], wall), hovering(problem))  # over it
     zone = Mesh.box((1.0, 3.0, 1.0), (2.0, 4.0, 2.0))
-    closed = problem.replace(airspace=Airspace(no_fly=(zone,)))
-    crown = problem.replace(meshes=(Mesh.box((1.0, 3.0, 2.0), (2.0, 4.0, 8.0)),))
-    for shut in (closed, crown):
+    crown = Mesh.box((1.0, 3.0, 2.0), (2.0, 4.0, 8.0))
+    for shut in ({"airspace": Airspace(no_fly=(zone,))}, {"meshes": (crown,)}):
         with pytest.raises(
             ProblemError, match=r"robots\[0\].home: cell \(1, 3\) must be open above"
         ):
-            parts_of_take(shut, hovering(shut))
+            problem.replace(**shut)
+
+
+def test_ways_lead_by_all_cells_whatever_the_moves_of_the_take() -> None:
+    """Drones that move by several cells in a step, or may not climb, find the same ways home."""
+    problem = place([State(7, 3)], [(2, 3)], [(4, y) for y in range(7)])
+    wide = MOTION.replace(radius=4, spacing=2, stride=Stride(aside=2.0, upright=0.0))
+    robots = tuple(robot.replace(motion=wide) for robot in problem.robots)
+    parts = [parts_of_take(p, hovering(p)) for p in (problem, problem.replace(robots=robots))]
+    ways = [[part.drones[0].out.points.tolist() for part in found] for found in parts]
+    assert ways[0] == ways[1]
 
 
 def test_homes_are_checked_and_change_no_digest() -> None:
@@ -245,6 +255,7 @@ def test_homes_are_checked_and_change_no_digest() -> None:
     assert problem_digest(plain) == problem_digest(homed)
     for homes, words in (
         ([(1, 1), None], r"robots\[1\].home: must be given for all drones, or for none"),
+        ([(1, 1), (1, 1)], r"robots\[1\].home: must be in a cell of its own; that of robots\[0\]"),
         ([(1, 1), (9, 1)], r"robots\[1\].home: must lie inside the map of 9 x 7 cells, not \(9, 1"),
         ([(1,), (1, 1)], "home: must be 2 numbers"),
     ):

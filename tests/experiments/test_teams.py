@@ -4,6 +4,7 @@ import csv
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -132,6 +133,24 @@ def test_words_say_what_is_proved_and_what_is_not() -> None:
     assert [words.split(":")[0] for words in sentences(two, 0.95)] == ["airsim", "skydio-2"]
     refused = TeamRow(scene="s", seed=0, camera="", height=None, drones=9, message="no room")
     assert list(sentences([*proved, refused], 0.95)) == list(sentences(proved, 0.95))
+    (words,) = sentences([row(2, 0.88, 0.91), replace(refused, drones=3), row(5, 0.97, 1.0)], 0.95)
+    assert words.endswith("No answer for: 3. Not asked about: 4.")
+
+
+@pytest.mark.parametrize(
+    ("reached", "bound", "told"),
+    [
+        (0.8732, 0.8732, "87.4"),
+        (0.9996, 0.9996, "100.0"),
+        (0.75, 0.75, "75.0"),
+        (0.5, 0.91, "91.0"),
+    ],
+)
+def test_a_share_that_no_plan_exceeds_is_told_no_lower(
+    reached: float, bound: float, told: str
+) -> None:
+    """It is rounded upwards, also where a plan attains it."""
+    assert row(2, reached, bound).told_bound == told
 
 
 def test_the_command_keeps_what_it_found(

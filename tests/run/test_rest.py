@@ -14,7 +14,8 @@ from strategies import examples, standing, tiny
 
 import cocap_opt as co
 from cocap_opt.data import FieldError, ProblemError
-from cocap_opt.problem import Airspace, Plan, Problem
+from cocap_opt.formulations.result import OPTIMALITY
+from cocap_opt.problem import Airspace, Limits, Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.result import Reason, Result
 from cocap_opt.run.rest import Rest
@@ -120,6 +121,31 @@ def test_people_and_drones_go_on_from_where_they_are() -> None:
     assert robot.start == plan.paths[1][3] and scene.horizon == 1
     assert not scene.objective.count_start
     assert scene.name == "tiny, from step 3, without drone 0"
+
+
+def test_a_proof_of_the_rest_is_not_given_up_for_a_worse_bound() -> None:
+    """An exact method has proved its plan: no second search, however short, takes that away."""
+    scene = co.load("corridor")
+    plan = co.plan(scene, "sequential").plan
+    again = co.plan(scene, "branch-and-price", follow=plan, from_step=1, bound_limit=1e-6)
+    assert again.rest.reason is Reason.OPTIMAL and again.rest.gap <= OPTIMALITY
+
+
+def test_batteries_of_a_rest_have_what_is_left() -> None:
+    """The seconds that were flown are gone; with homes nobody knows, and that is said."""
+    scene = co.load("corridor").replace(step=2.0)
+    limits = Limits(endurance=100.0)
+    robots = tuple(robot.replace(limits=limits) for robot in scene.robots)
+    plan = co.plan(scene, "sequential").plan
+    rest = Rest.of(scene.replace(robots=robots), plan, 2)
+    assert [robot.limits.endurance for robot in rest.scene.robots] == [96.0] * len(robots)
+    assert not rest.message
+    homes = [(state.x, state.y) for state in (robot.start for robot in robots)]
+    homed = [robot.replace(home=home) for robot, home in zip(robots, homes, strict=True)]
+    rest = Rest.of(scene.replace(robots=tuple(homed)), plan, 2)
+    assert all(robot.limits.endurance is None for robot in rest.scene.robots)
+    assert all(robot.home is None for robot in rest.scene.robots)
+    assert rest.message.startswith("homes and batteries are not looked at in the rest")
 
 
 def test_a_planner_that_finds_nothing_better_leaves_the_old_rest() -> None:

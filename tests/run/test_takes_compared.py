@@ -15,7 +15,7 @@ from takes import InTakes, in_takes
 import cocap_opt as co
 from cocap_opt.cli.commands import run
 from cocap_opt.footage.quality import Quality
-from cocap_opt.run.takes import if_sure, reward_in, take_rows
+from cocap_opt.run.takes import Hedging, PlanForTake, if_sure, reward_in, take_rows
 
 
 def two_takes() -> co.Problem:
@@ -52,6 +52,29 @@ def test_plans_for_takes_are_enclosed(drawn: InTakes) -> None:
             assert row.rewards[k] <= bound + 1e-9 * (1 + abs(bound))
             assert row.rewards[k] <= found.plans[k].rewards[k] + 1e-9
     assert found.foreknowledge >= found.hedged.mean - 1e-6 * (1 + abs(best))
+
+
+def test_sentences_say_shares_of_what_could_be_had() -> None:
+    """A plan of half of what is proved has at most half less, whoever is compared with."""
+    problem = two_takes()
+    plan = co.plan(problem, "sequential").plan
+    rewards = reward_in(problem, plan)
+    mean = 0.75 * rewards[0] + 0.25 * rewards[1]
+
+    def told(factor: float) -> list[str]:
+        rows = [
+            PlanForTake(name, plan, rewards, mean, factor * reward, None, problem, 1.0)
+            for name, reward in (("usual", rewards[0]), ("rare", rewards[1]), ("all takes", mean))
+        ]
+        return list(Hedging(problem, (rows[0], rows[1]), rows[2]).sentences())
+
+    assert told(2.0)[-1] == (
+        "on average the plan for all takes has less than the best plan, proved: at most 50.00 %, "
+        "and less than whoever knew the take, proved: at most 50.0 %"
+    )
+    assert "hedging costs 0.0 % in rare, proved: at most 50.0 %" in told(2.0)
+    assert "hedging costs 0.0 % in rare, at most how much is not proved" in told(math.inf)
+    assert "nan" not in " ".join(told(math.inf)).lower()
 
 
 def test_a_plan_for_a_take_keeps_away_from_the_people_of_others() -> None:
@@ -158,6 +181,20 @@ def test_what_cannot_be_compared_is_refused(
     """In a line that names the option."""
     assert run(["takes", *words]) == 2
     assert told in capsys.readouterr().err + caplog.text
+
+
+def test_scenes_without_people_and_zeros_are_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An option that is 0 was given all the same."""
+    scene = str(tmp_path / "scene.json")
+    co.save(Path(scene), co.load("corridor").replace(actors=()))
+    assert run(["takes", scene, "--aside", "1"]) == 2
+    assert "SCENE: must have people, who walk otherwise" in capsys.readouterr().err
+    co.save(Path(scene), two_takes())
+    for option in ("--count", "--draw-seed"):
+        assert run(["takes", scene, option, "0"]) == 2
+        assert f"{option}: must be left out, for the scene has takes" in capsys.readouterr().err
 
 
 def test_takes_are_not_drawn_where_there_are_some(tmp_path: Path) -> None:

@@ -61,6 +61,17 @@ def test_late_people_stand_before_they_begin_and_after_they_end() -> None:
         assert actor.poses[:, 0].min() >= 30 and actor.poses[:, 0].max() <= 30 + STEPS
 
 
+def test_who_is_faster_walks_on_where_the_track_does() -> None:
+    """A track may go on after the scene's last step."""
+    (actor,) = walking()
+    longer = actor.replace(
+        poses=np.concatenate([actor.poses, actor.poses[1:] + np.array([20.0, 0, 0, 0])])
+    )
+    drawn = co.takes(scene((longer,)), 60, speed=0.2, seed=3)
+    ends = np.array([actor.poses[STEPS, 0] for actor in drawn.actors])
+    assert ends.max() > 30 + STEPS + 1 and len(set(ends)) == 60
+
+
 def test_nobody_walks_into_a_wall_or_off_the_map(caplog: pytest.LogCaptureFixture) -> None:
     """Draws that do are drawn again; who is walled in walks as tracked, and that is said."""
     heights = np.zeros((80, 80))
@@ -115,6 +126,7 @@ def test_some_may_be_those_who_vary() -> None:
         ({"delay": -1}, r"delay: must be 0\.\.3600 s, not -1"),
         ({"speed": 2}, r"speed: must be 0\.\.1, not 2"),
         ({"aside": 1, "count": 1}, r"count: must be 2\.\.100 takes, not 1"),
+        ({"aside": 1, "people": [0, 0]}, "people: must be numbers that differ"),
         ({"aside": 1, "people": [3]}, r"people: must be 0\.\.0, not 3"),
         ({"aside": 1, "probabilities": [1]}, "probabilities: must be one for each of 3 takes"),
         ({"aside": 1, "probabilities": [1, 1, 1]}, "takes: probabilities must sum to 1, not 3"),
