@@ -53,17 +53,18 @@ class TeamChoice(NamedTuple):
         except ProblemError as error:
             raise ProblemError(f"{self.words}: {error}") from error
 
-    def views(self, problem: Problem, cameras: int, at_least: float | None = None) -> Problem:
-        """Returns the scene whose J is the number of views, of which so many count of a person.
 
-        Parameters
-        ----------
-        cameras : k; J is the sum of min(k, drones that see the person) over person-steps
-        at_least : share of a person that a drone must see; None: as the scene has it
-        """
-        scene = self.scene(problem)
-        alone = views_alone(scene, views_asked(scene, cameras, at_least))
-        return alone.replace(name=f"{scene.name}, seen by {cameras}")
+def seen_alone(scene: Problem, cameras: int, at_least: float | None = None) -> Problem:
+    """Returns a scene whose J is the number of views, of which so many count of a person.
+
+    Parameters
+    ----------
+    scene : of a team
+    cameras : k; J is the sum of min(k, drones that see the person) over person-steps
+    at_least : share of a person that a drone must see; None: as the scene has it
+    """
+    name = f"{scene.name}, seen by {cameras}"
+    return views_alone(scene, views_asked(scene, cameras, at_least), name)
 
 
 def drone_of(problem: Problem) -> Robot:

@@ -50,12 +50,17 @@ def counted_weights(problem: Problem) -> FloatArray:
     return np.where(person_steps(problem), problem.importance, 0.0)
 
 
-def views_alone(problem: Problem, views: Views) -> Problem:
-    """Returns a problem in which drones that see people count, and nothing else."""
+def views_alone(problem: Problem, views: Views, name: str | None = None) -> Problem:
+    """Returns a problem in which drones that see people count, and nothing else.
+
+    Parameters
+    ----------
+    name : of it; None: that of the problem
+    """
     objective = Objective(
         pixels=0.0, views=views.replace(share=None), count_start=problem.objective.count_start
     )
-    return problem.replace(objective=objective)
+    return problem.replace(objective=objective, name=problem.name if name is None else name)
 
 
 def counting_gap(problem: Problem) -> float:

@@ -26,7 +26,7 @@ from cocap_opt.run.engine import BOUND_METHOD
 from cocap_opt.run.judged import finite
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.run.quality_bound import QualityBound
-from cocap_opt.run.teams import MOST_DRONES, TeamChoice
+from cocap_opt.run.teams import MOST_DRONES, TeamChoice, seen_alone
 from cocap_opt.scenarios.hardware import CAMERAS
 
 _NUMBER = f"1..{MOST_DRONES}"
@@ -111,7 +111,8 @@ class TeamCells(NamedTuple):
     ) -> "TeamCells":
         """Returns the cells of a team; a team for which there is no room has none."""
         try:
-            scenes = team.scene(problem), team.views(problem, asked.seen_by, asked.at_least)
+            scene = team.scene(problem)
+            scenes = scene, seen_alone(scene, asked.seen_by, asked.at_least)
         except ProblemError as error:
             return cls(team, refused=str(error))
         reward, views = (Instance(scene, seed, [BOUND_METHOD], settings) for scene in scenes)

@@ -15,7 +15,7 @@ from strategies import actors
 
 from cocap_opt.data import ProblemError
 from cocap_opt.problem import Actor, Plan, Problem, Take, Views
-from cocap_opt.referee import check
+from cocap_opt.referee import _Referee, check
 
 
 class InTakes(NamedTuple):
@@ -43,7 +43,7 @@ class InTakes(NamedTuple):
         for flat in np.argsort(-means, axis=None, kind="stable").tolist():
             at = np.unravel_index(flat, means.shape)
             plan = Plan(paths=tuple(paths[i][k] for i, k in enumerate(at)))
-            if all(check(part, plan).valid for _, part in self.alone):
+            if all(_obeys(part, plan) for _, part in self.alone):
                 return plan, float(means[at])
         return None, -math.inf
 
@@ -58,6 +58,11 @@ class InTakes(NamedTuple):
             more = pixels_of(part, i, of_robot)
             pixels = (pixels[:, None] + more).reshape(-1, *more.shape[1:])
         return views_of(part, pixels).reshape(shape)
+
+
+def _obeys(problem: Problem, plan: Plan) -> bool:
+    """True if a plan obeys the rules of a problem; what it sees is not looked at."""
+    return not (_Referee(problem).violations(plan) or _Referee(problem).conflicts(plan))
 
 
 @st.composite
