@@ -14,13 +14,18 @@ from strategies import examples, rules, tiny
 import cocap_opt as co
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import problem_digest
-from cocap_opt.formulations.column_generation.master.flow_paths import mixture_of_flow
+from cocap_opt.formulations import EXACT
+from cocap_opt.formulations.column_generation.master.flow_paths import StartChoice, mixture_of_flow
+from cocap_opt.mixtures.columns import Column
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import (
     NO_RULES,
+    VERTEX_ONLY,
     Airspace,
     CollisionRules,
+    Motion,
+    Plan,
     Problem,
     Robot,
     StartArea,
@@ -29,7 +34,9 @@ from cocap_opt.problem import (
 )
 from cocap_opt.problem.placement import UndecidedError, places_apart
 from cocap_opt.referee import _Referee, check
+from cocap_opt.result import Reason
 from cocap_opt.stop import never
+from cocap_opt.world.workspace import HeightMap
 
 
 def anywhere(problem: Problem) -> Problem:
@@ -163,6 +170,28 @@ def test_a_flow_of_nobody_has_no_paths() -> None:
     """Also where drones choose their start, and no arc says where."""
     model = compiled(anywhere(tiny()))
     assert mixture_of_flow(model, {}).columns == []
+
+
+def test_a_fixed_start_is_none_of_the_choices_of_others() -> None:
+    """Of a class in which one drone is bound to a state that another may choose, too.
+
+    Both must end in one cell, so there is no plan, and the proof of that needs flows of both.
+    """
+    motion = Motion(headings=1, turn=0)
+    choosing = Robot(start=StartArea(), motion=motion, goal=(0, 0))
+    problem = Problem(
+        name="one goal", height_map=HeightMap(heights=np.zeros((2, 1)), resolution=4.0),
+        robots=(choosing, choosing.replace(start=State(1, 0))), actors=(), horizon=1,
+        rules=VERTEX_ONLY,
+    )  # fmt: skip
+    model = compiled(problem)
+    plan = Plan(paths=((State(1, 0), State(0, 0)),) * 2)
+    columns = [Column.of(model, i, path) for i, path in enumerate(model.paths(plan))]
+    flow = {arc: 2.0 for column in columns for arc in column.arcs}
+    choice = StartChoice(0, 0, columns[0].path[0])
+    mixture = mixture_of_flow(model, flow, starting={choice: 1.0})
+    assert mixture.amounts.tolist() == [1.0, 1.0]
+    assert EXACT["branch-and-price"](problem).reason is Reason.INFEASIBLE
 
 
 @pytest.mark.parametrize("made", [

@@ -95,10 +95,10 @@ def _starts(model: Model, robot: int, open_: Mapping[StartChoice, float]) -> lis
     """Returns the starts that a robot may choose, as far as there is flow, or its fixed one."""
     robot_class = model.class_of[robot]
     number = model.classes.index(robot_class)
+    of_robot = next(k for k, (_, robots) in enumerate(robot_class.start_sets) if robot in robots)
     starts = model.starts(robot)
     if len(starts) == 1:
-        return [StartChoice(number, 0, int(starts[0]))]
-    of_robot = next(k for k, (_, robots) in enumerate(robot_class.start_sets) if robot in robots)
+        return [StartChoice(number, of_robot, int(starts[0]))]
     return [choice for choice in open_ if choice[:2] == (number, of_robot)]
 
 
