@@ -171,9 +171,14 @@ AIRFRAMES: dict[str, Limits] = {
 
 
 def airframe_name(limits: Limits | None) -> str | None:
-    """Returns the name of an airframe that has these limits, of those known of it; None: none."""
-    for name, airframe in AIRFRAMES.items():
-        known = ((field, getattr(airframe, field)) for field in airframe.__struct_fields__)
-        if all(value in (None, getattr(limits, field, None)) for field, value in known):
-            return name
+    """Returns the name of an airframe that has these limits, of those known of it; None: none.
+
+    If no battery lasts as long, it is that of another battery.
+    """
+    fields = Limits.__struct_fields__
+    for compared in (fields, [field for field in fields if field != "endurance"]):
+        for name, airframe in AIRFRAMES.items():
+            known = ((field, getattr(airframe, field)) for field in compared)
+            if all(value in (None, getattr(limits, field, None)) for field, value in known):
+                return name
     return None

@@ -207,6 +207,11 @@ def _fly(
     check_output(output, scene, plan)
     given = PlanReader(scene, load_planned(scene, seed)).plan(plan, any_objective=True)
     problem, planned, cut_short = given.problem, given.plan, given.cut_short
+    if FORMATS[suffix].takes_off and problem.begins_in_the_air:
+        raise UsageError(
+            f"-o: must not end with {suffix}, for these missions take off, and the scene is the "
+            "rest of a mission whose drones are in the air; .csv has their places"
+        )
     try:
         flight = flown.flight(problem, planned, local)
         flight = flight._replace(start=begins, cut_short=cut_short)
@@ -248,7 +253,7 @@ def _of_homes(parts: Sequence[Part], suffix: str) -> Iterator[str]:
     """Yields what ways from and to home are, and that missions do not hold them."""
     if parts:
         yield NOTE
-        if FORMATS[suffix].autopilots or suffix == ".skyc":
+        if FORMATS[suffix].takes_off:
             yield (
                 f"{suffix} holds no ways from and to home: the sheet (.pdf) and --json have them; "
                 "missions take off and land straight below their first and last places"

@@ -116,6 +116,11 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         _, headings, pitches = robot.orientation_sizes
         return robot.start.states_in(places[~near], headings, pitches)
 
+    @property
+    def begins_in_the_air(self) -> bool:
+        """True if the scene is the rest of a mission, whose drones have taken off before step 0."""
+        return any(robot.number is not None for robot in self.robots)
+
     @cached_property
     def has_free_starts(self) -> bool:
         """True if some robot may start in one of several states."""
