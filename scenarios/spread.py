@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, ProblemError, require, within
+from cocap_opt.data import FloatArray, ProblemError, require, whole, within
 from cocap_opt.plausibility import buried
 from cocap_opt.problem import Actor
 from cocap_opt.world.workspace import Workspace
@@ -127,7 +127,9 @@ def drawn_takes(
     within(count, 2, MOST_TAKES, "count", "takes")
     spread.require_for(step)
     chosen = range(len(actors)) if varied is None else varied
+    require(varied is None or len(chosen) > 0, "people", "must be somebody, or left out for all")
     for j in chosen:
+        whole(j, "people")
         within(j, 0, len(actors) - 1, "people")
     require(len(set(chosen)) == len(chosen), "people", "must be numbers that differ")
     names = [AS_TRACKED, *(f"take {k}" for k in range(1, count))]

@@ -15,13 +15,13 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.graph.motion import Window, allowed_moves
-from cocap_opt.problem import Plan, Problem, State
+from cocap_opt.problem import Plan, Problem, Robot, State
 from cocap_opt.problem.homes import landing_layers
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-RISE = 1.0  # m/s, at which drones rise from the ground, and sink to it, at the slowest
+RISE = 1.0  # m/s, at which drones rise from the ground and sink to it, unless limits are lower
 CRUISE = 4.0  # m/s, on the level, of drones whose limits are known and allow it
 _ROOM = 60  # cells around homes and the plan, in which ways are looked for before all of the map
 _LEAST = 1e-9  # s; scipy takes moves of no duration for none
@@ -111,6 +111,16 @@ def pauses_of(parts: Sequence[Part]) -> str:
         f"batteries do not last for the whole take: pause it at {at} at the latest, people too, "
         "fly all drones home, change batteries, and take it up there"
     )
+
+
+def rising(robot: Robot) -> float:
+    """Returns the speed (m/s) at which a drone rises from the ground, RISE or as limits allow."""
+    return min(RISE, (robot.limits and robot.limits.climb) or RISE)
+
+
+def sinking(robot: Robot) -> float:
+    """Returns the speed (m/s) at which a drone sinks to the ground, RISE or as limits allow."""
+    return min(RISE, (robot.limits and robot.limits.descent) or RISE)
 
 
 NOTE = (
@@ -317,10 +327,11 @@ class _Net:
             seconds.append(np.maximum(along, self._climbing(rise)))
         for landing in landing_layers(self._problem, self._robot):
             node = self._node(State(*self._home, landing))
-            high = (self._altitude(landing) - self._ground) / RISE
+            high = self._altitude(landing) - self._ground
             tails += [np.array([node]), np.array([self._pad])]
             heads += [np.array([self._pad]), np.array([node])]
-            seconds += [np.array([max(high, _LEAST)])] * 2
+            for speed in (sinking(self._robot), rising(self._robot)):
+                seconds.append(np.array([max(high / speed, _LEAST)]))
         return np.concatenate(tails), np.concatenate(heads), np.concatenate(seconds)
 
     def _climbing(self, rise: FloatArray) -> FloatArray:

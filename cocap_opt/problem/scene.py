@@ -142,7 +142,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
                 len(states) > 0,
                 f"robots[{i}].start",
                 "must have a cell in which the drone may be at step 0; all are blocked, forbidden, "
-                "or too near to people",
+                f"or too near to people{self._above_ceiling(self.robots[i])}",
             )
         if not self.has_free_starts:
             return tuple(states[0] for states in self.starts)
@@ -157,6 +157,13 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         require(chosen is not None, "robots", f"{words}; there is no such choice")
         assert chosen is not None
         return chosen
+
+    def _above_ceiling(self, robot: Robot) -> str:
+        """Returns words for flight heights all of which are above the ceiling; empty otherwise."""
+        ceiling, lowest = self.airspace.ceiling, min(robot.motion.layers)
+        if ceiling is None or lowest <= ceiling:
+            return ""
+        return f": all its heights, {lowest:g} m and more, are above the ceiling of {ceiling:g} m"
 
     def _with_hovering(self, i: int) -> StartSet:
         """Returns the starts at which a robot may stay; all where it may at none."""

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import ProblemError
+from cocap_opt.data import ProblemError, require, within
 from cocap_opt.problem import Actor, Objective, Take
 from cocap_opt.problem.takes import equal_chances, of_people, require_takes
-from cocap_opt.scenarios.spread import Spread, drawn_takes
+from cocap_opt.scenarios.spread import MOST_TAKES, Spread, drawn_takes
 from cocap_opt.scenarios.tables import Table
 from cocap_opt.scenarios.text import naming
 from cocap_opt.world.workspace import Workspace
@@ -77,6 +77,8 @@ def people_in_takes(
         require_takes(takes, (), "take")
         return People(tuple(takes), tuple(actors), numbers)
     with naming("spread"):
+        within(spread.takes, 2, MOST_TAKES, "takes")
+        require(spread.seed >= 0, "seed", f"must be 0 or more, not {spread.seed}")
         if tables:
             raise ProblemError("must be left out where [[take]] says how people walk")
         if not actors:

@@ -232,7 +232,8 @@ def test_drones_that_are_shut_in_are_named() -> None:
     crown = Mesh.box((1.0, 3.0, 2.0), (2.0, 4.0, 8.0))
     for shut in ({"airspace": Airspace(no_fly=(zone,))}, {"meshes": (crown,)}):
         with pytest.raises(
-            ProblemError, match=r"robots\[0\].home: cell \(1, 3\) must be open above"
+            ProblemError,
+            match=r"robots\[0\].home: cell \(1, 3\), at x = 1.5, y = 3.5 m, must be open",
         ):
             problem.replace(**shut)
 
@@ -245,6 +246,19 @@ def test_ways_lead_by_all_cells_whatever_the_moves_of_the_take() -> None:
     parts = [parts_of_take(p, hovering(p)) for p in (problem, problem.replace(robots=robots))]
     ways = [[part.drones[0].out.points.tolist() for part in found] for found in parts]
     assert ways[0] == ways[1]
+
+
+def test_drones_rise_and_sink_no_faster_than_their_limits() -> None:
+    """At 1 m/s, or as slowly as limits say: up at one speed, down at another."""
+    problem = place([State(1, 3)], [(1, 3)])
+    times = []
+    for limits in (None, Limits(climb=5.0, descent=5.0), Limits(climb=0.2, descent=0.5)):
+        still = MOTION.replace(climb=0)  # in the take
+        robots = tuple(robot.replace(limits=limits, motion=still) for robot in problem.robots)
+        (part,) = parts_of_take(problem.replace(robots=robots), hovering(problem))
+        times.append((part.drones[0].out.seconds, part.drones[0].back.seconds))
+    assert times[0] == times[1] == (3.0, 3.0)
+    assert times[2] == pytest.approx((15.0, 6.0))
 
 
 def test_homes_are_checked_and_change_no_digest() -> None:
