@@ -291,7 +291,7 @@ class _Net:
         """Returns where the nodes are [n, 3] (m); the last is on the ground."""
         layer, x, y = np.unravel_index(np.arange(self._pad), self._shape)
         rows = np.column_stack([x + self._window.x0, y + self._window.y0, layer])
-        places = self._problem.above(self._robot, rows)
+        places = self._problem.above(self._motion, rows)
         ground = [*self._problem.height_map.centre(*self._home), self._ground]
         return np.concatenate([places, [ground]])
 

@@ -91,7 +91,7 @@ def _windows(recipe: Recipe, problem: Problem) -> Iterator[Change]:
     low, high = problem.height_map.ends
     people = [actor.poses[: problem.horizon + 1, :2] for actor in problem.actors]
     starts = [
-        problem.above(robot, states.cells)[:, :2]
+        problem.above(robot.motion, states.cells)[:, :2]
         for robot, states in zip(problem.robots, problem.starts, strict=True)
     ]
     points, reached = np.concatenate([*people, *starts]), _reached(problem, np.concatenate(starts))
