@@ -20,7 +20,7 @@ from cocap_opt.files.messages import in_words
 from cocap_opt.problem import Actor, Earth, Motion, Problem, Robot
 from cocap_opt.problem.refusals import refused_starts
 from cocap_opt.problem.scene import SceneData
-from cocap_opt.problem.takes import least_chance
+from cocap_opt.problem.takes import PeopleInTakes, least_chance
 from cocap_opt.scenarios.earth.place import EarthTable, MapProjection, require_likely
 from cocap_opt.scenarios.kinds import JSON
 from cocap_opt.scenarios.maps.layers import LayerTable
@@ -34,7 +34,6 @@ from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
 from cocap_opt.scenarios.recipe.rules import AirspaceTable, NoFlyTable, RulesTable
 from cocap_opt.scenarios.recipe.strides import Strides
 from cocap_opt.scenarios.recipe.takes import (
-    People,
     SpreadTable,
     TakeTable,
     in_takes,
@@ -329,7 +328,7 @@ class _Place(NamedTuple):
     terrain: Terrain
     solid: tuple[Mesh, ...]
     people: Sequence[tuple[Actor, float | None]]
-    filmed: People
+    filmed: PeopleInTakes
     earth: Earth | None
     around: Surroundings
 
