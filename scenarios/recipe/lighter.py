@@ -15,8 +15,9 @@ from msgspec.structs import replace
 
 from cocap_opt.data import FloatArray
 from cocap_opt.problem import Problem
-from cocap_opt.scenarios.recipe import Recipe, decoded, read
 from cocap_opt.scenarios.recipe.drones import DronesTable
+from cocap_opt.scenarios.recipe.scenes import read
+from cocap_opt.scenarios.recipe.schema import Recipe, decoded
 
 _MARGINS = 30.0, 20.0, 10.0  # m around all people and starts, of windows
 _COARSER = 1.5, 2.0, 3.0, 4.0  # times the resolution
