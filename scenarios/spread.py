@@ -15,6 +15,7 @@ import numpy as np
 from cocap_opt.data import FloatArray, ProblemError, require, whole, within
 from cocap_opt.plausibility import buried
 from cocap_opt.problem import Actor
+from cocap_opt.problem.takes import PeopleInTakes, equal_chances
 from cocap_opt.world.workspace import Workspace
 
 log = logging.getLogger(__name__)
@@ -103,21 +104,17 @@ def drawn_takes(
     rng: np.random.Generator,
     varied: Sequence[int] | None = None,
     barred: Callable[[Actor], bool] = lambda actor: False,
-) -> tuple[list[str], list[tuple[int, Actor]]]:
-    """Draws takes of some people, of which the first has them as tracked.
+) -> PeopleInTakes:
+    """Draws takes of some people, all equally probable, of which the first has them as tracked.
 
     Parameters
     ----------
+    actors : at least one
     step : s of a step; None: nobody knows
     spread : standard deviations
     count : number of takes, the first included
     varied : numbers of the people who may walk otherwise; None: all. The others are in all takes
     barred : tells that a person must not walk so
-
-    Returns
-    -------
-    names : of the takes
-    people : the number among `actors` of each person, and the person, who names the take
 
     Raises
     ------
@@ -151,7 +148,8 @@ def drawn_takes(
             "somebody or too near to a drone's start; a smaller spread has room",
             stuck[0], more, _TRIES,
         )  # fmt: skip
-    return names, [*fixed, *people]
+    numbers, drawn = zip(*fixed, *people, strict=True)
+    return PeopleInTakes(equal_chances(names), drawn, numbers)
 
 
 def _drawn(

@@ -51,14 +51,14 @@ class AirTime(NamedTuple):
     ----------
     drone : its number
     out : its way from home
-    take : s of the plan
+    filming : s of the plan
     back : its way home
     endurance : s for which its battery lasts; None: nobody knows
     """
 
     drone: int
     out: Way
-    take: float
+    filming: float
     back: Way
     endurance: float | None
 
@@ -66,7 +66,7 @@ class AirTime(NamedTuple):
     def seconds(self) -> float:
         """Seconds from take-off to landing."""
         out, back = self.out, self.back
-        return out.seconds + out.waits + self.take + back.waits + back.seconds
+        return out.seconds + out.waits + self.filming + back.waits + back.seconds
 
     @property
     def lasts(self) -> bool:
@@ -87,18 +87,26 @@ class Part(NamedTuple):
         return f"{self.first}..{self.last}"
 
 
-def rows_of(parts: Sequence[Part]) -> list[dict[str, Any]]:
-    """Returns rows of a table: each drone's time in the air in each part, and its battery (s)."""
+def records_of(parts: Sequence[Part]) -> list[dict[str, Any]]:
+    """Returns plain data: each drone's time in the air in each part, and its ways.
+
+    Keys: `first` and `last` (the steps of the part), `drone`, `seconds` (from take-off to landing),
+    `filming` (s), `endurance` (s; None: nobody knows), `out` and `back`, which have the `seconds`
+    of the way, `waits` (s) and `points` (m), where it turns.
+    """
     return [
         {
-            **({"steps": part.words} if len(parts) > 1 else {}),
-            "drone": drone.drone, "out (s)": drone.out.seconds, "take (s)": drone.take,
-            "back (s)": drone.back.seconds, "waits (s)": drone.out.waits + drone.back.waits,
-            "in the air (s)": drone.seconds, "battery (s)": drone.endurance,
+            "first": part.first, "last": part.last, "drone": drone.drone,
+            "seconds": drone.seconds, "filming": drone.filming, "endurance": drone.endurance,
+            "out": _record_of(drone.out), "back": _record_of(drone.back),
         }
         for part in parts
         for drone in part.drones
     ]  # fmt: skip
+
+
+def _record_of(way: Way) -> dict[str, Any]:
+    return {"seconds": way.seconds, "waits": way.waits, "points": way.points.tolist()}
 
 
 def pauses_of(parts: Sequence[Part]) -> str:
@@ -204,11 +212,11 @@ def _longest(
 
 
 def _times(
-    problem: Problem, out: Sequence[Way], back: Sequence[Way], take: float
+    problem: Problem, out: Sequence[Way], back: Sequence[Way], filming: float
 ) -> Iterator[AirTime]:
     for i, robot in enumerate(problem.robots):
         endurance = None if robot.limits is None else robot.limits.endurance
-        yield AirTime(i, out[i], take, back[i], endurance)
+        yield AirTime(i, out[i], filming, back[i], endurance)
 
 
 class _Ways:
@@ -238,8 +246,8 @@ class _Ways:
         for i, robot in enumerate(self.problem.robots):
             if robot.limits is not None and robot.limits.endurance is not None:
                 least = self._nets[i].seconds_home(plan.paths[i][last])
-                take = (last - first) * self.step
-                if out[i].seconds + out[i].waits + take + least > robot.limits.endurance:
+                filming = (last - first) * self.step
+                if out[i].seconds + out[i].waits + filming + least > robot.limits.endurance:
                     return False
         return True
 
@@ -301,7 +309,7 @@ class _Net:
         """Returns where the nodes are [n, 3] (m); the last is on the ground."""
         layer, x, y = np.unravel_index(np.arange(self._pad), self._shape)
         rows = np.column_stack([x + self._window.x0, y + self._window.y0, layer])
-        places = self._problem.above(self._robot, rows)
+        places = self._problem.above(self._motion, rows)
         ground = [*self._problem.height_map.centre(*self._home), self._ground]
         return np.concatenate([places, [ground]])
 

@@ -121,7 +121,7 @@ def _homeward(parts: Sequence[Part]) -> Iterator[str]:
             of = f" s of {each.endurance:.0f} s" if known else f" s of {_BLANK}"
             yield (
                 f"{part.words:<10}{each.drone:>5}{each.out.seconds:>9.1f}{each.out.waits:>9.1f}"
-                f"{each.take:>9.1f}{each.back.waits:>9.1f}{each.back.seconds:>9.1f}"
+                f"{each.filming:>9.1f}{each.back.waits:>9.1f}{each.back.seconds:>9.1f}"
                 f"{each.seconds:>11.1f}{of}"
             )
         for name, ways in (

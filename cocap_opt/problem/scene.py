@@ -112,9 +112,17 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         if isinstance(robot.start, StartStates):
             return StartSet.of(robot.start.states)
         places = robot.start.places(robot.motion.free_places(self.workspace))
-        near = self.near_people(0, self.above(robot, places))
+        able = self.may_start(robot.motion, places)
         _, headings, pitches = robot.orientation_sizes
-        return robot.start.states_in(places[~near], headings, pitches)
+        return robot.start.states_in(places[able], headings, pitches)
+
+    def may_start(self, motion: Motion, places: IntArray) -> BoolArray:
+        """Returns in which places x, y, layer [n, 3] a robot may be at step 0, alone: [n]."""
+        x, y, layer = places.T
+        able: BoolArray = motion.free_places(self.workspace)[layer, x, y]
+        if self.airspace.people_aside:
+            able[able] = ~self.near_people(0, self.above(motion, places[able]))
+        return able
 
     @property
     def begins_in_the_air(self) -> bool:
@@ -188,7 +196,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         states_of, places = [], []
         for robot, states in zip(self.robots, starts, strict=True):
             states_of.append(states.in_different_cells())
-            size, at = self.height_map.resolution, self.above(robot, states.cells)
+            size, at = self.height_map.resolution, self.above(robot.motion, states.cells)
             # As rules between robots have it, in m from the map's corner.
             places.append(np.column_stack([states.cells[:, :2] * size, at[:, 2]]))
         numbers = places_apart(self.rules, places)
@@ -212,7 +220,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         if not self.airspace.people_aside:
             return able
         places, which = np.unique(cells, axis=0, return_inverse=True)
-        at, near = self.above(robot, places), np.zeros(len(places), dtype=np.bool_)
+        at, near = self.above(robot.motion, places), np.zeros(len(places), dtype=np.bool_)
         for t in range(steps):
             near |= self.near_people(t, at)
             if t + 1 < steps:
@@ -272,12 +280,12 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     def where(self, robot: Robot, states: Sequence[State]) -> FloatArray:
         """Returns where a robot is in states [n], as [n, 3] (m)."""
-        return self.above(robot, np.array([state[:3] for state in states]).reshape(-1, 3))
+        return self.above(robot.motion, np.array([state[:3] for state in states]).reshape(-1, 3))
 
-    def above(self, robot: Robot, places: IntArray) -> FloatArray:
-        """Returns where a robot is in places x, y, layer [n, 3], as [n, 3] (m)."""
+    def above(self, motion: Motion, places: IntArray) -> FloatArray:
+        """Returns where a robot of this motion is in places x, y, layer [n, 3], as [n, 3] (m)."""
         (x, y, layer), height_map = places.T, self.height_map
-        heights = np.array(robot.motion.layers)[layer]
+        heights = np.array(motion.layers)[layer]
         if height_map.flight_datum is not None:
             heights = heights + height_map.flight_datum[x, y]
         (ox, oy), size = height_map.origin, height_map.resolution

@@ -9,10 +9,9 @@ from msgspec import Meta
 
 from cocap_opt.data import MOST_PIXELS, ProblemError
 from cocap_opt.problem import Camera
-from cocap_opt.scenarios.hardware import CAMERAS, film_of
+from cocap_opt.scenarios.hardware import camera_called, film_of
 from cocap_opt.scenarios.tables import Length, Table
 from cocap_opt.scenarios.text import naming
-from cocap_opt.text import meant
 
 log = logging.getLogger(__name__)
 
@@ -141,12 +140,8 @@ def camera_of(given: str | CameraTable, tilts: Sequence[float]) -> Camera:
     if isinstance(given, CameraTable):
         with naming("camera"):
             return given.camera(radians)
-    if given not in CAMERAS:
-        raise ProblemError(
-            f"camera: must be one of {', '.join(CAMERAS)}, not {given!r}{meant(given, CAMERAS)}; "
-            "or numbers, such as { width = 3840, height = 2160, fov = 65 }"
-        )
-    return CAMERAS[given].replace(tilts=radians)
+    numbers = "; or numbers, such as { width = 3840, height = 2160, fov = 65 }"
+    return camera_called(given, numbers).replace(tilts=radians)
 
 
 def say_photos(names: Sequence[str]) -> None:

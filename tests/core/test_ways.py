@@ -13,7 +13,7 @@ from strategies import examples
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import problem_digest
-from cocap_opt.flight.ways import AirTime, Part, Way, parts_of_take, pauses_of, rows_of
+from cocap_opt.flight.ways import AirTime, Part, Way, parts_of_take, pauses_of, records_of
 from cocap_opt.problem import (
     Airspace,
     CollisionRules,
@@ -169,7 +169,7 @@ def test_limits_set_the_pace() -> None:
         robots = (problem.robots[0].replace(limits=limits),)
         (part,) = parts_of_take(problem.replace(robots=robots), hovering(problem))
         assert part.drones[0].back.seconds == pytest.approx(seconds)
-        assert rows_of([part])[0]["battery (s)"] is None
+        assert records_of([part])[0]["endurance"] is None
 
 
 def test_takes_are_parted_as_late_as_batteries_let() -> None:
@@ -188,7 +188,7 @@ def test_takes_are_parted_as_late_as_batteries_let() -> None:
         assert parts[-1].last == steps
         for part in parts:
             for each in part.drones:
-                assert each.take == 2.0 * (part.last - part.first)
+                assert each.filming == 2.0 * (part.last - part.first)
                 assert each.seconds <= endurance
             if part.last < steps:  # the tail from its first step on, one step longer
                 tail = problem.replace(
@@ -204,7 +204,7 @@ def test_takes_are_parted_as_late_as_batteries_let() -> None:
         words = pauses_of(parts)
         assert words.count("pause") == (len(parts) > 1)
         if len(parts) > 1:
-            assert f" {parts[0].last}" in words and {"steps"} <= set(rows_of(parts)[0])
+            assert f" {parts[0].last}" in words and len(records_of(parts)) == 2 * len(parts)
 
 
 def test_a_battery_that_lasts_for_no_step_is_named() -> None:
