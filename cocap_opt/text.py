@@ -1,6 +1,6 @@
 """Text of files as it is shown, and words that were meant."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from decimal import ROUND_CEILING, Decimal
 from difflib import get_close_matches
 
@@ -31,6 +31,17 @@ def rounded_up(number: float, digits: int) -> str:
 def number_in_words(number: int) -> str:
     """Returns the word for a small number, the figures of any other."""
     return _NUMBERS.get(number, str(number))
+
+
+def in_ranges(numbers: Sequence[int]) -> str:
+    """Returns increasing whole numbers in words, such as "3-5, 8"."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
 
 
 def unread(error: OSError) -> str:

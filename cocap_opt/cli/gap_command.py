@@ -162,7 +162,10 @@ def _gap(
         float | None, Parameter(help="seconds for each bound; as --time-limit if not given")
     ] = None,
     out: Annotated[
-        Path | None, Parameter(help="folder for results.csv, scenes, plans and certificates")
+        Path | None,
+        Parameter(
+            name=["--out", "-o"], help="folder for results.csv, scenes, plans and certificates"
+        ),
     ] = None,
     rendered: Annotated[
         bool,

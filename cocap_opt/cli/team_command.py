@@ -69,7 +69,10 @@ def _team(
     work_limit: Work = None,
     out: Annotated[
         Path | None,
-        Parameter(help="folder for teams.csv, scenes, plans and certificates; it is gone on with"),
+        Parameter(
+            name=["--out", "-o"],
+            help="folder for teams.csv, scenes, plans and certificates; it is gone on with",
+        ),
     ] = None,
     workforce: Workforce = HERE,
     retry: Annotated[

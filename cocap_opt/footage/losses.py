@@ -17,6 +17,7 @@ from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.robustness import Outcome, Robustness
 from cocap_opt.footage.quality import Quality
 from cocap_opt.referee import rewards_of_move
+from cocap_opt.text import in_ranges
 
 _ROUNDING = 1e-12  # relative
 
@@ -108,14 +109,7 @@ def what_if(flight: Flight, changes: Changes, lost: Sequence[int] | None = None)
 
 def steps_in_words(steps: Sequence[int]) -> str:
     """Returns increasing steps in words, as "step 3" or "steps 3-5, 8"."""
-    runs: list[list[int]] = []
-    for step in steps:
-        if runs and step == runs[-1][-1] + 1:
-            runs[-1].append(step)
-        else:
-            runs.append([step])
-    words = ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
-    return f"step{'' if len(steps) == 1 else 's'} {words}"
+    return f"step{'' if len(steps) == 1 else 's'} {in_ranges(steps)}"
 
 
 class Losses:

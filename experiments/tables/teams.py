@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from cocap_opt.experiments.tables.columns import TableColumn, read_rows
 from cocap_opt.experiments.tables.rows import ERROR
 from cocap_opt.output.printing import Listing, Record, counted
-from cocap_opt.text import number_in_words, rounded_up
+from cocap_opt.text import in_ranges, number_in_words, rounded_up
 
 TEAMS = "teams.csv"  # in a sweep's folder
 _REWARD = {"unit": "sqrt(px/m2)", "least": -(2**63 - 1)}
@@ -174,11 +174,29 @@ def sentences(rows: Sequence[TeamRow], share: float) -> Iterator[str]:
     ----------
     share : of person-steps that `cameras` drones or more are to see
     """
+    solved = []
     for asked in grouped(rows):
         group = [row for row in asked if row.reason_seen]
         if group:
             words, text = kind_words(group[0]), " ".join(_about(group, asked, share))
             yield f"{words}: {text}" if words else text
+            solved.append(group)
+    if len(solved) > 1:
+        yield from _best_of_all([row for group in solved for row in group], share)
+
+
+def _best_of_all(rows: Sequence[TeamRow], share: float) -> Iterator[str]:
+    """Yields which camera and height need the fewest drones, or reach the most."""
+    enough = [row for row in rows if row.reached >= share - _ROUNDING]
+    if enough:
+        best = min(enough, key=lambda row: (row.drones, -row.reached))
+        words = "Of all, the fewest drones that were found to do"
+    else:
+        best = max(rows, key=lambda row: (row.reached, -row.drones))
+        words = "Of all, the most that was found"
+    if best.reached >= 0:
+        team = f"{counted(best.drones, 'drone')}, {kind_words(best)}"
+        yield f"{words}: {team} ({percent(best.reached)} %)."
 
 
 def kind_words(row: TeamRow) -> str:
@@ -222,7 +240,7 @@ def _about(group: Sequence[TeamRow], asked_for: Sequence[TeamRow], share: float)
     unasked = [number for number in missing if number not in failed]
     for words, numbers in (("No answer for", failed), ("Not asked about", unasked)):
         if numbers:
-            yield f"{words}: {', '.join(map(str, numbers))}."
+            yield f"{words}: {in_ranges(numbers)}."
 
 
 def _limit(group: Sequence[TeamRow], share: float, fewer: str) -> str:

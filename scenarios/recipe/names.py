@@ -11,10 +11,11 @@ _DRONE = re.compile(r"robots\[(\d+)\](\.start|\.home)?")
 
 
 class DroneName(NamedTuple):
-    """The name of a drone's table, and that of its start."""
+    """The name of a drone's table, and those of its start and home."""
 
     table: str
     start: str
+    home: str
 
 
 def names_of(recipe: Recipe) -> Iterator[DroneName]:
@@ -26,16 +27,17 @@ def names_of(recipe: Recipe) -> Iterator[DroneName]:
 def names_in_table(k: int, given: DronesTable) -> Iterator[DroneName]:
     """Yields the names of the drones of a table, by its number."""
     table, stated = f"drones[{k}]", len(given.stated)
-    yield from (DroneName(table, f"{table}.starts[{n}]") for n in range(stated))
     area = f"{table}.starts" if given.starts is not None and not stated else table
-    yield from (DroneName(table, area) for _ in range(given.count or 0))
+    for n in range(stated or given.count or 0):
+        start = f"{table}.starts[{n}]" if stated else area
+        yield DroneName(table, start, f"{table}.homes[{n}]")
 
 
 def renamed(words: str, names: Sequence[DroneName]) -> str:
     """Returns words in which drones, their starts and homes have the recipe's names."""
 
     def name(found: re.Match[str]) -> str:
-        table, start = names[int(found[1])]
-        return {".start": start, ".home": f"{table}.homes"}.get(found[2], table)
+        table, start, home = names[int(found[1])]
+        return {".start": start, ".home": home}.get(found[2], table)
 
     return _DRONE.sub(name, words)

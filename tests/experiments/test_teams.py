@@ -122,7 +122,7 @@ def test_words_say_what_is_proved_and_what_is_not() -> None:
     (words,) = sentences([*proved[:1], row(2, 0.88, 1.0), proved[2]], 0.95)
     assert words.endswith("It is not ruled out that 2 drones let all of them be so seen.")
     (words,) = sentences([row(2, 0.88, 0.91), row(5, 0.97, 1.0)], 0.95)
-    assert words.endswith("No plan of 2 drones exceeds 91.0 %: proved. Not asked about: 3, 4.")
+    assert words.endswith("No plan of 2 drones exceeds 91.0 %: proved. Not asked about: 3-4.")
     (words,) = sentences([*proved[:2], row(3, 0.9, 0.92)], 0.95)
     assert words == (
         "No team was found that lets 95 % of person-steps be seen by two. The most is 90.0 %, by "
@@ -131,7 +131,13 @@ def test_words_say_what_is_proved_and_what_is_not() -> None:
     (words,) = sentences([row(2, 0.9541, 0.9541)], 0.95)
     assert words.endswith("2 (95.4 %).")
     two = [row(2, 0.5, 0.5, "airsim"), row(2, 1.0, 1.0, "skydio-2")]
-    assert [words.split(":")[0] for words in sentences(two, 0.95)] == ["airsim", "skydio-2"]
+    *each, best = sentences(two, 0.95)
+    assert [words.split(":")[0] for words in each] == ["airsim", "skydio-2"]
+    assert best == "Of all, the fewest drones that were found to do: 2 drones, skydio-2 (100 %)."
+    *_, best = sentences([two[0], row(2, 0.6, 0.6, "skydio-2")], 0.95)
+    assert best == "Of all, the most that was found: 2 drones, skydio-2 (60.0 %)."
+    (words,) = sentences([row(2, 0.5, 0.6), row(9, 0.97, 1.0)], 0.95)
+    assert words.endswith("Not asked about: 3-8.")
     refused = TeamRow(scene="s", seed=0, camera="", height=None, drones=9, message="no room")
     assert list(sentences([*proved, refused], 0.95)) == list(sentences(proved, 0.95))
     (words,) = sentences([row(2, 0.88, 0.91), replace(refused, drones=3), row(5, 0.97, 1.0)], 0.95)
