@@ -284,12 +284,23 @@ class TimeGraph:
         heads = self.neighbours(places)
         closed, _ = self.closed.places_at(t + 1)
         if len(closed):
-            heads[np.isin(heads, closed)] = -1
+            heads[self._among(heads, closed) & (heads >= 0)] = -1
         tails, ends, _ = self.closed.moves_at(t)
         if len(tails):
-            pairs = tails * self.n_places + ends
-            heads[np.isin(places * self.n_places + heads, pairs) & (heads >= 0)] = -1
+            (few,) = np.nonzero(self._among(places, tails))
+            pairs, some = tails * self.n_places + ends, heads[:, few]
+            some[np.isin(places[few] * self.n_places + some, pairs) & (some >= 0)] = -1
+            heads[:, few] = some
         return heads
+
+    def _among(self, places: IntArray, chosen: IntArray) -> BoolArray:
+        """Returns which places are among the chosen ones; hidden ones, -1, may be either."""
+        if places.size < self.n_places // 16:
+            return np.isin(places, chosen)
+        is_chosen = np.zeros(self.n_places, dtype=np.bool_)
+        is_chosen[chosen] = True
+        found: BoolArray = is_chosen[places]
+        return found
 
     def successors(self, t: int, state: int) -> IntArray:
         """Returns the states at t+1 to which one step leads from `state` at t, in order."""
@@ -304,9 +315,13 @@ class TimeGraph:
         """Returns an array [T+1, S], true if a state is reachable from a start at a step."""
         seen = np.zeros((horizon + 1, self.n_orientations, self.n_places), dtype=bool)
         orientations, places = np.divmod(np.asarray(starts, dtype=np.int64), self.n_places)
+        alike: dict[bytes, tuple[IntArray, set[int]]] = {}  # orientations with the same places
         for orientation in np.unique(orientations).tolist():
-            turned = {orientation}  # turns and moves of a step do not depend on each other
             from_places = np.unique(places[orientations == orientation])
+            key = from_places.tobytes()
+            alike.setdefault(key, (from_places, set()))[1].add(orientation)
+        for from_places, turned in alike.values():
+            # Turns and moves of a step do not depend on each other.
             for row, reached in zip(seen, self._reached(from_places, horizon), strict=True):
                 for head in turned:  # a list of all would copy their rows
                     row[head] |= reached

@@ -219,7 +219,11 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
             able &= (cells[:, :2] == robot.goal).all(axis=1)
         if not self.airspace.people_aside:
             return able
-        places, which = np.unique(cells, axis=0, return_inverse=True)
+        # By their numbers in a box around them, of which there are many times as many as places.
+        low = cells.min(axis=0)
+        numbers = np.ravel_multi_index((cells - low).T, cells.max(axis=0) - low + 1)
+        _, first, which = np.unique(numbers, return_index=True, return_inverse=True)
+        places = cells[first]
         at, near = self.above(robot.motion, places), np.zeros(len(places), dtype=np.bool_)
         for t in range(steps):
             near |= self.near_people(t, at)
