@@ -132,6 +132,7 @@ def _show_site(
     """Draws where the drones of a recipe may start, and says why it is no scene yet."""
     from cocap_opt.pictures.start_map import start_picture
 
+    say_doubts(scene, seed, site.problem or site.scene)
     for words in site.words:
         _log.warning("%s, seed %d: %s", scene, seed, words)
     if output.suffix == ".html":

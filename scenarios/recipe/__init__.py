@@ -17,10 +17,10 @@ from msgspec import Meta
 
 from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
 from cocap_opt.files.messages import in_words
-from cocap_opt.problem import Actor, Earth, Motion, Problem, Robot
+from cocap_opt.problem import Actor, Earth, Motion, Objective, Problem, Robot
 from cocap_opt.problem.refusals import refused_starts
 from cocap_opt.problem.scene import SceneData
-from cocap_opt.problem.takes import least_chance
+from cocap_opt.problem.takes import in_all_takes, least_chance
 from cocap_opt.scenarios.earth.place import EarthTable, MapProjection, require_likely
 from cocap_opt.scenarios.kinds import JSON
 from cocap_opt.scenarios.maps.layers import LayerTable
@@ -307,7 +307,9 @@ def site(path: Path, seed: int = 0) -> Site:
                 continue
             team += added
             starts += [start for _, start in _names_of(k, given)]
-        scene = SceneData(**place.fields(team))
+        fields = place.fields(team)
+        people, _ = in_all_takes(fields["takes"], fields["actors"], Objective())
+        scene = SceneData(**fields | {"actors": people})
         refusals = refused_starts(scene)
         if not refusals and team:
             try:
