@@ -138,8 +138,10 @@ def _not_closed(mesh: Mesh) -> str:
 
 
 def _shut_in(problem: SceneData, around: dict[Motion, Encounters]) -> Iterator[str]:
-    """Yields a warning for each robot that can get nowhere, or to nobody."""
+    """Yields a warning for each robot that can get nowhere, or to nobody, from its only start."""
     for i, (robot, start) in enumerate(_first_starts(problem)):
+        if i in problem.open_starts:
+            continue
         size, closed, meets = around[robot.motion].outing(start)
         if not closed:
             continue

@@ -102,6 +102,8 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     def plot(self, plan: "HasPaths | None" = None, ax: "Axes | None" = None) -> "Axes":
         """Draws the scene from above, with the flights of a plan or the drones' starts.
 
+        Of drones that may choose their start it draws the ground above which they may start.
+
         Parameters
         ----------
         plan : a plan, or any object with `paths`

@@ -119,7 +119,12 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
     @cached_property
     def has_free_starts(self) -> bool:
         """True if some robot may start in one of several states."""
-        return any(len(states) > 1 for states in self.starts)
+        return bool(self.open_starts)
+
+    @cached_property
+    def open_starts(self) -> frozenset[int]:
+        """The numbers of the robots that may start in one of several states."""
+        return frozenset(i for i, states in enumerate(self.starts) if len(states) > 1)
 
     @cached_property
     def first_starts(self) -> tuple[State, ...]:

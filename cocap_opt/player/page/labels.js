@@ -50,7 +50,7 @@ class Labels {
   // people's labels only where there is no room elsewhere.
   drones(time, { picked, alone }) {
     const { context, view } = this, put = [];
-    const order = view.plan.paths.map((_, i) => i).sort((a, b) => (b === picked) - (a === picked));
+    const order = view.plan.paths.map((_, i) => i).filter((i) => isThere(view.plan, i)).sort((a, b) => (b === picked) - (a === picked));
     this.places = [];
     for (const i of order) {
       const [x, y, hidden] = view.at(view.bodies.drone(i, time)), { colour } = view.data.drones[i];
