@@ -19,11 +19,11 @@ from cocap_opt.pictures.figures import picture, robot_colour
 from cocap_opt.pictures.style import LABEL, SMALL, TITLE
 from cocap_opt.problem import Motion, StartArea, State
 from cocap_opt.problem.pictures import (
-    PERSON,
     STARTABLE,
     StartGround,
     TopView,
     distinct_colours,
+    people_by_take,
 )
 from cocap_opt.problem.refusals import startable
 from cocap_opt.problem.scene import SceneData
@@ -41,6 +41,7 @@ _WORDS = {
 }
 _MOST_PANELS = 4
 _WIDTH, _MOST_DEPTH, _LINE = 10.8, 8.0, 0.19  # inches: the picture, a panel, a line of text
+_LEGEND_LINE, _LONG = 0.2, 46  # inches of a line, letters beside three others
 _LETTERS = 165  # of a line of text below the picture
 
 
@@ -121,20 +122,22 @@ def _figure(site: Site, shown: Sequence[Level]) -> Figure:
         for line in textwrap.wrap(words, _LETTERS, subsequent_indent="    ")
     ]
     below = 0.55 + _LINE * len(lines)
-    whole = 0.5 + rows * panel + below
+    handles = _handles(site, shown)
+    beside = 4 if max(map(len, handles)) <= _LONG else 2
+    legend = _LEGEND_LINE * max(math.ceil(len(handles) / beside), 2)
+    whole = 0.1 + rows * panel + below + legend
     figure = Figure(figsize=(_WIDTH, whole), dpi=130)
     grid = figure.add_gridspec(
         rows, columns, left=0.07, right=0.98, top=1 - 0.75 / whole,
-        bottom=(below + 0.45) / whole, hspace=0.75 / panel * 1.2, wspace=0.16,
+        bottom=(below + 0.05 + legend) / whole, hspace=0.75 / panel * 1.2, wspace=0.16,
     )  # fmt: skip
     for number, level in enumerate(shown):
         ax = figure.add_subplot(grid[divmod(number, columns)])
         draw_level(ax, site, level)
     title = f"{site.scene.name}: where drones may start"
     figure.text(0.07, 1 - 0.32 / whole, title, fontsize=TITLE + 2, weight="bold")
-    handles = _handles(site, shown)
     figure.legend(
-        list(handles.values()), list(handles), loc="lower left", ncols=4, fontsize=SMALL,
+        list(handles.values()), list(handles), loc="lower left", ncols=beside, fontsize=SMALL,
         frameon=False, bbox_to_anchor=(0.06, (below - 0.42) / whole), columnspacing=1.6,
         handler_map={tuple: HandlerTuple(ndivide=None, pad=0.3)},
     )  # fmt: skip
@@ -231,7 +234,8 @@ def _handles(site: Site, shown: Sequence[Level]) -> dict[str, Any]:
         words: (Patch(color=COLOURS[kind]),) for kind, words in _WORDS.items() if kind in there
     }
     if scene.actors:
-        handles["people, last step (cross: step 0)"] = (mark("o", PERSON),)
+        for words, colour in people_by_take([take.name for take in scene.takes]).items():
+            handles[words] = (mark("o", colour),)
     stated = [
         number for number, robot in enumerate(scene.robots)
         if number not in refused and not isinstance(robot.start, StartArea)

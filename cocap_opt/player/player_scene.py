@@ -21,6 +21,7 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.problem.pictures import STARTABLE, StartGround, take_colour
+from cocap_opt.problem.takes import told_take
 from cocap_opt.world.workspace import Mesh, Workspace
 
 MOST_CELLS = 128  # along an edge of the map, as it is drawn
@@ -220,6 +221,8 @@ class PlayerScene:
         return {
             "faces": [self.rounded(face) for face in faces],
             "called": self.problem.person(j),
+            "name": actor.name,
+            "inTake": None if actor.take is None else told_take(actor.take),
             "take": take_colour(int(self.problem.take_of[j])) if self.problem.takes else None,
             "names": actor.shape.face_names,
             "height": self.rounded(np.array(actor.shape.height)),

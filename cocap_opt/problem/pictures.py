@@ -55,6 +55,18 @@ def take_colour(take: int) -> str:
     return TAKE_COLOURS[take % len(TAKE_COLOURS)]
 
 
+def people_by_take(takes: Sequence[str]) -> dict[str, str]:
+    """Returns the lines of a legend for the walks of people, and the colour of each.
+
+    Parameters
+    ----------
+    takes : their names; none where people walk as they do
+    """
+    words = "people, last step (cross: step 0)"
+    named = [f"{words}, {name}" for name in takes[:_MOST_TAKES]] or [words]
+    return {label: take_colour(k) for k, label in enumerate(named)}
+
+
 def drone_colour(number: int) -> str:
     """Returns the colour of a drone, by its number."""
     return DRONE_COLOURS[number % len(DRONE_COLOURS)]
@@ -220,11 +232,12 @@ class TopView(NamedTuple):
             )  # fmt: skip
 
     def draw_walks(self, ax: Axes) -> None:
-        """Draw the walks of people from a cross to a numbered disc."""
+        """Draw the walks of people from a cross to a numbered disc, in the colours of takes."""
         for number, walk in enumerate(self.walks):
-            ax.plot(*walk.T, color=PERSON, lw=1, ls=":", zorder=3)
-            ax.plot(*walk[0], marker="x", color=PERSON, ms=4, zorder=3)
-            _draw_numbered_disc(ax, walk[-1], PERSON, number)
+            colour = take_colour(self.take_of[number])
+            ax.plot(*walk.T, color=colour, lw=1, ls=":", zorder=3)
+            ax.plot(*walk[0], marker="x", color=colour, ms=4, zorder=3)
+            _draw_numbered_disc(ax, walk[-1], colour, number)
 
     def draw_map(self, ax: Axes, colours: Sequence[str] = (GROUND, COVERED, WALL, LOW)) -> None:
         """Draw the cells of a scene, in axes of world coordinates.
@@ -274,9 +287,8 @@ class TopView(NamedTuple):
                 for colour in distinct_colours(area.drones)
             )
         if self.walks:
-            words = "people, last step (cross: step 0)"
-            named = [f"{words}, {name}" for name in self.takes[:_MOST_TAKES]] or [words]
-            found |= {label: (disc(take_colour(k)),) for k, label in enumerate(named)}
+            for words, colour in people_by_take(self.takes).items():
+                found[words] = (disc(colour),)
         kinds = {
             1: (COVERED, "something above"),
             2: (WALL, f"blocks flight at {self.height:g} m"),
