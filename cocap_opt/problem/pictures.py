@@ -271,7 +271,7 @@ class TopView(NamedTuple):
         from matplotlib.patches import Patch
 
         def disc(colour: str, edge: str = "black") -> Line2D:
-            return Line2D([], [], marker="o", ls="none", ms=6, color=colour, mec=edge)
+            return Line2D([], [], marker="o", ls="none", ms=5.5, color=colour, mec=edge)
 
         found: dict[str, _Marks] = {}
         if self.flights:
@@ -330,7 +330,7 @@ def _draw_legend(ax: Axes, handles: Mapping[str, _Marks], below: Figure | None) 
             "bbox_transform": below.transFigure, "frameon": False, "ncols": _columns(handles),
         }  # fmt: skip
     ax.legend(
-        handles=list(handles.values()), labels=list(handles), fontsize=_SMALL, handlelength=3.0,
+        handles=list(handles.values()), labels=list(handles), fontsize=_SMALL, handlelength=4.0,
         handler_map={tuple: HandlerTuple(ndivide=None, pad=0.3)}, **how,
     )  # fmt: skip
 
