@@ -104,9 +104,14 @@ def _about_heights(height_map: HeightMap) -> Iterator[str]:
 
 
 def _about_cameras(problem: SceneData) -> Iterator[str]:
-    """Yields a warning for each camera that hardly looks down, as one in radians would."""
+    """Yields a warning for each camera that looks up, or hardly down, as one in radians would."""
     seen = set()
     for k, robot in enumerate(problem.robots):
+        if max(robot.camera.tilts) < 0 and robot.camera.tilts not in seen:
+            yield (
+                f"drones[{k}] look up at all their tilts, for these are degrees below the horizon: "
+                "should they be above 0?"
+            )
         most = math.degrees(max(abs(tilt) for tilt in robot.camera.tilts))
         if 0 < most < _LEVEL and robot.camera.tilts not in seen:
             yield f"drones[{k}] look {most:.3g} deg down at the most: are their tilts in degrees?"
@@ -223,7 +228,9 @@ def _about(problem: SceneData, actor: Actor) -> Iterator[str]:
     off = [t for t, (x, y, _, _) in enumerate(steps) if not _on_map(problem.height_map, x, y)]
     if off:
         x, y, _, _ = steps[off[0]]
-        yield _at(off, steps, "is off the map", f"at ({x:.7g}, {y:.7g}) m")
+        is_far = max(abs(end) for end in np.ravel(problem.height_map.ends)) > 1000
+        degrees = "; are these degrees?" if is_far and abs(x) <= 180 and abs(y) <= 180 else ""
+        yield _at(off, steps, "is off the map", f"at ({x:.7g}, {y:.7g}) m{degrees}")
     if words := buried(problem.workspace, actor, problem.horizon):
         yield words
     high = {t: up for t, pose in enumerate(steps) if (up := _floats(problem, actor, pose))}

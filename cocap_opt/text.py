@@ -4,6 +4,8 @@ from collections.abc import Iterable
 from decimal import ROUND_CEILING, Decimal
 from difflib import get_close_matches
 
+_NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven", 8: "eight"}
+
 
 def printable(text: str, kept: str = "") -> str:
     """Returns the text with line breaks, control and other non-printable characters escaped.
@@ -24,6 +26,11 @@ def rounded_up(number: float, digits: int) -> str:
     """
     step = Decimal(1).scaleb(-digits)
     return f"{Decimal(number - 1e-12 * abs(number)).quantize(step, ROUND_CEILING):,}"
+
+
+def number_in_words(number: int) -> str:
+    """Returns the word for a small number, the figures of any other."""
+    return _NUMBERS.get(number, str(number))
 
 
 def unread(error: OSError) -> str:

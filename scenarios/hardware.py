@@ -19,6 +19,7 @@ from cocap_opt.problem import (
     StartStates,
     State,
 )
+from cocap_opt.text import meant
 
 # Of drones that film, the sizes of their photos. Their film is below.
 _PHOTOS: dict[str, Camera] = {
@@ -77,10 +78,18 @@ def camera_name(camera: AnyCamera) -> str | None:
     return next(known, None)
 
 
-def camera_called(name: str) -> Camera:
-    """Returns the camera of a name in `CAMERAS`, or raises a ProblemError that lists them."""
+def camera_called(name: str, otherwise: str = "") -> Camera:
+    """Returns the camera of a name in `CAMERAS`, or raises a ProblemError that lists them.
+
+    Parameters
+    ----------
+    otherwise : words for what may stand there in place of a name, which end the error's
+    """
     if name not in CAMERAS:
-        raise ProblemError(f"camera: must be one of {', '.join(CAMERAS)}, not {name!r}")
+        near = meant(name, CAMERAS)
+        raise ProblemError(
+            f"camera: must be one of {', '.join(CAMERAS)}, not {name!r}{near}{otherwise}"
+        )
     return CAMERAS[name]
 
 
@@ -171,9 +180,14 @@ AIRFRAMES: dict[str, Limits] = {
 
 
 def airframe_name(limits: Limits | None) -> str | None:
-    """Returns the name of an airframe that has these limits, of those known of it; None: none."""
-    for name, airframe in AIRFRAMES.items():
-        known = ((field, getattr(airframe, field)) for field in airframe.__struct_fields__)
-        if all(value in (None, getattr(limits, field, None)) for field, value in known):
-            return name
+    """Returns the name of an airframe that has these limits, of those known of it; None: none.
+
+    If no battery lasts as long, it is that of another battery.
+    """
+    fields = Limits.__struct_fields__
+    for compared in (fields, [field for field in fields if field != "endurance"]):
+        for name, airframe in AIRFRAMES.items():
+            known = ((field, getattr(airframe, field)) for field in compared)
+            if all(value in (None, getattr(limits, field, None)) for field, value in known):
+                return name
     return None

@@ -1,6 +1,5 @@
 """A scene that is looked at before its drones have places."""
 
-import re
 from typing import NamedTuple
 
 from cocap_opt.problem import Motion, Problem
@@ -16,7 +15,7 @@ class Site(NamedTuple):
     problem : None if drones are missing, or have no place
     scene : the same, unchecked, of the drones that a place is known of
     motions : of the drones; that of drones of which nothing is said, if there are none
-    refusals : starts in which drones may not be
+    refusals : starts in which drones may not be, in the recipe's words
     starts : what the recipe calls the start of each drone
     notes : of tables whose drones have no place, why, in words
     """
@@ -32,11 +31,8 @@ class Site(NamedTuple):
     def words(self) -> list[str]:
         """A line for each start that is refused, and each table without places."""
         refused = [f"{self.starts[found.robot]}: {self.why(found)}" for found in self.refusals]
-        return [*refused, *map(self._renamed, self.notes)]
+        return [*refused, *self.notes]
 
     def why(self, refusal: Refusal) -> str:
-        """Returns why a start is refused, and the nearest free place, in the recipe's words."""
-        return self._renamed(f"{refusal.why}; {refusal.way_out(self.scene)}")
-
-    def _renamed(self, words: str) -> str:
-        return re.sub(r"robots\[(\d+)\]\.start", lambda found: self.starts[int(found[1])], words)
+        """Returns why a start is refused, and the nearest free place."""
+        return f"{refusal.why}; {refusal.way_out(self.scene)}"

@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, ProblemError, require, within
+from cocap_opt.data import FloatArray, ProblemError, require, whole, within
 from cocap_opt.plausibility import buried
 from cocap_opt.problem import Actor
+from cocap_opt.problem.takes import PeopleInTakes, equal_chances
 from cocap_opt.world.workspace import Workspace
 
 log = logging.getLogger(__name__)
@@ -103,21 +104,17 @@ def drawn_takes(
     rng: np.random.Generator,
     varied: Sequence[int] | None = None,
     barred: Callable[[Actor], bool] = lambda actor: False,
-) -> tuple[list[str], list[tuple[int, Actor]]]:
-    """Draws takes of some people, of which the first has them as given.
+) -> PeopleInTakes:
+    """Draws takes of some people, all equally probable, of which the first has them as given.
 
     Parameters
     ----------
+    actors : at least one
     step : s of a step; None: nobody knows
     spread : standard deviations
     count : number of takes, the first included
     varied : numbers of the people who may walk otherwise; None: all. The others are in all takes
     barred : tells that a person must not walk so
-
-    Returns
-    -------
-    names : of the takes
-    people : the number among `actors` of each person, and the person, who names the take
 
     Raises
     ------
@@ -127,7 +124,9 @@ def drawn_takes(
     within(count, 2, MOST_TAKES, "count", "takes")
     spread.require_for(step)
     chosen = range(len(actors)) if varied is None else varied
+    require(varied is None or len(chosen) > 0, "people", "must be somebody, or left out for all")
     for j in chosen:
+        whole(j, "people")
         within(j, 0, len(actors) - 1, "people")
     require(len(set(chosen)) == len(chosen), "people", "must be numbers that differ")
     names = [AS_GIVEN, *(f"take {k}" for k in range(1, count))]
@@ -149,7 +148,8 @@ def drawn_takes(
             "somebody or too near to a drone's start; a smaller spread has room",
             stuck[0], more, _TRIES,
         )  # fmt: skip
-    return names, [*fixed, *people]
+    numbers, drawn = zip(*fixed, *people, strict=True)
+    return PeopleInTakes(equal_chances(names), drawn, numbers)
 
 
 def _drawn(

@@ -58,7 +58,7 @@ def recipe(path: Path) -> str:
         else:
             actor["take"] = numbers[actor["take"]]
     for robot in problem["robots"]:
-        del robot["home"]
+        del robot["home"], robot["number"]
     for holder, field in [(problem, "step"), *((robot, "limits") for robot in problem["robots"])]:
         if holder[field] is None:
             del holder[field]

@@ -53,8 +53,9 @@ def trajectory(
         scene says it `latitude`, `longitude` (WGS 84), `above_sea` or `above_ellipsoid`. `attrs`
         has `step`, `reward`, `least_distance` (m, between two drones at any moment),
         `people_distance` (m, from a drone to the middle of a person, from above; None where there
-        is nobody) and the like, and of drones with homes `from_home`, the seconds of each from
-        take-off to landing.
+        is nobody) and the like, and of drones with homes `from_home`: for each drone and part of
+        the take the `seconds` from take-off to landing, and the ways `out` and `back`, as
+        `cocap-opt fly --json` has them.
 
     Raises
     ------
@@ -69,7 +70,7 @@ def trajectory(
     """
     from pandas import DataFrame
 
-    from cocap_opt.flight.ways import has_homes, parts_of_take, rows_of
+    from cocap_opt.flight.ways import has_homes, parts_of_take, records_of
 
     flown = plan_for(problem, plan, "flown")
     if flown.stays and not hovering:
@@ -79,7 +80,7 @@ def trajectory(
     table = DataFrame(flight.columns(every))
     table.attrs = {**flight.record(), "off_between_rows": flight.off_between_rows(every)}
     if has_homes(problem):
-        table.attrs["from_home"] = rows_of(parts_of_take(flight.flown.problem, flown))
+        table.attrs["from_home"] = records_of(parts_of_take(flight.flown.problem, flown))
     return table
 
 
@@ -154,7 +155,7 @@ def robustness(
     flight = _flight_scene(problem, step, margin).without_earth.flight(flown, smooth)
     for step in lost or ():
         require(step, "lost", "whole numbers of steps", int, np.integer)
-    table = DataFrame(what_if(flight, Changes(late, aside, lag), lost))
+    table = DataFrame(what_if(flight, Changes(late, aside, lag), lost).records())
     table.attrs = {
         "delay_tolerance": tolerated_delay(flight),
         "delay_tolerance_to_people": tolerated_delay_of_people(flight),

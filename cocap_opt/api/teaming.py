@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def team(
     problem: Problem,
-    drones: Iterable[int] = (1, 2, 3, 4, 5, 6),
+    drones: int | Iterable[int] = (1, 2, 3, 4, 5, 6),
     *,
     camera: str | Sequence[str] | None = None,
     heights: Sequence[float] | None = None,
@@ -35,7 +35,7 @@ def team(
     Parameters
     ----------
     problem : the drones, the people, and where they are
-    drones : numbers of drones
+    drones : numbers of drones, or one of them
     camera : names of cameras, as `cocap-opt scenes` lists them, each of which makes teams of its
         own; None: that of the problem's drones
     heights : m, as the problem's flight heights are; at each of them is a team that stays there;
@@ -78,7 +78,8 @@ def team(
 
     require_problem(problem)
     names = [camera] if isinstance(camera, str) else camera
-    asked = Asked.of(drones, names, heights, cameras, at_least)
+    numbers = [drones] if isinstance(drones, int) else drones
+    asked = Asked.of(numbers, names, heights, cameras, at_least)
     require_number(share, "share")
     wanted = Option("share").require_part(share)
     settings = team_settings(time_limit, work_limit, out is not None or workers is not None)

@@ -24,6 +24,7 @@ from cocap_opt.cli.options import (
 from cocap_opt.data import FieldError, ProblemError
 from cocap_opt.files.documents import FileError
 from cocap_opt.flight.changes import (
+    ChangeRow,
     Changes,
     people_and_delay,
     tolerated_delay,
@@ -32,8 +33,8 @@ from cocap_opt.flight.changes import (
 )
 from cocap_opt.flight.flight_scene import FlightScene
 from cocap_opt.flight.flights import Flight, LimitError
-from cocap_opt.flight.ways import NOTE, Part, has_homes, parts_of_take, pauses_of, rows_of
-from cocap_opt.footage.losses import steps_in_words, what_if
+from cocap_opt.flight.ways import NOTE, Part, has_homes, parts_of_take, pauses_of, records_of
+from cocap_opt.footage.losses import Seen, WhatIf, steps_in_words, what_if
 from cocap_opt.missions import FORMATS, Writer
 from cocap_opt.output.files import PlanReader, check_output, save_files
 from cocap_opt.output.printing import Listing, Record, print_result
@@ -207,6 +208,11 @@ def _fly(
     check_output(output, scene, plan)
     given = PlanReader(scene, load_planned(scene, seed)).plan(plan, any_objective=True)
     problem, planned, cut_short = given.problem, given.plan, given.cut_short
+    if FORMATS[suffix].takes_off and problem.begins_in_the_air:
+        raise UsageError(
+            f"-o: must not end with {suffix}, for these missions take off, and the scene is the "
+            "rest of a mission whose drones are in the air; .csv has their places"
+        )
     try:
         flight = flown.flight(problem, planned, local)
         flight = flight._replace(start=begins, cut_short=cut_short)
@@ -233,13 +239,13 @@ def _fly(
         if json:
             rows = {"drones": flight.rows(), "notes": notes}
             if parts:
-                rows["from_home"] = _ways(parts)
+                rows["from_home"] = records_of(parts)
             print_result({**answer, **rows, "files": [*files]}, json)
         else:
             print_result({**answer, "file": " ".join(map(str, files))}, json)
             shown = [words for words in notes if words != cut_short]  # which stands at the top
             if parts:
-                Listing("from take-off to landing", rows_of(parts)).print()
+                _in_the_air(parts).print()
             _tightest(flight.rows(), shown).print()
     return 0
 
@@ -248,25 +254,26 @@ def _of_homes(parts: Sequence[Part], suffix: str) -> Iterator[str]:
     """Yields what ways from and to home are, and that missions do not hold them."""
     if parts:
         yield NOTE
-        if FORMATS[suffix].autopilots or suffix == ".skyc":
+        if FORMATS[suffix].takes_off:
             yield (
                 f"{suffix} holds no ways from and to home: the sheet (.pdf) and --json have them; "
                 "missions take off and land straight below their first and last places"
             )
 
 
-def _ways(parts: Sequence[Part]) -> list[Record]:
-    """Returns each drone's ways in each part of the take, with the points at which they turn."""
-    return [
+def _in_the_air(parts: Sequence[Part]) -> Listing:
+    """Returns the table of each drone's time in the air in each part, and of its battery."""
+    rows = [
         {
-            "first": part.first, "last": part.last, "drone": drone.drone,
-            "seconds": drone.seconds, "endurance": drone.endurance,
-            "out": {"waits": drone.out.waits, "points": drone.out.points.tolist()},
-            "back": {"waits": drone.back.waits, "points": drone.back.points.tolist()},
+            **({"steps": part.words} if len(parts) > 1 else {}),
+            "drone": drone.drone, "out (s)": drone.out.seconds, "take (s)": drone.filming,
+            "back (s)": drone.back.seconds, "waits (s)": drone.out.waits + drone.back.waits,
+            "in the air (s)": drone.seconds, "battery (s)": drone.endurance,
         }
         for part in parts
         for drone in part.drones
     ]  # fmt: skip
+    return Listing("from take-off to landing", rows)
 
 
 def _writer(suffix: str, autopilot: str | None, items: int | None) -> Writer:
@@ -373,7 +380,6 @@ def _start(text: str, suffix: str, is_dated: bool) -> datetime:
 # -- robustness ------------------------------------------------------------------------
 
 _USUAL = Changes()
-_SEEN = {"J (%)": "share", "seen by two (%)": "by_two", "by none (%)": "by_none"}
 
 
 def _robustness(
@@ -431,11 +437,11 @@ def _robustness(
     except ProblemError as error:
         raise FileError(f"{plan}: {error}") from error
     try:
-        rows = what_if(flight, changes, lost)
+        found = what_if(flight, changes, lost)
     except ProblemError as error:
         raise UsageError(f"--{error}") from error
     delay, to_people = tolerated_delay(flight), tolerated_delay_of_people(flight)
-    notes = [*_notes(flight, delay, to_people), *_asking(rows)]
+    notes = [*_notes(flight, delay, to_people), *_asking(found)]
     if json:
         answer: Record = {
             **({"cut_short": cut_short} if cut_short else {}),
@@ -444,51 +450,51 @@ def _robustness(
             "delay_tolerance": written_delay(delay),
             "delay_tolerance_to_people": written_delay(to_people),
         }
-        print_result({**answer, "changes": rows, "notes": notes}, json)
+        print_result({**answer, "changes": found.records(), "notes": notes}, json)
     else:
         kind = "smooth" if flown.smooth else "straight"
-        title = f"{problem.name}, {kind}: what is left of J = {rows[0]['reward']:,.2f}"
-        changed = [row for row in rows if row["lost_drone"] is None]
-        Listing(title, [_shown(row) for row in changed], notes).print()
-        _losses(rows[0], sorted(rows[len(changed) :], key=lambda row: row["reward"])).print()
+        title = f"{problem.name}, {kind}: what is left of J = {found.changes[0].reward:,.2f}"
+        Listing(title, [_shown(row) for row in found.changes], notes).print()
+        _losses(found).print()
     return 0
 
 
-def _losses(planned: Record, lost: Sequence[Record]) -> Listing:
+def _losses(found: WhatIf) -> Listing:
     """Returns the table of lost drones below the plan, with who is no longer seen by two."""
     notes = [
         "a drone that is lost at a step contributes nothing from there on, and has left the scene: "
         "what becomes of it is not looked at; its worst step is the last one at which it costs as "
         "much as if it had never flown"
     ]
+    lost = sorted(found.losses, key=lambda row: row.left.reward)
     for row in lost[:_MANY]:
-        gone = [f"{seen['person']} at {steps_in_words(seen['steps'])}" for seen in row["no_longer"]]
+        gone = [f"{person} at {steps_in_words(steps)}" for person, steps in row.seen.no_longer]
         if gone:
-            notes.append(f"{row['change']}, no longer seen by two: {'; '.join(gone)}")
-    rows = [
-        {
-            "change": row["change"],
-            **{name: None if row[key] is None else 100 * row[key] for name, key in _SEEN.items()},
-        }
-        for row in (planned, *lost)
-    ]
+            notes.append(f"{row.left.change}, no longer seen by two: {'; '.join(gone)}")
+    rows = [_seen(found.changes[0], found.seen), *(_seen(row.left, row.seen) for row in lost)]
     what = "the plan, and the losses that cost most"
     return Listing("if a drone is lost", rows, notes).first(_MANY + 1, what)
 
 
-def _shown(row: Record) -> Record:
-    """Returns a row as people read it."""
-    share = row["share"]
+def _seen(left: ChangeRow, seen: Seen) -> Record:
+    """Returns a row of the losses as people read it."""
+    shares = {"J (%)": left.share, "seen by two (%)": seen.by_two, "by none (%)": seen.by_none}
+    percents = {name: None if part is None else 100 * part for name, part in shares.items()}
+    return {"change": left.change, **percents}
+
+
+def _shown(row: ChangeRow) -> Record:
+    """Returns a row of the changes as people read it."""
     columns: Record = {
-        "change": row["change"],
-        "J (%)": None if share is None else 100 * share,
-        "drones (m)": row["least_distance"],
+        "change": row.change,
+        "J (%)": None if row.share is None else 100 * row.share,
+        "drones (m)": row.least_distance,
     }
-    if row["people_distance"] is not None:
-        columns["people (m)"] = row["people_distance"]
-    asked = [row[key] for key in ("ask_drones", "ask_people") if row[key] is not None]
+    if row.people_distance is not None:
+        columns["people (m)"] = row.people_distance
+    asked = [metres for metres in (row.ask_drones, row.ask_people) if metres is not None]
     way_out = f"; ask for {' and '.join(f'{metres:g}' for metres in asked)} m" if asked else ""
-    return {**columns, "rules": f"{row['rules']}{way_out}"}
+    return {**columns, "rules": f"{row.rules}{way_out}"}
 
 
 def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iterator[str]:
@@ -509,9 +515,10 @@ def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iter
     yield from people_and_delay(flight, to_people)
 
 
-def _asking(rows: Sequence[Record]) -> Iterator[str]:
+def _asking(found: WhatIf) -> Iterator[str]:
     """Yields a sentence on the distances to ask for, where there are any."""
-    if any(row["ask_drones"] is not None or row["ask_people"] is not None for row in rows):
+    rows = [*found.changes, *(row.left for row in found.losses)]
+    if any(row.ask_drones is not None or row.ask_people is not None for row in rows):
         yield (
             "distances to ask for are those of the scene and what is missing; a plan made with "
             "them is another one: look at it again, to people with a --margin larger by as much"

@@ -20,6 +20,7 @@ from cocap_opt.referee import check
 from cocap_opt.run.kept_share import run_keeping
 from cocap_opt.run.options import UsageError
 from cocap_opt.stop import Interrupt
+from cocap_opt.text import rounded_up
 
 _METHOD = "column-generation"
 
@@ -38,8 +39,8 @@ def _limits(
     """Say which moves the limits of a recipe's drones leave, and how much J that costs at most.
 
     A recipe with limits plans the moves that drones can fly smoothly in any order. With a plan a
-    bound is computed and certified, of all the moves that the recipe has, however fast, from the
-    same starts: no plan loses more J to the limits.
+    bound is computed and certified, of all the moves that the recipe has, however fast, from
+    starts in the same cells: no plan loses more J to the limits.
 
     Example: cocap-opt limits scene.toml plan.json
     """
@@ -57,9 +58,11 @@ def _limits(
                 wide, _METHOD, allowance.begin(interrupt), watch=watch, start=None,
                 report=watch.report(), gap=OPTIMALITY,
             )  # fmt: skip
-        bound = judged.result.bound
+        bound, limit = judged.result.bound, judged.result.limit
         lost = max(bound - reward, 0.0)
         answer |= {"reward": reward, "bound": bound, "lost": lost}
+        if limit is not None:
+            notes.append(f"the search for the bound was stopped by the {limit} limit")
         if reward > bound:
             notes.append(
                 f"the limits cost nothing: the plan, with J {reward:,.2f}, moves by parts of "
@@ -68,7 +71,8 @@ def _limits(
         elif math.isfinite(bound):
             notes.append(
                 f"certified: with all moves of the recipe no plan has more than J {bound:,.2f}; "
-                f"this one, with J {reward:,.2f}, has at most {100 * lost / bound:.2f} % less"
+                f"this one, with J {reward:,.2f}, has at most "
+                f"{rounded_up(100 * lost / bound if bound else 0.0, 2)} % less"
             )
         else:
             notes.append("no bound was found in time; a longer --time-limit may give one")
@@ -93,7 +97,10 @@ def _unlimited(path: Path, seed: int) -> Problem:
 
 
 def _with_moves_of(problem: Problem, other: Problem) -> Problem:
-    """Returns a problem whose drones make the moves that they make in another, on its own cells."""
+    """Returns a problem whose drones make the moves of another, from their starts, on their cells.
+
+    Flight heights are those of the other, too, where limits lift them over steep ground.
+    """
     parts = round(other.height_map.resolution / problem.height_map.resolution)
     robots = []
     for i, (robot, free) in enumerate(zip(problem.robots, other.robots, strict=True)):
@@ -112,7 +119,8 @@ def _with_moves_of(problem: Problem, other: Problem) -> Problem:
         )
         robots.append(robot.replace(motion=motion, limits=None))
     airspace = problem.airspace.replace(people_stray=0.0)
-    return problem.replace(robots=tuple(robots), airspace=airspace)
+    terrain = problem.height_map.replace(lift=None)
+    return problem.replace(robots=tuple(robots), airspace=airspace, height_map=terrain)
 
 
 def _rows(problem: Problem, unlimited: Problem) -> list[Record]:

@@ -1,5 +1,6 @@
 """The command `takes`: plans for each take beside a plan for all, each in every take."""
 
+import logging
 import math
 from pathlib import Path
 from typing import Annotated
@@ -20,7 +21,10 @@ from cocap_opt.scenarios.spread import Spread
 from cocap_opt.stop import Interrupt
 from cocap_opt.text import rounded_up
 
+_log = logging.getLogger(__name__)
+
 _DRAWN = 3  # takes
+_KINDS = "scene", "bound", "plan"  # of files
 
 
 def _takes(
@@ -70,6 +74,8 @@ def _takes(
     make_folder(output)
     with Interrupt.caught() as interrupt, Watch.on_terminal(problem.name) as watch:
         found = hedging(problem, seconds, interrupt, show=watch.show)
+    if interrupt.pressed:
+        _log.warning("stopped by Ctrl-C: plans and bounds are those that were found until then")
     files = {} if output is None else _saved(found, output)
     _say(found, seed, files, output, json)
     return 0
@@ -113,6 +119,9 @@ def _saved(found: Hedging, folder: Path) -> dict[str, list[str]]:
                 PlanFile.of(found.problem, row.plan, row.mean, f"for {row.made_for}")
             )
     save_files({folder / name: content for name, content in contents.items()})
+    strays = {path.name for kind in _KINDS for path in folder.glob(f"take-*.{kind}.json")}
+    if others := sorted(strays - contents.keys()):
+        _log.warning("%s: not of this scene, and not written now: %s", folder, ", ".join(others))
     return {"files": sorted(contents)}
 
 

@@ -21,7 +21,7 @@ _SHARE = 0.95
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class _Wanted:
+class _RequiredViews:
     """The options that say what a team is to reach."""
 
     share: Annotated[
@@ -39,7 +39,7 @@ class _Wanted:
     ] = None
 
 
-_USUAL = _Wanted()
+_USUAL = _RequiredViews()
 
 
 def _team(
@@ -57,7 +57,7 @@ def _team(
         Parameter(help="metres, such as 6,9,12: at each of them a team of its own, which stays "
                   "there; the scene's heights if not given"),
     ] = None,
-    wanted: _Wanted = _USUAL,
+    required: _RequiredViews = _USUAL,
     seed: Seed = 0,
     time_limit: Annotated[
         float,
@@ -87,7 +87,7 @@ def _team(
 
     Example: cocap-opt team bottleneck --drones 1-4 --out teams
     """  # fmt: skip
-    asked = _asked(drones, camera, heights, wanted)
+    asked = _asked(drones, camera, heights, required)
     if retry and out is None:
         raise UsageError("--retry: name the folder with --out; without one nothing is kept")
     seconds = Option("--time-limit").require_seconds(time_limit)
@@ -96,7 +96,7 @@ def _team(
     hired = workforce.hired(settings)
     problem = load(scene, seed)
     rows = compare_teams(problem, seed, asked, settings, out, hired, retry)
-    words = list(sentences(rows, wanted.share))
+    words = list(sentences(rows, required.share))
     if json:
         print_result({"rows": records(rows), "words": words, "output": out}, json)
     else:
@@ -107,15 +107,15 @@ def _team(
     return 1 if any(row.failed for row in rows) else 0
 
 
-def _asked(drones: str, camera: str | None, heights: str | None, wanted: _Wanted) -> Asked:
+def _asked(drones: str, camera: str | None, heights: str | None, required: _RequiredViews) -> Asked:
     """Returns the teams that the options ask for; UsageError names the one that is out of range."""
-    Option("--share").require_part(wanted.share)
+    Option("--share").require_part(required.share)
     return Asked.of(
         Option("--drones").numbers(drones),
         None if camera is None else camera.split(","),
         None if heights is None else Option("--heights").lengths(heights),
-        wanted.cameras,
-        wanted.at_least,
+        required.cameras,
+        required.at_least,
         lambda name: f"--{name.replace('_', '-')}",
     )
 

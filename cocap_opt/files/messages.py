@@ -16,6 +16,8 @@ _UNKNOWN_WORD = re.compile(r"Invalid (?:enum )?value (.*)")
 _WRONG = re.compile(r"Expected `([^`]*)`(.*?)(?:, got `?([^`]*)`?)?")
 _UNKNOWN_FIELD = re.compile(r"Object contains unknown field `(.*)`")
 _MISSING_FIELD = re.compile(r"Object missing required field `(.*)`")
+_OTHER_NAMES = {"heights": "layers", "height": "layers", "altitudes": "layers"}  # for fields
+_FEW_FIELDS = 8  # that are named where an object should be
 _PART = re.compile(r"([^.\[\]]+)|\[([^\]]*)\]")  # of a path such as tracks[0].unit
 _TYPES = {
     "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false",
@@ -92,8 +94,12 @@ def _allowed_words(said: str, kind: object, path: str) -> str:
         # Where null is one of several, a field may be left out.
         types = [word for word in expected.split(" | ") if word != "null"] or ["null"]
         words = _allowed(inspect.type_info(kind), path)  # else any text is
+        fields = _fields(inspect.type_info(kind), path) if "object" in types else []
+        of_fields = f", {', '.join(fields)}" if 0 < len(fields) <= _FEW_FIELDS else ""
         either = " or ".join(
-            words[0] if word == "str" and len(words) == 1 else _TYPES.get(word, word)
+            f'"{words[0]}"'
+            if word == "str" and len(words) == 1
+            else _TYPES.get(word, word) + of_fields * (word == "object")
             for word in types
         )
         given = "a number with decimals" if found == "float" else _TYPES.get(found, found)
@@ -102,8 +108,10 @@ def _allowed_words(said: str, kind: object, path: str) -> str:
         return "must be a number within +-1.8e308"
     if field := _UNKNOWN_FIELD.fullmatch(said):
         known = _fields(inspect.type_info(kind), path)
+        other = _OTHER_NAMES.get(field[1], "")
+        question = f"; did you mean {other}?" if other in known else meant(field[1], known)
         return f"must have no unknown field `{field[1]}`" + (
-            f"{meant(field[1], known)}; known are {', '.join(known)}" if known else ""
+            f"{question}; known are {', '.join(known)}" if known else ""
         )
     if field := _MISSING_FIELD.fullmatch(said):
         return f"must have the field `{field[1]}`"

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from cocap_opt.data import ProblemError
 from cocap_opt.flight.delays import bearable_delay, bearable_delay_of_people
@@ -15,6 +15,58 @@ KEPT, NONE = "kept", "none"
 UNLIMITED = "unlimited"  # a delay
 MOST_ASIDE = 100.0  # m
 _TOUCH = 1e-6  # cm, less is rounding
+
+
+class ChangeRow(NamedTuple):
+    """A change, and what is left of the flight.
+
+    Attributes
+    ----------
+    change : in words
+    reward : J between the steps, too
+    share : of J of the flight as planned; None if that is 0
+    least_distance : m, between drones; None for one drone
+    people_distance : m, to the middle of anybody, from above; None where the scene asks for none
+    rules : kept, or to whom drones come too near; none where the scene has none between the steps
+    ask_drones, ask_people : m, the distance to ask for, that of the scene and what is missing,
+        rounded up to centimetres; None where none is missing
+    """
+
+    change: str
+    reward: float
+    share: float | None
+    least_distance: float | None
+    people_distance: float | None
+    rules: str
+    ask_drones: float | None
+    ask_people: float | None
+
+    @classmethod
+    def of(
+        cls, flight: Flight, words: str, outcome: Outcome, moves: float, planned: float
+    ) -> "ChangeRow":
+        """Returns the row of a change.
+
+        Parameters
+        ----------
+        moves : rewards for moves, a part of J
+        planned : J as planned
+        """
+        problem = flight.flown.problem
+        asks = problem.airspace.people_aside > 0
+        fine = KEPT if asks or problem.rules.separation else NONE
+        reward, near = outcome.reward + moves, sorted(outcome.too_near)
+        stated = problem.airspace if flight.asked is None else flight.asked
+        return cls(
+            change=words,
+            reward=reward,
+            share=reward / planned if planned > 0 else None,
+            least_distance=_finite(outcome.apart),
+            people_distance=_finite(outcome.aside) if asks else None,
+            rules=f"too near: {', '.join(near)}" if near else fine,
+            ask_drones=_asked(problem.rules.separation, outcome.missing.get("drones")),
+            ask_people=_asked(stated.people_aside, outcome.missing.get("people")),
+        )
 
 
 class Changes(NamedTuple):
@@ -31,10 +83,8 @@ class Changes(NamedTuple):
     aside: Sequence[float] = (1.0,)
     lag: Sequence[float] = (0.5, 1.0, 2.0)
 
-    def rows(self, flight: Flight) -> list[dict[str, Any]]:
-        """Returns a row per change; of a drone that lags it has the worst, whichever drone it is.
-
-        `row_of` says what its columns are.
+    def rows(self, flight: Flight) -> list[ChangeRow]:
+        """Returns a row per change, as planned first; of drones that lag it has the worst.
 
         Raises
         ------
@@ -44,7 +94,7 @@ class Changes(NamedTuple):
         self._require(flight.flown.seconds)
         robustness, moves = Robustness(flight.flown), flight.verdict.reward_moves
         return [
-            row_of(flight, words, outcome, moves, robustness.as_planned.reward + moves)
+            ChangeRow.of(flight, words, outcome, moves, robustness.as_planned.reward + moves)
             for words, outcome in self._outcomes(robustness, flight.flown.problem)
         ]
 
@@ -73,40 +123,6 @@ class Changes(NamedTuple):
                     raise ProblemError(
                         f"{name}: must be more than 0 and at most {most:g} {unit}, not {value:g}"
                     )
-
-
-def row_of(
-    flight: Flight, words: str, outcome: Outcome, moves: float, planned: float
-) -> dict[str, Any]:
-    """Returns the row of a change.
-
-    Columns: `change`, `reward` (J between the steps, too), `share` (of that of the flight as
-    planned; None if that is 0), `least_distance` (m, between drones; None for one drone),
-    `people_distance` (m, to the middle of anybody, from above; None where the scene asks for
-    none), `rules` (kept, or to whom drones come too near; none where the scene has none between the
-    steps), `ask_drones` and `ask_people` (m, the distance to ask for, that of the scene and what is
-    missing, rounded up to centimetres; None where none is missing).
-
-    Parameters
-    ----------
-    moves : rewards for moves, a part of J
-    planned : J as planned
-    """
-    problem = flight.flown.problem
-    asks = problem.airspace.people_aside > 0
-    fine = KEPT if asks or problem.rules.separation else NONE
-    reward, near = outcome.reward + moves, sorted(outcome.too_near)
-    stated = problem.airspace if flight.asked is None else flight.asked
-    return {
-        "change": words,
-        "reward": reward,
-        "share": reward / planned if planned > 0 else None,
-        "least_distance": _finite(outcome.apart),
-        "people_distance": _finite(outcome.aside) if asks else None,
-        "rules": f"too near: {', '.join(near)}" if near else fine,
-        "ask_drones": _asked(problem.rules.separation, outcome.missing.get("drones")),
-        "ask_people": _asked(stated.people_aside, outcome.missing.get("people")),
-    }
 
 
 def _asked(stated: float, missing: float | None) -> float | None:

@@ -210,6 +210,12 @@ class Flight(NamedTuple):
     def warnings(self) -> Iterable[str]:
         """Yields sentences on what was not checked or is not known."""
         problem = self.flown.problem
+        if problem.begins_in_the_air:
+            numbers = ", ".join(f"drone {i} is {r.number}" for i, r in enumerate(problem.robots))
+            yield (
+                "the scene is the rest of a mission: drones hover at their first places until all "
+                f"begin; in the mission {numbers}"
+            )
         if not self.is_smooth:
             yield "speeds jump at each step, and no acceleration was checked; --smooth has neither"
         least = self.flown.least_distance()

@@ -19,7 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, read_only
+from cocap_opt.data import LARGEST, FloatArray, read_only
 from cocap_opt.flight.bernstein import Peak, derivative, elevated
 from cocap_opt.flight.trajectory import DEGREE, split
 from cocap_opt.problem import Limits, Stride
@@ -80,15 +80,16 @@ class Rests:
         ----------
         step : s
         """
-        upright = [most for most in (limits.climb, limits.descent) if most is not None]
+
+        def most(rates: list[float | None], seconds: float, share: float) -> float | None:
+            """Returns the metres at the lowest rate that is known, within what numbers may be."""
+            known = [rate for rate in rates if rate is not None]
+            return min(min(known) * seconds / share, LARGEST) if known else None
+
         return Stride(
-            aside=None if limits.speed is None else limits.speed * step / self.rate,
-            upright=min(upright) * step / self.rate if upright else None,
-            space=(
-                None
-                if limits.acceleration is None
-                else limits.acceleration * step**2 / self.acceleration
-            ),
+            aside=most([limits.speed], step, self.rate),
+            upright=most([limits.climb, limits.descent], step, self.rate),
+            space=most([limits.acceleration], step**2, self.acceleration),
         )
 
     def between(self, points: FloatArray) -> FloatArray:

@@ -15,13 +15,13 @@ import numpy as np
 
 from cocap_opt.data import FloatArray, IntArray, ProblemError
 from cocap_opt.graph.motion import Window, allowed_moves
-from cocap_opt.problem import Plan, Problem, State
+from cocap_opt.problem import Plan, Problem, Robot, State
 from cocap_opt.problem.homes import landing_layers
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-RISE = 1.0  # m/s, at which drones rise from the ground, and sink to it, at the slowest
+RISE = 1.0  # m/s, at which drones rise from the ground and sink to it, unless limits are lower
 CRUISE = 4.0  # m/s, on the level, of drones whose limits are known and allow it
 _ROOM = 60  # cells around homes and the plan, in which ways are looked for before all of the map
 _LEAST = 1e-9  # s; scipy takes moves of no duration for none
@@ -51,14 +51,14 @@ class AirTime(NamedTuple):
     ----------
     drone : its number
     out : its way from home
-    take : s of the plan
+    filming : s of the plan
     back : its way home
     endurance : s for which its battery lasts; None: nobody knows
     """
 
     drone: int
     out: Way
-    take: float
+    filming: float
     back: Way
     endurance: float | None
 
@@ -66,7 +66,7 @@ class AirTime(NamedTuple):
     def seconds(self) -> float:
         """Seconds from take-off to landing."""
         out, back = self.out, self.back
-        return out.seconds + out.waits + self.take + back.waits + back.seconds
+        return out.seconds + out.waits + self.filming + back.waits + back.seconds
 
     @property
     def lasts(self) -> bool:
@@ -87,18 +87,26 @@ class Part(NamedTuple):
         return f"{self.first}..{self.last}"
 
 
-def rows_of(parts: Sequence[Part]) -> list[dict[str, Any]]:
-    """Returns rows of a table: each drone's time in the air in each part, and its battery (s)."""
+def records_of(parts: Sequence[Part]) -> list[dict[str, Any]]:
+    """Returns plain data: each drone's time in the air in each part, and its ways.
+
+    Keys: `first` and `last` (the steps of the part), `drone`, `seconds` (from take-off to landing),
+    `filming` (s), `endurance` (s; None: nobody knows), `out` and `back`, which have the `seconds`
+    of the way, `waits` (s) and `points` (m), where it turns.
+    """
     return [
         {
-            **({"steps": part.words} if len(parts) > 1 else {}),
-            "drone": drone.drone, "out (s)": drone.out.seconds, "take (s)": drone.take,
-            "back (s)": drone.back.seconds, "waits (s)": drone.out.waits + drone.back.waits,
-            "in the air (s)": drone.seconds, "battery (s)": drone.endurance,
+            "first": part.first, "last": part.last, "drone": drone.drone,
+            "seconds": drone.seconds, "filming": drone.filming, "endurance": drone.endurance,
+            "out": _record_of(drone.out), "back": _record_of(drone.back),
         }
         for part in parts
         for drone in part.drones
     ]  # fmt: skip
+
+
+def _record_of(way: Way) -> dict[str, Any]:
+    return {"seconds": way.seconds, "waits": way.waits, "points": way.points.tolist()}
 
 
 def pauses_of(parts: Sequence[Part]) -> str:
@@ -111,6 +119,16 @@ def pauses_of(parts: Sequence[Part]) -> str:
         f"batteries do not last for the whole take: pause it at {at} at the latest, people too, "
         "fly all drones home, change batteries, and take it up there"
     )
+
+
+def rising(robot: Robot) -> float:
+    """Returns the speed (m/s) at which a drone rises from the ground, RISE or as limits allow."""
+    return min(RISE, (robot.limits and robot.limits.climb) or RISE)
+
+
+def sinking(robot: Robot) -> float:
+    """Returns the speed (m/s) at which a drone sinks to the ground, RISE or as limits allow."""
+    return min(RISE, (robot.limits and robot.limits.descent) or RISE)
 
 
 NOTE = (
@@ -194,11 +212,11 @@ def _longest(
 
 
 def _times(
-    problem: Problem, out: Sequence[Way], back: Sequence[Way], take: float
+    problem: Problem, out: Sequence[Way], back: Sequence[Way], filming: float
 ) -> Iterator[AirTime]:
     for i, robot in enumerate(problem.robots):
         endurance = None if robot.limits is None else robot.limits.endurance
-        yield AirTime(i, out[i], take, back[i], endurance)
+        yield AirTime(i, out[i], filming, back[i], endurance)
 
 
 class _Ways:
@@ -228,8 +246,8 @@ class _Ways:
         for i, robot in enumerate(self.problem.robots):
             if robot.limits is not None and robot.limits.endurance is not None:
                 least = self._nets[i].seconds_home(plan.paths[i][last])
-                take = (last - first) * self.step
-                if out[i].seconds + out[i].waits + take + least > robot.limits.endurance:
+                filming = (last - first) * self.step
+                if out[i].seconds + out[i].waits + filming + least > robot.limits.endurance:
                     return False
         return True
 
@@ -291,7 +309,7 @@ class _Net:
         """Returns where the nodes are [n, 3] (m); the last is on the ground."""
         layer, x, y = np.unravel_index(np.arange(self._pad), self._shape)
         rows = np.column_stack([x + self._window.x0, y + self._window.y0, layer])
-        places = self._problem.above(self._robot, rows)
+        places = self._problem.above(self._motion, rows)
         ground = [*self._problem.height_map.centre(*self._home), self._ground]
         return np.concatenate([places, [ground]])
 
@@ -317,10 +335,11 @@ class _Net:
             seconds.append(np.maximum(along, self._climbing(rise)))
         for landing in landing_layers(self._problem, self._robot):
             node = self._node(State(*self._home, landing))
-            high = (self._altitude(landing) - self._ground) / RISE
+            high = self._altitude(landing) - self._ground
             tails += [np.array([node]), np.array([self._pad])]
             heads += [np.array([self._pad]), np.array([node])]
-            seconds += [np.array([max(high, _LEAST)])] * 2
+            for speed in (sinking(self._robot), rising(self._robot)):
+                seconds.append(np.array([max(high / speed, _LEAST)]))
         return np.concatenate(tails), np.concatenate(heads), np.concatenate(seconds)
 
     def _climbing(self, rise: FloatArray) -> FloatArray:

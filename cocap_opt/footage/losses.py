@@ -7,30 +7,91 @@ much as if it had never flown.
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cocap_opt.data import BoolArray, ProblemError
-from cocap_opt.flight.changes import Changes, row_of
+from cocap_opt.flight.changes import ChangeRow, Changes
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.robustness import Outcome, Robustness
 from cocap_opt.footage.quality import Quality
 from cocap_opt.referee import rewards_of_move
 
 _ROUNDING = 1e-12  # relative
-Row = dict[str, Any]
-_NOTHING: Row = dict.fromkeys(("lost_drone", "lost_step", "by_two", "by_none", "no_longer"))
 
 
-def what_if(flight: Flight, changes: Changes, lost: Sequence[int] | None = None) -> list[Row]:
-    """Returns a row per change, and a row per drone that is lost, at its worst step or others.
+class NoLonger(NamedTuple):
+    """A person, in words, and the steps at which two drones saw the person as planned only."""
 
-    Columns are those of `changes.row_of`, then `lost_drone` and `lost_step`, the number of the
-    drone and the step at which it is lost, `by_two` and `by_none`, the shares of person-steps seen
-    by two drones or more and by none, and `no_longer`, a list of `person` and `steps`: who is seen
-    by two as planned, and is no longer. They are None but for lost drones, the last three also but
-    for the plan.
+    person: str
+    steps: list[int]
+
+
+class Seen(NamedTuple):
+    """The people whom drones see.
+
+    Attributes
+    ----------
+    by_two, by_none : shares of person-steps seen by two drones or more, and by none; None where
+        nobody counts
+    no_longer : who is seen by two as planned, and is not now
+    """
+
+    by_two: float | None
+    by_none: float | None
+    no_longer: list[NoLonger]
+
+    def record(self) -> dict[str, Any]:
+        """Returns plain data."""
+        return {**self._asdict(), "no_longer": [found._asdict() for found in self.no_longer]}
+
+
+class LossRow(NamedTuple):
+    """A drone that is lost at a step, and what is left of the flight."""
+
+    lost_drone: int
+    lost_step: int
+    left: ChangeRow
+    seen: Seen
+
+
+_NOTHING = dict.fromkeys(("lost_drone", "lost_step", *Seen._fields))
+
+
+class WhatIf(NamedTuple):
+    """The changes of a flight, and the losses of its drones.
+
+    Attributes
+    ----------
+    changes : the first is the flight as planned
+    seen : who is seen as planned
+    losses : drone after drone, each at its worst step or at others
+    """
+
+    changes: list[ChangeRow]
+    seen: Seen
+    losses: list[LossRow]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Returns plain data: a row per change, then a row per loss.
+
+        Columns are those of `ChangeRow`, then `lost_drone` and `lost_step`, and those of `Seen`.
+        They are None but for lost drones, those of `Seen` also but for the plan.
+        """
+        planned, *others = ({**row._asdict(), **_NOTHING} for row in self.changes)
+        lost = (
+            {
+                **row.left._asdict(), "lost_drone": row.lost_drone, "lost_step": row.lost_step,
+                **row.seen.record(),
+            }
+            for row in self.losses
+        )  # fmt: skip
+        return [{**planned, **self.seen.record()}, *others, *lost]
+
+
+def what_if(flight: Flight, changes: Changes, lost: Sequence[int] | None = None) -> WhatIf:
+    """Returns the rows of a flight under each change, and without each drone.
 
     Parameters
     ----------
@@ -42,8 +103,7 @@ def what_if(flight: Flight, changes: Changes, lost: Sequence[int] | None = None)
         If a change is none, or larger than the flight is long; one line.
     """
     losses = Losses(flight)
-    planned, *others = ({**row, **_NOTHING} for row in changes.rows(flight))
-    return [{**planned, **losses.seen(losses.as_planned)}, *others, *losses.rows(lost)]
+    return WhatIf(changes.rows(flight), losses.seen(losses.as_planned), list(losses.rows(lost)))
 
 
 def steps_in_words(steps: Sequence[int]) -> str:
@@ -70,7 +130,7 @@ class Losses:
         self._flight, self._problem = flight, flight.flown.problem
         self._robustness = Robustness(flight.flown)
 
-    def rows(self, steps: Sequence[int] | None = None) -> Iterator[Row]:
+    def rows(self, steps: Sequence[int] | None = None) -> Iterator[LossRow]:
         """Yields a row for each drone and step at which it is lost; None: at its worst step.
 
         Raises
@@ -87,9 +147,8 @@ class Losses:
             for step in [self.worst_step(robot)] if steps is None else steps:
                 words = f"drone {robot} lost at step {step}"
                 outcome, moves = self._lost(robot, step)
-                row = row_of(self._flight, words, outcome, moves, planned)
-                who = {"lost_drone": robot, "lost_step": step}
-                yield {**row, **who, **self.seen(self._seen_without(robot, step))}
+                left = ChangeRow.of(self._flight, words, outcome, moves, planned)
+                yield LossRow(robot, step, left, self.seen(self._seen_without(robot, step)))
 
     def worst_step(self, robot: int) -> int:
         """Returns the last step at which the loss of a drone costs as much as at any other."""
@@ -129,17 +188,16 @@ class Losses:
         seen[step:, robot] = False
         return seen
 
-    def seen(self, seen: BoolArray) -> Row:
-        """Returns the columns of who is seen, where drones see people as in [T+1, R, A]."""
+    def seen(self, seen: BoolArray) -> Seen:
+        """Returns who is seen, where drones see people as in [T+1, R, A]."""
         counts, views = self._quality.counts, seen.sum(axis=1)
         counted = views[counts]
         gone = counts & (self._quality.views >= 2) & (views < 2)
-        people = np.flatnonzero(gone.any(axis=0)).tolist()
-        return {
-            "by_two": float((counted >= 2).mean()) if len(counted) else None,
-            "by_none": float((counted == 0).mean()) if len(counted) else None,
-            "no_longer": [
-                {"person": self._quality.people[j], "steps": np.flatnonzero(gone[:, j]).tolist()}
-                for j in people
+        return Seen(
+            by_two=float((counted >= 2).mean()) if len(counted) else None,
+            by_none=float((counted == 0).mean()) if len(counted) else None,
+            no_longer=[
+                NoLonger(self._quality.people[j], np.flatnonzero(gone[:, j]).tolist())
+                for j in np.flatnonzero(gone.any(axis=0)).tolist()
             ],
-        }
+        )

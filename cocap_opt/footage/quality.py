@@ -58,6 +58,7 @@ class Quality:
     times : [T+1] s since step 0; None where nobody says how long a step lasts
     takes : ways in which people may walk; empty where they walk as they do
     take_of : [A] number of the take that each person is in; 0 without takes
+    chances : [A] probability of that take; 1 without takes
     """
 
     people: tuple[str, ...]
@@ -73,6 +74,7 @@ class Quality:
     times: FloatArray | None
     takes: tuple[Take, ...]
     take_of: IntArray
+    chances: FloatArray
 
     @classmethod
     def of(
@@ -117,6 +119,7 @@ class Quality:
             times=None if problem.step is None else np.arange(float(len(seen))) * problem.step,
             takes=problem.takes,
             take_of=problem.take_of,
+            chances=problem.chances,
         )
 
     @property
@@ -231,8 +234,7 @@ class Quality:
         """Returns the summary of the person-steps of some people."""
         counts, chances = self.counts[:, people], None
         if self.takes:
-            of_each = np.array([take.probability for take in self.takes])[self.take_of[people]]
-            chances = np.broadcast_to(of_each, counts.shape)[counts]
+            chances = np.broadcast_to(self.chances[people], counts.shape)[counts]
         pictures = self.drones_seen[self.first_step :, self.has_pictures]
         return Summary.of(
             self.views[:, people][counts],

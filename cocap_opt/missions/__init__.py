@@ -24,12 +24,14 @@ class MissionFormat(NamedTuple):
     has_dates : True: its times are dates, not only seconds
     autopilots : names of those that its missions are for, the usual one first; empty: it is no
         mission of items
+    takes_off : True: drones fly the file from the ground on
     """
 
     module: str
     on_earth: bool = False
     has_dates: bool = False
     autopilots: tuple[str, ...] = ()
+    takes_off: bool = False
 
     def writer(self, autopilot: str | None = None, items: int | None = None) -> Writer:
         """Returns the function that writes it.
@@ -55,10 +57,14 @@ FORMATS: dict[str, MissionFormat] = {  # by the ending of their names
     ".kml": MissionFormat(".kml", on_earth=True, has_dates=True),
     ".glb": MissionFormat(".gltf"),
     ".pdf": MissionFormat(".sheet", has_dates=True),
-    ".plan": MissionFormat(".qgroundcontrol", on_earth=True, autopilots=("px4", "ardupilot")),
-    ".waypoints": MissionFormat(".waypoint_list", on_earth=True, autopilots=("ardupilot",)),
-    ".skyc": MissionFormat(".skybrush"),
-    ".crazyflie.csv": MissionFormat(".crazyflie"),
+    ".plan": MissionFormat(
+        ".qgroundcontrol", on_earth=True, autopilots=("px4", "ardupilot"), takes_off=True
+    ),
+    ".waypoints": MissionFormat(
+        ".waypoint_list", on_earth=True, autopilots=("ardupilot",), takes_off=True
+    ),
+    ".skyc": MissionFormat(".skybrush", takes_off=True),
+    ".crazyflie.csv": MissionFormat(".crazyflie", takes_off=True),
     ".opencv.json": MissionFormat(".opencv"),
     ".colmap.zip": MissionFormat(".colmap"),
     ".pose2sim.toml": MissionFormat(".pose2sim"),

@@ -75,6 +75,10 @@ def briefing(flight: Flight, every: float | None) -> list[Section]:
 def _take_off(flight: Flight) -> Iterator[Section]:
     """Yields how drones come to their first places and back to the ground."""
     problem = flight.flown.problem
+    if problem.begins_in_the_air:
+        yield ("Drones in the air", list(_already_up(problem)))
+        yield ("Landing (a suggestion)", list(_legs(flight)))
+        return
     if not has_homes(problem):
         yield ("Take-off and landing (a suggestion)", list(_legs(flight)))
         return
@@ -89,6 +93,14 @@ def _take_off(flight: Flight) -> Iterator[Section]:
             for line in _points(drone.drone, words, way)
         ]
         yield (f"Ways{steps}", ["drone           x (m)        y (m)     z (m)", *lines])
+
+
+def _already_up(problem: Problem) -> Iterator[str]:
+    """Yields which drone is which in the mission, and how they begin its rest."""
+    yield "The rest of a mission: all drones hover at their first places until all begin."
+    for i, robot in enumerate(problem.robots):
+        yield f"Drone {i} of this sheet is drone {robot.number} of the mission."
+    yield "Batteries have what is left of them after the steps that were flown."
 
 
 def _homeward(parts: Sequence[Part]) -> Iterator[str]:
@@ -109,7 +121,7 @@ def _homeward(parts: Sequence[Part]) -> Iterator[str]:
             of = f" s of {each.endurance:.0f} s" if known else f" s of {_BLANK}"
             yield (
                 f"{part.words:<10}{each.drone:>5}{each.out.seconds:>9.1f}{each.out.waits:>9.1f}"
-                f"{each.take:>9.1f}{each.back.waits:>9.1f}{each.back.seconds:>9.1f}"
+                f"{each.filming:>9.1f}{each.back.waits:>9.1f}{each.back.seconds:>9.1f}"
                 f"{each.seconds:>11.1f}{of}"
             )
         for name, ways in (
@@ -167,7 +179,7 @@ def _summary(flight: Flight) -> Iterator[str]:
 
 def _signal(flight: Flight) -> str:
     """Says when people get their signal."""
-    if flight.is_smooth:
+    if flight.is_smooth or flight.flown.problem.begins_in_the_air:
         return "Give them a signal then."
     return (
         f"Give them a signal then; with missions of waypoints, {seconds_to_step_0(flight):.3g} s "
@@ -212,6 +224,9 @@ def _drones(flight: Flight) -> Iterator[str]:
 
 def _in_the_air(flight: Flight) -> Iterator[str]:
     """Yields how long drones are in the air, and whose battery does not last for it."""
+    if flight.flown.problem.begins_in_the_air:
+        yield f"In the air: {flight.flown.seconds:g} s for the rest; the way down comes on top."
+        return
     if has_homes(flight.flown.problem):
         yield "In the air: from home and back, as the table below has it."
         return
@@ -337,15 +352,14 @@ def _limits(flight: Flight) -> Iterator[str]:
 def _legs(flight: Flight) -> Iterator[str]:
     """Yields the legs straight up to the first places and straight down from the last."""
     problem, flown = flight.flown.problem, flight.flown
-    yield (
-        f"Straight up from the surface below the first place. {_order(flight)} Straight down at "
-        "the last place, one drone after the other."
-    )
+    if not problem.begins_in_the_air:
+        yield f"Straight up from the surface below the first place. {_order(flight)}"
+    yield "Straight down at the last place, one drone after the other."
     yield ""
     head = "drone              x (m)        y (m)   surface z    place z     leg (m)"
     yield head + _head_of_degrees(flight)
     ends = flown.at(np.array([0.0, flown.seconds]))
-    for k in range(len(ends.t)):
+    for k in range(int(problem.begins_in_the_air), len(ends.t), 1 + problem.begins_in_the_air):
         words = "take-off" if k % 2 == 0 else "landing"
         x, y, z = ends.place[k].tolist()
         i, j = (int(cell[0]) for cell in problem.height_map.cells_below(ends.place[k : k + 1]))
@@ -359,7 +373,7 @@ def _legs(flight: Flight) -> Iterator[str]:
 
 def _missions(flight: Flight) -> Iterator[Section]:
     """Yields what the crew must know of each autopilot's missions of this flight."""
-    if flight.is_smooth or flight.geodesy is None:
+    if flight.is_smooth or flight.geodesy is None or flight.flown.problem.begins_in_the_air:
         return
     lines = ["A mission flies on the autopilot that its file names, and on no other:"]
     found = routes(flight, flight.geodesy)

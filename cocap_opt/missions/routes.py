@@ -9,7 +9,7 @@ import numpy as np
 from cocap_opt.data import FloatArray
 from cocap_opt.flight.earth import Geodesy
 from cocap_opt.flight.flights import Flight
-from cocap_opt.flight.ways import RISE
+from cocap_opt.flight.ways import rising
 from cocap_opt.missions.items import Place
 
 _SETTLE = 10.0  # s, that the last one has left then
@@ -121,7 +121,8 @@ def seconds_to_step_0(flight: Flight) -> float:
 
     A drone that rises at 1 m/s to the highest place has 10 s left then; autopilots rise faster.
     """
-    return _SETTLE + float(_first_heights(flight).max()) / RISE
+    speeds = [rising(robot) for robot in flight.flown.problem.robots]
+    return _SETTLE + float((_first_heights(flight) / np.array(speeds)).max())
 
 
 def seconds_in_the_air(flight: Flight) -> float:

@@ -198,7 +198,7 @@ class PlayerScene:
             for i, (robot, path) in enumerate(zip(robots, plan.paths, strict=True)):
                 if i in absent:
                     parts.append(
-                        self.local(self.problem.above(robot, self.problem.starts[i].cells))
+                        self.local(self.problem.above(robot.motion, self.problem.starts[i].cells))
                     )
                 else:
                     parts.append(self.path(robot, path)[:, :3])

@@ -98,9 +98,15 @@ def _require_home(scene: SceneData, i: int, robot: Robot) -> None:
     require(
         len(landing_layers(scene, robot)) > 0,
         field,
-        f"cell ({x}, {y}) must be open above, up to one of the drone's flight heights, for "
-        "take-off and landing",
+        f"cell ({x}, {y}), at {_in_metres(scene, x, y)}, must be open above, up to one of the "
+        "drone's flight heights, for take-off and landing",
     )
+
+
+def _in_metres(scene: SceneData, x: int, y: int) -> str:
+    """Returns the middle of a cell in words."""
+    across, along = scene.height_map.centre(x, y)
+    return f"x = {across:.9g}, y = {along:.9g} m"
 
 
 def _require_area(scene: SceneData, field: str, area: StartArea, robot: Robot) -> None:

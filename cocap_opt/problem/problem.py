@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, overload
 import msgspec
 import numpy as np
 
-from cocap_opt.data import FloatArray, IntArray, read_only
+from cocap_opt.data import FloatArray, IntArray, read_only, within
 from cocap_opt.problem.checks import require_scene
 from cocap_opt.problem.rules import NO_RULES
 from cocap_opt.problem.scene import SceneData
@@ -129,9 +129,15 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
         J of a plan is the mean over all takes of its J there, each as probable as it is. It is the
         same object each time; without takes, take 0 is the problem itself.
+
+        Raises
+        ------
+        ProblemError
+            If there is no such take.
         """
+        within(k, 0, max(len(self.takes), 1) - 1, "take")
         if not self.takes:
-            return (self,)[k]
+            return self
         if k not in self._alone:
             inside = np.flatnonzero(self.take_of == k).tolist()
             self._alone[k] = self.replace(

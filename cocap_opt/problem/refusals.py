@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, IntArray, require, whole
+from cocap_opt.data import BoolArray, require, whole
 from cocap_opt.problem.motion import Motion, State
 from cocap_opt.problem.open_areas import largest_area
 from cocap_opt.problem.robot import Robot
@@ -97,31 +97,20 @@ def _stated(scene: SceneData, i: int, robot: Robot) -> Iterator[tuple[str, State
         yield field, robot.start
     elif isinstance(robot.start, StartStates):
         states = robot.start.states
-        suspects = _suspects(scene, robot, states)
-        yield from ((f"{field}.states[{k}]", states[k]) for k in suspects[:1])
+        _require_all_in_range(scene, field, robot, states)
+        able = scene.may_start(robot.motion, np.array(states)[:, :3])
+        yield from ((f"{field}.states[{k}]", states[k]) for k in np.flatnonzero(~able)[:1].tolist())
 
 
-def _suspects(scene: SceneData, robot: Robot, states: Sequence[State]) -> list[int]:
-    """Returns the numbers of the states that a robot may not start in, found all at once.
-
-    Where some are no whole numbers, or out of range, only those are.
-    """
+def _require_all_in_range(
+    scene: SceneData, field: str, robot: Robot, states: Sequence[State]
+) -> None:
+    """Checks the indices of states, of which there may be very many, at once."""
     rows = np.array(states)
     sizes = np.array((*scene.height_map.shape, *robot.orientation_sizes))
     if rows.dtype.kind != "i" or (rows < 0).any() or (rows >= sizes).any():
-        return [k for k, state in enumerate(states) if _is_odd(state, sizes)]
-    x, y, layer = rows[:, :3].T
-    free = robot.motion.free_places(scene.workspace)[layer, x, y]
-    near = scene.near_people(0, scene.above(robot, rows[:, :3]))
-    return np.flatnonzero(~free | near).tolist()
-
-
-def _is_odd(state: State, sizes: IntArray) -> bool:
-    """Returns True if an index of a state is no whole number, or out of range."""
-    return any(
-        not isinstance(value, int) or not 0 <= value < size
-        for value, size in zip(state, sizes.tolist(), strict=True)
-    )
+        for k, state in enumerate(states):
+            _require_in_range(scene, f"{field}.states[{k}]", robot, state)
 
 
 def _require_in_range(scene: SceneData, field: str, robot: Robot, start: State) -> None:
@@ -206,7 +195,7 @@ def _free(
     free = startable(scene, robot.motion, layer)
     places = np.argwhere(free)
     rows = np.column_stack([places, np.full(len(places), layer)])
-    at, crowded = scene.above(robot, rows), np.zeros(len(rows), dtype=np.bool_)
+    at, crowded = scene.above(robot.motion, rows), np.zeros(len(rows), dtype=np.bool_)
     for other, state in taken:
         crowded |= scene.rules.too_near(at - scene.where(scene.robots[other], [state]))
     free[tuple(places[crowded].T)] = False
@@ -215,13 +204,9 @@ def _free(
 
 def startable(scene: SceneData, motion: Motion, layer: int) -> BoolArray:
     """Returns the cells [X, Y] in which a robot of this motion may be at step 0, alone."""
-    free: BoolArray = motion.free_places(scene.workspace)[layer]
-    places = np.argwhere(free)
-    altitudes = scene.height_map.altitudes((motion.layers[layer],))[0][free]
-    middles = scene.height_map.origin + (places + 0.5) * scene.height_map.resolution
-    near = scene.near_people(0, np.column_stack([middles, altitudes]))
-    free[tuple(places[near].T)] = False
-    return free
+    places = np.argwhere(np.ones((*scene.height_map.shape, 1)))
+    places[:, 2] = layer
+    return scene.may_start(motion, places).reshape(scene.height_map.shape)
 
 
 def _other_height(

@@ -124,6 +124,8 @@ class Robot(Data, frozen=True):
     goal : cell (x, y), any layer and orientation
     limits : how fast it may move and turn; None: nothing is known of them
     home : cell (x, y) on whose ground it takes off and lands; None: below its first and last place
+    number : that it has in the mission of which the scene is the rest, so that it is in the air
+        before step 0; None: it takes off
     """
 
     start: AnyStart
@@ -132,6 +134,7 @@ class Robot(Data, frozen=True):
     goal: tuple[int, int] | None = None
     limits: Limits | None = None
     home: tuple[int, int] | None = None
+    number: int | None = None
 
     def __post_init__(self) -> None:
         given: Any = self.start
@@ -142,6 +145,8 @@ class Robot(Data, frozen=True):
             msgspec.structs.force_setattr(self, "start", self.start.states[0])
         sizes = self.goal is None or len(self.goal) == 2
         require(sizes, "goal", "must be a cell (x, y)")
+        if self.number is not None:
+            require(self.number >= 0, "number", f"must be 0 or more, not {self.number}")
 
     def may_start_in(self, state: State) -> bool:
         """Returns True if the robot may start in this state, provided that it is free."""

@@ -112,9 +112,22 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         if isinstance(robot.start, StartStates):
             return StartSet.of(robot.start.states)
         places = robot.start.places(robot.motion.free_places(self.workspace))
-        near = self.near_people(0, self.above(robot, places))
+        able = self.may_start(robot.motion, places)
         _, headings, pitches = robot.orientation_sizes
-        return robot.start.states_in(places[~near], headings, pitches)
+        return robot.start.states_in(places[able], headings, pitches)
+
+    def may_start(self, motion: Motion, places: IntArray) -> BoolArray:
+        """Returns in which places x, y, layer [n, 3] a robot may be at step 0, alone: [n]."""
+        x, y, layer = places.T
+        able: BoolArray = motion.free_places(self.workspace)[layer, x, y]
+        if self.airspace.people_aside:
+            able[able] = ~self.near_people(0, self.above(motion, places[able]))
+        return able
+
+    @property
+    def begins_in_the_air(self) -> bool:
+        """True if the scene is the rest of a mission, whose drones have taken off before step 0."""
+        return any(robot.number is not None for robot in self.robots)
 
     @cached_property
     def has_free_starts(self) -> bool:
@@ -142,7 +155,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
                 len(states) > 0,
                 f"robots[{i}].start",
                 "must have a cell in which the drone may be at step 0; all are blocked, forbidden, "
-                "or too near to people",
+                f"or too near to people{self._above_ceiling(self.robots[i])}",
             )
         if not self.has_free_starts:
             return tuple(states[0] for states in self.starts)
@@ -157,6 +170,13 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         require(chosen is not None, "robots", f"{words}; there is no such choice")
         assert chosen is not None
         return chosen
+
+    def _above_ceiling(self, robot: Robot) -> str:
+        """Returns words for flight heights all of which are above the ceiling; empty otherwise."""
+        ceiling, lowest = self.airspace.ceiling, min(robot.motion.layers)
+        if ceiling is None or lowest <= ceiling:
+            return ""
+        return f": all its heights, {lowest:g} m and more, are above the ceiling of {ceiling:g} m"
 
     def _with_hovering(self, i: int) -> StartSet:
         """Returns the starts at which a robot may stay; all where it may at none."""
@@ -181,7 +201,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         states_of, places = [], []
         for robot, states in zip(self.robots, starts, strict=True):
             states_of.append(states.in_different_cells())
-            size, at = self.height_map.resolution, self.above(robot, states.cells)
+            size, at = self.height_map.resolution, self.above(robot.motion, states.cells)
             # As rules between robots have it, in m from the map's corner.
             places.append(np.column_stack([states.cells[:, :2] * size, at[:, 2]]))
         numbers = places_apart(self.rules, places)
@@ -205,7 +225,7 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         if not self.airspace.people_aside:
             return able
         places, which = np.unique(cells, axis=0, return_inverse=True)
-        at, near = self.above(robot, places), np.zeros(len(places), dtype=np.bool_)
+        at, near = self.above(robot.motion, places), np.zeros(len(places), dtype=np.bool_)
         for t in range(steps):
             near |= self.near_people(t, at)
             if t + 1 < steps:
@@ -265,12 +285,12 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
 
     def where(self, robot: Robot, states: Sequence[State]) -> FloatArray:
         """Returns where a robot is in states [n], as [n, 3] (m)."""
-        return self.above(robot, np.array([state[:3] for state in states]).reshape(-1, 3))
+        return self.above(robot.motion, np.array([state[:3] for state in states]).reshape(-1, 3))
 
-    def above(self, robot: Robot, places: IntArray) -> FloatArray:
-        """Returns where a robot is in places x, y, layer [n, 3], as [n, 3] (m)."""
+    def above(self, motion: Motion, places: IntArray) -> FloatArray:
+        """Returns where a robot of this motion is in places x, y, layer [n, 3], as [n, 3] (m)."""
         (x, y, layer), height_map = places.T, self.height_map
-        heights = np.array(robot.motion.layers)[layer]
+        heights = np.array(motion.layers)[layer]
         if height_map.flight_datum is not None:
             heights = heights + height_map.flight_datum[x, y]
         (ox, oy), size = height_map.origin, height_map.resolution

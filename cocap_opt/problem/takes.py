@@ -8,6 +8,7 @@ of take k are people like all others, who count p_k times as much; J is its mean
 import math
 from collections.abc import Sequence
 from itertools import groupby
+from typing import NamedTuple
 
 import msgspec
 
@@ -53,6 +54,25 @@ def told_take(name: str) -> str:
 def equal_chances(names: Sequence[str]) -> tuple[Take, ...]:
     """Returns takes of these names, all equally probable."""
     return tuple(Take(name=name, probability=1 / len(names)) for name in names)
+
+
+class PeopleInTakes(NamedTuple):
+    """The people of all takes, made of people who walk in one way.
+
+    Attributes
+    ----------
+    takes : none where people walk as they do
+    actors : each is in one take or in all
+    numbers : of each, the number of the person of whom it is made
+    """
+
+    takes: tuple[Take, ...]
+    actors: tuple[Actor, ...]
+    numbers: tuple[int, ...]
+
+    def objective(self, given: Objective) -> Objective:
+        """Returns the objective for them, made of one for the people of whom they are made."""
+        return of_people(given, max(self.numbers, default=-1) + 1, self.numbers)
 
 
 def least_chance(takes: Sequence[Take]) -> float:

@@ -6,7 +6,6 @@ import numpy as np
 
 from cocap_opt.data import ProblemError, require
 from cocap_opt.problem import Actor, Problem, State, Take
-from cocap_opt.problem.takes import equal_chances, of_people
 from cocap_opt.scenarios.spread import Spread, drawn_takes
 
 
@@ -35,29 +34,29 @@ def with_drawn_takes(
     """
     require(not problem.takes, "problem", "must have no takes yet")
     require(len(problem.actors) > 0, "problem", "must have people, who walk otherwise")
-    names, drawn = drawn_takes(
+    drawn = drawn_takes(
         problem.actors, problem.workspace, problem.horizon, problem.step, spread, count,
         np.random.default_rng(seed), people, lambda actor: _at_a_start(problem, actor),
     )  # fmt: skip
-    numbers, actors = zip(*drawn, strict=True)
     return problem.replace(
         name=f"{problem.name}, {count} takes",
-        takes=_takes(names, probabilities),
-        actors=actors,
-        objective=of_people(problem.objective, len(problem.actors), numbers),
+        takes=_with_chances(drawn.takes, probabilities),
+        actors=drawn.actors,
+        objective=drawn.objective(problem.objective),
     )
 
 
-def _takes(names: Sequence[str], probabilities: Sequence[float] | None) -> tuple[Take, ...]:
+def _with_chances(
+    takes: tuple[Take, ...], probabilities: Sequence[float] | None
+) -> tuple[Take, ...]:
+    """Returns takes with other probabilities; None: with those that they have."""
     if probabilities is None:
-        return equal_chances(names)
-    if len(probabilities) != len(names):
+        return takes
+    if len(probabilities) != len(takes):
         raise ProblemError(
-            f"probabilities: must be one for each of {len(names)} takes, not {len(probabilities)}"
+            f"probabilities: must be one for each of {len(takes)} takes, not {len(probabilities)}"
         )
-    return tuple(
-        Take(name=name, probability=p) for name, p in zip(names, probabilities, strict=True)
-    )
+    return tuple(take.replace(probability=p) for take, p in zip(takes, probabilities, strict=True))
 
 
 def _at_a_start(problem: Problem, actor: Actor) -> bool:

@@ -29,10 +29,9 @@ from cocap_opt.run.engine import BOUND_METHOD, run
 from cocap_opt.run.options import Allowance
 from cocap_opt.run.view_share import counted_weights, counting_gap, views_alone, views_asked
 from cocap_opt.stop import Stop, never
-from cocap_opt.text import rounded_up
+from cocap_opt.text import number_in_words, rounded_up
 
 _ROUNDING = 1e-9  # relative, by which a bound may be too small
-_NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six"}
 
 
 class MostSeen(NamedTuple):
@@ -248,5 +247,4 @@ def _percent(share: float) -> str:
 
 
 def _or_more(drones: int) -> str:
-    number = _NUMBERS.get(drones, str(drones))
-    return f"{number} drone{'' if drones == 1 else 's'} or more"
+    return f"{number_in_words(drones)} drone{'' if drones == 1 else 's'} or more"

@@ -92,7 +92,7 @@ class Replanning:
         self._old = rest.of_plan(plan)
         verdict = check(rest.scene, self._old)
         broken = (*verdict.violations, *verdict.conflicts)
-        self.fault = broken[0] if broken else ""
+        self.fault = _in_steps_of_mission(rest, plan, str(broken[0])) if broken else ""
         self.old = None if broken else verdict.reward
 
     def planned(
@@ -196,6 +196,15 @@ class Replanning:
             fault=self.fault,
             bound_seconds=self.bound_seconds,
         )
+
+
+def _in_steps_of_mission(rest: Rest, plan: Plan, words: str) -> str:
+    """Returns the rule that a plan breaks in the mission; the words known of the rest if none."""
+    robots = tuple(rest.mission.robots[i] for i in rest.drones)
+    left = Plan(paths=tuple(plan.paths[i] for i in rest.drones))
+    verdict = check(rest.mission.replace(robots=robots), left)
+    broken = (*verdict.violations, *verdict.conflicts)
+    return str(broken[0]) if broken else words
 
 
 def _certified(result: Result) -> CertifiedResult:

@@ -172,7 +172,8 @@ def _in_the_air(mission: Problem, i: int, step: int, state: State) -> Robot:
     if limits is not None and limits.endurance is not None:
         left = None if robot.home is not None else limits.endurance - seconds
         limits = limits.replace(endurance=left)
-    return robot.replace(start=state, home=None, limits=limits)
+    number = i if robot.number is None else robot.number
+    return robot.replace(start=state, home=None, limits=limits, number=number)
 
 
 def _walking_on(actor: Actor, mission: Problem, step: int) -> Actor:

@@ -14,7 +14,7 @@ from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
 from cocap_opt.run.engine import run
-from cocap_opt.stop import FirstOf, Stop, TimeLimit, never
+from cocap_opt.stop import FirstOf, Limit, Stop, TimeLimit, never
 from cocap_opt.text import rounded_up
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ class PlanForTake(NamedTuple):
     certificate : of the bound; None where it has none
     problem : that the certificate is of
     seconds : of the search
+    limit : that ended the search before its plan was proved; None if none did
     """
 
     made_for: str
@@ -77,6 +78,7 @@ class PlanForTake(NamedTuple):
     certificate: CertificateFile | ProofFile | None
     problem: Problem
     seconds: float
+    limit: Limit | None = None
 
 
 class Hedging(NamedTuple):
@@ -143,6 +145,12 @@ class Hedging(NamedTuple):
             cost = 100 * _loss(hedged.rewards[k], row.rewards[k])
             proved = _at_most(hedged.rewards[k], row.bound, 1)
             yield f"hedging costs {cost:.1f} % in {takes[k].name}, {proved}"
+        cut_short = [row.made_for for row in (*self.plans, hedged) if row.limit is not None]
+        if cut_short:
+            yield (
+                f"searches that did not come to their end: {', '.join(cut_short)}; there a plan "
+                "may be better than what is shown, up to what is proved"
+            )
         yield (
             f"on average the plan for {HEDGED} has less than the best plan, "
             f"{_at_most(hedged.mean, hedged.bound, 2)}, and less than whoever knew the take, "
@@ -227,6 +235,7 @@ def hedging(
                 certificate=result.certificate,
                 problem=scene,
                 seconds=result.seconds,
+                limit=result.limit,
             )
         )
     return Hedging(problem, tuple(rows[:-1]), rows[-1])

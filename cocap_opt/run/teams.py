@@ -70,8 +70,8 @@ def seen_alone(scene: Problem, cameras: int, at_least: float | None = None) -> P
 def drone_of(problem: Problem) -> Robot:
     """Returns the drone of which teams are made: as the scene's drones are, with all their starts.
 
-    Drones whose start is fixed may start in every free state. Homes are left out, for each drone
-    needs one of its own.
+    It has the choice of starts that some of them have; where all starts are fixed it may start in
+    every free state. Homes are left out, for each drone needs one of its own.
 
     Raises
     ------

@@ -12,7 +12,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from cocap_opt.experiments.tables.teams import (
-    NUMBERS,
     TeamRow,
     grouped,
     kind_words,
@@ -20,6 +19,7 @@ from cocap_opt.experiments.tables.teams import (
     sentences,
 )
 from cocap_opt.pictures.style import GREY, LABEL, SERIES, SMALL, TITLE, new_figure, set_frame
+from cocap_opt.text import number_in_words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,7 +86,7 @@ def teams_figure(rows: Sequence[TeamRow], share: float | None = None) -> Figure:
         draw(right, "seen_most", "-")
         draw(right, "seen", ":")
         draw(right, "seen_bound", None)
-    seen_by = NUMBERS.get(rows[0].cameras, str(rows[0].cameras))
+    seen_by = number_in_words(rows[0].cameras)
     left.set_title("J (√px / m)", fontsize=TITLE, loc="left")
     right.set_title(f"% of person-steps seen by {seen_by}", fontsize=TITLE, loc="left")
     for ax in (left, right):

@@ -9,12 +9,11 @@ from typing import Annotated, Any
 from cocap_opt.experiments.tables.columns import TableColumn, read_rows
 from cocap_opt.experiments.tables.rows import ERROR
 from cocap_opt.output.printing import Listing, Record, counted
-from cocap_opt.text import rounded_up
+from cocap_opt.text import number_in_words, rounded_up
 
 TEAMS = "teams.csv"  # in a sweep's folder
 _REWARD = {"unit": "sqrt(px/m2)", "least": -(2**63 - 1)}
 _PART = {"unit": "1", "most": 1}
-NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven", 8: "eight"}
 _ROUNDING = 1e-9
 
 
@@ -138,7 +137,7 @@ def records(rows: Sequence[TeamRow]) -> list[dict[str, Any]]:
 
 def teams_table(rows: Sequence[TeamRow]) -> Listing:
     """Returns the table for a terminal; shares are in %."""
-    cameras = NUMBERS.get(rows[0].cameras, str(rows[0].cameras))
+    cameras = number_in_words(rows[0].cameras)
     asked = {
         name: any(getattr(row, name) not in ("", None) for row in rows)
         for name in ("camera", "height")
@@ -205,7 +204,7 @@ def _about(group: Sequence[TeamRow], asked_for: Sequence[TeamRow], share: float)
     asked_for : all teams of the kind, those for which there is no room among them
     """
     cameras = group[0].cameras
-    asked = f"{100 * share:g} % of person-steps be seen by {NUMBERS.get(cameras, cameras)}"
+    asked = f"{100 * share:g} % of person-steps be seen by {number_in_words(cameras)}"
     enough = [row for row in group if row.reached >= share - _ROUNDING]
     if enough:
         fewest, reached = enough[0].drones, percent(enough[0].reached)

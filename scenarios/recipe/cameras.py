@@ -9,10 +9,9 @@ from msgspec import Meta
 
 from cocap_opt.data import MOST_PIXELS, ProblemError
 from cocap_opt.problem import Camera
-from cocap_opt.scenarios.hardware import CAMERAS, film_of
+from cocap_opt.scenarios.hardware import camera_called, film_of
 from cocap_opt.scenarios.tables import Length, Table
 from cocap_opt.scenarios.text import naming
-from cocap_opt.text import meant
 
 log = logging.getLogger(__name__)
 
@@ -20,6 +19,8 @@ FILM_35MM = math.hypot(36.0, 24.0)  # mm, diagonal of the image to which 35 mm l
 
 _Pixels = Annotated[int, Meta(ge=1, le=MOST_PIXELS)]
 _Angle = Annotated[float, Meta(gt=0, lt=180)]  # degrees
+_NARROWEST = 3.2  # degrees; more than pi, so that no angle in radians is taken for one in degrees
+_ACROSS = 0.2, 170.0  # degrees
 _LENSES = "focal", "fov", "fov_vertical", "fov_diagonal", "lens", "lens_35mm"
 _OF_PHOTOS = "fov_diagonal", "fov_vertical", "lens_35mm"  # which refer to more than the width
 
@@ -60,12 +61,26 @@ class CameraTable(Table):
         if (self.sensor is None) != (self.lens is None):
             missing, there = ("sensor", "lens") if self.sensor is None else ("lens", "sensor")
             raise ProblemError(f"{missing}: must be given beside {there}, both in mm")
+        if given[0].startswith("fov") and (angle := getattr(self, given[0])) < _NARROWEST:
+            raise ProblemError(
+                f"{given[0]}: must be {_NARROWEST} degrees or more, not {angle:g}; that many "
+                f"radians are {math.degrees(angle):.3g} degrees, and a lens that is narrower is "
+                "told by focal (px)"
+            )
         if self.photo is not None and given[0] not in _OF_PHOTOS:
             raise ProblemError(
                 f"photo: must be left out beside {given[0]}, which it does not change; it is for "
                 f"{', '.join(_OF_PHOTOS)}"
             )
-        return Camera(width=self.width, height=self.height, focal=self._focal(), tilts=tilts)
+        focal = self._focal()
+        across = math.degrees(2 * math.atan(self.width / 2 / focal))
+        if not _ACROSS[0] <= across <= _ACROSS[1]:
+            raise ProblemError(
+                f"{given[0]}: must be of a lens that sees {_ACROSS[0]:g} to {_ACROSS[1]:g} degrees "
+                f"across the width of the image, not {across:.3g}; focal and the image are in px, "
+                "sensor and lenses in mm"
+            )
+        return Camera(width=self.width, height=self.height, focal=focal, tilts=tilts)
 
     def _focal(self) -> float:
         """Returns the focal length in pixels of the image."""
@@ -125,12 +140,8 @@ def camera_of(given: str | CameraTable, tilts: Sequence[float]) -> Camera:
     if isinstance(given, CameraTable):
         with naming("camera"):
             return given.camera(radians)
-    if given not in CAMERAS:
-        raise ProblemError(
-            f"camera: must be one of {', '.join(CAMERAS)}, not {given!r}{meant(given, CAMERAS)}; "
-            "or numbers, such as { width = 3840, height = 2160, fov = 65 }"
-        )
-    return CAMERAS[given].replace(tilts=radians)
+    numbers = "; or numbers, such as { width = 3840, height = 2160, fov = 65 }"
+    return camera_called(given, numbers).replace(tilts=radians)
 
 
 def say_photos(names: Sequence[str]) -> None:

@@ -222,7 +222,7 @@ class DronesTable(Table):
             if not height_map.inside(*cell):
                 ends = rectangle(*height_map.ends)
                 raise ProblemError(
-                    f"homes[{k}]: must lie on the map, {ends}, not at ({x:g}, {y:g}) m"
+                    f"homes[{k}]: must lie on the map, {ends}, not at ({x:.9g}, {y:.9g}) m"
                 )
             if cell in cells[:k]:
                 raise ProblemError(f"homes[{k}]: must be in a cell of its own, {cell} is taken")

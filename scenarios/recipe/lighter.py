@@ -15,8 +15,9 @@ from msgspec.structs import replace
 
 from cocap_opt.data import FloatArray
 from cocap_opt.problem import Problem
-from cocap_opt.scenarios.recipe import Recipe, decoded, read
 from cocap_opt.scenarios.recipe.drones import DronesTable
+from cocap_opt.scenarios.recipe.scenes import read
+from cocap_opt.scenarios.recipe.schema import Recipe, decoded
 
 _MARGINS = 30.0, 20.0, 10.0  # m around all people and starts, of windows
 _COARSER = 1.5, 2.0, 3.0, 4.0  # times the resolution
@@ -91,7 +92,7 @@ def _windows(recipe: Recipe, problem: Problem) -> Iterator[Change]:
     low, high = problem.height_map.ends
     people = [actor.poses[: problem.horizon + 1, :2] for actor in problem.actors]
     starts = [
-        problem.above(robot, states.cells)[:, :2]
+        problem.above(robot.motion, states.cells)[:, :2]
         for robot, states in zip(problem.robots, problem.starts, strict=True)
     ]
     points, reached = np.concatenate([*people, *starts]), _reached(problem, np.concatenate(starts))

@@ -255,12 +255,11 @@ class WalkTable(Table):
             yaw[:] = math.radians(self.heading)
         actor = Actor(poses=np.column_stack([points, floor, yaw]), shape=self.shape, name=self.name)
         x, y = self.points[0]
-        if warning := _pace_warning(
-            [f"the walk from ({x:g}, {y:g}) m"], [actor], step, "speed and step"
-        ):
+        walk = f"the walk of {self.name}" if self.name else f"the walk from ({x:.9g}, {y:.9g}) m"
+        if warning := _pace_warning([walk], [actor], step, "speed and step"):
             log.warning("%s", warning)
         if words := self._rest(step * steps):
-            log.warning("the walk from (%g, %g) m %s", x, y, words)
+            log.warning("%s %s", walk, words)
         return actor
 
     def _rest(self, seconds: float) -> str:

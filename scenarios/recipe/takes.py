@@ -1,14 +1,13 @@
 """The takes of a recipe: ways in which people may walk, said one by one or drawn."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from cocap_opt.data import ProblemError
-from cocap_opt.problem import Actor, Objective, Take
-from cocap_opt.problem.takes import equal_chances, of_people, require_takes
-from cocap_opt.scenarios.spread import Spread, drawn_takes
+from cocap_opt.data import ProblemError, require, within
+from cocap_opt.problem import Actor, Take
+from cocap_opt.problem.takes import PeopleInTakes, require_takes
+from cocap_opt.scenarios.spread import MOST_TAKES, Spread, drawn_takes
 from cocap_opt.scenarios.tables import Table
 from cocap_opt.scenarios.text import naming
 from cocap_opt.world.workspace import Workspace
@@ -31,29 +30,10 @@ class SpreadTable(Table):
     seed: int = 0
 
 
-class People(NamedTuple):
-    """The people of all takes.
-
-    Attributes
-    ----------
-    takes : none where people walk as they do
-    actors : they, each in one take or in all
-    numbers : of each, the number among the people whom the recipe has
-    """
-
-    takes: tuple[Take, ...]
-    actors: tuple[Actor, ...]
-    numbers: tuple[int, ...]
-
-    def objective(self, given: Objective) -> Objective:
-        """Returns the objective for them, of that for the people whom the recipe has."""
-        return of_people(given, max(self.numbers, default=-1) + 1, self.numbers)
-
-
 def people_in_takes(
     tables: Sequence[TakeTable], spread: SpreadTable | None, actors: Sequence[Actor],
     workspace: Workspace, steps: int, step: float,
-) -> People:  # fmt: skip
+) -> PeopleInTakes:  # fmt: skip
     """Returns the people of the takes that a recipe says or has drawn.
 
     Parameters
@@ -68,24 +48,23 @@ def people_in_takes(
     ProblemError
         If takes do not fit together, or something is out of range; it names the table.
     """
-    numbers = tuple(range(len(actors)))
     if spread is None:
         takes = []
         for k, table in enumerate(tables):
             with naming(f"take[{k}]"):
                 takes.append(Take(name=table.name, probability=table.probability))
         require_takes(takes, (), "take")
-        return People(tuple(takes), tuple(actors), numbers)
+        return PeopleInTakes(tuple(takes), tuple(actors), tuple(range(len(actors))))
     with naming("spread"):
+        within(spread.takes, 2, MOST_TAKES, "takes")
+        require(spread.seed >= 0, "seed", f"must be 0 or more, not {spread.seed}")
         if tables:
             raise ProblemError("must be left out where [[take]] says how people walk")
         if not actors:
             raise ProblemError("must be left out where there are no people")
         wide = Spread(spread.delay, spread.aside, spread.speed)
         rng = np.random.default_rng(spread.seed)
-        names, drawn = drawn_takes(actors, workspace, steps, step, wide, spread.takes, rng)
-    numbers, people = zip(*drawn, strict=True)
-    return People(equal_chances(names), people, numbers)
+        return drawn_takes(actors, workspace, steps, step, wide, spread.takes, rng)
 
 
 def in_takes(

@@ -63,6 +63,12 @@ def test_a_drone_is_lost_and_people_walk_elsewhere(
     assert run.json["scene"] == f"{SCENE}, from step {K}, without drone 1"
     assert len(json.loads(rest.read_text())["plan"]["paths"]) == 3
     assert Run(capsys, "verify", scene, rest).code == 0
+    assert [robot.number for robot in co.read(scene).robots] == [0, 2, 3]
+    table = Run(capsys, "fly", scene, rest, "--step", 2, "-o", tmp_path / "rest.csv")
+    assert table.code == 0 and "drone 1 is 2, drone 2 is 3" in " ".join(table.out.split())
+    for name in ("rest.skyc", "rest.plan"):
+        run = Run(capsys, "fly", scene, rest, "--step", 2, "-o", tmp_path / name)
+        assert run.code == 2 and "these missions take off" in run.err
     problem = co.load(SCENE)
     actors = []
     for actor in problem.actors:

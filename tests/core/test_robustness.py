@@ -163,15 +163,15 @@ def test_a_lost_drone_leaves_what_another_evaluator_says(
         losses = Losses(Flight.of(scene, plan, smooth=False))
         seen = Quality.of(scene, plan).views
         for row in losses.rows([0, 2, STEPS]):
-            i, step = row["lost_drone"], row["lost_step"]
-            assert row["reward"] == pytest.approx(value_with(scene, plan, step, [i]), rel=1e-9)
+            i, step = row.lost_drone, row.lost_step
+            assert row.left.reward == pytest.approx(value_with(scene, plan, step, [i]), rel=1e-9)
             others = scene.replace(robots=tuple(np.delete(np.array(scene.robots, object), i)))
             paths = (*plan.paths[:i], *plan.paths[i + 1 :])
             views = np.vstack([seen[:step], Quality.of(others, Plan(paths=paths)).views[step:]])
             views = views[scene.first_step :]
-            assert row["by_two"] == pytest.approx((views >= 2).mean())
-            assert row["by_none"] == pytest.approx((views == 0).mean())
-            gone = {t for found in row["no_longer"] for t in found["steps"]}
+            assert row.seen.by_two == pytest.approx((views >= 2).mean())
+            assert row.seen.by_none == pytest.approx((views == 0).mean())
+            gone = {t for found in row.seen.no_longer for t in found.steps}
             both = (seen[scene.first_step :] >= 2) & (views < 2)
             assert gone == {t + scene.first_step for t in np.flatnonzero(both.any(axis=1))}
         for i in range(len(plan.paths)):

@@ -112,6 +112,10 @@ def test_people_of_all_takes_are_in_each() -> None:
     assert problem.importance[1].tolist() == [0.5, 0.5, 0.25, 0.25]
     assert problem.person(2) == "person 2 (Ada, take two)"
     assert [actor.name for actor in problem.of_take(0).actors] == ["Ada", "Bob"]
+    with pytest.raises(ProblemError, match=r"take: must be 0\.\.2, not -1"):
+        problem.of_take(-1)
+    with pytest.raises(ProblemError, match=r"take: must be 0\.\.0, not 1"):
+        tiny().of_take(1)
     assert problem.of_take(2).takes == () and problem.of_take(2) is problem.of_take(2)
     assert len(problem.distinct_people) == 1
     assert problem.numbers_in_take.tolist() == [0, 1, 0, 0]

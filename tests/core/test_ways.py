@@ -13,7 +13,7 @@ from strategies import examples
 
 from cocap_opt.data import FloatArray, ProblemError
 from cocap_opt.files.documents import problem_digest
-from cocap_opt.flight.ways import AirTime, Part, Way, parts_of_take, pauses_of, rows_of
+from cocap_opt.flight.ways import AirTime, Part, Way, parts_of_take, pauses_of, records_of
 from cocap_opt.problem import (
     Airspace,
     CollisionRules,
@@ -169,7 +169,7 @@ def test_limits_set_the_pace() -> None:
         robots = (problem.robots[0].replace(limits=limits),)
         (part,) = parts_of_take(problem.replace(robots=robots), hovering(problem))
         assert part.drones[0].back.seconds == pytest.approx(seconds)
-        assert rows_of([part])[0]["battery (s)"] is None
+        assert records_of([part])[0]["endurance"] is None
 
 
 def test_takes_are_parted_as_late_as_batteries_let() -> None:
@@ -188,7 +188,7 @@ def test_takes_are_parted_as_late_as_batteries_let() -> None:
         assert parts[-1].last == steps
         for part in parts:
             for each in part.drones:
-                assert each.take == 2.0 * (part.last - part.first)
+                assert each.filming == 2.0 * (part.last - part.first)
                 assert each.seconds <= endurance
             if part.last < steps:  # the tail from its first step on, one step longer
                 tail = problem.replace(
@@ -204,7 +204,7 @@ def test_takes_are_parted_as_late_as_batteries_let() -> None:
         words = pauses_of(parts)
         assert words.count("pause") == (len(parts) > 1)
         if len(parts) > 1:
-            assert f" {parts[0].last}" in words and {"steps"} <= set(rows_of(parts)[0])
+            assert f" {parts[0].last}" in words and len(records_of(parts)) == 2 * len(parts)
 
 
 def test_a_battery_that_lasts_for_no_step_is_named() -> None:
@@ -232,7 +232,8 @@ def test_drones_that_are_shut_in_are_named() -> None:
     crown = Mesh.box((1.0, 3.0, 2.0), (2.0, 4.0, 8.0))
     for shut in ({"airspace": Airspace(no_fly=(zone,))}, {"meshes": (crown,)}):
         with pytest.raises(
-            ProblemError, match=r"robots\[0\].home: cell \(1, 3\) must be open above"
+            ProblemError,
+            match=r"robots\[0\].home: cell \(1, 3\), at x = 1.5, y = 3.5 m, must be open",
         ):
             problem.replace(**shut)
 
@@ -245,6 +246,19 @@ def test_ways_lead_by_all_cells_whatever_the_moves_of_the_take() -> None:
     parts = [parts_of_take(p, hovering(p)) for p in (problem, problem.replace(robots=robots))]
     ways = [[part.drones[0].out.points.tolist() for part in found] for found in parts]
     assert ways[0] == ways[1]
+
+
+def test_drones_rise_and_sink_no_faster_than_their_limits() -> None:
+    """At 1 m/s, or as slowly as limits say: up at one speed, down at another."""
+    problem = place([State(1, 3)], [(1, 3)])
+    times = []
+    for limits in (None, Limits(climb=5.0, descent=5.0), Limits(climb=0.2, descent=0.5)):
+        still = MOTION.replace(climb=0)  # in the take
+        robots = tuple(robot.replace(limits=limits, motion=still) for robot in problem.robots)
+        (part,) = parts_of_take(problem.replace(robots=robots), hovering(problem))
+        times.append((part.drones[0].out.seconds, part.drones[0].back.seconds))
+    assert times[0] == times[1] == (3.0, 3.0)
+    assert times[2] == pytest.approx((15.0, 6.0))
 
 
 def test_homes_are_checked_and_change_no_digest() -> None:

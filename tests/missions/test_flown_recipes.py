@@ -112,6 +112,26 @@ def test_plans_beside_people_have_smooth_flights_without_a_margin(
 
 
 @pytest.mark.slow
+def test_the_price_of_limits_is_that_of_lifted_heights_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Plans of the recipe without limits fly at its own heights, and have no more J than proved."""
+    rows = [" ".join(str(3 * k) for k in range(12)) for _ in range(10)]
+    head = "ncols 12\nnrows 10\nxllcorner 0\nyllcorner 0\ncellsize 1\n"
+    (tmp_path / "steep.asc").write_text(head + "\n".join(rows) + "\n")
+    steep = HEAVY.replace("size = [16, 12]", 'file = "steep.asc"\nheights = "absolute"\n'
+                          'ground = "surface"').replace("14, 6", "9, 6")  # fmt: skip
+    path, plan = tmp_path / "scene.toml", tmp_path / "plan.json"
+    path.write_text(steep.format(top="step = 2", drones='airframe = "px4"'))
+    problem = co.load(path)
+    assert problem.height_map.lift is not None
+    assert Run(capsys, "plan", path, "--time-limit", "10", "-o", plan).code == 0
+    proved = Run(capsys, "limits", path, plan, "--time-limit", "10", "--json").json["bound"]
+    path.write_text(steep.format(top="step = 2", drones=""))
+    assert co.plan(co.load(path), "sequential", time_limit=10).value <= proved
+
+
+@pytest.mark.slow
 def test_heights_rise_no_more_steeply_than_drones(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

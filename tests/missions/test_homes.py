@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import cocap_opt as co
 from cocap_opt.cli.commands import run
 from cocap_opt.data import ProblemError
 from cocap_opt.flight.flights import Flight
@@ -61,6 +62,7 @@ def test_fly_tells_the_time_from_take_off_to_landing(
     assert "batteries do not last" not in caplog.text
     assert run(["fly", scene, plan, "-o", out, "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["from_home"]
+    assert rows == co.trajectory(co.load(scene), co.read(plan)).attrs["from_home"]
     assert [(row["first"], row["last"], row["drone"]) for row in rows] == [(0, 6, 0), (0, 6, 1)]
     for row, home in zip(rows, ([2.5, 3.5, 0], [2.5, 8.5, 0]), strict=True):
         assert row["out"]["points"][0] == home == row["back"]["points"][-1]

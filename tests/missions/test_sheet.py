@@ -213,7 +213,7 @@ def test_tables_have_the_places_of_the_flight() -> None:
         np.testing.assert_allclose([row[1:4] for row in rows], found.place[own], atol=0.006)
         yaw = np.degrees(found.yaw[own]) % 360
         np.testing.assert_allclose([row[-2] for row in rows], yaw, atol=0.06)
-    legs = [numbers(line) for line in sections["Take-off and landing (a suggestion)"][3:]]
+    legs = [numbers(line) for line in sections["Take-off and landing (a suggestion)"][4:]]
     assert [leg[-3:] for leg in legs[:2]] == [[0, 5, 5], [0, 8, 8]]
     assert "__" in sections["Flight"][1]  # nobody says when it starts
     with pytest.raises(ProblemError, match="every: must make at most 10000 rows on paper"):

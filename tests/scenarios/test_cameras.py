@@ -72,6 +72,8 @@ def test_what_cannot_be_exchanged_is_said() -> None:
     problem = tiny()
     with pytest.raises(ProblemError, match="must be one of"):
         with_cameras(problem, "kodak")
+    with pytest.raises(ProblemError, match=r"not 'airsin'; did you mean airsim\?$"):
+        with_cameras(problem, "airsin")
     cones = problem.replace(robots=tuple(r.replace(camera=Cone()) for r in problem.robots))
     for name, tilts in (("airsim", None), (None, (10.0,))):
         with pytest.raises(ProblemError, match="pinhole"):

@@ -379,7 +379,7 @@ def test_seeds_place_drones_and_nothing_else(tmp_path: Path) -> None:
         (("steps = 4", "steps = 4\nobjective = { pixels = true }"),
          "objective.pixels: must be a number, not true or false"),
         (("steps = 4", "steps = 4\nobjective.views = 2"),
-         "objective.views: must be first or an object with fields, not a whole number"),
+         "objective.views: must be .first. or an object with fields, cameras, weight, at_least, s"),
         (("steps = 4", "steps = 4\nobjective.views = { camera = 2 }"),
          "objective.views: .* `camera`; did you mean cameras.; known are cameras, w"),
         (("steps = 4", "steps = 4\nobjective.views = { cameras = 0 }"),
@@ -651,6 +651,22 @@ def test_an_open_mesh_is_doubted(tmp_path: Path) -> None:
     problem = load_scene("bridge", 0)
     problem = problem.replace(meshes=(*problem.meshes, mesh))
     assert warnings(problem) == ["meshes[1] is not closed, so that only its surface is solid"]
+
+
+def test_cameras_that_look_up_are_asked_about(tmp_path: Path) -> None:
+    """The outputs have pitches below 0, so somebody may write tilts so."""
+    problem = read(write(tmp_path, FLAT + DRONE + "tilts = [-20, -45]\n"))
+    assert any(words.startswith("drones[0] look up at all") for words in warnings(problem))
+
+
+def test_heights_above_the_ceiling_are_named(tmp_path: Path) -> None:
+    """So that nobody looks for walls."""
+    drones = '[[drones]]\ncount = 1\nstarts = { area = "anywhere" }\nmotion = { layers = [40] }\n'
+    with pytest.raises(ProblemError, match=r"all its heights, 40 m and more, are above the ceil"):
+        read(write(tmp_path, FLAT + "[airspace]\nceiling = 30\n" + drones))
+    heights = drones.replace("layers", "heights")
+    with pytest.raises(ProblemError, match=r"unknown field `heights`; did you mean layers\?"):
+        read(write(tmp_path, FLAT + heights))
 
 
 @pytest.mark.parametrize(("tilts", "said"), [((0.35,), True), ((0.0, 1.2), True), ((20.0,), False),

@@ -92,7 +92,8 @@ def test_a_spread_draws_takes(tmp_path: Path) -> None:
         ("", TWO.replace("late", "usual"), r"take: must have names of their own; two are 'usual'$"),
         ("", "[spread]\n", r"spread: delay: or aside or speed must be more than 0, or all takes"),
         ("", "[spread]\naside = -1\n", r"spread: aside: must be 0\.\.100 m, not -1\.0$"),
-        ("", "[spread]\naside = 1\ntakes = 1\n", r"spread: count: must be 2\.\.100 takes, not 1$"),
+        ("", "[spread]\naside = 1\ntakes = 1\n", r"spread: takes: must be 2\.\.100, not 1$"),
+        ("", "[spread]\naside = 1\nseed = -1\n", r"spread: seed: must be 0 or more, not -1$"),
         ("", f"{TWO}[spread]\naside = 1\n", r"spread: must be left out where \[\[take\]\] says"),
     ],
 )

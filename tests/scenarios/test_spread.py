@@ -126,6 +126,8 @@ def test_some_may_be_those_who_vary() -> None:
         ({"delay": -1}, r"delay: must be 0\.\.3600 s, not -1"),
         ({"speed": 2}, r"speed: must be 0\.\.1, not 2"),
         ({"aside": 1, "count": 1}, r"count: must be 2\.\.100 takes, not 1"),
+        ({"aside": 1, "people": []}, "people: must be somebody, or left out for all"),
+        ({"aside": 1, "people": [0.5]}, "people: must be a whole number"),
         ({"aside": 1, "people": [0, 0]}, "people: must be numbers that differ"),
         ({"aside": 1, "people": [3]}, r"people: must be 0\.\.0, not 3"),
         ({"aside": 1, "probabilities": [1]}, "probabilities: must be one for each of 3 takes"),

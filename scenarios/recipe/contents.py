@@ -1,0 +1,113 @@
+"""The contents of a recipe's map: its place on the Earth, meshes, walls, and people."""
+
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from cocap_opt.data import ProblemError
+from cocap_opt.problem import Actor, Earth
+from cocap_opt.scenarios.earth.place import MapProjection
+from cocap_opt.scenarios.maps.terrain import Terrain
+from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
+from cocap_opt.scenarios.recipe.schema import Recipe
+from cocap_opt.scenarios.recipe.takes import in_takes
+from cocap_opt.scenarios.text import naming, rectangle
+from cocap_opt.scenarios.tracks.times import Epoch
+from cocap_opt.world.workspace import HeightMap, Mesh
+
+log = logging.getLogger(__name__)
+
+_ROUND = 5.0  # m, to which the corner of a map is rounded that a message proposes
+
+
+def earth_of(recipe: Recipe, terrain: Terrain) -> Earth | None:
+    """Returns where the scene is on the Earth, if the recipe or the map's file says it."""
+    if recipe.earth is None:
+        return None if terrain.crs is None else Earth(crs=terrain.crs)
+    with naming("earth"):
+        return recipe.earth.earth(terrain.crs, terrain.height_map)
+
+
+def meshes_of(
+    recipe: Recipe, folder: Path, terrain: Terrain, projection: MapProjection
+) -> Iterator[Mesh]:
+    """Yields the meshes of files, in their parts, and those of walls; all must lie on the map."""
+    for k, given in enumerate(recipe.mesh):
+        with naming(f"mesh[{k}]"):
+            mesh = given.mesh(folder)
+            require_on_map([mesh], terrain.height_map)
+        yield from mesh.parts
+    for k, plan in enumerate(recipe.walls):
+        with naming(f"walls[{k}]"):
+            walls = plan.meshes(folder, float(terrain.ground.min()), projection)
+            require_on_map(walls, terrain.height_map, _ways_to_walls(recipe, walls))
+        yield from walls
+
+
+def _ways_to_walls(recipe: Recipe, walls: list[Mesh]) -> str:
+    """Suggests ways to bring a map and the walls that do not lie on it together."""
+    if recipe.map.file is not None:
+        return "`at` moves them, `unit` scales them"
+    low = np.concatenate([wall.vertices for wall in walls]).min(axis=0)
+    x, y = np.floor(low[:2] / _ROUND) * _ROUND
+    return (
+        f"origin = [{x:.10g}, {y:.10g}] in [map] begins the map there, so that all keep their "
+        "coordinates; `at` moves these walls alone, `unit` scales them"
+    )
+
+
+def require_on_map(
+    meshes: list[Mesh], height_map: HeightMap, way_out: str = "`at` moves it, `unit` scales it"
+) -> None:
+    """Raises a ProblemError, with a way out, if all of some meshes is beside the map."""
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    low, high = vertices.min(axis=0)[:2], vertices.max(axis=0)[:2]
+    first, last = height_map.ends
+    if (high < first).any() or (low > last).any():
+        raise ProblemError(
+            f"must lie on the map, {rectangle(first, last)}, not at {rectangle(low, high)}; "
+            f"{way_out}"
+        )
+
+
+def _say_moments(begins: dict[int, Epoch]) -> None:
+    """Warns if tables of dated tracks begin at moments that differ, by number of the table."""
+    for k, begin in list(begins.items())[1:]:
+        first = next(iter(begins))
+        if begin.is_universal == begins[first].is_universal and begin != begins[first]:
+            log.warning(
+                "tracks[%d]: step 0 is %s for its people, and %s for those of tracks[%d], who are "
+                'filmed as if it were at once; file = ["..", ".."] in one table puts files on one '
+                "clock",
+                k, begin, begins[first], first,
+            )  # fmt: skip
+
+
+def people_of(
+    recipe: Recipe, folder: Path, terrain: Terrain, projection: MapProjection
+) -> Iterator[tuple[Actor, float | None]]:
+    """Yields the people, and the factor of each one's weight in the objective's views."""
+    begins: dict[int, Epoch] = {}
+    for k, given in enumerate(recipe.tracks):
+        with naming(f"tracks[{k}]"):
+            _require_views(recipe, given)
+            actors, begin = given.actors(folder, terrain, recipe.step, recipe.steps, projection)
+            actors = [copy for who in actors for copy in in_takes(who, given.take, recipe.take)]
+        if begin is not None:
+            begins[k] = begin
+        yield from ((actor, given.views_weight) for actor in actors)
+    _say_moments(begins)
+    for k, walk in enumerate(recipe.walk):
+        with naming(f"walk[{k}]"):
+            _require_views(recipe, walk)
+            actor = walk.actor(terrain, recipe.step, recipe.steps)
+            actors = in_takes(actor, walk.take, recipe.take)
+        yield from ((actor, walk.views_weight) for actor in actors)
+
+
+def _require_views(recipe: Recipe, table: TracksTable | WalkTable) -> None:
+    """Raises a ProblemError if people have a factor for views that nobody counts."""
+    if table.views_weight is not None and recipe.objective.views is None:
+        raise ProblemError("views_weight: must be left out where [objective] has no views")

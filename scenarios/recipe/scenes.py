@@ -1,0 +1,212 @@
+"""Scenes that recipes make."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from cocap_opt.data import ProblemError
+from cocap_opt.problem import Actor, Earth, Motion, Objective, Problem, Robot
+from cocap_opt.problem.refusals import refused_starts
+from cocap_opt.problem.scene import SceneData
+from cocap_opt.problem.takes import PeopleInTakes, in_all_takes, least_chance
+from cocap_opt.scenarios.earth.place import MapProjection, require_likely
+from cocap_opt.scenarios.maps.terrain import Terrain
+from cocap_opt.scenarios.recipe.cameras import say_photos
+from cocap_opt.scenarios.recipe.contents import earth_of, meshes_of, people_of, require_on_map
+from cocap_opt.scenarios.recipe.drones import Surroundings, say_moved
+from cocap_opt.scenarios.recipe.names import DroneName, names_in_table, names_of, renamed
+from cocap_opt.scenarios.recipe.schema import Recipe, decoded
+from cocap_opt.scenarios.recipe.strides import Strides
+from cocap_opt.scenarios.recipe.takes import people_in_takes
+from cocap_opt.scenarios.site import Site
+from cocap_opt.scenarios.tables import ABOVE_GROUND
+from cocap_opt.scenarios.text import naming
+from cocap_opt.world.workspace import Mesh, Workspace
+
+
+def read(
+    path: Path, seed: int = 0, change: Callable[[Recipe], Recipe] = lambda recipe: recipe
+) -> Problem:
+    """Reads a recipe and all files that it names.
+
+    Parameters
+    ----------
+    path
+        The TOML file.
+    seed
+        Chooses the starts of drones that have a `count`.
+    change
+        Makes another recipe of what the file says; nothing is changed if not given.
+
+    Raises
+    ------
+    ProblemError
+        If a file cannot be read, or something is not allowed or does not fit together; one
+        line, naming file and field.
+    """
+    with naming(path):
+        place = _Place.of(change(decoded(path)), path)
+        return place.problem(place.team(np.random.default_rng(seed)))
+
+
+def site(path: Path, seed: int = 0) -> Site:
+    """Reads a recipe whose drones need not have places yet, nor be there at all.
+
+    Raises
+    ------
+    ProblemError
+        If anything else is wrong; one line, naming file and field.
+    """
+    with naming(path):
+        place = _Place.of(decoded(path), path)
+        rng, team = np.random.default_rng(seed), list[Robot]()
+        names, notes = list[DroneName](), list[str]()
+        for k, given in enumerate(place.recipe.drones):
+            with naming(f"drones[{k}]"):
+                given.require_pace(place.around.height_map.resolution, place.recipe.step)
+            try:
+                with naming(f"drones[{k}]"):
+                    added = given.added_to(team, place.around, rng)[len(team) :]
+            except ProblemError as error:
+                notes.append(str(error))
+                continue
+            team += added
+            names += names_in_table(k, given)
+        fields = place.fields(team)
+        people, _ = in_all_takes(fields["takes"], fields["actors"], Objective())
+        scene = SceneData(**fields | {"actors": people})
+        refusals = tuple(
+            found._replace(why=renamed(found.why, names)) for found in refused_starts(scene)
+        )
+        if not refusals and team:
+            try:
+                _ = scene.first_starts
+            except ProblemError as error:
+                notes.append(renamed(str(error), names))
+        problem = None if refusals or notes or not team else place.problem(team)
+        if problem is not None:
+            place.say()
+        motions = tuple(dict.fromkeys(given.motion for given in place.recipe.drones)) or (Motion(),)
+        starts = tuple(name.start for name in names)
+        return Site(problem, scene, motions, refusals, starts, tuple(notes))
+
+
+class _Place(NamedTuple):
+    """All that a recipe makes but its drones and the objective, which depends on them."""
+
+    recipe: Recipe
+    name: str
+    terrain: Terrain
+    solid: tuple[Mesh, ...]
+    people: Sequence[tuple[Actor, float | None]]
+    filmed: PeopleInTakes
+    earth: Earth | None
+    around: Surroundings
+
+    @classmethod
+    def of(cls, recipe: Recipe, path: Path) -> "_Place":
+        """Reads all files that a recipe names."""
+        with naming("map"):
+            terrain = recipe.map.terrain(path.parent, recipe.flight or ABOVE_GROUND)
+        crowns: list[Mesh] = []
+        for k, layer in enumerate(recipe.layer):
+            with naming(f"layer[{k}]"):
+                terrain, bodies = layer.onto(terrain, path.parent)
+            crowns += bodies
+        earth = earth_of(recipe, terrain)
+        projection = MapProjection(earth, terrain.height_map.centre(0, 0))
+        recipe, terrain, stray = _flyable(recipe, terrain)
+        solid = (*crowns, *meshes_of(recipe, path.parent, terrain, projection))
+        people = list(people_of(recipe, path.parent, terrain, projection))
+        given = tuple(actor for actor, _ in people)
+        with naming("rules"):
+            rules = recipe.rules.rules()
+        if recipe.earth is not None and earth is not None and terrain.crs is None:
+            with naming("earth"):  # walls or tracks off the map say first where it should be
+                require_likely(earth, terrain.height_map)
+        airspace = recipe.airspace.airspace(recipe.no_fly)
+        if airspace.people_aside:
+            airspace = airspace.replace(people_stray=stray)
+        for k, zone in enumerate(airspace.no_fly):
+            with naming(f"no_fly[{k}]"), naming("polygon"):
+                require_on_map([zone], terrain.height_map, "it has coordinates of the map")
+        workspace = Workspace(terrain.height_map, solid, airspace.no_fly, airspace.ceiling)
+        filmed = people_in_takes(
+            recipe.take, recipe.spread, given, workspace, recipe.steps, recipe.step
+        )
+        around = Surroundings(workspace, filmed.actors, recipe.steps, rules, airspace)
+        return cls(recipe, recipe.name or path.stem, terrain, solid, people, filmed, earth, around)
+
+    def team(self, rng: np.random.Generator) -> list[Robot]:
+        """Returns the drones of all tables, each of which keeps away from those before."""
+        recipe, height_map = self.recipe, self.around.height_map
+        if not recipe.drones:
+            raise ProblemError(
+                "drones: must have a table [[drones]]; `cocap-opt show` draws the map without any"
+            )
+        team: list[Robot] = []
+        for k, given in enumerate(recipe.drones):
+            with naming(f"drones[{k}]"):
+                given.require_pace(height_map.resolution, recipe.step)
+                team = given.added_to(team, self.around, rng)
+        self.say()
+        return team
+
+    def say(self) -> None:
+        """Says what is doubtful in the tables of drones."""
+        tables = self.recipe.drones
+        say_photos([given.camera for given in tables if isinstance(given.camera, str)])
+        say_moved(tables, self.around.height_map)
+
+    def fields(self, team: Sequence[Robot]) -> dict[str, Any]:
+        """Returns the fields of a scene but the objective."""
+        return {
+            "name": self.name,
+            "height_map": self.terrain.height_map,
+            "meshes": self.solid,
+            "robots": tuple(team),
+            "actors": self.around.actors,
+            "takes": self.filmed.takes,
+            "horizon": self.recipe.steps,
+            "rules": self.around.rules,
+            "airspace": self.around.airspace,
+            "face_samples": self.recipe.face_samples,
+            "step": self.recipe.step,
+            "earth": self.earth,
+        }
+
+    def problem(self, team: Sequence[Robot]) -> Problem:
+        """Returns the problem; what is wrong with a drone in it has the names of the recipe."""
+        with naming("objective"):
+            given, factors = [person for person, _ in self.people], [f for _, f in self.people]
+            objective = self.recipe.objective.objective(
+                given, factors, team, self.recipe.steps, least_chance(self.filmed.takes)
+            )
+        try:
+            return Problem(**self.fields(team), objective=self.filmed.objective(objective))
+        except ProblemError as error:
+            raise ProblemError(renamed(str(error), list(names_of(self.recipe)))) from error
+
+
+def _flyable(recipe: Recipe, terrain: Terrain) -> tuple[Recipe, Terrain, float]:
+    """Returns a recipe whose drones can fly all of their moves smoothly, in any order.
+
+    Returns
+    -------
+    recipe, terrain : with other motions, cells and flight heights, where limits ask for that
+    stray : share of a move by which drones may then stray from their even pace
+    """
+    for k, given in enumerate(recipe.drones):
+        with naming(f"drones[{k}]"):
+            given.require_likely(terrain.height_map.resolution, recipe.step)
+    limited = any(table.known_limits is not None for table in recipe.drones)
+    if recipe.flown == "straight" or not limited:
+        return recipe, terrain, 0.0
+    ceiling, follows = recipe.airspace.ceiling, recipe.flight is not None
+    strides = Strides.of(recipe.drones, terrain, recipe.step, follows, ceiling)
+    strides.say()
+    changed = msgspec.structs.replace(recipe, drones=strides.tables)
+    return changed, strides.terrain, strides.law.stray

@@ -1,0 +1,67 @@
+"""The schema of a recipe's file: its tables, of which the other modules have one kind each."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from cocap_opt.data import LARGEST, MOST_STEPS, ProblemError
+from cocap_opt.files.messages import in_words
+from cocap_opt.scenarios.earth.place import EarthTable
+from cocap_opt.scenarios.kinds import JSON
+from cocap_opt.scenarios.maps.layers import LayerTable
+from cocap_opt.scenarios.maps.terrain import MapTable
+from cocap_opt.scenarios.maps.walls import WallsTable
+from cocap_opt.scenarios.meshes import MeshTable
+from cocap_opt.scenarios.recipe.drones import DronesTable
+from cocap_opt.scenarios.recipe.objective import ObjectiveTable
+from cocap_opt.scenarios.recipe.people import TracksTable, WalkTable
+from cocap_opt.scenarios.recipe.rules import AirspaceTable, NoFlyTable, RulesTable
+from cocap_opt.scenarios.recipe.takes import SpreadTable, TakeTable
+from cocap_opt.scenarios.tables import Flight, Table
+from cocap_opt.scenarios.text import read_text
+
+MOST_DIGITS = 4300  # of a whole number, that Python reads
+
+
+class Recipe(Table):
+    """The whole file, see `cocap_opt.scenarios.recipe.EXAMPLE`."""
+
+    steps: Annotated[int, Meta(ge=1, le=MOST_STEPS)]
+    map: MapTable
+    drones: tuple[DronesTable, ...] = ()  # to look at; a problem needs one
+    name: str | None = None  # None: as the file
+    step: Annotated[float, Meta(gt=0, le=LARGEST)] = 1.0
+    flight: Flight | None = None  # None: above the ground, and level where that is too steep
+    flown: Literal["smooth", "straight"] = "smooth"
+    layer: tuple[LayerTable, ...] = ()
+    mesh: tuple[MeshTable, ...] = ()
+    walls: tuple[WallsTable, ...] = ()
+    tracks: tuple[TracksTable, ...] = ()
+    walk: tuple[WalkTable, ...] = ()
+    take: tuple[TakeTable, ...] = ()
+    spread: SpreadTable | None = None
+    no_fly: tuple[NoFlyTable, ...] = ()
+    airspace: AirspaceTable = msgspec.field(default_factory=AirspaceTable)
+    rules: RulesTable = msgspec.field(default_factory=RulesTable)
+    objective: ObjectiveTable = msgspec.field(default_factory=ObjectiveTable)
+    face_samples: int = 3
+    earth: EarthTable | None = None
+
+
+def decoded(path: Path) -> Recipe:
+    """Returns the content of a recipe's file; a ProblemError says what is wrong with it."""
+    text = read_text(path, (JSON,))  # `[[1]]` is TOML, too
+    try:
+        return msgspec.toml.decode(text, type=Recipe)
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise ProblemError(in_words(error, text, Recipe)) from error
+    except ValueError as error:  # Python's own, of numbers of thousands of digits
+        raise ProblemError(f"must hold whole numbers of at most {MOST_DIGITS} digits") from error
+
+
+def without_limits(recipe: Recipe) -> Recipe:
+    """Returns a recipe of whose drones nobody knows how fast they can be."""
+    tables = tuple(table.without_limits() for table in recipe.drones)
+    return msgspec.structs.replace(recipe, drones=tables)
