@@ -36,6 +36,11 @@ _Pose = tuple[float, float, float, float]
 
 def warnings(problem: SceneData) -> list[str]:
     """Returns all likely mistakes in a problem, in words, one line each."""
+    return [*warnings_before_starts(problem), *_shut_in(problem, _around_robots(problem))]
+
+
+def warnings_before_starts(problem: SceneData) -> list[str]:
+    """Returns the likely mistakes that can be told before the robots have places, or are there."""
     found = [*_about_heights(problem.height_map)]
     found += [
         f"meshes[{k}] {_not_closed(mesh)}"
@@ -56,9 +61,7 @@ def warnings(problem: SceneData) -> list[str]:
         found.append("there are no people to film, so that every view reward is 0")
     for j, actor in _distinct_people(problem):
         found += [f"{problem.person(j)} {warning}" for warning in _about(problem, actor)]
-    found += _about_cameras(problem)
-    around = _around_robots(problem)
-    return [*found, *_in_the_way(problem), *_shut_in(problem, around)]
+    return [*found, *_about_cameras(problem), *_in_the_way(problem)]
 
 
 def narrow_way(problem: SceneData) -> str:
@@ -140,8 +143,10 @@ def _not_closed(mesh: Mesh) -> str:
 
 
 def _shut_in(problem: SceneData, around: dict[Motion, Encounters]) -> Iterator[str]:
-    """Yields a warning for each robot that can get nowhere, or to nobody."""
+    """Yields a warning for each robot that can get nowhere, or to nobody, from its only start."""
     for i, (robot, start) in enumerate(_first_starts(problem)):
+        if i in problem.open_starts:
+            continue
         size, closed, meets = around[robot.motion].outing(start)
         if not closed:
             continue

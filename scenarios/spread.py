@@ -2,7 +2,7 @@
 
 Each person of each take has a draw of their own. Draws that lead into an obstacle, off the map or
 into somebody of the same take are not kept: they are drawn again, and who finds none walks as
-tracked. So the spread that people have is a little less than what is stated where there is no room.
+given. So the spread that people have is a little less than what is stated where there is no room.
 """
 
 import logging
@@ -20,7 +20,7 @@ from cocap_opt.world.workspace import Workspace
 
 log = logging.getLogger(__name__)
 
-AS_TRACKED = "as tracked"  # name of the first take, in which nobody walks otherwise
+AS_GIVEN = "as given"  # name of the first take, in which nobody walks otherwise
 MOST_TAKES = 100  # that are drawn; each has the people once more
 _TRIES = 50  # draws for a person
 _MOST_DELAY, _MOST_ASIDE = 3600.0, 100.0  # s, m: standard deviations
@@ -105,7 +105,7 @@ def drawn_takes(
     varied: Sequence[int] | None = None,
     barred: Callable[[Actor], bool] = lambda actor: False,
 ) -> PeopleInTakes:
-    """Draws takes of some people, all equally probable, of which the first has them as tracked.
+    """Draws takes of some people, all equally probable, of which the first has them as given.
 
     Parameters
     ----------
@@ -129,9 +129,9 @@ def drawn_takes(
         whole(j, "people")
         within(j, 0, len(actors) - 1, "people")
     require(len(set(chosen)) == len(chosen), "people", "must be numbers that differ")
-    names = [AS_TRACKED, *(f"take {k}" for k in range(1, count))]
+    names = [AS_GIVEN, *(f"take {k}" for k in range(1, count))]
     fixed = [(j, actor) for j, actor in enumerate(actors) if j not in chosen]
-    people = [(j, actors[j].replace(take=AS_TRACKED)) for j in chosen]
+    people = [(j, actors[j].replace(take=AS_GIVEN)) for j in chosen]
     stuck = []
     for name in names[1:]:
         there = [actor for _, actor in fixed]
@@ -144,7 +144,7 @@ def drawn_takes(
     if stuck:
         more = f" and {len(stuck) - 1} more" if len(stuck) > 1 else ""
         log.warning(
-            "takes: %s%s walk as tracked: %d draws led into an obstacle, off the map, into "
+            "takes: %s%s walk as given: %d draws led into an obstacle, off the map, into "
             "somebody or too near to a drone's start; a smaller spread has room",
             stuck[0], more, _TRIES,
         )  # fmt: skip
@@ -157,7 +157,7 @@ def _drawn(
     spread: Spread, rng: np.random.Generator, barred: Callable[[Actor], bool],
 ) -> Actor | None:  # fmt: skip
     """Returns a person who walks as drawn, beside those who are there; None if all draws fail."""
-    may_be_inside = bool(buried(workspace, actor, horizon))  # as tracked already
+    may_be_inside = bool(buried(workspace, actor, horizon))  # as given already
     for _ in range(_TRIES):
         late, left, faster = rng.standard_normal(3) * spread
         walk = _Walk(late / (step or 1.0), left, max(1.0 + faster, _SLOWEST))

@@ -30,7 +30,8 @@ def show(
     ----------
     problem : that the plans are for
     plans : plans, or results that have one, whose J is in their titles; who has none, or None, is
-        left out, and without any the drones are shown at their starts
+        left out, and without any the drones are shown at their starts, and of those that may choose
+        theirs the ground above which they may start
     certificate : a certificate, a proof or a result that has one, by which the player tells the
         bound, what is proved of each plan, and what is lost by leaving each step
 

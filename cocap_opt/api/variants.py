@@ -163,10 +163,10 @@ def takes(
 ) -> Problem:
     """Let people walk otherwise: draw takes around the walks that they have.
 
-    In the first take people walk as tracked. In each other one every person is late or early by a
+    In the first take people walk as given. In each other one every person is late or early by a
     number of seconds, aside by a number of metres, and slower or faster, each drawn from a normal
     distribution. Draws that lead into an obstacle, off the map, into somebody of the same take, or
-    too near to a drone's fixed start are drawn again; who finds none in 50 draws walks as tracked,
+    too near to a drone's fixed start are drawn again; who finds none in 50 draws walks as given,
     which a warning says. Nobody of one take hides anybody of another. J is then its mean over the
     takes, and plans keep away from the people of all of them.
 
@@ -182,7 +182,7 @@ def takes(
     Returns
     -------
     Problem
-        The problem with takes "as tracked", "take 1", "take 2" and so on, whose name says so.
+        The problem with takes "as given", "take 1", "take 2" and so on, whose name says so.
 
     Raises
     ------

@@ -12,8 +12,8 @@ from cyclopts import Parameter, Token
 from cocap_opt.console.streams import without_warnings
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.flight.strain import strains
-from cocap_opt.plausibility import narrow_way, warnings
-from cocap_opt.problem import Problem
+from cocap_opt.plausibility import narrow_way, warnings, warnings_before_starts
+from cocap_opt.problem import Problem, SceneData
 from cocap_opt.run.options import Allowance, Option, UsageError
 from cocap_opt.scenarios import NOTHING, SCENES, load_scene
 
@@ -79,11 +79,13 @@ def load(scene: str, seed: int, options: Mapping[str, str] = NOTHING) -> Problem
     return problem
 
 
-def say_doubts(scene: str, seed: int, problem: Problem) -> None:
-    """Logs what is doubtful in a scene that a file holds."""
-    if scene not in SCENES:  # those are meant as they are
-        for warning in warnings(problem):
-            _say_once(scene, seed, warning)
+def say_doubts(scene: str, seed: int, problem: SceneData) -> None:
+    """Logs what is doubtful in a scene that a file holds, whose drones need not have places yet."""
+    if scene in SCENES:  # those are meant as they are
+        return
+    has_places = isinstance(problem, Problem)
+    for warning in warnings(problem) if has_places else warnings_before_starts(problem):
+        _say_once(scene, seed, warning)
 
 
 def load_planned(scene: str, seed: int) -> Problem:

@@ -75,8 +75,8 @@ def _show(
 
     The HTML file needs no network and no other file. PNG, PDF and SVG show one step, or several
     side by side, a GIF one after the other. Without a plan the map, the people and the drones at
-    their starts are shown; of a recipe that has no drones, or starts that are refused, where they
-    may start. Without -o the file is show.html.
+    their starts are shown; of drones that choose theirs, and of a recipe that has no drones, or
+    starts that are refused, where they may start. Without -o the file is show.html.
 
     Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
     """
@@ -132,6 +132,7 @@ def _show_site(
     """Draws where the drones of a recipe may start, and says why it is no scene yet."""
     from cocap_opt.pictures.start_map import start_picture
 
+    say_doubts(scene, seed, site.problem or site.scene)
     for words in site.words:
         _log.warning("%s, seed %d: %s", scene, seed, words)
     if output.suffix == ".html":

@@ -9,6 +9,7 @@ from cocap_opt.flight.delays import bearable_delay, bearable_delay_of_people
 from cocap_opt.flight.flights import Flight
 from cocap_opt.flight.robustness import Outcome, Robustness
 from cocap_opt.problem import CollisionRules, Problem
+from cocap_opt.problem.takes import told_take
 
 KEPT, NONE = "kept", "none"
 UNLIMITED = "unlimited"  # a delay
@@ -101,7 +102,7 @@ class Changes(NamedTuple):
         """Yields each change in words, and what is left; another change is another line here."""
         yield "as planned", robustness.as_planned
         for k, take in enumerate(problem.takes):
-            yield f"take {take.name}", robustness.with_take(k)
+            yield told_take(take.name), robustness.with_take(k)
         for late in self.late:
             yield f"people {late:g} s late", robustness.with_people(late=late)
             yield f"people {late:g} s early", robustness.with_people(late=-late)

@@ -237,7 +237,7 @@ def plan_picture(
 
     Parameters
     ----------
-    plan : without it, the drones are shown at their starts
+    plan : without it, the drones are shown at their starts, or where they may start
     suffix : one of PICTURES, or of a plan ``".gif"``
     steps : without any, the last one, or in a GIF file all
     """

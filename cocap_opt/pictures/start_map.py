@@ -3,11 +3,12 @@
 import math
 import textwrap
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
@@ -17,13 +18,19 @@ from cocap_opt.output.heights import over_datum
 from cocap_opt.pictures.figures import picture, robot_colour
 from cocap_opt.pictures.style import LABEL, SMALL, TITLE
 from cocap_opt.problem import Motion, StartArea, State
-from cocap_opt.problem.pictures import PERSON, TopView
+from cocap_opt.problem.pictures import (
+    STARTABLE,
+    StartGround,
+    TopView,
+    distinct_colours,
+    people_by_take,
+)
 from cocap_opt.problem.refusals import startable
 from cocap_opt.problem.scene import SceneData
 from cocap_opt.scenarios import Site
 
 FREE, ABOVE, PEOPLE, CLOSED, BLOCKED = range(5)
-COLOURS = "#d3ead6", "#a5cdae", "#f8d99b", "#e9b3ba", "#6f747c"
+COLOURS = STARTABLE, "#a5cdae", "#f8d99b", "#e9b3ba", "#6f747c"
 REFUSED = "#b00020"
 _WORDS = {
     FREE: "free",
@@ -34,6 +41,7 @@ _WORDS = {
 }
 _MOST_PANELS = 4
 _WIDTH, _MOST_DEPTH, _LINE = 10.8, 8.0, 0.19  # inches: the picture, a panel, a line of text
+_LEGEND_LINE, _LONG = 0.2, 46  # inches of a line, letters beside three others
 _LETTERS = 165  # of a line of text below the picture
 
 
@@ -114,11 +122,14 @@ def _figure(site: Site, shown: Sequence[Level]) -> Figure:
         for line in textwrap.wrap(words, _LETTERS, subsequent_indent="    ")
     ]
     below = 0.55 + _LINE * len(lines)
-    whole = 0.5 + rows * panel + below
+    handles = _handles(site, shown)
+    beside = 4 if max(map(len, handles)) <= _LONG else 2
+    legend = _LEGEND_LINE * max(math.ceil(len(handles) / beside), 2)
+    whole = 0.1 + rows * panel + below + legend
     figure = Figure(figsize=(_WIDTH, whole), dpi=130)
     grid = figure.add_gridspec(
         rows, columns, left=0.07, right=0.98, top=1 - 0.75 / whole,
-        bottom=(below + 0.45) / whole, hspace=0.75 / panel * 1.2, wspace=0.16,
+        bottom=(below + 0.05 + legend) / whole, hspace=0.75 / panel * 1.2, wspace=0.16,
     )  # fmt: skip
     for number, level in enumerate(shown):
         ax = figure.add_subplot(grid[divmod(number, columns)])
@@ -126,8 +137,9 @@ def _figure(site: Site, shown: Sequence[Level]) -> Figure:
     title = f"{site.scene.name}: where drones may start"
     figure.text(0.07, 1 - 0.32 / whole, title, fontsize=TITLE + 2, weight="bold")
     figure.legend(
-        handles=_handles(site, shown), loc="lower left", ncols=4, fontsize=SMALL, frameon=False,
-        bbox_to_anchor=(0.06, (below - 0.42) / whole), columnspacing=1.6,
+        list(handles.values()), list(handles), loc="lower left", ncols=beside, fontsize=SMALL,
+        frameon=False, bbox_to_anchor=(0.06, (below - 0.42) / whole), columnspacing=1.6,
+        handler_map={tuple: HandlerTuple(ndivide=None, pad=0.3)},
     )  # fmt: skip
     for number, line in enumerate(lines):
         at = (below - 0.6 - _LINE * number) / whole
@@ -145,10 +157,10 @@ def draw_level(ax: Axes, site: Site, level: Level) -> Axes:
         if scene.robots[found.robot].motion.layers[found.state.layer] == level.height:
             _draw_refused(ax, site, found.state, found.nearest, found.robot)
     refused = {found.robot for found in site.refusals}
+    for area in _stated_areas(scene):
+        view.draw_area(ax, area)
     for number, robot in enumerate(scene.robots):
-        if isinstance(robot.start, StartArea):
-            _draw_area(ax, scene, robot.start, number)
-        elif number not in refused:
+        if number not in refused and not isinstance(robot.start, StartArea):
             for state in scene.starts[number]:
                 if robot.motion.layers[state.layer] == level.height:
                     yaw = math.tau * state.heading / robot.motion.headings
@@ -187,22 +199,18 @@ def _draw_refused(ax: Axes, site: Site, state: State, nearest: State | None, num
     ax.plot(*at, marker="x", color=REFUSED, ms=10, mew=2.6, zorder=8, path_effects=halo, ls="none")
 
 
-def _draw_area(ax: Axes, scene: SceneData, area: StartArea, number: int) -> None:
-    """Draws the outline of the cells in which a drone may choose its start."""
-    if area.cells is None:
-        return
-    inside = np.zeros(scene.height_map.shape)
-    inside[tuple(np.array(area.cells).T)] = 1.0
-    (x, y), size, (width, depth) = (
-        scene.height_map.origin, scene.height_map.resolution, scene.height_map.shape,
-    )  # fmt: skip
-    framed = np.pad(inside, 1).repeat(4, axis=0).repeat(4, axis=1)
-    ax.contour(
-        x + size * (np.arange(4 * (width + 2)) + 0.5 - 4) / 4,
-        y + size * (np.arange(4 * (depth + 2)) + 0.5 - 4) / 4,
-        framed.T, levels=[0.5], colors=[robot_colour(number)], linewidths=1.6,
-        linestyles="dashed", zorder=5,
-    )  # fmt: skip
+def _stated_areas(scene: SceneData) -> list[StartGround]:
+    """Returns the areas in which drones may choose their start, but those that are all of a map."""
+    found: dict[StartArea, list[int]] = {}
+    for number, robot in enumerate(scene.robots):
+        if isinstance(robot.start, StartArea) and robot.start.cells is not None:
+            found.setdefault(robot.start, []).append(number)
+    areas = []
+    for area, drones in found.items():
+        inside = np.zeros(scene.height_map.shape, dtype=np.bool_)
+        inside[tuple(np.array(area.cells).T)] = True
+        areas.append(StartGround(tuple(drones), inside))
+    return areas
 
 
 def _number(ax: Axes, at: FloatArray, number: int, colour: str) -> None:
@@ -213,22 +221,33 @@ def _number(ax: Axes, at: FloatArray, number: int, colour: str) -> None:
     )  # fmt: skip
 
 
-def _handles(site: Site, shown: Sequence[Level]) -> list[Patch | Line2D]:
-    """Returns the entries of the legend, of all that is drawn."""
+def _handles(site: Site, shown: Sequence[Level]) -> dict[str, Any]:
+    """Returns the lines of the legend, of all that is drawn: words, and the marks before them."""
 
-    def mark(marker: str, label: str, colour: str, fill: str | None = None) -> Line2D:
+    def mark(marker: str, colour: str, fill: str | None = None) -> Line2D:
         return Line2D([], [], marker=marker, ls="none", color=colour, mfc=fill or colour, mew=1.8,
-                      ms=8, label=label)  # fmt: skip
+                      ms=8)  # fmt: skip
 
+    scene, refused = site.scene, {found.robot for found in site.refusals}
     there = {kind for level in shown for kind in np.unique(level.kinds).tolist()}
-    handles: list[Patch | Line2D] = [
-        Patch(color=COLOURS[kind], label=words) for kind, words in _WORDS.items() if kind in there
-    ]
-    refused = {found.robot for found in site.refusals}
-    if site.scene.actors:
-        handles.append(mark("o", "people, last step (cross: step 0)", PERSON))
-    if len(refused) < len(site.scene.robots):
-        handles.append(mark("o", "starts, with the way they look", "#30638e", "white"))
+    handles: dict[str, Any] = {
+        words: (Patch(color=COLOURS[kind]),) for kind, words in _WORDS.items() if kind in there
+    }
+    if scene.actors:
+        for words, colour in people_by_take([take.name for take in scene.takes]).items():
+            handles[words] = (mark("o", colour),)
+    stated = [
+        number for number, robot in enumerate(scene.robots)
+        if number not in refused and not isinstance(robot.start, StartArea)
+    ]  # fmt: skip
+    if stated:
+        rings = tuple(mark("o", colour, "white") for colour in distinct_colours(stated))
+        handles["starts, with the way they look"] = rings
+    for area in _stated_areas(scene):
+        handles[area.words] = tuple(
+            Patch(facecolor="none", edgecolor=colour, ls="--", lw=1.4)
+            for colour in distinct_colours(area.drones)
+        )
     if refused:
-        handles.append(mark("x", "refused, with the nearest free place", REFUSED))
+        handles["refused, with the nearest free place"] = (mark("x", REFUSED),)
     return handles

@@ -36,7 +36,7 @@ class Player:
     Parameters
     ----------
     plans : with titles, none with violations by `check`; without any plan the drones are shown at
-        their starts
+        their starts, and of those that may choose theirs the ground above which they may start
     gaps : what the gap of each plan is made of, None where it is not known; none if not given
     planners : which planner made each plan, None where it is not known; none if not given
     cut_short : what a limit has left of each plan, in words; none if not given
@@ -58,7 +58,11 @@ class Player:
     ) -> None:
         self._problem = problem if plans else _without_goals(problem)
         self._waits = not plans
-        self._plans = plans or [("drones at their starts", _waiting(problem))]
+        self._absent: frozenset[int] = frozenset() if plans else problem.open_starts
+        words = "drones at their starts"
+        if len(self._absent) == len(problem.robots):
+            words = "where drones may start"
+        self._plans = plans or [(words, _waiting(problem))]
         self._gaps = gaps or [None] * len(self._plans)
         self._planners = planners or [None] * len(self._plans)
         self._cut_short = cut_short or [""] * len(self._plans)
@@ -81,7 +85,7 @@ class Player:
         """
         problem, scene = self._problem, PlayerScene(self._problem)
         plans = [
-            PlayerPlan(scene, self._judged, plan, gap)
+            PlayerPlan(scene, self._judged, plan, gap, self._absent)
             for (_, plan), gap in zip(self._plans, self._gaps, strict=True)
         ]
         shown: list[Data] = [
@@ -102,8 +106,9 @@ class Player:
             "unit": _unit(problem),
             "most": digits(max(float(plan.seen.max(initial=0.0)) for plan in plans)) or 1.0,
             "mostReward": max(max(plan["rewards"]) for plan in shown),
-            **scene.scope([plan for _, plan in self._plans]),
+            **scene.scope([plan for _, plan in self._plans], self._absent),
             "terrain": scene.terrain(),
+            "starts": scene.starts() if self._absent else None,
             **scene.meshes(),
             "airspace": scene.airspace(),
             "people": [scene.person(j) for j in range(len(problem.actors))],

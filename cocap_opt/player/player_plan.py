@@ -5,7 +5,7 @@ to each other). Steps at which nothing counts have a reward of 0.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from functools import cached_property
 from itertools import combinations
 from typing import Any
@@ -36,22 +36,34 @@ class PlayerPlan:
     ----------
     judged : the problem by whose rules it is judged
     gap : what its gap is made of, None where that is not known
+    absent : numbers of the drones that are not there, as their starts are still to be chosen; they
+        have no path and see nothing
     """
 
     def __init__(
-        self, scene: PlayerScene, judged: Problem, plan: Plan, gap: Explanation | None
+        self,
+        scene: PlayerScene,
+        judged: Problem,
+        plan: Plan,
+        gap: Explanation | None,
+        absent: Container[int] = (),
     ) -> None:
         self._scene, self._problem, self._judged = scene, scene.problem, judged
         self._plan, self._gap = plan, gap
+        self._there = [i for i in range(len(plan.paths)) if i not in absent]
 
     @cached_property
     def _own_coverage(self) -> FloatArray:
         """The coverage [R, T+1, W] of faces, then of people whom drones count, by each drone."""
-        model = compiled(self._problem)
-        return np.array([
-            model.views(model.class_of[i]).along(0, np.array(path))
-            for i, path in enumerate(model.paths(self._plan))
-        ])  # fmt: skip
+        problem = self._problem
+        found = np.zeros((len(problem.robots), problem.horizon + 1, problem.step_width))
+        if not self._there:
+            return found
+        model = compiled(problem)
+        paths = model.paths(self._plan)
+        for i in self._there:
+            found[i] = model.views(model.class_of[i]).along(0, np.array(paths[i]))
+        return found
 
     @property
     def own_pixels(self) -> FloatArray:
@@ -74,12 +86,12 @@ class PlayerPlan:
         `heights[i]` are flight heights (m), one if it is the same at all steps. `near` are moments
         at which two drones come close, `besidePeople` says where one comes too near to somebody.
         """
-        verdict = check(self._judged, self._plan)
+        reward, moves, rewards, is_valid = self._rewards()
         counted = self.seen[self._problem.first_step :]
         return {
-            "reward": verdict.reward,
-            "moves": verdict.reward_moves,
-            "rewards": [verdict.reward_at_start, *verdict.reward_per_step],
+            "reward": reward,
+            "moves": moves,
+            "rewards": rewards,
             "meanPixels": digits(float(_means(counted).mean())),
             "seen": [[digits(value) for value in row] for row in self.seen.tolist()],
             "ownPixels": [
@@ -91,16 +103,28 @@ class PlayerPlan:
             ],
             "near": self._near(),
             "besidePeople": [*self._beside_people()],
-            "gap": None if self._gap is None else _gap(self._problem, self._gap, verdict.valid),
+            "gap": None if self._gap is None else _gap(self._problem, self._gap, is_valid),
         } | self._flight()
+
+    def _rewards(self) -> tuple[float, float, list[float], bool]:
+        """Returns J, the part of it for moves, the reward of each step, and whether rules hold."""
+        judged, plan = self._judged, self._plan
+        if not self._there:
+            return 0.0, 0.0, [0.0] * (judged.horizon + 1), True
+        if len(self._there) < len(plan.paths):
+            judged = judged.replace(robots=tuple(judged.robots[i] for i in self._there))
+            plan = Plan(paths=tuple(plan.paths[i] for i in self._there))
+        verdict = check(judged, plan)
+        rewards = [verdict.reward_at_start, *verdict.reward_per_step]
+        return verdict.reward, verdict.reward_moves, rewards, verdict.valid
 
     def _beside_people(self) -> Iterator[str]:
         """Yields where each drone first comes too near to somebody, in words.
 
         Plans do not: the referee looks at them. Drones that only wait at their starts may.
         """
-        for i, path in enumerate(self._plan.paths):
-            at = self._problem.where(self._problem.robots[i], path)
+        for i in self._there:
+            at = self._problem.where(self._problem.robots[i], self._plan.paths[i])
             found = [
                 near for j in range(len(self._problem.actors)) for near in self._near_to(j, at)
             ]
@@ -122,11 +146,14 @@ class PlayerPlan:
                 yield t + share, math.hypot(x, y), j
 
     def _flight(self) -> Data:
-        scene = self._scene
-        flown = list(zip(self._problem.robots, self._plan.paths, strict=True))
+        scene, robots = self._scene, self._problem.robots
+        flown = [path if i in self._there else () for i, path in enumerate(self._plan.paths)]
         return {
-            "paths": [scene.rounded(scene.path(robot, path)) for robot, path in flown],
-            "heights": [_heights(robot, path) for robot, path in flown],
+            "paths": [
+                scene.rounded(scene.path(robot, path)) if path else []
+                for robot, path in zip(robots, flown, strict=True)
+            ],
+            "heights": [_heights(robot, path) for robot, path in zip(robots, flown, strict=True)],
         }
 
     def _adds(self) -> FloatArray:
@@ -179,7 +206,7 @@ class PlayerPlan:
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int]]:
-        return list(combinations(range(len(self._plan.paths)), 2))
+        return list(combinations(self._there, 2))
 
     @cached_property
     def _ways(self) -> FloatArray:

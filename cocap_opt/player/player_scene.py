@@ -5,7 +5,7 @@ digits as one can see; map coordinates of 500 km would not fit into a picture's 
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from functools import cached_property
 from typing import Any
 
@@ -20,7 +20,8 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
-from cocap_opt.problem.pictures import take_colour
+from cocap_opt.problem.pictures import STARTABLE, StartGround, take_colour
+from cocap_opt.problem.takes import told_take
 from cocap_opt.world.workspace import Mesh, Workspace
 
 MOST_CELLS = 128  # along an edge of the map, as it is drawn
@@ -29,6 +30,7 @@ _DIGITS = 5  # of the map's size
 _GROUND, _LOW, _BLOCKS = 0, 1, 2  # kinds of cells; the last blocks the lowest flight height
 _SLAB = 0.012  # of the map's size, height of its edge as it is drawn
 _MARGIN = 4.0  # m, from all flights and walks to the edge of the picture
+_MOST_TOLD = 2  # areas in which drones may start, one by one
 _SKY = 4.0  # m, above the highest flight, up to which closed airspace is drawn
 
 Data = dict[str, Any]
@@ -169,13 +171,37 @@ class PlayerScene:
             for k, x, y in filled
         ]
 
-    def scope(self, plans: Iterable[Plan]) -> Data:
-        """Returns corners of a box around flights and walks, and the length (m) of view cones."""
+    def starts(self) -> Data:
+        """Returns above which cells, as they are drawn, drones may choose their start, in words.
+
+        `cells` has a digit for each, 1 where one of these drones may start.
+        """
+        areas, number = StartGround.all_of(self.problem), len(self.problem.open_starts)
+        is_open = np.any([area.cells for area in areas], axis=0).astype(np.float64)
+        words = "; ".join(area.words for area in areas)
+        return {
+            "words": words if len(areas) <= _MOST_TOLD else f"{number} drones may start here",
+            "colour": STARTABLE,
+            "cells": "".join(f"{kind:.0f}" for kind in self._coarse(is_open, np.maximum).ravel()),
+        }
+
+    def scope(self, plans: Iterable[Plan], absent: Container[int] = ()) -> Data:
+        """Returns corners of a box around flights and walks, and the length (m) of view cones.
+
+        Parameters
+        ----------
+        absent : numbers of drones that are not there; the places in which they may start are
+        """
         steps, robots = self.problem.horizon + 1, self.problem.robots
         parts = [self.local(actor.poses[:steps, :3]) for actor in self.problem.actors]
         for plan in plans:
-            paths = zip(robots, plan.paths, strict=True)
-            parts += [self.path(robot, path)[:, :3] for robot, path in paths]
+            for i, (robot, path) in enumerate(zip(robots, plan.paths, strict=True)):
+                if i in absent:
+                    parts.append(
+                        self.local(self.problem.above(robot.motion, self.problem.starts[i].cells))
+                    )
+                else:
+                    parts.append(self.path(robot, path)[:, :3])
         points = np.concatenate(parts)
         least, most = points.min(axis=0), points.max(axis=0)
         margin, edge = np.array([_MARGIN, _MARGIN, 0.0]), np.array([*self._size, np.inf])
@@ -195,6 +221,8 @@ class PlayerScene:
         return {
             "faces": [self.rounded(face) for face in faces],
             "called": self.problem.person(j),
+            "name": actor.name,
+            "inTake": None if actor.take is None else told_take(actor.take),
             "take": take_colour(int(self.problem.take_of[j])) if self.problem.takes else None,
             "names": actor.shape.face_names,
             "height": self.rounded(np.array(actor.shape.height)),

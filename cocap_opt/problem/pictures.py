@@ -5,18 +5,22 @@ from __future__ import annotations
 import base64
 import io
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple, Protocol, overload
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, overload
 
 import numpy as np
 
-from cocap_opt.data import FloatArray, IntArray
+from cocap_opt.data import BoolArray, FloatArray, IntArray
 from cocap_opt.problem.motion import State
 from cocap_opt.problem.scene import SceneData
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    _Marks = tuple[Line2D | Patch, ...]
 
     class WholeAxes(Axes):
         """Axes that stand in a whole figure, which can be saved, and in no part of one.
@@ -34,15 +38,78 @@ GROUND, COVERED, WALL, LOW, PERSON = "#f4f1ea", "#cfc8b8", "#6b6f76", "#a9b18f",
 DRONE_COLOURS = tuple(f"C{k}" for k in (0, 2, 1, 4, 9, 5, 8, 6, 7))
 # People of one take each; the first is that of people where there are no takes.
 TAKE_COLOURS = PERSON, "#7b3fa0", "#b35900", "#c2378f", "#5b4bbd", "#8f6a00"
+# The ground above which drones may start.
+STARTABLE = "#d3ead6"
 TICK = 0.9  # cells, length of the line that shows a heading
 
 
 _MOST_TAKES = len(TAKE_COLOURS)  # in a legend
+_MOST_NAMED, _MOST_AREAS = 4, 6  # numbers of drones in a line of a legend; start areas there
+_MOST_MARKS = 4  # of drones of different colours beside each other in a legend
+_DASH, _SMALL = 3.0, 6.5  # points: of lines, of letters
+_WIDTH, _LINE, _LONG = 5.6, 0.17, 46  # inches, of a picture and a line of its legend; letters
 
 
 def take_colour(take: int) -> str:
     """Returns the colour of the people of a take, by its number."""
     return TAKE_COLOURS[take % len(TAKE_COLOURS)]
+
+
+def people_by_take(takes: Sequence[str]) -> dict[str, str]:
+    """Returns the lines of a legend for the walks of people, and the colour of each.
+
+    Parameters
+    ----------
+    takes : their names; none where people walk as they do
+    """
+    words = "people, last step (cross: step 0)"
+    named = [f"{words}, {name}" for name in takes[:_MOST_TAKES]] or [words]
+    return {label: take_colour(k) for k, label in enumerate(named)}
+
+
+def drone_colour(number: int) -> str:
+    """Returns the colour of a drone, by its number."""
+    return DRONE_COLOURS[number % len(DRONE_COLOURS)]
+
+
+def distinct_colours(drones: Iterable[int]) -> list[str]:
+    """Returns the different colours of drones, as many as a legend has room for."""
+    return list(dict.fromkeys(map(drone_colour, drones)))[:_MOST_MARKS]
+
+
+class StartGround(NamedTuple):
+    """The ground above which drones may start, wherever it is best.
+
+    Attributes
+    ----------
+    drones : the numbers of those to whom it is open, increasing
+    cells : [X, Y] of the map, True where they may start at one of their heights
+    """
+
+    drones: tuple[int, ...]
+    cells: BoolArray
+
+    @classmethod
+    def all_of(cls, scene: SceneData) -> list[StartGround]:
+        """Returns the areas of all drones that may start in one of several states."""
+        found: dict[bytes, StartGround] = {}
+        for number in sorted(scene.open_starts):
+            cells = np.zeros(scene.height_map.shape, dtype=np.bool_)
+            cells[tuple(scene.starts[number].cells[:, :2].T)] = True
+            before = found.get(cells.tobytes())
+            drones = (number,) if before is None else (*before.drones, number)
+            found[cells.tobytes()] = cls(drones, cells)
+        return list(found.values())
+
+    @property
+    def words(self) -> str:
+        """The words for what may be done there, and by whom."""
+        *most, last = map(str, self.drones)
+        if not most:
+            return f"drone {last} may start here"
+        if len(most) < _MOST_NAMED:
+            return f"drones {', '.join(most)} and {last} may start here"
+        return f"drones {', '.join(most[: _MOST_NAMED - 1])} .. {last} may start here"
 
 
 class HasPaths(Protocol):
@@ -63,11 +130,16 @@ class TopView(NamedTuple):
     walks: Sequence[FloatArray]  # per person [T+1, 2] m
     take_of: Sequence[int]  # per person
     takes: Sequence[str]  # names; none where people walk as they do
-    flights: Sequence[FloatArray]  # per drone [T+1, 3] x, y (m) and yaw (rad); or its start [1, 3]
+    # Per number of a drone [T+1, 3] x, y (m) and yaw (rad); or its start [1, 3], if it has one.
+    flights: Mapping[int, FloatArray]
+    areas: Sequence[StartGround]  # where the other drones may start
 
     @classmethod
     def of(cls, scene: SceneData, plan: HasPaths | None = None) -> TopView:
-        """Returns the scene from above, with the flights of a plan or the drones' starts."""
+        """Returns the scene from above, with the flights of a plan or the drones' starts.
+
+        Drones that may start in several states have no start yet, but an area.
+        """
         lowest = scene.layers[0]
         clearance = max(
             robot.motion.clearance for robot in scene.robots if robot.motion.layers[0] == lowest
@@ -80,17 +152,14 @@ class TopView(NamedTuple):
         kinds = np.where(scene.height_map.stands_out, 3, 0)
         kinds[covered] = 1
         kinds[blocked] = 2
-        paths = [[state] for state in scene.first_starts] if plan is None else plan.paths
-        flights = [
-            np.array(
-                [
-                    (*scene.height_map.centre(s.x, s.y), math.tau * s.heading / r.motion.headings)
-                    for s in path
-                ]
-            )
-            for r, path in zip(scene.robots, paths, strict=True)
-        ]
-        return cls.of_map(scene, kinds, lowest)._replace(flights=flights)
+        if plan is None:
+            placed = (i for i in range(len(scene.robots)) if i not in scene.open_starts)
+            paths: dict[int, Sequence[State]] = {i: scene.starts[i] for i in placed}
+        else:
+            paths = dict(enumerate(plan.paths))
+        flights = {i: _flight(scene, i, path) for i, path in paths.items()}
+        areas = StartGround.all_of(scene) if plan is None else []
+        return cls.of_map(scene, kinds, lowest)._replace(flights=flights, areas=areas)
 
     @classmethod
     def of_map(cls, scene: SceneData, kinds: IntArray, height: float) -> TopView:
@@ -103,7 +172,8 @@ class TopView(NamedTuple):
             walks=[actor.poses[: scene.horizon + 1, :2] for actor in scene.actors],
             take_of=scene.take_of.tolist(),
             takes=[take.name for take in scene.takes],
-            flights=[],
+            flights={},
+            areas=[],
         )
 
     @overload
@@ -115,29 +185,59 @@ class TopView(NamedTuple):
     def draw(self, ax: Axes | None = None) -> Axes:
         """Draw the map, the walks of people from a cross to a disc, and the drones' flights.
 
-        A ring marks where each drone starts; the line at each of its places shows its heading.
+        A ring marks where each drone starts; the line at each of its places shows its heading. In
+        a figure of its own the legend is below the map; in given axes it is on it.
         """
+        handles, figure = self._handles(), None
         if ax is None:
             from matplotlib.figure import Figure
 
             width, depth = self.kinds.shape
             size = min(max(5.0 * depth / width, 1.2), 9.0)  # inches, of the map
-            whole = size + 0.9
-            figure = Figure(figsize=(5.6, whole), dpi=100)
-            ax = figure.add_axes((0.12, 0.6 / whole, 0.84, size / whole))
+            below = 0.5 + _LINE * math.ceil(len(handles) / _columns(handles)) + 0.1
+            whole = size + below + 0.3
+            figure = Figure(figsize=(_WIDTH, whole), dpi=100)
+            ax = figure.add_axes((0.12, below / whole, 0.84, size / whole))
         self.draw_map(ax)
         self.draw_walks(ax)
-        for number, flight in enumerate(self.flights):
-            _draw_flight(ax, flight, DRONE_COLOURS[number % len(DRONE_COLOURS)], number, self.cell)
-        self._draw_legend(ax)
+        for area in self.areas:
+            self.draw_area(ax, area, is_filled=True)
+        for number, flight in self.flights.items():
+            _draw_flight(ax, flight, drone_colour(number), number, self.cell)
+        _draw_legend(ax, handles, figure)
         return ax
 
+    def draw_area(self, ax: Axes, area: StartGround, is_filled: bool = False) -> None:
+        """Draw the outline of an area, with a dash in the colour of each drone, and its ground."""
+        from matplotlib.colors import ListedColormap
+
+        (x, y), (width, depth) = self.corner, self.kinds.shape
+        if is_filled:
+            ax.imshow(
+                np.ma.masked_equal(area.cells.T, 0), origin="lower", alpha=0.7, zorder=1,
+                extent=(x, x + width * self.cell, y, y + depth * self.cell),
+                interpolation="nearest", cmap=ListedColormap([STARTABLE]),
+            )  # fmt: skip
+        framed = np.pad(area.cells.astype(float), 1).repeat(4, axis=0).repeat(4, axis=1)
+        at = [
+            corner + self.cell * (np.arange(4 * (size + 2)) + 0.5 - 4) / 4
+            for corner, size in zip(self.corner, self.kinds.shape, strict=True)
+        ]
+        colours = distinct_colours(area.drones)
+        gap = _DASH * (2 * len(colours) - 1)
+        for k, colour in enumerate(colours):
+            ax.contour(
+                *at, framed.T, levels=[0.5], colors=[colour], linewidths=1.4, zorder=2,
+                linestyles=[(-2 * k * _DASH, (_DASH, gap))],
+            )  # fmt: skip
+
     def draw_walks(self, ax: Axes) -> None:
-        """Draw the walks of people from a cross to a numbered disc."""
+        """Draw the walks of people from a cross to a numbered disc, in the colours of takes."""
         for number, walk in enumerate(self.walks):
-            ax.plot(*walk.T, color=PERSON, lw=1, ls=":", zorder=3)
-            ax.plot(*walk[0], marker="x", color=PERSON, ms=4, zorder=3)
-            _draw_numbered_disc(ax, walk[-1], PERSON, number)
+            colour = take_colour(self.take_of[number])
+            ax.plot(*walk.T, color=colour, lw=1, ls=":", zorder=3)
+            ax.plot(*walk[0], marker="x", color=colour, ms=4, zorder=3)
+            _draw_numbered_disc(ax, walk[-1], colour, number)
 
     def draw_map(self, ax: Axes, colours: Sequence[str] = (GROUND, COVERED, WALL, LOW)) -> None:
         """Draw the cells of a scene, in axes of world coordinates.
@@ -165,22 +265,30 @@ class TopView(NamedTuple):
             axis.set_major_formatter(FuncFormatter(lambda at, _, less=shared: f"{at - less:g}"))
             axis.set_label_text(f"{name} - {shared:,.0f} (m)" if shared else f"{name} (m)")
 
-    def _draw_legend(self, ax: Axes) -> None:
+    def _handles(self) -> dict[str, _Marks]:
+        """Returns the lines of the legend: what they say, and the marks before it."""
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 
-        def disc(colour: str, label: str) -> Line2D:
-            return Line2D([], [], marker="o", ls="none", color=colour, mec="black", label=label)
+        def disc(colour: str, edge: str = "black") -> Line2D:
+            return Line2D([], [], marker="o", ls="none", ms=5.5, color=colour, mec=edge)
 
-        handles: list[Patch | Line2D] = []
+        found: dict[str, _Marks] = {}
         if self.flights:
-            flown = any(len(flight) > 1 for flight in self.flights)
+            flown = any(len(flight) > 1 for flight in self.flights.values())
             words = "drones, last step (ring: start)" if flown else "drones' starts"
-            handles.append(disc(DRONE_COLOURS[0], words))
+            found[words] = tuple(
+                disc(colour) if flown else disc("white", colour)
+                for colour in distinct_colours(self.flights)
+            )
+        for area in self.areas[:_MOST_AREAS]:
+            found[area.words] = tuple(
+                Patch(facecolor=STARTABLE, edgecolor=colour, lw=1.2)
+                for colour in distinct_colours(area.drones)
+            )
         if self.walks:
-            words = "people, last step (cross: step 0)"
-            named = [f"{words}, {name}" for name in self.takes[:_MOST_TAKES]] or [words]
-            handles += [disc(take_colour(k), label) for k, label in enumerate(named)]
+            for words, colour in people_by_take(self.takes).items():
+                found[words] = (disc(colour),)
         kinds = {
             1: (COVERED, "something above"),
             2: (WALL, f"blocks flight at {self.height:g} m"),
@@ -188,8 +296,8 @@ class TopView(NamedTuple):
         }
         for kind, (colour, label) in kinds.items():
             if (self.kinds == kind).any():
-                handles.append(Patch(color=colour, label=label))
-        ax.legend(handles=handles, fontsize=6, loc="best", framealpha=0.85)
+                found[label] = (Patch(color=colour),)
+        return found
 
     def image(self) -> str:
         """Draw an HTML image that needs no file."""
@@ -198,6 +306,33 @@ class TopView(NamedTuple):
         assert figure is not None
         figure.savefig(content, format="png")
         return f'<img src="data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}">'
+
+
+def _flight(scene: SceneData, number: int, path: Sequence[State]) -> FloatArray:
+    """Returns the places x, y (m) and headings (rad) of a drone [T+1, 3]."""
+    turn = math.tau / scene.robots[number].motion.headings
+    return np.array([(*scene.height_map.centre(s.x, s.y), turn * s.heading) for s in path])
+
+
+def _columns(labels: Iterable[str]) -> int:
+    """Returns the number of columns of a legend: two, if no line of it is long."""
+    return 2 if max(map(len, labels), default=0) <= _LONG else 1
+
+
+def _draw_legend(ax: Axes, handles: Mapping[str, _Marks], below: Figure | None) -> None:
+    """Draw a legend below a figure; on the axes, if none is given."""
+    from matplotlib.legend_handler import HandlerTuple
+
+    how: dict[str, Any] = {"loc": "best", "framealpha": 0.85}
+    if below is not None:
+        how = {
+            "loc": "lower left", "bbox_to_anchor": (0.02, 0.01), "borderaxespad": 0.0,
+            "bbox_transform": below.transFigure, "frameon": False, "ncols": _columns(handles),
+        }  # fmt: skip
+    ax.legend(
+        handles=list(handles.values()), labels=list(handles), fontsize=_SMALL, handlelength=4.0,
+        handler_map={tuple: HandlerTuple(ndivide=None, pad=0.3)}, **how,
+    )  # fmt: skip
 
 
 def _draw_flight(ax: Axes, flight: FloatArray, colour: str, number: int, cell: float) -> None:

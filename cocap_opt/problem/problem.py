@@ -22,7 +22,7 @@ from cocap_opt.data import FloatArray, IntArray, read_only, within
 from cocap_opt.problem.checks import require_scene
 from cocap_opt.problem.rules import NO_RULES
 from cocap_opt.problem.scene import SceneData
-from cocap_opt.problem.takes import in_all_takes, of_people
+from cocap_opt.problem.takes import in_all_takes, of_people, told_take
 from cocap_opt.returns import Returns
 from cocap_opt.text import printable
 
@@ -102,6 +102,8 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     def plot(self, plan: "HasPaths | None" = None, ax: "Axes | None" = None) -> "Axes":
         """Draws the scene from above, with the flights of a plan or the drones' starts.
 
+        Of drones that may choose their start it draws the ground above which they may start.
+
         Parameters
         ----------
         plan : a plan, or any object with `paths`
@@ -142,7 +144,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
                 actors=tuple(self.actors[j].replace(take=None) for j in inside),
                 objective=of_people(self.objective, len(self.actors), inside),
                 takes=(),
-                name=f"{self.name}, take {self.takes[k].name}",
+                name=f"{self.name}, {told_take(self.takes[k].name)}",
             )
         return self._alone[k]
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from cocap_opt.data import BoolArray, require, whole
 from cocap_opt.problem.motion import Motion, State
+from cocap_opt.problem.open_areas import largest_area
 from cocap_opt.problem.robot import Robot
 from cocap_opt.problem.scene import SceneData
 from cocap_opt.problem.starts import StartStates
@@ -25,7 +26,9 @@ class Refusal(NamedTuple):
     state : the start
     why : words
     nearest : the nearest start at this height that is free, and apart from all that are kept and
-        all that are proposed before; None if there is none
+        all that are proposed before, in the largest free area (`largest_area`) if any is there;
+        None if there is none
+    has_nearer : True if a nearer place is free, but in a smaller area, such as a closed yard
     height : m, the lowest other flight height at which this cell is free; None: none is
     """
 
@@ -34,6 +37,7 @@ class Refusal(NamedTuple):
     state: State
     why: str
     nearest: State | None
+    has_nearer: bool
     height: float | None
 
     def way_out(self, scene: SceneData) -> str:
@@ -45,7 +49,8 @@ class Refusal(NamedTuple):
         x, y = scene.height_map.centre(nearest.x, nearest.y)
         away = math.dist(nearest[:2], self.state[:2]) * scene.height_map.resolution
         place = f"x = {x:.10g}, y = {y:.10g}, cell ({nearest.x}, {nearest.y})"
-        return f"the nearest free place, {away:.3g} m away, is {place}{here}"
+        where = " that is not shut in" if self.has_nearer else ""
+        return f"the nearest free place{where}, {away:.3g} m away, is {place}{here}"
 
 
 def told(scene: SceneData, refusals: Sequence[Refusal]) -> str:
@@ -153,18 +158,34 @@ def _crowded(scene: SceneData, kept: tuple[int, State], placed: tuple[int, State
 def _with_places(
     scene: SceneData, found: dict[tuple[int, str], tuple[State, str]], kept: list[tuple[int, State]]
 ) -> Iterator[Refusal]:
-    """Yields refusals with the nearest free places, apart from each other and from those kept."""
-    taken = list(kept)
+    """Yields refusals with the nearest free places, apart from each other and from those kept.
+
+    Places in the largest free area of the flight height go before all others.
+    """
+    taken, areas = list(kept), dict[tuple[Motion, int], BoolArray]()
     for (i, field), (state, why) in sorted(found.items(), key=lambda row: row[0][0]):
+        motion = scene.robots[i].motion
+        if (motion, state.layer) not in areas:
+            there = motion.free_places(scene.workspace)[state.layer]
+            areas[motion, state.layer] = largest_area(there, motion.corner_cutting)
         free = _free(scene, scene.robots[i], state.layer, taken)
-        cells = np.argwhere(free)
-        nearest = None
-        if len(cells):
-            away = np.hypot(*(cells - state[:2]).T)
-            x, y = cells[int(np.argmin(away))].tolist()
-            nearest = state._replace(x=x, y=y)
+        best = free & areas[motion, state.layer]
+        nearest, has_nearer = _nearest(best if best.any() else free, state), False
+        if nearest is not None:
+            other = _nearest(free, state) or nearest
+            has_nearer = math.dist(other[:2], state[:2]) < math.dist(nearest[:2], state[:2])
             taken.append((i, nearest))
-        yield Refusal(i, field, state, why, nearest, _other_height(scene, i, state, taken))
+        height = _other_height(scene, i, state, taken)
+        yield Refusal(i, field, state, why, nearest, has_nearer, height)
+
+
+def _nearest(free: BoolArray, state: State) -> State | None:
+    """Returns a state in the nearest of the free cells [X, Y]; None if there is none."""
+    cells = np.argwhere(free)
+    if not len(cells):
+        return None
+    x, y = cells[int(np.argmin(np.hypot(*(cells - state[:2]).T)))].tolist()
+    return state._replace(x=x, y=y)
 
 
 def _free(

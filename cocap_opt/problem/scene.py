@@ -29,7 +29,7 @@ from cocap_opt.problem.placement import UndecidedError, places_apart
 from cocap_opt.problem.robot import Robot
 from cocap_opt.problem.rules import CollisionRules
 from cocap_opt.problem.starts import StartSet, StartStates
-from cocap_opt.problem.takes import Take
+from cocap_opt.problem.takes import Take, told_take
 from cocap_opt.world.workspace import HeightMap, Mesh, Workspace
 
 _MOST_CRS = 100 * MOST_LETTERS  # letters; WKT may be long
@@ -132,7 +132,12 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
     @cached_property
     def has_free_starts(self) -> bool:
         """True if some robot may start in one of several states."""
-        return any(len(states) > 1 for states in self.starts)
+        return bool(self.open_starts)
+
+    @cached_property
+    def open_starts(self) -> frozenset[int]:
+        """The numbers of the robots that may start in one of several states."""
+        return frozenset(i for i, states in enumerate(self.starts) if len(states) > 1)
 
     @cached_property
     def first_starts(self) -> tuple[State, ...]:
@@ -244,9 +249,9 @@ class SceneData(Data, frozen=True, eq=False, dict=True):
         return near
 
     def person(self, j: int) -> str:
-        """Returns the words for a person: the number, and the name if there is one."""
+        """Returns the words for a person: the number, and name and take if there are any."""
         name, take = self.actors[j].name, self.actors[j].take
-        words = [*([] if name is None else [name]), *([] if take is None else [f"take {take}"])]
+        words = [*([] if name is None else [name]), *([] if take is None else [told_take(take)])]
         return f"person {j} ({', '.join(words)})" if words else f"person {j}"
 
     @cached_property

@@ -46,6 +46,11 @@ class Take(Data, frozen=True):
         within(self.probability, 0, 1, "probability")
 
 
+def told_take(name: str) -> str:
+    """Returns the words for a take: its name, after the word take where it does not fit alone."""
+    return name if name.casefold().startswith(("take", "as ")) else f"take {name}"
+
+
 def equal_chances(names: Sequence[str]) -> tuple[Take, ...]:
     """Returns takes of these names, all equally probable."""
     return tuple(Take(name=name, probability=1 / len(names)) for name in names)

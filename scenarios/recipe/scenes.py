@@ -8,10 +8,10 @@ import msgspec
 import numpy as np
 
 from cocap_opt.data import ProblemError
-from cocap_opt.problem import Actor, Earth, Motion, Problem, Robot
+from cocap_opt.problem import Actor, Earth, Motion, Objective, Problem, Robot
 from cocap_opt.problem.refusals import refused_starts
 from cocap_opt.problem.scene import SceneData
-from cocap_opt.problem.takes import PeopleInTakes, least_chance
+from cocap_opt.problem.takes import PeopleInTakes, in_all_takes, least_chance
 from cocap_opt.scenarios.earth.place import MapProjection, require_likely
 from cocap_opt.scenarios.maps.terrain import Terrain
 from cocap_opt.scenarios.recipe.cameras import say_photos
@@ -75,7 +75,9 @@ def site(path: Path, seed: int = 0) -> Site:
                 continue
             team += added
             names += names_in_table(k, given)
-        scene = SceneData(**place.fields(team))
+        fields = place.fields(team)
+        people, _ = in_all_takes(fields["takes"], fields["actors"], Objective())
+        scene = SceneData(**fields | {"actors": people})
         refusals = tuple(
             found._replace(why=renamed(found.why, names)) for found in refused_starts(scene)
         )

@@ -62,6 +62,28 @@ def apart(a: State, b: State, separation: float) -> bool:
     return math.dist((a.x, a.y, 0), (b.x, b.y, up)) >= separation and a[:3] != b[:3]
 
 
+def largest(scene: SceneData, layer: int) -> set[tuple[int, int]]:
+    """The cells of the largest free areas at a flight height, by filling one after the other."""
+    left = {
+        (x, y) for x in range(8) for y in range(6)
+        if scene.height_map.heights[x, y] < LAYERS[layer]
+    }  # fmt: skip
+    areas: list[set[tuple[int, int]]] = []
+    while left:
+        area, edge = set[tuple[int, int]](), [left.pop()]
+        while edge:
+            x, y = edge.pop()
+            area.add((x, y))
+            beside = {(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)}
+            if scene.robots[0].motion.corner_cutting:
+                beside |= {(x + i, y + j) for i in (-1, 1) for j in (-1, 1)}
+            edge += beside & left
+            left -= beside
+        areas.append(area)
+    most = max(map(len, areas), default=0)
+    return {cell for area in areas for cell in area if len(area) == most}
+
+
 cells = st.tuples(st.integers(0, 7), st.integers(0, 5))
 places = st.builds(lambda cell, layer: State(*cell, layer), cells, st.integers(0, 1))
 
@@ -69,13 +91,15 @@ places = st.builds(lambda cell, layer: State(*cell, layer), cells, st.integers(0
 @examples(60)
 @given(
     st.lists(cells, max_size=40), st.lists(places, min_size=1, max_size=4),
-    st.sampled_from((0.0, 1.5, 2.5)),
+    st.sampled_from((0.0, 1.5, 2.5)), st.booleans(),
 )  # fmt: skip
 def test_the_places_that_are_proposed_are_free_nearest_and_apart(
-    blocked: list[tuple[int, int]], starts: list[State], separation: float
+    blocked: list[tuple[int, int]], starts: list[State], separation: float, cuts: bool
 ) -> None:
-    """By going through all cells; who takes all of them has a scene."""
+    """By going through all cells, those of the largest area first; taken all, they are a scene."""
     scene = street(blocked, starts, separation)
+    motion = Motion(layers=LAYERS, corner_cutting=cuts)
+    scene = scene.replace(robots=tuple(robot.replace(motion=motion) for robot in scene.robots))
     refusals = refused_starts(scene)
     refused = {found.robot: found for found in refusals}
     kept = [state for i, state in enumerate(starts) if i not in refused]
@@ -91,11 +115,16 @@ def test_the_places_that_are_proposed_are_free_nearest_and_apart(
             place for place in grid
             if may_start(scene, place) and all(apart(place, each, separation) for each in taken)
         ]  # fmt: skip
-        far = [math.dist(place[:2], found.state[:2]) for place in open_]
+        roomy = largest(scene, found.state.layer)
+        best = [place for place in open_ if place[:2] in roomy] or open_
+        far = [math.dist(place[:2], found.state[:2]) for place in best]
         assert (found.nearest is None) == (not open_)
         if found.nearest is not None:
-            assert found.nearest in open_
-            assert math.dist(found.nearest[:2], found.state[:2]) == min(far)
+            assert found.nearest in best
+            away = math.dist(found.nearest[:2], found.state[:2])
+            assert away == min(far)
+            nearer = (place for place in open_ if math.dist(place[:2], found.state[:2]) < away)
+            assert found.has_nearer == any(nearer)
             taken.append(found.nearest)
     if refusals and all(found.nearest is not None for found in refusals):
         fixed = [refused[i].nearest if i in refused else s for i, s in enumerate(starts)]
@@ -125,6 +154,22 @@ def test_all_refused_starts_are_in_one_line() -> None:
     fields = {name: getattr(scene, name) for name in scene.__struct_fields__}
     with pytest.raises(ProblemError, match=re.escape(line)):
         Problem(**fields)
+
+
+def test_no_closed_yard_is_proposed() -> None:
+    """The yard is nearer, but nobody gets out of it; where all else is taken it will do."""
+    walls = [(x, y) for x in range(3) for y in range(3) if (x, y) != (0, 0)]
+    scene = street(walls, [State(0, 1)])
+    assert told(scene, refused_starts(scene)).endswith(
+        "; the nearest free place that is not shut in, 2 m away, is x = 0.5, y = 3.5, "
+        "cell (0, 3); here it is free at 8 m"
+    )
+    few = [(x, y) for x in range(8) for y in range(6) if (x, y) not in ((0, 0), (7, 4), (7, 5))]
+    scene = street(few, [State(7, 5), State(0, 1)])
+    assert told(scene, refused_starts(scene)).endswith(
+        "; the nearest free place, 1 m away, is x = 0.5, y = 0.5, cell (0, 0); "
+        "here it is free at 8 m"
+    )
 
 
 def test_where_nothing_is_free_it_is_said() -> None:

@@ -230,6 +230,25 @@ def test_numbers_of_crowded_drones_stay_near_them(player: Any) -> None:
     assert abs(x - 5) >= 52.5 or abs(y - 7) >= 14
 
 
+@pytest.mark.slow
+def test_labels_begin_with_the_name(player: Any) -> None:
+    """The number and the take stand behind it; what is long is cut at the end of each."""
+    script = (ROOT / "cocap_opt" / "player" / "page" / "labels.js").read_text()
+    for name, take, label in (
+        ("Carla", "as given", "Carla (5, as given)"),
+        ("Carla", None, "Carla (5)"),
+        (None, "take 1", "5 (take 1)"),
+        (None, None, "5"),
+        (
+            "Maria Magdalena Bernhardine",
+            "take two of three",
+            "Maria Magdalena B… (5, take two of…)",
+        ),
+    ):
+        person = json.dumps({"name": name, "inTake": take})
+        assert player.execute_script(f"{script}; return labelOf({person}, 5)") == label
+
+
 # What the hint says at points all over the first picture.
 HINTS = """(() => {
   const view = document.querySelector('canvas.view'), tip = document.querySelector('.tip');

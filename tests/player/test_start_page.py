@@ -130,6 +130,26 @@ def test_refused_starts_are_drawn_and_said(
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("takes", [False, True])
+def test_people_in_a_house_are_said_before_drones_have_places(
+    recipe: Path, takes: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """In the words in which they are said of the scene, without drones and with refused starts."""
+    walks = MAP + '[[walk]]\npoints = [[6.5, 4.5], [6.5, 0.5]]\nname = "Bo"\n'
+    if takes:
+        for name in ("late", "early"):
+            walks += f'[[take]]\nname = "{name}"\nprobability = 0.5\n'
+    said = []
+    for drones in ("", BLOCKED_STARTS, BLOCKED_STARTS.replace("x = 6.5", "x = 5.5")):
+        recipe.write_text(walks + drones)
+        caplog.clear()
+        assert run(["show", str(recipe), "-o", str(recipe.with_suffix(".png"))]) == 0
+        lines = [record.getMessage().partition(": ")[2] for record in caplog.records]
+        said.append([line for line in lines if line.startswith("person")])
+    assert "is inside an obstacle at" in said[0][0]
+    assert said[0] == said[1] == said[2]
+
+
 def test_tables_without_room_are_said(recipe: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Drones off the map, too many of them, and areas that are all closed, are drawn without."""
     out = str(recipe.with_suffix(".png"))

@@ -32,9 +32,39 @@ def test_the_player_has_a_colour_for_each_take() -> None:
     assert [person["take"] for person in co.show(tiny()).data()["people"]] == [None]
 
 
+@pytest.mark.parametrize(
+    ("take", "words"),
+    [
+        ("late", "take late"),
+        ("take 1", "take 1"),
+        ("Take 2", "Take 2"),
+        ("as given", "as given"),
+    ],
+)
+def test_no_label_says_take_twice(take: str, words: str) -> None:
+    """Neither of a person, nor in the player, nor in the name of a take's own problem."""
+    problem = two_takes()
+    people = problem.actors[0].replace(take=take, name="Carla"), problem.actors[1]
+    takes = problem.takes[0].replace(name=take), problem.takes[1]
+    named = problem.replace(actors=people, takes=takes)
+    assert named.person(0) == f"person 0 (Carla, {words})"
+    assert named.of_take(0).name == f"tiny, {words}"
+    person = co.show(named).data()["people"][0]
+    assert (person["name"], person["inTake"]) == ("Carla", words)
+
+
 def test_pictures_have_a_colour_for_each_take() -> None:
-    """The legend names them."""
+    """Walks and their ends are drawn in them, and the legend names them."""
     axes = two_takes().plot()
+    walked = [line for line in axes.get_lines() if line.get_linestyle() == ":"]
+    assert [line.get_color() for line in walked] == list(TAKE_COLOURS[:2])
+    for colour, walk in zip(TAKE_COLOURS, walked, strict=False):
+        ends = [walk.get_xydata()[0], walk.get_xydata()[-1]]
+        drawn = [
+            line.get_xydata()[0] for line in axes.get_lines()
+            if line.get_color() == colour and len(line.get_xdata()) == 1
+        ]  # fmt: skip
+        np.testing.assert_array_equal(drawn, ends)
     legend = axes.get_legend()
     assert legend is not None
     words = [text.get_text() for text in legend.get_texts()]

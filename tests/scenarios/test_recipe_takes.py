@@ -71,7 +71,7 @@ def test_a_spread_draws_takes(tmp_path: Path) -> None:
     """The first is as the recipe has it; another seed draws others."""
     table = "[spread]\ntakes = 4\ndelay = 1\naside = 0.3\nspeed = 0.1\n"
     problem, plain = recipe(tmp_path, more=table), recipe(tmp_path)
-    assert [take.name for take in problem.takes] == ["as tracked", "take 1", "take 2", "take 3"]
+    assert [take.name for take in problem.takes] == ["as given", "take 1", "take 2", "take 3"]
     assert problem.chances.tolist() == [0.25] * 8
     walks = [actor.poses.tolist() for actor in problem.actors]
     assert walks[:2] == [actor.poses.tolist() for actor in plain.actors]

@@ -73,7 +73,7 @@ def test_who_is_faster_walks_on_where_the_track_does() -> None:
 
 
 def test_nobody_walks_into_a_wall_or_off_the_map(caplog: pytest.LogCaptureFixture) -> None:
-    """Draws that do are drawn again; who is walled in walks as tracked, and that is said."""
+    """Draws that do are drawn again; who is walled in walks as given, and that is said."""
     heights = np.zeros((80, 80))
     heights[:, 31] = heights[:, 28] = WALL
     problem = scene(walking(), heights)
@@ -87,7 +87,7 @@ def test_nobody_walks_into_a_wall_or_off_the_map(caplog: pytest.LogCaptureFixtur
         narrow = co.takes(scene(walking(), heights), 3, aside=5.0, seed=0)
     tracked = problem.actors[0].poses
     assert all((actor.poses == tracked).all() for actor in narrow.actors)
-    assert "takes: person 0 in take 1 and 1 more walk as tracked: 50 draws" in caplog.text
+    assert "takes: person 0 in take 1 and 1 more walk as given: 50 draws" in caplog.text
 
 
 def test_people_of_a_take_are_not_within_each_other() -> None:

@@ -31,7 +31,7 @@ class Bodies {
   // Where all drones and people are.
   all(time) {
     const people = this.data.people.map((_, j) => this.person(j, time));
-    return [...this.plan.paths.map((_, i) => this.drone(i, time)), ...people];
+    return [...this.plan.paths.flatMap((path, i) => (path.length ? [this.drone(i, time)] : [])), ...people];
   }
 
   faceColour(j, f, time) {
@@ -108,7 +108,7 @@ class Bodies {
   // Where drones have flown, and thinner, where they will; in a crowd only of late.
   tracks(pen, time, { picked, alone }) {
     this.plan.paths.forEach((path, i) => {
-      if (alone && i !== picked) return;
+      if (!path.length || (alone && i !== picked)) return;
       const some = this.isCrowd && i !== picked, now = this.drone(i, time), done = Math.floor(time);
       const faint = mixed(palette.ground, this.colours[i], 0.5), colour = this.colours[i];
       const [begin, end] = some ? [Math.max(done - TRAIL, 0), Math.min(done + 1, path.length - 1)] : [0, path.length - 1];
@@ -126,7 +126,7 @@ class Bodies {
   // Drones, with a thread to the ground below them; all but the one that is `alone` are grey.
   drones(pen, time, size, { picked, alone, own = false }) {
     this.plan.paths.forEach((_, i) => {
-      if (own && i === picked) return; // it does not see itself
+      if (!isThere(this.plan, i) || (own && i === picked)) return; // it does not see itself
       const pose = this.drone(i, time);
       const colour = alone && i !== picked ? mixed(palette.ground, palette.unseen, 0.6) : this.colours[i];
       if (!own) this.thread(pen, pose, size);

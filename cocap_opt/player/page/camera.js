@@ -116,7 +116,7 @@ function beside(meshes, low, high) {
 
 // What is the same for all plans of a scene: starts and people.
 function surroundings({ plans: [{ paths }], people, terrain }) {
-  return [...paths.flatMap(([start]) => aboveGround(terrain, start)), ...people.flatMap(walked)];
+  return [...paths.flatMap((path) => path.slice(0, 1)).flatMap((start) => aboveGround(terrain, start)), ...people.flatMap(walked)];
 }
 
 const aboveGround = (terrain, [x, y, z]) => [[x, y, z], [x, y, groundAt(terrain, x, y)]];

@@ -16,6 +16,9 @@ function mixed(a, b, share) {
   return (0xff000000 | (bl << 16) | (g << 8) | r) >>> 0;
 }
 
+// The colour of ground above which drones may start.
+const startable = (ground, { colour }) => mixed(ground, rgb(colour), night.matches ? 0.25 : 0.6);
+
 // A colour in the light k of 256, which is cut to a whole number.
 function shaded(colour, light) {
   const k = Math.min(light, 256) | 0;

@@ -28,6 +28,9 @@ function between(rows, time) {
 const isStill = ({ paths }) => paths.every(([start, ...rest]) =>
   rest.every((pose) => [0, 1, 2].every((k) => pose[k] === start[k])));
 
+// True if a drone is there: one whose start is still to be chosen has no path.
+const isThere = ({ paths }, drone) => paths[drone].length > 0;
+
 // True if some drone moves, or turns its camera.
 const turns = ({ paths }) => paths.some(([start, ...rest]) => rest.some((pose) => pose.some((value, k) => value !== start[k])));
 

@@ -1,7 +1,8 @@
 // What is written on a picture: numbers of people and drones, names, conflicts, a scale, and where x leads.
 
 const FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
-const LONGEST = 18; // characters beside a person
+const LONGEST = 18, LONGEST_TAKE = 12; // characters of a person's name, and of a take's
+const HIGHER = 8; // places above each other for the number of a person
 const ROOMY = 14, FAR = 36; // px between numbers, and from where a number should be
 const DISC = 7.5; // px, radius of a number
 
@@ -22,7 +23,8 @@ class Labels {
     this.conflicts(time);
   }
 
-  // A number above each person, with the name where it covers nobody else's; its border has the
+  // Above each person the name, the number and the take, where they cover nobody else's; else the
+  // number alone, a little higher where there is room, and under the names. The border has the
   // colour of the person's take.
   people(time) {
     const { context, view } = this;
@@ -30,27 +32,33 @@ class Labels {
     this.tags = [];
     view.data.people.forEach((person, j) => {
       const [x, y, z] = view.bodies.person(j, time), [px, py] = view.at([x, y, z + person.height]);
-      const tagOf = (label) => ({ x: px, y: py - 12.5, wide: context.measureText(label).width + 7, high: 13 });
-      const hasRoom = isClear(tagOf(labelOf(person)), this.tags);
-      const label = hasRoom ? labelOf(person) : String(j), tag = tagOf(label), { wide } = tag;
-      this.tags.push(tag);
-      context.fillStyle = words.halo;
-      context.strokeStyle = person.take ?? words.soft;
-      context.lineWidth = person.take ? 2 : 1;
-      context.beginPath();
-      context.roundRect(px - wide / 2, py - 19, wide, 13, 3);
-      context.fill();
-      context.stroke();
-      context.fillStyle = words.ink;
-      context.fillText(label, px, py - 12);
+      const tagOf = (label, up = 0) =>
+        ({ label, person, x: px, y: py - 12.5 - up, wide: context.measureText(label).width + 7, high: 13 });
+      const full = { ...tagOf(labelOf(person, j)), isFull: true }, short = String(j);
+      const higher = Array.from({ length: HIGHER }, (_, k) => tagOf(short, 14 * k));
+      this.tags.push(isClear(full, this.tags) ? full : higher.find((tag) => isClear(tag, this.tags)) ?? tagOf(short));
     });
+    for (const isFull of [undefined, true]) this.tags.filter((tag) => tag.isFull === isFull).forEach((tag) => this.tag(tag));
+  }
+
+  tag({ label, person, x, y, wide }) {
+    const { context } = this;
+    context.fillStyle = words.halo;
+    context.strokeStyle = person.take ?? words.soft;
+    context.lineWidth = person.take ? 2 : 1;
+    context.beginPath();
+    context.roundRect(x - wide / 2, y - 6.5, wide, 13, 3);
+    context.fill();
+    context.stroke();
+    context.fillStyle = words.ink;
+    context.fillText(label, x, y + 0.5);
   }
 
   // Numbers in discs above the drones, or near there, where there is room for them. They cover
   // people's labels only where there is no room elsewhere.
   drones(time, { picked, alone }) {
     const { context, view } = this, put = [];
-    const order = view.plan.paths.map((_, i) => i).sort((a, b) => (b === picked) - (a === picked));
+    const order = view.plan.paths.map((_, i) => i).filter((i) => isThere(view.plan, i)).sort((a, b) => (b === picked) - (a === picked));
     this.places = [];
     for (const i of order) {
       const [x, y, hidden] = view.at(view.bodies.drone(i, time)), { colour } = view.data.drones[i];
@@ -148,11 +156,14 @@ class Labels {
   }
 }
 
-// A person's number, with the name if there is one.
-function labelOf({ called }) {
-  const label = called.replace("person ", "");
-  return label.length > LONGEST ? `${label.slice(0, LONGEST - 2)}…)` : label;
+// A person's name, if there is one, the number, and the take.
+function labelOf({ name, inTake }, number) {
+  const more = inTake === null ? "" : cut(inTake, LONGEST_TAKE);
+  if (name === null) return more ? `${number} (${more})` : String(number);
+  return `${cut(name, LONGEST)} (${more ? `${number}, ${more}` : number})`;
 }
+
+const cut = (text, most) => (text.length > most ? `${text.slice(0, most - 1)}…` : text);
 
 // True if a rectangle around its middle meets none of others.
 function isClear(tag, others) {

@@ -3,6 +3,8 @@
 function legend(data) {
   find("airspace").hidden = find("closing").hidden = !data.airspace;
   if (data.airspace) find("limits").textContent = data.airspace.words;
+  find("starting").hidden = !data.starts;
+  if (data.starts) find("choosers").textContent = data.starts.words;
   find("other").hidden = data.plans.length !== 2;
   if (!data.plans.some((plan) => plan.seen.flat().some((pixels) => pixels > 0))) {
     find("scales").hidden = true; // nothing is seen at any step
@@ -20,6 +22,7 @@ function legend(data) {
 }
 
 function colourScale() {
+  if (data.starts) find("startable").style.background = hex(startable(palette.ground, data.starts));
   find("unseen").style.background = hex(palette.unseen);
   const stops = SCALE.map((colour, k) => `${hex(colour)} ${(100 * k) / (SCALE.length - 1)}%`);
   find("scale").style.background = `linear-gradient(to right, ${stops.join(", ")})`;

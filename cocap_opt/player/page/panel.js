@@ -103,6 +103,7 @@ class Panel {
     this.now.className = "now";
     this.sum.className = "sum";
     facts.append(this.marks());
+    facts.hidden = data.drones.every((_, i) => !isThere(plan, i)); // nobody is there to see anything
     return facts;
   }
 
@@ -156,7 +157,7 @@ class Panel {
       const dot = make("i", "", String(i)), text = make("span");
       dot.style.background = drone.colour;
       chip.append(dot, text);
-      fleet.append(chip);
+      if (isThere(this.plan, i)) fleet.append(chip);
       return { chip, text };
     });
     return fleet;
@@ -190,6 +191,7 @@ class Panel {
     if (stamp === this.stamp) return;
     this.stamp = stamp;
     this.chips.forEach(({ chip, text }, i) => {
+      if (!isThere(plan, i)) return;
       const height = data.layers > 1 ? `${heightOf(plan, i, step)} m  ` : "";
       chip.title = height ? `${height.trim()} ${data.over}` : "";
       put(text, height + (plan.adds.length ? short(plan.adds[i][step]) : ""));

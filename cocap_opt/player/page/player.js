@@ -120,13 +120,17 @@ function pick(drone) {
 }
 
 function pickNext(way) {
-  const count = data.drones.length;
-  pick(state.picked === undefined ? (way > 0 ? 0 : count - 1) : (state.picked + way + count) % count);
+  const there = drones(), count = there.length, at = there.indexOf(state.picked);
+  if (count) pick(there[at < 0 ? (way > 0 ? 0 : count - 1) : (at + way + count) % count]);
 }
+
+// The numbers of the drones that are there, the same in all plans.
+const drones = () => data.drones.map((_, i) => i).filter((i) => isThere(data.plans[0], i));
 
 // Follow the picked drone, or show it alone.
 function toggle(name) {
-  if (state.picked === undefined) state.picked = 0;
+  if (state.picked === undefined) [state.picked] = drones();
+  if (state.picked === undefined) return;
   state[name] = !state[name];
   if (name === "follow" && state.follow) camera.scale = Math.max(camera.scale, 1.8 * camera.whole);
   refresh();

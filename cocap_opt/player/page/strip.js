@@ -125,15 +125,16 @@ class Strip {
     else for (let x = left; x < left + wide; x += 3) context.fillRect(x, y, 1, high);
   }
 
+  // As much of the name as there is room for, and the number; the words of a row have its take.
   paintName(context, row, k) {
     if (this.high < LETTER && k !== this.picked) return;
-    const name = [...row.name.replace("person ", "")], room = MARGIN.left - 10;
+    const letters = [...(this.data.people[row.person].name ?? "")], room = MARGIN.left - 10;
     context.font = `${k === this.picked ? "700 " : ""}10px ${FONT}`;
     context.textAlign = "right";
     context.textBaseline = "middle";
     context.fillStyle = k === this.picked ? words.ink : words.soft;
-    let text = name.join("");
-    while (name.length > 1 && context.measureText(text).width > room) text = `${(name.pop(), name.join(""))}…`;
+    let text = letters.length ? `${letters.join("")} ${row.person}` : String(row.person);
+    while (letters.length > 1 && context.measureText(text).width > room) text = `${(letters.pop(), letters.join(""))}… ${row.person}`;
     const half = Math.max(5 - this.high / 2, 0), middle = (k + 0.5) * this.high;
     context.fillText(text, MARGIN.left - 6, Math.min(Math.max(middle, half + 5), this.high * this.rows.length - 5));
   }

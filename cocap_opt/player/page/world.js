@@ -39,7 +39,9 @@ class World {
     const ground = (k) => mixed(palette.ground, palette.high, highest > 1 ? grounds[k] / highest : 0);
     const colours = { 1: [palette.lowPlan, palette.low], 2: [palette.wallPlan, palette.wall] };
     this.ground = new Polygons();
-    new Columns(terrain, grounds, null, (k) => colours[kinds[k]]?.[0] ?? ground(k), this.ground);
+    const plan = (k) => colours[kinds[k]]?.[0] ?? ground(k);
+    const isOpen = (k) => data.starts?.cells[k] === "1";
+    new Columns(terrain, grounds, null, (k) => (isOpen(k) ? startable(plan(k), data.starts) : plan(k)), this.ground);
     this.things = new Polygons();
     new Columns(terrain, heights, grounds, (k) => colours[kinds[k]]?.[1] ?? ground(k), this.things);
     addSolids(this.things, terrain, data, palette.mesh);
