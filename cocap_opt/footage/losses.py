@@ -148,7 +148,8 @@ class Losses:
         """Returns the last step at which the loss of a drone costs as much as at any other."""
         first, last = 0, self._problem.horizon
         least = self._reward(robot, 0)
-        while first < last:  # what is left does not fall from step to step
+        # What is left does not fall from step to step, for rewards of views and moves are >= 0.
+        while first < last:
             middle = (first + last + 1) // 2
             if self._reward(robot, middle) <= least + _ROUNDING * abs(least):
                 first = middle
