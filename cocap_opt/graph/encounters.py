@@ -144,15 +144,20 @@ class Encounters:
     def _sees(self, eyes: FloatArray, target: FloatArray) -> BoolArray:
         """Returns True [n] where nothing solid is on the line from an eye [n, 3] to a point."""
         height_map, columns = self._workspace.height_map, self._workspace.columns
-        free = np.ones(len(eyes), dtype=bool)
-        points = min(math.ceil(_PER_CELL * self._near / height_map.resolution), _MOST_POINTS)
-        goal = np.array(height_map.cell_of(target[0], target[1]))
+        (width, depth), (ox, oy), size = height_map.shape, height_map.origin, height_map.resolution
+        spans = [part.reshape(len(part), -1) for part in (columns.low, columns.high)]
+        free, ways = np.ones(len(eyes), dtype=bool), np.ascontiguousarray((eyes - target).T)
+        points = min(math.ceil(_PER_CELL * self._near / size), _MOST_POINTS)
+        goal = height_map.cell_of(target[0], target[1])
+        is_inside = height_map.inside(*goal)  # then all lines are: eyes are
         for share in (np.arange(points) + 0.5) / points:
-            at = target + share * (eyes - target)
-            cells = height_map.cells_of(at)
-            inside = ((cells >= 0) & (cells < height_map.shape)).all(axis=1)
-            inside &= (cells != goal).any(axis=1)  # a wall in the person's own cell hides nobody
-            x, y = cells[inside].T
-            z = at[inside, 2]
-            free[inside] &= ~((columns.low[:, x, y] <= z) & (columns.high[:, x, y] > z)).any(axis=0)
+            x, y, z = (start + share * way for start, way in zip(target, ways, strict=True))
+            i = np.floor((x - ox) / size).astype(np.int64)
+            j = np.floor((y - oy) / size).astype(np.int64)
+            # A wall in the person's own cell hides nobody.
+            hides = (i != goal[0]) | (j != goal[1])
+            if not is_inside:
+                hides &= (i >= 0) & (i < width) & (j >= 0) & (j < depth)
+            low, high = (np.take(part, i * depth + j, axis=1, mode="clip") for part in spans)
+            free &= ~(((low <= z) & (high > z)).any(axis=0) & hides)
         return free

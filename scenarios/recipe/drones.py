@@ -3,6 +3,7 @@
 import logging
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import msgspec
@@ -331,9 +332,8 @@ class DronesTable(Table):
         most = NEAR / height_map.resolution + horizon * motion.radius
         reach = math.ceil(min(most, far / height_map.resolution)) + 1
         window = Window.around((height_map.cell_of(x, y) for x, y in poses), reach, workspace)
-        encounters = Encounters(workspace, motion, actors, horizon, NEAR, window)
         found = np.zeros(height_map.shape, dtype=np.bool_)
-        window.of(found)[...] = encounters.graph.without_border(encounters.can_meet())[0]
+        window.of(found)[...] = _that_can_meet(workspace, motion, actors, horizon, window)
         return found
 
     def _meeting(self, around: Surroundings, free: BoolArray) -> BoolArray:
@@ -370,6 +370,16 @@ class DronesTable(Table):
             State(x, y, 0, _heading(yaw, self.motion))
             for (x, y), yaw in zip(cells, yaws, strict=True)
         ]
+
+
+@lru_cache(maxsize=4)  # of several tables with one motion
+def _that_can_meet(
+    workspace: Workspace, motion: Motion, actors: tuple[Actor, ...], horizon: int, window: Window
+) -> BoolArray:
+    """Returns the cells [X, Y] of a window from whose lowest layer a drone comes near somebody."""
+    encounters = Encounters(workspace, motion, actors, horizon, NEAR, window)
+    found: BoolArray = encounters.graph.without_border(encounters.can_meet())[0]
+    return found
 
 
 def _require_people_on_map(around: Surroundings) -> None:
