@@ -135,7 +135,7 @@ class Hedging(NamedTuple):
             worst = max(others, key=lambda i: _loss(row.rewards[i], self.plans[i].rewards[i]))
             lost = _loss(row.rewards[worst], self.plans[worst].rewards[worst])
             yield (
-                f"the plan for {takes[k].name} loses {100 * lost:.1f} % in {takes[worst].name} "
+                f'the plan for "{takes[k].name}" loses {100 * lost:.1f} % in "{takes[worst].name}" '
                 f"against the plan for that, and {100 * _loss(row.mean, hedged.mean):.1f} % on "
                 f"average against the plan for {HEDGED}"
             )
@@ -144,7 +144,7 @@ class Hedging(NamedTuple):
                 continue
             cost = 100 * _loss(hedged.rewards[k], row.rewards[k])
             proved = _at_most(hedged.rewards[k], row.bound, 1)
-            yield f"hedging costs {cost:.1f} % in {takes[k].name}, {proved}"
+            yield f'hedging costs {cost:.1f} % in "{takes[k].name}", {proved}'
         cut_short = [row.made_for for row in (*self.plans, hedged) if row.limit is not None]
         if cut_short:
             yield (

@@ -72,8 +72,8 @@ def test_sentences_say_shares_of_what_could_be_had() -> None:
         "on average the plan for all takes has less than the best plan, proved: at most 50.00 %, "
         "and less than whoever knew the take, proved: at most 50.0 %"
     )
-    assert "hedging costs 0.0 % in rare, proved: at most 50.0 %" in told(2.0)
-    assert "hedging costs 0.0 % in rare, at most how much is not proved" in told(math.inf)
+    assert 'hedging costs 0.0 % in "rare", proved: at most 50.0 %' in told(2.0)
+    assert 'hedging costs 0.0 % in "rare", at most how much is not proved' in told(math.inf)
     assert "nan" not in " ".join(told(math.inf)).lower()
 
 
