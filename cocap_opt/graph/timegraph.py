@@ -288,9 +288,9 @@ class TimeGraph:
         tails, ends, _ = self.closed.moves_at(t)
         if len(tails):
             (few,) = np.nonzero(self._among(places, tails))
-            pairs, some = tails * self.n_places + ends, heads[:, few]
-            some[np.isin(places[few] * self.n_places + some, pairs) & (some >= 0)] = -1
-            heads[:, few] = some
+            pairs, reached = tails * self.n_places + ends, heads[:, few]
+            reached[np.isin(places[few] * self.n_places + reached, pairs) & (reached >= 0)] = -1
+            heads[:, few] = reached
         return heads
 
     def _among(self, places: IntArray, chosen: IntArray) -> BoolArray:
