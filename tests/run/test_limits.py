@@ -288,7 +288,9 @@ def test_advice_that_is_followed_leads_to_a_plan_that_moves(
     town: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     """The warning comes before coverage; each change that it names gives such a plan in time."""
-    whole = Forecast.of(Model(load_scene(str(town)), use_cache=False)).seconds
+    # The least of a few: an estimate is a sample's time, and others may be at work.
+    problem = load_scene(str(town))
+    whole = min(Forecast.of(Model(problem, use_cache=False)).seconds for _ in range(3))
     limit = max(whole / 2, 1.0)
     plan = town.with_name("plan.json")
     assert run(capsys, "plan", town, "--time-limit", limit, "-o", plan)[0] == 0
