@@ -40,6 +40,8 @@ class StartSet(Sequence[State]):
     @property
     def columns(self) -> IntArray:
         """The different cells x, y of the map [m, 2], increasing."""
+        if len(self) == 1:  # as most sets have
+            return self.array[:, :2]
         return np.unique(self.cells[:, :2], axis=0)
 
     def in_different_cells(self) -> "StartSet":
@@ -48,6 +50,8 @@ class StartSet(Sequence[State]):
 
     @cached_property
     def _first_of_cells(self) -> IntArray:
+        if len(self) == 1:
+            return np.zeros(1, dtype=np.int64)
         sizes = self.array[:, :3].max(axis=0, initial=0) + 1
         numbers = np.ravel_multi_index(tuple(self.array[:, :3].T), tuple(sizes))
         return np.sort(np.unique(numbers, return_index=True)[1])
