@@ -161,11 +161,20 @@ def frozen(array: Any, field: str, ndim: int) -> FloatArray:
     return read_only(result)
 
 
+def _ready_types(hint: Any) -> set[type]:
+    """Types whose values are as a field of this type has them, so that nothing is to be checked."""
+    if get_origin(hint) in (Union, UnionType):
+        ready = set[type]().union(*map(_ready_types, get_args(hint)))
+        return ready - {int} if float in ready else ready  # a whole number becomes a float
+    is_struct = isinstance(hint, type) and issubclass(hint, msgspec.Struct)
+    return {hint} if is_struct or hint in (float, int, str, bool, NoneType) else set()
+
+
 @cache
-def _hints(kind: "type[Data]") -> dict[str, Any]:
-    """Types of the fields of a struct."""
+def _hints(kind: "type[Data]") -> dict[str, tuple[Any, set[type]]]:
+    """Types of the fields of a struct, and the types whose values need no look."""
     hints = get_type_hints(kind)
-    return {field: hints[field] for field in kind.__struct_fields__}
+    return {field: (hints[field], _ready_types(hints[field])) for field in kind.__struct_fields__}
 
 
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -179,8 +188,10 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         ProblemError
             If a field is of another type than it says.
         """
-        for field, hint in _hints(type(self)).items():
+        for field, (hint, ready) in _hints(type(self)).items():
             value = getattr(self, field)
+            if type(value) in ready:
+                continue
             if isinstance(value, np.ndarray) and not _holds_array(hint):
                 plain = _plain(value.tolist())
             else:
