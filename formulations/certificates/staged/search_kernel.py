@@ -238,10 +238,67 @@ def _hand_down(data: _Inputs, memory: _Memory, depth: int, taken: int, least: fl
     memory.numbers[depth + 1, 0] = kept
 
 
+@_inlined
+def _end_with_two(data: _Inputs, memory: _Memory, depth: int, best: float, floor: float) -> float:
+    """Chooses the states of the last two robots, of one class; returns the largest profit so far.
+
+    It does what going down twice would do, over as many nodes, but of what is seen it only writes
+    that on which the second robot's gains depend. Most nodes are of these two depths. All is
+    written out here: a call for each state takes twice as long.
+    """
+    states, values, profits, seen = memory.states, memory.values, memory.profits, memory.seen
+    for f in range(len(data.weights)):
+        for row in (PIXELS, VALUES):
+            seen[row, depth + 1, f] = seen[row, depth, f]
+    while not _is_exhausted(data, memory, depth, best):
+        i, least, found = memory.child[depth], best, -1
+        s = states[depth, i]
+        memory.child[depth] = i + 1
+        memory.progress[NODES] += 1
+        for e in range(data.first[s], data.first[s + 1]):
+            f = data.faces[e]
+            amount = seen[PIXELS, depth, f] + data.pixels[e]
+            seen[PIXELS, depth + 1, f] = amount
+            seen[VALUES, depth + 1, f] = _return_of(data.n_roots, data.caps, f, amount)
+        profit = profits[PRICED, depth] + values[PRICED, depth, i]
+        worth = profits[CHARGED, depth] + values[CHARGED, depth, i]
+        for j in range(i, memory.numbers[depth, 0]):
+            if values[PRICED, depth, j] <= least - profit:
+                break
+            other = states[depth, j]
+            may_be = not data.conflict[s, other]
+            for k in range(len(data.raised)):
+                high = memory.below[depth, k] - data.raised[k, s] - data.raised[k, other]
+                may_be &= high >= floor if data.is_limit[k] else high > least
+            if not may_be:
+                continue
+            gain = 0.0
+            for e in range(data.first[other], data.first[other + 1]):
+                f = data.faces[e]
+                amount = seen[PIXELS, depth + 1, f] + data.pixels[e]
+                value = _return_of(data.n_roots, data.caps, f, amount)
+                gain += data.weights[f] * (value - seen[VALUES, depth + 1, f])
+            high = profit + (gain - data.price[other])
+            if high > best and worth + (gain - data.charge[other]) >= floor:
+                best, found = high, other
+        if found >= 0:
+            memory.progress[NODES] += 1
+            for k in range(depth):
+                memory.chosen[1, k] = memory.chosen[0, k]
+            memory.chosen[1, depth], memory.chosen[1, depth + 1] = s, found
+        for e in range(data.first[s], data.first[s + 1]):
+            f = data.faces[e]
+            for row in (PIXELS, VALUES):
+                seen[row, depth + 1, f] = seen[row, depth, f]
+    return best
+
+
 @partial(compiled, forceinline=True)
 def _advance(data: _Inputs, memory: _Memory, best: float, floor: float, nodes: int) -> float:
     """Goes on with a search for so many nodes; returns the largest profit so far."""
-    depth = memory.progress[DEPTH]
+    depth, last_two = memory.progress[DEPTH], len(data.classes) - 2
+    if last_two < 0 or data.classes[-2] != data.classes[-1] or len(memory.collected):
+        last_two = -1
     while depth >= 0 and nodes > 0:
         if memory.progress[IS_NEW]:
             memory.progress[IS_NEW] = 0
@@ -255,6 +312,10 @@ def _advance(data: _Inputs, memory: _Memory, best: float, floor: float, nodes: i
             _gain(data, memory, depth)
             _keep_high(data, memory, depth, best, floor)
             _begin_with_highest(memory, depth)
+            if depth == last_two:
+                before = memory.progress[NODES]
+                best = _end_with_two(data, memory, depth, best, floor)
+                nodes -= memory.progress[NODES] - before
         if _is_exhausted(data, memory, depth, best):
             depth -= 1
         else:
