@@ -13,7 +13,7 @@ column's gradient, which raises such functions on simplices (Cover 1984). All of
 products of sparse matrices. Rules between robots are left out.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -80,6 +80,16 @@ def mixture_ascent(
         open_ = best - value
         mixture = mixture.raised(amounts, parameters.least_amount)
         yield mixture, value, priced
+
+
+def is_slow(open_: Sequence[float], patience: int, share: float) -> bool:
+    """Returns True if more than a share of what was open so many steps ago is still open.
+
+    Parameters
+    ----------
+    open_ : what is open between bound and mixture after each step
+    """
+    return len(open_) > patience and open_[-1] > share * open_[-1 - patience]
 
 
 class MixtureProgram:

@@ -18,7 +18,7 @@ import numpy as np
 
 from cocap_opt.coordination.low_level import PlannedTeam, SingleRobotPath, value_iteration
 from cocap_opt.coordination.responses import Responses, followed, in_rounds, one_by_one
-from cocap_opt.mixtures.mixture_ascent import mixture_ascent
+from cocap_opt.mixtures.mixture_ascent import is_slow, mixture_ascent
 from cocap_opt.mixtures.parameters import AscentParameters, PlanSearchParameters
 from cocap_opt.mixtures.plan_search import PlanSearch
 from cocap_opt.mixtures.prices import PricedViews, Prices
@@ -126,7 +126,7 @@ class _Learning:
             self._mixtures += 1
             best = min(best, priced, key=lambda found: found.bound)
             open_.append(best.bound - value)
-            is_near = open_[-1] <= _ENOUGH * best.bound or _is_slow(open_)
+            is_near = open_[-1] <= _ENOUGH * best.bound or is_slow(open_, _PATIENCE, _SLOW)
             if self._mixtures < next_search or not (next_search or is_near):
                 continue
             before, self.searches = team, self.searches + 1
@@ -140,7 +140,3 @@ class _Learning:
                 return
             next_search = 2 * self._mixtures
 
-
-def _is_slow(open_: list[float]) -> bool:
-    """Returns True if the last steps have closed little of what is open."""
-    return len(open_) > _PATIENCE and open_[-1] > _SLOW * open_[-1 - _PATIENCE]

@@ -110,6 +110,10 @@ class RootParameters(Section):
         likewise, where rules come in before there is any master
     most_raises : steps
         of the first mixture
+    patience : steps
+        after which the first mixture must have closed something of what is open
+    least_closed : share
+        of what is open, that it must have closed then
     least_amount : of a robot
         from which on a column is in the first master
     most_disaggregated : robots x steps x states
@@ -129,6 +133,8 @@ class RootParameters(Section):
     enough: float = 0.003
     enough_large: float = 0.015
     most_raises: int = 80
+    patience: int = 8
+    least_closed: Share = 0.05
     least_amount: float = 0.01
     most_disaggregated: int = 20_000_000
     least_gain: Share = 0.12

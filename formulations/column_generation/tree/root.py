@@ -13,7 +13,7 @@ from cocap_opt.formulations.column_generation.step_envelopes.envelopes import st
 from cocap_opt.formulations.column_generation.tree.large_root import LargeRoot
 from cocap_opt.formulations.column_generation.tree.relaxation import Relaxation
 from cocap_opt.mixtures.mixture import Mixture
-from cocap_opt.mixtures.mixture_ascent import mixture_ascent
+from cocap_opt.mixtures.mixture_ascent import is_slow, mixture_ascent
 
 
 @dataclass
@@ -87,12 +87,16 @@ class Root:
             search.stop,
             search.parameters.ascent,
         )
-        mixture = Mixture([], np.zeros(0))
+        parameters = self._parameters
+        mixture, open_ = Mixture([], np.zeros(0)), list[float]()
         with search.rounding_at_a_limit(lambda: mixture):
-            for mixture, value, priced in islice(steps, self._parameters.most_raises):  # noqa: B007
+            for mixture, value, priced in islice(steps, parameters.most_raises):  # noqa: B007
                 relaxation.best = min(relaxation.best, priced, key=lambda pricing: pricing.bound)
                 search.report(search.snapshot(relaxation.best.bound))
-                if relaxation.best.bound - value <= enough * relaxation.best.bound:
+                open_.append(relaxation.best.bound - value)
+                if open_[-1] <= enough * relaxation.best.bound or is_slow(
+                    open_, parameters.patience, 1 - parameters.least_closed
+                ):
                     break
         return mixture
 
