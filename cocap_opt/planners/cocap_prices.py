@@ -139,4 +139,3 @@ class _Learning:
             if self.stands_still or self.searches == _MOST_SEARCHES:
                 return
             next_search = 2 * self._mixtures
-

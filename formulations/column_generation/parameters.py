@@ -114,6 +114,8 @@ class RootParameters(Section):
         after which the first mixture must have closed something of what is open
     least_closed : share
         of what is open, that it must have closed then
+    less_open : share
+        of what was open when the paths of better plans were tried, up to which they are tried again
     least_amount : of a robot
         from which on a column is in the first master
     most_disaggregated : robots x steps x states
@@ -135,6 +137,7 @@ class RootParameters(Section):
     most_raises: int = 80
     patience: int = 8
     least_closed: Share = 0.05
+    less_open: Share = 0.6
     least_amount: float = 0.01
     most_disaggregated: int = 20_000_000
     least_gain: Share = 0.12

@@ -219,7 +219,7 @@ def test_robots_are_disaggregated_where_that_pays(
     name: str, horizon: int, is_disaggregated: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With it or without, the bound is no higher than that of robots by class."""
-    monkeypatch.setattr(root_module, "step_envelopes", lambda *_: None)  # they come first
+    monkeypatch.setattr(root_module, "step_envelopes", lambda *_, **__: None)  # they come first
     problem = load_scene(name, 0).replace(horizon=horizon)
     aggregated, root = (Root.of(Search(compiled(problem)), OPTIMALITY) for _ in range(2))
     aggregated.solve_aggregated()

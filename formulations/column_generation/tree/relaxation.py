@@ -48,6 +48,7 @@ class Relaxation:
     solution : the last mixture
     is_stuck : the solver's accuracy ended the last call of `solve`
     cuts_end : no more cuts are worth looking for
+    has_searched : plans have been looked for where prices point
     """
 
     search: Search
@@ -60,6 +61,7 @@ class Relaxation:
     cut_rounds: int = 0
     cuts_end: bool = False
     raises: int = 0  # of the penalty
+    has_searched: bool = False
 
     def solve(
         self,
@@ -69,6 +71,7 @@ class Relaxation:
         nodes: int = 0,
         rounds: int | None = None,
         until_cuts: bool = False,
+        is_proved: Callable[[], bool] = lambda: False,
     ) -> None:
         """Solves and prices in turn until the bound is at most the cutoff, or has converged.
 
@@ -80,6 +83,7 @@ class Relaxation:
             the report
         rounds : most rounds of cuts; None: as the parameters say
         until_cuts : return where cuts would be looked for
+        is_proved : asked before each round of cuts but the first; returns True if nothing is open
 
         Raises
         ------
@@ -112,6 +116,8 @@ class Relaxation:
                 self.raises += 1
                 continue
             if not may_cut or until_cuts:
+                return
+            if self.cut_rounds and is_proved():
                 return
             gain, before = before - self.best.bound, self.best.bound
             tailing = self.cut_rounds > 0 and self._is_tailing(gain, open_)
@@ -154,8 +160,13 @@ class Relaxation:
         return solution, columns, priced.bound < best.bound
 
     def _improve_plans(self) -> None:
-        """Looks for plans in the mixture after cut rounds 1, 2, 4, ..; between them, perturbs."""
+        """Looks for plans in the mixture after cut rounds 1, 2, 4, ..; between them, perturbs.
+
+        Once prices have led to plans, that finds none better.
+        """
         search, rounds = self.search, self.cut_rounds
+        if self.has_searched:
+            return
         if search.allowance.left < self._parameters.least_responses * len(
             search.model.problem.robots
         ):
@@ -185,6 +196,7 @@ class Relaxation:
         if self.search.incumbent is None:
             self.look_for_plans()  # a first one, to search from
         self.search.search_for_plans(self.solution.mixture, self.best.duals)
+        self.has_searched = True
         self._recombine()
 
     def _recombine(self) -> None:
