@@ -87,6 +87,12 @@ EXACT: "Mapping[str, Method[CertifiedResult]]" = MappingProxyType(
             _ANY,
             "the optimum, with a proof",
         ),
+        "searchless": _exact(
+            "column_generation.branch_and_price:searchless",
+            "branch-and-price by decisions alone",
+            "small scenes",
+            "the optimum, with a proof that needs no search to be checked",
+        ),
         "highs": _exact("integer_programs.mathopt:highs", f"{_INTEGER} HiGHS", _FEW, _BY_ITS_WORD),
         "scip": _exact("integer_programs.mathopt:scip", f"{_INTEGER} SCIP", _FEW, _BY_ITS_WORD),
         "cp-sat": _exact(

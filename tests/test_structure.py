@@ -41,7 +41,7 @@ ORDER = {
         "coordination", "mixtures", "method", "planners",
     ),
     "formulations": (
-        "certificates", "explanation", "second_opinion", "result", "simple_bounds",
+        "certificates", "independent", "explanation", "second_opinion", "result", "simple_bounds",
         "brute_force", "solvers",
         "relaxations", "column_generation", "integer_programs",
     ),

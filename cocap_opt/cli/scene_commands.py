@@ -1,5 +1,6 @@
 """The commands about scenes: listing them, an example of a recipe, and scenes as files."""
 
+import hashlib
 import os
 import sys
 from typing import Annotated, Literal
@@ -11,6 +12,8 @@ from cocap_opt.compiling import ALL_SECONDS, CompilingError, Kernel, is_there
 from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import SceneFile, encode, problem_digest
+from cocap_opt.formulations.independent import instance_of
+from cocap_opt.model import compiled
 from cocap_opt.output.files import check_output, save_bytes
 from cocap_opt.output.graphml import graphml
 from cocap_opt.output.known_scenes import known_scenes
@@ -21,7 +24,7 @@ from cocap_opt.scenarios.hardware import with_cameras
 from cocap_opt.stop import Clock
 from cocap_opt.vision.default_weights import with_views
 
-_GRAPH = ".graphml"
+_GRAPH, _INSTANCE = ".graphml", ".instance"
 
 
 def _scenes(*, json: Json = False) -> int:
@@ -102,18 +105,20 @@ def _export(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Write any scene as a cocap-opt scene file, or a drone's time-expanded graph as GraphML.
+    """Write any scene as a cocap-opt scene file, as a drone's graph, or as an instance.
 
     A file whose name ends with .graphml gets the graph: one node for each state at each step that a
-    path of the drone can pass, with step, x, y, z (m), heading, tilt (rad) and reward.
+    path of the drone can pass, with step, x, y, z (m), heading, tilt (rad) and reward. One whose
+    name ends with .instance gets all that a bound needs and no geometry, in exact numbers:
+    `cocap-check` checks plans, certificates and proofs with it.
 
     Example: cocap-opt export corridor --seed 3 -o corridor-3.json
     """
     if output is not None:
         check_output(output, scene)
-    as_graph = Option("-o").ending(output, (".json", _GRAPH)) == _GRAPH
+    ending = Option("-o").ending(output, (".json", _GRAPH, _INSTANCE))
     assert output is not None
-    if drone is not None and not as_graph:
+    if drone is not None and ending != _GRAPH:
         raise UsageError(f"--drone: is for a file whose name ends with {_GRAPH}")
     problem = load(scene, seed, Option("--option").values(option or []))
     if camera is not None or tilts is not None:
@@ -125,11 +130,18 @@ def _export(
     # The default weight is by the cameras, so after these.
     problem = _counting(problem, views, views_weight, views_share)
     answer: Record = {"scene": problem.name, "seed": seed, "digest": problem_digest(problem)}
-    if as_graph:
+    if ending == _GRAPH:
         answer["drone"] = _drone(drone or 0, problem)
         with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
             content = graphml(problem, answer["drone"], watch.counter)
         save_bytes(output, content)
+    elif ending == _INSTANCE:
+        model = compiled(problem)
+        with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
+            model.prepare_all(progress=watch.counter("coverage"))
+        text = instance_of(model).encode()
+        answer["sha256"] = hashlib.sha256(text).hexdigest()
+        save_bytes(output, text)
     else:
         save_bytes(output, encode(SceneFile.of(problem)))
     print_result({**answer, "file": output}, json)

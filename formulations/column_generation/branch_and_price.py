@@ -8,6 +8,7 @@ Compare branch-and-cut-and-price for path finding (Lam, Le Bodic, Harabor, Stuck
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS, Parameters
 from cocap_opt.formulations.column_generation.search import Search
@@ -19,6 +20,9 @@ from cocap_opt.model import compiled
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.stop import Limit, LimitReached, Stop, never
 from cocap_opt.timing import timed
+
+# With no states left to be narrowed down there are neither stages nor trials.
+_SEARCHLESS = replace(DEFAULTS, search=replace(DEFAULTS.search, most_states=0))
 
 
 @timed
@@ -100,6 +104,22 @@ def branch_and_price(
         limit = reached.limit
     proof = tree.proof("branch-and-price")
     return tree.search.result(proof, limit, gap, message, tree.statistics(proof))
+
+
+def searchless(
+    problem: Problem,
+    stop: Stop = never,
+    start: Plan | None = None,
+    report: Report = silent,
+    gap: float = OPTIMALITY,
+) -> CertifiedResult:
+    """Returns the best plan as branch-and-price does, with a proof that needs no search.
+
+    It is a tree of decisions with multipliers at its leaves: there are no step envelopes, and no
+    paths of all robots are tried. Such trees take longer to be found, and grow large where many
+    robots have much to choose; `independent.cocap_check` takes them.
+    """
+    return branch_and_price(problem, stop, start, report, gap, _SEARCHLESS)
 
 
 def _begun(problem: Problem, stop: Stop, report: Report, parameters: Parameters) -> Search | Limit:

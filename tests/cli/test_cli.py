@@ -955,7 +955,10 @@ WRONG = [
         "--views-weight: must be 0..1e+12, not -2.0",
     ),
     (["export", "corridor", "-o", "/dev/null"], "/dev/null: cannot be written"),
-    (["export", "corridor", "-o", "scene.yaml"], "-o: name a file that ends in .json or .graphml"),
+    (
+        ["export", "corridor", "-o", "scene.yaml"],
+        "-o: name a file that ends in .json, .graphml or .instance",
+    ),
     (["plan", "corridor", "-o", "plan.xyz"], "-o: name a file that ends in .json"),
     (["solve", "corridor", "--trace", "t.json"], "--trace: name a file that ends in .csv"),
     (["bound", "corridor", "-o", "/"], "/: cannot be written"),

@@ -1,0 +1,11 @@
+"""Bounds for those who trust nobody: instances without geometry, and a checker of one file.
+
+`instance` writes all that a bound needs of a scene as text: who can fly where, what is seen from
+there and what it is worth. `cocap_check` reads that text, a plan and a certificate or a proof, and
+says what they prove, by whole numbers alone. It imports nothing but the standard library, and so
+nothing of this project either: copy the file, read its 400 lines, and run it anywhere.
+"""
+
+from cocap_opt.formulations.independent.instance import instance_of
+
+__all__ = ["instance_of"]

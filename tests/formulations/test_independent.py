@@ -1,0 +1,179 @@
+"""The checker of one file agrees with the referee, brute force and certificates, and refuses."""
+
+import json
+import re
+import subprocess
+import sys
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import damaged_files
+import numpy as np
+import pytest
+from brute_force import optimum
+from counting import either
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from strategies import drawn_meetings, drawn_problems, examples
+
+from cocap_opt.cli.commands import run
+from cocap_opt.files.documents import PlanFile
+from cocap_opt.formulations import BOUNDS
+from cocap_opt.formulations.column_generation.branch_and_price import searchless
+from cocap_opt.formulations.independent import cocap_check, instance_of
+from cocap_opt.formulations.independent.cocap_check import ONE, Instance, Refused
+from cocap_opt.model import compiled
+from cocap_opt.problem import Plan, Problem, State
+from cocap_opt.referee import check
+from cocap_opt.result import UnsupportedError
+from cocap_opt.scenarios import load_scene
+
+problems = st.one_of(
+    either(drawn_problems(over_time=True)), either(drawn_meetings(2)), drawn_meetings(3)
+)
+
+
+def instance(problem: Problem) -> Instance:
+    """The instance of a problem, written and read."""
+    return Instance(instance_of(compiled(problem)))
+
+
+def document(file: Any, folder: Path) -> dict[str, Any]:
+    """A file as the checker reads it."""
+    path = folder / "file.json"
+    file.save(path)
+    read: dict[str, Any] = json.loads(path.read_text())
+    return read
+
+
+def plan_document(problem: Problem, plan: Plan, folder: Path) -> dict[str, Any]:
+    """The file of a plan as the checker reads it."""
+    return document(PlanFile.of(problem, plan, 0.0, "test"), folder)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for files."""
+    return tmp_path_factory.mktemp("independent")
+
+
+@examples(60)
+@given(problems, st.randoms(use_true_random=False))
+def test_j_of_a_plan_is_the_referees(folder: Path, problem: Problem, random: Any) -> None:
+    """Valid plans have the referee's J, rounded down; all others are refused."""
+    model = compiled(problem)
+    known = instance(problem)
+    paths = []
+    for robot, robot_class in enumerate(model.class_of):
+        states = [random.choice(model.starts(robot).tolist())]
+        for t in range(problem.horizon):
+            after = robot_class.graph.successors(t, states[-1]).tolist()
+            assume(after)
+            states.append(random.choice(after))
+        paths.append(tuple(robot_class.graph.state(state) for state in states))
+    if random.random() < 0.2:  # anywhere, which is hardly ever allowed
+        paths[0] = (*paths[0][:-1], State(0, 0))
+    plan = Plan(paths=tuple(paths))
+    verdict = check(problem, plan)
+    if not verdict.valid:
+        with pytest.raises((Refused, ValueError)):
+            cocap_check.value_of_plan(known, plan_document(problem, plan, folder))
+        return
+    value = cocap_check.value_of_plan(known, plan_document(problem, plan, folder)) / ONE
+    assert value == pytest.approx(verdict.reward, rel=1e-12, abs=1e-9)
+
+
+@examples(60)
+@given(problems, st.sampled_from(["alone", "online", "envelope", "column-generation"]))
+def test_bounds_are_those_of_certificates(folder: Path, problem: Problem, method: str) -> None:
+    """Optimum <= exact bound <= the claim; by the multipliers alone where the rest is searched."""
+    try:
+        file = BOUNDS[method](problem).certificate
+    except UnsupportedError:
+        assume(False)
+    assume(file is not None)
+    bound, is_part = cocap_check.bound_of_file(instance(problem), document(file, folder))
+    best = optimum(problem).value
+    if bound is None:
+        assert best == -np.inf
+        return
+    assert bound / ONE >= best - 1e-12 * abs(best)
+    assert is_part or bound / ONE <= file.proved
+
+
+@examples(40)
+@given(problems)
+def test_proofs_without_a_search(folder: Path, problem: Problem) -> None:
+    """A tree of decisions proves what it claims, by exact numbers."""
+    result = searchless(problem)
+    best = optimum(problem).value
+    bound, is_part = cocap_check.bound_of_file(
+        instance(problem), document(result.certificate, folder)
+    )
+    assert not is_part
+    if bound is None or bound < 0:
+        assert best == -np.inf
+    else:
+        assert best - 1e-12 * abs(best) <= bound / ONE <= result.certificate.proved
+
+
+def test_harmless_changes_are_accepted_and_damaged_files_prove_nothing_false() -> None:
+    """Of files damaged at random none is accepted that claims less than the optimum."""
+    counts = damaged_files.hunt(300, 1)
+    assert counts["refused"] > 100
+    assert counts["harmless: accepted, as it proves no less"] > 10
+
+
+def run_alone(*arguments: Path | str) -> subprocess.CompletedProcess[str]:
+    """Runs the checker's file by itself, without anything that is installed."""
+    command = [sys.executable, "-I", "-S", str(cocap_check.__file__), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.slow
+def test_the_file_alone_checks_what_commands_write(tmp_path: Path) -> None:
+    """It needs nothing that is installed; a claim that is too low has exit code 1."""
+    names = ["x.instance", "plan.json", "proof.json"]
+    instance_file, plan_file, proof_file = (tmp_path / name for name in names)
+    run(["export", "corridor-tight", "-o", str(instance_file)])
+    run([
+        "solve", "corridor-tight", "--method", "searchless", "-o", str(plan_file),
+        "--certificate", str(proof_file),
+    ])  # fmt: skip
+    done = run_alone(instance_file, plan_file, proof_file)
+    assert done.returncode == 0, done.stdout
+    told = done.stdout.splitlines()
+    assert told[0] == f"instance of sha256 {sha256(instance_file.read_bytes()).hexdigest()}"
+    assert told[1] == "J of this plan is at least 11383.059339"
+    assert told[2].startswith("no plan has more than 11383.06")
+    proof = json.loads(proof_file.read_text())
+    proof["bound"] -= 1e-5
+    proof_file.write_text(json.dumps(proof))
+    done = run_alone(instance_file, proof_file)
+    assert done.returncode == 1
+    assert done.stdout.endswith("refused: bound: claims less than its numbers prove\n")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        ("horizon 2", "horizon 3", "groups: wrong rows"),
+        ("rules 1 1", "rules 0 1", "rules: vertex must be 1"),
+        ("\nend\n", "\n", "the last line must be: end"),
+        ("\nkind\n", "\nkinds\n", "what is 'kinds'?"),
+        ("rewards 0x0.0p+0", "rewards -0x1.0p+0", "rewards: must be four, >= 0"),
+        ("rewards 0x0.0p+0", "rewards nan", "no finite number"),
+        ("drone 0 :", "drone 1 :", "a drone is there twice"),
+        ("cocap-instance 1", "cocap-instance 2", "line 1: must be cocap-instance 1"),
+    ],
+)
+def test_instances_are_read_whole_or_refused(before: str, after: str, told: str) -> None:
+    """One line says what is wrong with an instance."""
+    text = instance_of(compiled(load_scene("tiny-doorway", 0)))
+    horizon = load_scene("tiny-doorway", 0).horizon
+    before = before.replace("horizon 2", f"horizon {horizon}")
+    after = after.replace("horizon 3", f"horizon {horizon + 1}")
+    assert before in text
+    with pytest.raises(Refused, match=re.escape(told)):
+        Instance(text.replace(before, after, 1))
