@@ -37,6 +37,12 @@ from typing import Any
 BITS = 64
 ONE = 1 << BITS
 
+# Of certificates and proofs; those that nothing depends on are let pass.
+FIELDS = {
+    "format", "version", "scene", "digest", "method", "classes", "coverage_version", "objective",
+    "bound", "coverage", "certificate", "nodes",
+}  # fmt: skip
+
 Number = int | Fraction
 Ints = tuple[int, ...]
 Spec = dict[str, Any]  # an object of a file of JSON
@@ -671,6 +677,7 @@ def bound_of_file(instance: Instance, file: Spec) -> tuple[int | None, bool]:
     known: dict[str, Ints] = {"cocap-opt certificate": (4, 5, 6), "cocap-opt proof": (3, 4, 5)}
     versions = known.get(str(file.get("format")), ())
     require(file.get("version") in versions, "no known kind of file")
+    only(file, FIELDS)
     require(file.get("digest") == instance.digest, "digest: the file is of another instance")
     require(file.get("classes", "alike") in ("alike", "single"), "classes: must be alike or single")
     bound = Bound(instance, file.get("classes") == "single")
