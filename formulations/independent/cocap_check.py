@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
 """cocap-check: what a plan, a certificate or a proof says of J, by whole numbers alone.
 
-    python cocap_check.py INSTANCE [PLAN] [CERTIFICATE]
+    python cocap_check.py INSTANCE [PLAN or CERTIFICATE or PROOF]...
 
 An instance says who can fly where, what is seen from there, and what that is worth. J of a plan is
 
     sum over groups of  weight * sqrt(sum of all that is seen of the group)  + rewards for moves,
 
 or weight * min(number of drones, k) for groups that count drones. The answers are "J of this plan
-is at least a" and "no plan has more than b". Every number is an exact integer: quantities are
-multiples of 2^-64, rounded up where an upper bound is wanted and down where a lower one is; roots
-are integer roots. Nothing is searched, and what is not known is refused.
+is at least a" and "no plan has more than b". Numbers of files are taken as the doubles that they
+are, and then all is integers and fractions: quantities are multiples of 2^-64, rounded up where an
+upper bound is wanted and down where a lower one is; roots are integer roots. Nothing is searched,
+and what is not known is refused.
 
 Why no plan has more than b. For any alpha, beta >= 0 and what drones i see, c_i >= 0,
 
@@ -42,6 +43,21 @@ FIELDS = {
     "format", "version", "scene", "digest", "method", "classes", "coverage_version", "objective",
     "bound", "coverage", "certificate", "nodes",
 }  # fmt: skip
+PLAN_FIELDS = {
+    "format", "version", "scene", "digest", "digest_without_objective", "planner", "limit",
+    "reason", "seconds", "time_limit", "work_limit", "cut_short", "coverage_version", "reward",
+    "plan",
+}  # fmt: skip
+VERSIONS = {
+    "cocap-opt certificate": (4, 5, 6), "cocap-opt proof": (3, 4, 5), "cocap-opt plan": (2, 3, 4),
+}  # fmt: skip
+ROUNDED = 1 - Fraction(1, 10**9)  # of a plan's reward, which is a sum of doubles
+# What reading damaged files may raise.
+DAMAGED = (
+    OSError, RecursionError, MemoryError, ArithmeticError, ValueError, TypeError, LookupError,
+    AttributeError,
+)  # fmt: skip
+MOST_CORNERS = 1_000_000  # of a cut that are looked at
 
 Number = int | Fraction
 Ints = tuple[int, ...]
@@ -130,27 +146,30 @@ class Instance:
                 self._read(*words)
             except (Refused, ValueError, TypeError, LookupError, OverflowError) as error:
                 raise Refused(f"line {number}: {error}") from error
-        for name in ("digest", "horizon", "groups", "rewards", "rules"):
+        for name in ("digest", "coverage", "horizon", "groups", "rewards", "rules"):
             require(name in self.head, f"there is no line: {name}")
         self.digest, self.horizon = self.head["digest"][0], int(self.head["horizon"][0])
+        self.coverage = int(self.head["coverage"][0])
         self.rows, self.faces, self.people = map(int, self.head["groups"])
-        self.rewards = [number_of(word) for word in self.head["rewards"]]
+        self.rewards = [exact(word) for word in self.head["rewards"]]
         vertex, swap, *far = self.head["rules"]
-        self.vertex, self.swap, self.far = vertex == "1", swap == "1", [*map(number_of, far)]
+        self.vertex, self.swap, self.far = vertex == "1", swap == "1", [*map(exact, far)]
         self.n_roots = self.rows * self.faces
         self._check()
 
     def _read(self, word: str, *rest: str) -> None:
+        if word == "scene":  # nothing depends on its name
+            return
         parts = " ".join(rest).split(" : ") if ":" in rest[:-1] else [" ".join(rest).rstrip(" :")]
         before, after = parts[0].split(), parts[1].split() if len(parts) > 1 else []
         require(len(parts) <= 2, "there are two colons")
-        if word in ("scene", "digest", "coverage", "horizon", "groups", "rewards", "rules"):
+        if word in ("digest", "coverage", "horizon", "groups", "rewards", "rules"):
             require(word not in self.head, f"{word} is there twice")
             self.head[word] = rest
         elif word == "weight":
             group, weight, *most = before
             require(int(group) not in self.weights, "a weight is there twice")
-            self.weights[int(group)] = number_of(weight)
+            self.weights[int(group)] = exact(weight)
             if most:
                 self.caps[int(group)] = int(most[0])
         elif word == "kind":
@@ -163,14 +182,14 @@ class Instance:
             kind = self.kinds[-1]
             kind.cells.append((x, y, layer))
             kind.layers.append(number)
-            kind.at.append([number_of(value) for value in before[4:]])
+            kind.at.append([exact(value) for value in before[4:]])
             kind.moves.append([(int(head.rstrip("=")), head[-1] == "=") for head in after])
         elif word == "closed":
             self.kinds[-1].closed.add(tuple(map(int, before)))
         elif word == "sees":
             key, views = tuple(map(int, before)), [view.split(":") for view in after]
             require(key not in self.kinds[-1].sees, "a view is there twice")
-            self.kinds[-1].sees[key] = [(int(g), number_of(amount)) for g, amount in views]
+            self.kinds[-1].sees[key] = [(int(g), exact(amount)) for g, amount in views]
         elif word == "class":
             self.classes.append(int(before[0]))
             self.goals.append({*map(int, after)} if ":" in rest else None)
@@ -268,12 +287,16 @@ class Instance:
         return dict(pair for kind in self.kinds for pair in zip(kind.cells, kind.at, strict=True))
 
 
-def number_of(word: object) -> Fraction:
-    """Returns the exact value of a hexadecimal number, or of a number in a file of JSON."""
-    value = float.fromhex(word) if isinstance(word, str) else word
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise Refused(f"no finite number: {word!r:.40}")
-    return Fraction(value)
+def exact(word: str) -> Fraction:
+    """Returns the exact value of a hexadecimal number."""
+    return number_of(float.fromhex(word))
+
+
+def number_of(value: object) -> Fraction:
+    """Returns the exact value of a number in a file of JSON, which is that of a double."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
+        return Fraction(value)
+    raise Refused(f"no finite number: {value!r:.40}")
 
 
 # -- plans ----------------------------------------------------------------------------------------
@@ -281,6 +304,8 @@ def number_of(word: object) -> Fraction:
 
 def value_of_plan(instance: Instance, plan: Spec) -> int:
     """Returns J of a plan, rounded down; refuses plans that break a rule."""
+    only(plan, PLAN_FIELDS)
+    only(plan["plan"], {"paths"})
     paths = plan["plan"]["paths"]
     require(len(paths) == len(instance.starts), "plan: must have one path for each drone")
     seen: dict[int, Fraction] = {}
@@ -289,7 +314,7 @@ def value_of_plan(instance: Instance, plan: Spec) -> int:
         kind = instance.kinds[k]
         states, goal = kind.states(), instance.goals[number]
         for drone in instance.members[number]:
-            named, name = [tuple(state) for state in paths[drone]], f"drone {drone}"
+            named, name = [tuple(map(whole, state)) for state in paths[drone]], f"drone {drone}"
             require(len(named) == instance.horizon + 1, f"{name}: wrong number of steps")
             require(states.keys() >= {*named}, f"{name}: is somewhere where it cannot be")
             path = [states[state] for state in named]
@@ -358,10 +383,12 @@ class Cut:
         gain here bounds what any later one can gain.
         """
         choices = [(up(r * r), down(v), k) for k, c in self.curves.items() for r, v in c[1:]]
-        best, left = 0, dict(sizes)
+        best, left, looked_at = 0, dict(sizes), 0
 
         def place(first: int, pixels: int, paid: int) -> None:
-            nonlocal best
+            nonlocal best, looked_at
+            looked_at += 1
+            require(looked_at <= MOST_CORNERS, "cut: it takes too long to find its constant")
             here = root_up(pixels) - paid
             best = max(best, here)
             gains = sorted(
@@ -674,11 +701,7 @@ def bound_of_file(instance: Instance, file: Spec) -> tuple[int | None, bool]:
 
     The bound is None where there is no plan.
     """
-    known: dict[str, Ints] = {"cocap-opt certificate": (4, 5, 6), "cocap-opt proof": (3, 4, 5)}
-    versions = known.get(str(file.get("format")), ())
-    require(file.get("version") in versions, "no known kind of file")
     only(file, FIELDS)
-    require(file.get("digest") == instance.digest, "digest: the file is of another instance")
     require(file.get("classes", "alike") in ("alike", "single"), "classes: must be alike or single")
     bound = Bound(instance, file.get("classes") == "single")
     if "certificate" in file:
@@ -718,53 +741,69 @@ def told(value: int, rounding: int) -> str:
     return f"{sign}{scaled // 10**6}.{scaled % 10**6:06d}"
 
 
+def answer(instance: Instance, document: Spec) -> tuple[str, bool]:
+    """Returns what a file proves, in words, and if a part of its claim is not checked."""
+    require(isinstance(document, dict), "must be an object")
+    kind = str(document.get("format"))
+    require(document.get("version") in VERSIONS.get(kind, ()), "no known kind of file, or version")
+    require(document.get("digest") == instance.digest, "digest: the file is of another instance")
+    version = document.get("coverage_version")
+    require(version in (None, instance.coverage), "coverage_version: the instance has another")
+    if kind == "cocap-opt plan":
+        value, reward = value_of_plan(instance, document), number_of(document["reward"])
+        require(value >= down(reward * ROUNDED), "reward: claims more than the plan has")
+        return f"J of this plan is at least {told(value, -1)}", False
+    bound, is_part = bound_of_file(instance, document)
+    claim = None if document["bound"] is None else number_of(document["bound"])
+    says = "there is no plan" if bound is None else f"no plan has more than {told(bound, 1)}"
+    if is_part:
+        return f"{says}, by its multipliers; its claim rests on a search: not checked", True
+    holds = bound is None or (claim is not None and bound <= down(claim))
+    # J is never negative, so that a negative bound says that there is no plan.
+    holds |= claim is None and bound is not None and bound < 0
+    require(holds, "bound: claims less than its numbers prove")
+    return says, False
+
+
 def main(arguments: list[str]) -> int:
-    """Reads the files and prints what they prove; returns 0, or 1 where a file is refused."""
+    """Reads the files and prints what they prove.
+
+    Returns
+    -------
+    0 if all that they claim holds, 1 if one is refused, 2 for a wrong call, 3 if a claim rests on a
+    search, which is not checked here
+    """
     say = functools.partial(print, flush=True)
-    if not 2 <= len(arguments) <= 3:
-        say(__doc__.split("\n\n")[1].strip())
+    if not arguments or arguments[0].startswith("-"):
+        say(str(__doc__).split("\n\n")[1].strip())
         return 2
-    name = arguments[0]
-    try:
-        with open(name, "rb") as file:
-            content = file.read()
-        instance = Instance(content.decode())
-        say(f"instance of sha256 {hashlib.sha256(content).hexdigest()}")
-        for name in arguments[1:]:
+    instance, worst = None, 0
+    for name in arguments:
+        try:
             with open(name, "rb") as file:
-                document = json.loads(file.read(), parse_constant=no_constant)
-            require(isinstance(document, dict), "must be an object")
-            if document.get("format") == "cocap-opt plan":
-                require(document.get("digest") == instance.digest, "digest: is of another instance")
-                value = value_of_plan(instance, document)
-                say(f"J of this plan is at least {told(value, -1)}")
-                claim = number_of(document["reward"]) * (1 - Fraction(1, 10**9))
-                require(value >= down(claim), "reward: claims more than the plan has")
+                content = file.read()
+            if instance is None:
+                instance = Instance(content.decode())
+                say(f"instance of sha256 {hashlib.sha256(content).hexdigest()}")
                 continue
-            bound, is_part = bound_of_file(instance, document)
-            claim = document["bound"]
-            if bound is None:
-                say("there is no plan")
-                continue
-            if is_part:
-                say("the claim is proved by a search; of the file only the multipliers are checked")
-            say(f"no plan has more than {told(bound, 1)}")
-            ok = is_part or (claim is not None and bound <= down(number_of(claim)))
-            require(ok, "bound: claims less than its numbers prove")
-    except (
-        Refused,
-        OSError,
-        UnicodeDecodeError,
-        RecursionError,
-        ArithmeticError,
-        ValueError,
-        TypeError,
-        LookupError,
-        AttributeError,
-    ) as error:
-        say(f"{name}: refused: {error}")
-        return 1
-    return 0
+            document = json.loads(
+                content, parse_constant=no_constant, object_pairs_hook=without_twins
+            )
+            words, is_part = answer(instance, document)
+            say(f"{name}: {words}")
+            worst = worst or 3 * is_part
+        except (Refused, *DAMAGED) as error:
+            say(f"{name}: refused: {error or type(error).__name__}")
+            if instance is None:
+                return 1
+            worst = 1
+    return worst
+
+
+def without_twins(pairs: list[tuple[str, Any]]) -> Spec:
+    """Returns an object of a file; refuses a field that is there twice."""
+    require(len(dict(pairs)) == len(pairs), "a field is there twice")
+    return dict(pairs)
 
 
 def no_constant(name: str) -> None:

@@ -1,5 +1,7 @@
 """The checker of one file agrees with the referee, brute force and certificates, and refuses."""
 
+import contextlib
+import io
 import json
 import re
 import subprocess
@@ -24,6 +26,7 @@ from cocap_opt.formulations.column_generation.branch_and_price import searchless
 from cocap_opt.formulations.independent import cocap_check, instance_of
 from cocap_opt.formulations.independent.cocap_check import ONE, Instance, Refused
 from cocap_opt.model import compiled
+from cocap_opt.planners import PLANNERS
 from cocap_opt.problem import Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
@@ -145,14 +148,90 @@ def test_the_file_alone_checks_what_commands_write(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout
     told = done.stdout.splitlines()
     assert told[0] == f"instance of sha256 {sha256(instance_file.read_bytes()).hexdigest()}"
-    assert told[1] == "J of this plan is at least 11383.059339"
-    assert told[2].startswith("no plan has more than 11383.06")
+    assert told[1] == f"{plan_file}: J of this plan is at least 11383.059339"
+    assert told[2].startswith(f"{proof_file}: no plan has more than 11383.06")
     proof = json.loads(proof_file.read_text())
     proof["bound"] -= 1e-5
     proof_file.write_text(json.dumps(proof))
     done = run_alone(instance_file, proof_file)
     assert done.returncode == 1
     assert done.stdout.endswith("refused: bound: claims less than its numbers prove\n")
+
+
+def answered(instance_text: str, document: object, folder: Path) -> tuple[int, str]:
+    """The checker's exit code, and its last line without the file's name."""
+    paths = folder / "a.instance", folder / "a.json"
+    paths[0].write_text(instance_text)
+    paths[1].write_text(document if isinstance(document, str) else json.dumps(document))
+    with contextlib.redirect_stdout(io.StringIO()) as told:
+        code = cocap_check.main([*map(str, paths)])
+    return code, told.getvalue().splitlines()[-1].partition(": ")[2]
+
+
+def test_claims_that_are_not_checked_are_told_apart(folder: Path) -> None:
+    """A claim that rests on a search has an exit code of its own, whatever it is."""
+    problem = load_scene("bottleneck", 0)
+    result = BOUNDS["column-generation"](problem, start=PLANNERS["cocap-lns"](problem).plan)
+    text, file = instance_of(compiled(problem)), document(result.certificate, folder)
+    assert file["certificate"]["type"] == "staged"
+    code, told = answered(text, file, folder)
+    assert code == 3
+    assert told.endswith("by its multipliers; its claim rests on a search: not checked")
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"bound": "50"}, "no finite number: '50'"),
+        ({"bound": True}, "no finite number: True"),
+        ({"bound": None}, "bound: claims less than its numbers prove"),
+        ({"version": 99}, "no known kind of file, or version"),
+        ({"coverage_version": 99}, "coverage_version: the instance has another"),
+        ({"digest": "0"}, "digest: the file is of another instance"),
+        ({"more": 1}, "what is"),
+        ({"classes": "some"}, "classes: must be alike or single"),
+    ],
+)
+def test_files_are_read_whole_or_refused(
+    change: dict[str, object], told: str, folder: Path
+) -> None:
+    """Whatever the checker does not know it refuses, with exit code 1."""
+    problem = load_scene("tiny-doorway", 0)
+    file = document(searchless(problem).certificate, folder)
+    text = instance_of(compiled(problem))
+    assert answered(text, file, folder)[0] == 0
+    code, line = answered(text, file | change, folder)
+    assert code == 1
+    assert line.startswith(f"refused: {told}")
+    twice = json.dumps(file)[:-1] + ', "bound": 1.0}'
+    assert answered(text, twice, folder) == (1, "refused: a field is there twice")
+
+
+def test_what_is_unknown_in_a_plan_is_refused(folder: Path) -> None:
+    """Versions, fields and states of plans, too; names of scenes may be any."""
+    problem = load_scene("tiny-doorway", 0).replace(name="a : b : c")
+    plan = PLANNERS["cocap"](problem).plan
+    assert plan is not None
+    text, file = instance_of(compiled(problem)), plan_document(problem, plan, folder)
+    assert answered(text, file, folder)[0] == 0
+    for change in ({"version": 1}, {"more": 1}, {"reward": "1"}, {"reward": 1e9}):
+        assert answered(text, file | change, folder)[0] == 1
+    file["plan"]["paths"][0][0][0] = True
+    assert answered(text, file, folder) == (1, "refused: no whole number: True")
+
+
+def test_a_cut_that_takes_too_long_is_refused() -> None:
+    """There is an end to the corners of a cut that are looked at."""
+    instance = Instance(instance_of(compiled(load_scene("passage", 0))))
+    draw = np.random.default_rng(4)
+    roots = np.arange(1.0, 17.0)
+    values = 0.25 * roots * draw.uniform(0.9, 1.1, 16)
+    curve = {"robot_class": 0, "roots": roots.tolist(), "values": values.tolist()}
+    spec = {"t": 1, "face": 0, "curves": [curve], "share": 1.0}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cocap_check, "MOST_CORNERS", 100)
+        with pytest.raises(Refused, match="cut: it takes too long to find its constant"):
+            cocap_check.Cut(instance, spec, instance.members)
 
 
 @pytest.mark.parametrize(
