@@ -82,14 +82,15 @@ def mixture_ascent(
         yield mixture, value, priced
 
 
-def is_slow(open_: Sequence[float], patience: int, share: float) -> bool:
-    """Returns True if more than a share of what was open so many steps ago is still open.
+def is_slow(gaps: Sequence[float], patience: int, share: float) -> bool:
+    """Returns True if the gap is still more than a share of what it was some steps ago.
 
     Parameters
     ----------
-    open_ : what is open between bound and mixture after each step
+    gaps : between bound and mixture, after each step
+    patience : so many steps ago
     """
-    return len(open_) > patience and open_[-1] > share * open_[-1 - patience]
+    return len(gaps) > patience and gaps[-1] > share * gaps[-1 - patience]
 
 
 class MixtureProgram:

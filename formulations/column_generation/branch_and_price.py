@@ -115,9 +115,9 @@ def searchless(
 ) -> CertifiedResult:
     """Returns the best plan as branch-and-price does, with a proof that needs no search.
 
-    It is a tree of decisions with multipliers at its leaves: there are no step envelopes, and no
-    paths of all robots are tried. Such trees take longer to be found, and grow large where many
-    robots have much to choose; `independent.cocap_check` takes them.
+    It is a tree of decisions with multipliers at its leaves: there are no step envelopes, no paths
+    of all robots are tried, and plans are not recombined. Such trees take longer to be found, and
+    grow large where many robots have much to choose; `independent.cocap_check` takes them.
     """
     return branch_and_price(problem, stop, start, report, gap, _SEARCHLESS)
 

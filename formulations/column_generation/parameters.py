@@ -111,11 +111,11 @@ class RootParameters(Section):
     most_raises : steps
         of the first mixture
     patience : steps
-        after which the first mixture must have closed something of what is open
+        over which the gap of the first mixture must shrink by `least_closed`
     least_closed : share
-        of what is open, that it must have closed then
+        of that gap
     less_open : share
-        of what was open when the paths of better plans were tried, up to which they are tried again
+        of the gap when the paths of better plans were last tried, up to which they are tried again
     least_amount : of a robot
         from which on a column is in the first master
     most_disaggregated : robots x steps x states

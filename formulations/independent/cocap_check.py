@@ -103,6 +103,15 @@ def require(condition: object, message: str) -> None:
 # -- instances ------------------------------------------------------------------------------------
 
 
+# Words before the colon of each kind of line, and what stands after it, if it has one.
+WORDS = {
+    "digest": ((1,), ""), "coverage": ((1,), ""), "horizon": ((1,), ""), "groups": ((3,), ""),
+    "rewards": ((4,), ""), "rules": ((4,), ""), "weight": ((2, 3), ""), "kind": ((0,), ""),
+    "orientation": ((2,), "turns"), "place": ((7,), "moves"), "closed": ((2, 3), ""),
+    "sees": ((3,), "views"), "class": ((1,), "goal"), "drone": ((1,), "starts"),
+}  # fmt: skip
+
+
 class Kind:
     """Drones that fly and see alike: orientations, places, moves, and what is seen from there."""
 
@@ -155,6 +164,7 @@ class Instance:
         vertex, swap, *far = self.head["rules"]
         self.vertex, self.swap, self.far = vertex == "1", swap == "1", [*map(exact, far)]
         self.n_roots = self.rows * self.faces
+        self.where: dict[Ints, list[Fraction]] = {}  # position of each cell, m
         self._check()
 
     def _read(self, word: str, *rest: str) -> None:
@@ -162,10 +172,14 @@ class Instance:
             return
         parts = " ".join(rest).split(" : ") if ":" in rest[:-1] else [" ".join(rest).rstrip(" :")]
         before, after = parts[0].split(), parts[1].split() if len(parts) > 1 else []
-        require(len(parts) <= 2, "there are two colons")
+        require(word in WORDS, f"unknown word: {word!r:.40}")
+        sizes, after_colon = WORDS[word]
+        require(len(before) in sizes, f"{word}: wrong number of words")
+        require(len(parts) <= 2 and (after_colon or ":" not in rest), f"{word}: too many colons")
         if word in ("digest", "coverage", "horizon", "groups", "rewards", "rules"):
             require(word not in self.head, f"{word} is there twice")
             self.head[word] = rest
+            require(word != "rules" or {*rest[:2]} <= {"0", "1"}, "rules: must be 0 or 1")
         elif word == "weight":
             group, weight, *most = before
             require(int(group) not in self.weights, "a weight is there twice")
@@ -199,8 +213,7 @@ class Instance:
             require(drone not in self.starts, "a drone is there twice")
             self.members[-1].append(drone)
             self.starts[drone] = [tuple(map(int, state.split(","))) for state in after]
-        else:
-            raise Refused(f"what is {word!r}?")
+            require(all(len(state) == 2 for state in self.starts[drone]), "drone: wrong state")
 
     def _check(self) -> None:
         require(self.horizon >= 1 and self.rows in (1, self.horizon + 1), "groups: wrong rows")
@@ -212,12 +225,18 @@ class Instance:
         for group, weight in self.weights.items():
             require(0 <= group < n_groups and weight >= 0, "weight: no such group, or < 0")
             require((group >= self.n_roots) == (group in self.caps), "weight: k only of counts")
+            require(self.caps.get(group, 1) >= 1, "weight: k must be >= 1")
         for kind in self.kinds:
             n, n_turns, steps = len(kind.moves), len(kind.turns), range(self.horizon + 1)
             heads = {head for moves in kind.moves for head, _ in moves}
             require(heads <= {*range(n)}, "place: a move leads nowhere")
             require(all(len(dict(moves)) == len(moves) for moves in kind.moves), "a move is twice")
             require(len({*kind.cells}) == n, "place: a cell is there twice")
+            require(len(kind.states()) == n * n_turns, "orientation: one is there twice")
+            for t, place, *head in kind.closed:
+                require(t in steps and {place, *head} <= {*range(n)}, "closed: no such place")
+            for cell, at in zip(kind.cells, kind.at, strict=True):
+                require(self.where.setdefault(cell, at) == at, "place: a cell is at two positions")
             require({o for turns in kind.turns for o in turns} <= {*range(n_turns)}, "wrong turn")
             for (t, place, turn), views in kind.sees.items():
                 require(
@@ -282,13 +301,10 @@ class Instance:
         """Returns the worth of an amount of a group, before its weight, by a root that rounds."""
         return min(amount, self.caps[group] * ONE) if group in self.caps else root(amount)
 
-    def where(self) -> dict[Ints, list[Fraction]]:
-        """Returns the position of each cell that any drone can reach."""
-        return dict(pair for kind in self.kinds for pair in zip(kind.cells, kind.at, strict=True))
-
 
 def exact(word: str) -> Fraction:
     """Returns the exact value of a hexadecimal number."""
+    require(word.lstrip("-").startswith("0x"), f"no hexadecimal number: {word!r:.40}")
     return number_of(float.fromhex(word))
 
 
@@ -442,7 +458,7 @@ class Bound:
     """The bound that multipliers prove of the plans that obey some decisions."""
 
     def __init__(self, instance: Instance, single: bool) -> None:
-        self.instance, self.where = instance, instance.where()
+        self.instance, self.where = instance, instance.where
         self.members = instance.members
         self.classes = [*enumerate(instance.classes)]
         if single:  # every drone is a class of its own
@@ -704,9 +720,12 @@ def bound_of_file(instance: Instance, file: Spec) -> tuple[int | None, bool]:
     only(file, FIELDS)
     require(file.get("classes", "alike") in ("alike", "single"), "classes: must be alike or single")
     bound = Bound(instance, file.get("classes") == "single")
-    if "certificate" in file:
+    is_proof = file["format"] == "cocap-opt proof"
+    require(("nodes" in file) == is_proof and ("certificate" in file) != is_proof, "wrong fields")
+    if not is_proof:
         numbers = file["certificate"]
         if numbers.get("type") == "staged":
+            only(numbers, {"multipliers", "target", "stages", "paths_above"})
             return bound.of(numbers["multipliers"]), True
         return bound.of(numbers), False
     nodes, worst = file["nodes"], None
@@ -742,10 +761,11 @@ def told(value: int, rounding: int) -> str:
 
 
 def answer(instance: Instance, document: Spec) -> tuple[str, bool]:
-    """Returns what a file proves, in words, and if a part of its claim is not checked."""
+    """Returns the statement that a file proves, and if a part of its claim is not checked."""
     require(isinstance(document, dict), "must be an object")
     kind = str(document.get("format"))
-    require(document.get("version") in VERSIONS.get(kind, ()), "no known kind of file, or version")
+    is_known = whole(document.get("version")) in VERSIONS.get(kind, ())
+    require(is_known, "no known kind of file, or version")
     require(document.get("digest") == instance.digest, "digest: the file is of another instance")
     version = document.get("coverage_version")
     require(version in (None, instance.coverage), "coverage_version: the instance has another")
@@ -776,7 +796,7 @@ def main(arguments: list[str]) -> int:
     say = functools.partial(print, flush=True)
     if not arguments or arguments[0].startswith("-"):
         say(str(__doc__).split("\n\n")[1].strip())
-        return 2
+        return 0 if arguments in (["-h"], ["--help"]) else 2
     instance, worst = None, 0
     for name in arguments:
         try:

@@ -240,9 +240,15 @@ def test_a_cut_that_takes_too_long_is_refused() -> None:
         ("horizon 2", "horizon 3", "groups: wrong rows"),
         ("rules 1 1", "rules 0 1", "rules: vertex must be 1"),
         ("\nend\n", "\n", "the last line must be: end"),
-        ("\nkind\n", "\nkinds\n", "what is 'kinds'?"),
+        ("\nkind\n", "\nkinds\n", "unknown word: 'kinds'"),
+        ("\nkind\n", "\nkind 5\n", "kind: wrong number of words"),
+        ("rules 1 1", "rules 1 yes", "rules: must be 0 or 1"),
+        ("\nkind\n", "\nkind\nclosed 9999 0\n", "closed: no such place"),
+        ("\nkind\n", "\nkind\norientation 0 0 : 0\n", "orientation: one is there twice"),
+        ("horizon 2", "horizon 2 7", "horizon: wrong number of words"),
+        ("0x0.0p+0 0x0.0p+0\nweight", "0 0x0.0p+0\nweight", "no hexadecimal number: '0'"),
         ("rewards 0x0.0p+0", "rewards -0x1.0p+0", "rewards: must be four, >= 0"),
-        ("rewards 0x0.0p+0", "rewards nan", "no finite number"),
+        ("rewards 0x0.0p+0", "rewards nan", "no hexadecimal number: 'nan'"),
         ("drone 0 :", "drone 1 :", "a drone is there twice"),
         ("cocap-instance 1", "cocap-instance 2", "line 1: must be cocap-instance 1"),
     ],
@@ -253,6 +259,7 @@ def test_instances_are_read_whole_or_refused(before: str, after: str, told: str)
     horizon = load_scene("tiny-doorway", 0).horizon
     before = before.replace("horizon 2", f"horizon {horizon}")
     after = after.replace("horizon 3", f"horizon {horizon + 1}")
+    after = after.replace("horizon 2", f"horizon {horizon}")
     assert before in text
     with pytest.raises(Refused, match=re.escape(told)):
         Instance(text.replace(before, after, 1))

@@ -1080,3 +1080,25 @@ def test_numbers_too_large_prove_nothing(paths_above: float | None) -> None:
         for stages in ((), (Stage(),)):
             with pytest.raises(CertificateError, match="infinite"):
                 price_staged(model, Staged(multipliers, 1.0, stages, paths_above))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not is_there(), reason="needs the extra [fast]")
+def test_compiled_searches_end_within_as_many_nodes_as_plain_ones() -> None:
+    """Of the nodes that a search takes one less is too few, for both; and it may be interrupted."""
+    from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
+
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        joint = random_joint_states(rng)
+        whole = plain_search._run_compiled(joint, 0.0, 10**6, never)
+        steps = CompiledSearch.of(joint, 0.0)
+        while not steps.advance(1):
+            pass
+        assert (steps.best, steps.positions, steps.nodes) == (
+            whole.best, whole.positions, whole.nodes,
+        )  # fmt: skip
+        assert plain_search._run_compiled(joint, 0.0, whole.nodes, never).best == whole.best
+        for plain in (False, True):
+            with pytest.raises(NotEndedError):
+                most_profitable(joint, 0.0, whole.nodes - 1, plain=plain)

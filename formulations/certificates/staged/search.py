@@ -126,15 +126,19 @@ def _searched(
 def _run_compiled(
     joint: JointStates, least: float, most_nodes: int, stop: Stop
 ) -> "CompiledSearch":
-    """Returns a compiled search that has ended."""
+    """Returns a compiled search that has ended; raises NotEndedError and LimitReached.
+
+    A call may take some more nodes than it is allowed, those of its last two robots.
+    """
     from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
 
-    search = CompiledSearch.of(joint, least)
-    for done in range(0, most_nodes, AT_ONCE):
+    search, has_ended = CompiledSearch.of(joint, least), False
+    while not has_ended and search.nodes <= most_nodes:
         stop.check()
-        if search.advance(min(AT_ONCE, most_nodes - done)):
-            return search
-    raise NotEndedError
+        has_ended = search.advance(min(AT_ONCE, most_nodes - search.nodes + 1))
+    if not has_ended or search.nodes > most_nodes:
+        raise NotEndedError
+    return search
 
 
 class _Partial(NamedTuple):

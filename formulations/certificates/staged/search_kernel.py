@@ -242,9 +242,9 @@ def _hand_down(data: _Inputs, memory: _Memory, depth: int, taken: int, least: fl
 def _end_with_two(data: _Inputs, memory: _Memory, depth: int, best: float, floor: float) -> float:
     """Chooses the states of the last two robots, of one class; returns the largest profit so far.
 
-    It does what going down twice would do, over as many nodes, but of what is seen it only writes
-    that on which the second robot's gains depend. Most nodes are of these two depths. All is
-    written out here: a call for each state takes twice as long.
+    It is equivalent to going down twice, with the same number of nodes, but updates only the faces
+    that the first of the two states sees. Most nodes are of these two depths. Loops are inlined by
+    hand: a call for each state, though it is inlined, doubles the time.
     """
     states, values, profits, seen = memory.states, memory.values, memory.profits, memory.seen
     for f in range(len(data.weights)):

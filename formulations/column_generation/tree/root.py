@@ -68,10 +68,10 @@ class Root:
             self._begin(self._ascend(self._parameters.enough))
         if by_cuts_only or self.search.is_large:
             self.relaxation.solve(self.cutoff, self.rough)
-        elif not self._solved_before_cuts():
-            self.relaxation.solve(self.cutoff, self.rough, is_proved=self._try_paths)
+        elif not self._close_before_cuts():
+            self.relaxation.solve(self.cutoff, self.rough, try_to_prove=self._try_paths)
 
-    def _solved_before_cuts(self) -> bool:
+    def _close_before_cuts(self) -> bool:
         """Solves the relaxation without cuts and looks for plans; returns True if all is proved."""
         self.relaxation.solve(self.cutoff, self.rough, until_cuts=True)
         self._try_step_envelopes(self._parameters.few_joint_states)
@@ -180,16 +180,18 @@ class Root:
             columns = self.relaxation.master.used_columns(
                 self.search.parameters.relaxation.most_idle
             )
+            self.tried = self.relaxation.best.bound - self.search.value  # they begin with paths
             duals = self.relaxation.best.duals
             step_envelopes(self.search, duals, self.cutoff, columns, most_joint)
 
     def _try_paths(self) -> bool:
-        """Tries the paths of all better plans, if fewer are left; returns True if none is better.
+        """Tries the paths of all better plans, if less is open than when they were last tried.
 
-        That takes a tenth of a second, or ends then without a result.
+        Of too many that takes a tenth of a second, and has no result. Returns True if it is proved
+        that no plan is better.
         """
         open_ = self.relaxation.best.bound - self.search.value
-        if open_ <= self._parameters.less_open * self.tried:
+        if not self._is_closed() and open_ <= self._parameters.less_open * self.tried:
             self.tried = open_
             step_envelopes(self.search, self.relaxation.best.duals, self.cutoff, most_joint=0)
         return self.search.is_proved(self.cutoff())
