@@ -52,7 +52,8 @@ def random_columns(model: Model, rng: np.random.Generator) -> list[Column]:
     """A path of each robot that random rewards make the best; none where a robot has no path."""
     columns = []
     for robot, robot_class in enumerate(model.class_of):
-        rewards = rng.uniform(size=(model.problem.horizon + 1, robot_class.graph.n_states))
+        rewards = robot_class.graph.no_reward(model.problem.horizon)  # walls are closed there
+        rewards += rng.uniform(size=rewards.shape)
         value = backward_sweep(robot_class.graph, rewards, goal=robot_class.goal)
         path = best_path(robot_class.graph, value, model.first_start(robot))
         if path is None:
