@@ -125,8 +125,14 @@ class Kind:
         self.closed: set[Ints] = set()  # (t, place) and (t, tail, head)
         self.sees: dict[Ints, list[tuple[int, Fraction]]] = {}  # (t, place, orientation)
 
+    @functools.cached_property
+    def place_of(self) -> dict[Ints, int]:
+        """The place of each cell, once all is read."""
+        return {cell: p for p, cell in enumerate(self.cells)}
+
+    @functools.cached_property
     def states(self) -> dict[Ints, Ints]:
-        """Returns place and orientation of each state (x, y, layer, heading, pitch)."""
+        """Place and orientation of each state (x, y, layer, heading, pitch), once all is read."""
         places = enumerate(zip(self.cells, self.layers, strict=True))
         return {
             (*cell[:2], layer, *turn): (p, o)
@@ -232,7 +238,7 @@ class Instance:
             require(heads <= {*range(n)}, "place: a move leads nowhere")
             require(all(len(dict(moves)) == len(moves) for moves in kind.moves), "a move is twice")
             require(len({*kind.cells}) == n, "place: a cell is there twice")
-            require(len(kind.states()) == n * n_turns, "orientation: one is there twice")
+            require(len(kind.states) == n * n_turns, "orientation: one is there twice")
             for t, place, *head in kind.closed:
                 require(t in steps and {place, *head} <= {*range(n)}, "closed: no such place")
             for cell, at in zip(kind.cells, kind.at, strict=True):
@@ -328,7 +334,7 @@ def value_of_plan(instance: Instance, plan: Spec) -> int:
     total, flown = Fraction(0), []
     for number, k in enumerate(instance.classes):
         kind = instance.kinds[k]
-        states, goal = kind.states(), instance.goals[number]
+        states, goal = kind.states, instance.goals[number]
         for drone in instance.members[number]:
             named, name = [tuple(map(whole, state)) for state in paths[drone]], f"drone {drone}"
             require(len(named) == instance.horizon + 1, f"{name}: wrong number of steps")
@@ -407,24 +413,17 @@ class Cut:
             require(looked_at <= MOST_CORNERS, "cut: it takes too long to find its constant")
             here = root_up(pixels) - paid
             best = max(best, here)
-            gains = sorted(
-                (
-                    (root_up(pixels + p) - paid - v - here + 2, n)
-                    for n, (p, v, k) in enumerate(choices[first:], first)
-                    if left[k]
-                ),
-                reverse=True,
-            )
-            drones = sum(left.values())
-            if drones and gains and here + drones * gains[0][0] > best:
-                for gain, n in sorted(gains, key=lambda item: item[1]):
-                    if (
-                        here + drones * gain > best
-                        or here + gain + (drones - 1) * gains[0][0] > best
-                    ):
-                        left[choices[n][2]] -= 1
-                        place(n, pixels + choices[n][0], paid + choices[n][1])
-                        left[choices[n][2]] += 1
+            gains = {
+                n: root_up(pixels + p) - paid - v - here + 2
+                for n, (p, v, k) in enumerate(choices[first:], first)
+                if left[k]
+            }
+            others = (sum(left.values()) - 1) * max(gains.values(), default=0)
+            for n, gain in gains.items():
+                if here + gain + others > best:
+                    left[choices[n][2]] -= 1
+                    place(n, pixels + choices[n][0], paid + choices[n][1])
+                    left[choices[n][2]] += 1
 
         place(0, 0, 0)
         return best
@@ -458,8 +457,7 @@ class Bound:
     """The bound that multipliers prove of the plans that obey some decisions."""
 
     def __init__(self, instance: Instance, single: bool) -> None:
-        self.instance, self.where = instance, instance.where
-        self.members = instance.members
+        self.instance, self.members = instance, instance.members
         self.classes = [*enumerate(instance.classes)]
         if single:  # every drone is a class of its own
             of = {d: n for n, drones in enumerate(instance.members) for d in drones}
@@ -542,10 +540,8 @@ class Bound:
         i = self.instance
         only(numbers, {"pixels", "views"})
         seen = self._table(numbers["pixels"], numbers.get("views", ()))
-        self.prices, self.gained = (
-            {},
-            {g: (w, up(seen[g]), down(seen[g])) for g, w in i.weights.items()},
-        )
+        self.prices = {}
+        self.gained = {g: (w, up(seen[g]), down(seen[g])) for g, w in i.weights.items()}
         total = sum(
             up(w * Fraction(i.value(g, up(seen[g]), root_up), ONE)) for g, w in i.weights.items()
         )
@@ -594,9 +590,7 @@ class Bound:
         value: dict[Ints, int] = {}
         for t in range(horizon, -1, -1):
             after, value = value, {}
-            turned: list[dict[int, int]] = [
-                {} for _ in kind.turns
-            ]  # of each orientation: place: value after the turn
+            turned: list[dict[int, int]] = [{} for _ in kind.turns]  # values by place
             for (q, o), worth_there in after.items():
                 turned[o][q] = worth_there
             for o, turns in enumerate(kind.turns) if after else ():
@@ -604,8 +598,7 @@ class Bound:
                 for turn in turns:
                     more = heading if kind.headings[turn][0] == kind.headings[o][0] else 0
                     for q, worth_there in turned[turn].items():
-                        if worth_there + more > best.get(q, worth_there + more - 1):
-                            best[q] = worth_there + more
+                        best[q] = max(best.get(q, worth_there + more), worth_there + more)
                 for p in range(n):
                     found = None
                     for q, balanced in kind.moves[p]:
@@ -668,11 +661,11 @@ class Bound:
             kind = self.instance.kinds[k]
             if only_class not in (None, number):
                 continue
-            at = {cell: p for p, cell in enumerate(kind.cells)}
+            at = kind.place_of
             for user in dict.fromkeys(users):
                 keys: list[Ints] = []
                 if resource["type"] == "visit":
-                    part, states = charged[2], kind.states()
+                    part, states = charged[2], kind.states
                     keys += [states[user]] if user in states else []
                 elif resource["type"] == "cells":
                     part = charged[0]
@@ -697,11 +690,8 @@ class Bound:
             require(self.instance.swap, "row: there is no swap rule")
             return
         ends = [(u, u) if kind == "cells" else u for u in dict.fromkeys(users)]
-        moves = [
-            (a, b, self.where[a], self.where[b])
-            for a, b in ends
-            if a in self.where and b in self.where
-        ]
+        where = self.instance.where
+        moves = [(a, b, where[a], where[b]) for a, b in ends if a in where and b in where]
         for a, b in itertools.combinations_with_replacement(moves, 2):
             require(self.instance.conflict(a, b), "row: two drones may use this at once")
 

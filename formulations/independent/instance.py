@@ -13,6 +13,7 @@ import numpy as np
 from cocap_opt.data import IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.model import Model, RobotClass
+from cocap_opt.model.coverage_tables import Sight
 from cocap_opt.problem import COVERAGE_VERSION
 
 VERSION = 1
@@ -43,19 +44,18 @@ def _lines(model: Model) -> Iterator[str]:
     for group in np.flatnonzero(weights).tolist():
         most = "" if group < n_roots else f" {int(problem.returns.caps[group - n_roots])}"
         yield f"weight {group} {_exact(weights[group])}{most}"
-    kinds: dict[tuple[int, int], int] = {}  # of graphs and coverage tables, by their ids
+    kinds: dict[Sight, int] = {}
     numbers: list[dict[int, int]] = []  # of each kind's places, by those in the graph
     for number, robot_class in enumerate(model.classes):
-        key = id(robot_class.graph), id(model.coverage(robot_class))
-        if key not in kinds:
-            kinds[key] = len(numbers)
+        if robot_class.sight not in kinds:
+            kinds[robot_class.sight] = len(numbers)
             places = np.flatnonzero(
                 model.reachable(robot_class).reshape(-1, robot_class.graph.n_places).any(axis=0)
             )
             numbers.append({place: k for k, place in enumerate(places.tolist())})
             yield from _kind(model, number, places, numbers[-1])
     for robot_class in model.classes:
-        kind = kinds[id(robot_class.graph), id(model.coverage(robot_class))]
+        kind = kinds[robot_class.sight]
         yield from _class(robot_class, kind, numbers[kind])
     yield "end"
 

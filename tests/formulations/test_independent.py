@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from brute_force import optimum
 from counting import either
+from damaged_files import document
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import drawn_meetings, drawn_problems, examples
@@ -40,14 +41,6 @@ problems = st.one_of(
 def instance(problem: Problem) -> Instance:
     """The instance of a problem, written and read."""
     return Instance(instance_of(compiled(problem)))
-
-
-def document(file: Any, folder: Path) -> dict[str, Any]:
-    """A file as the checker reads it."""
-    path = folder / "file.json"
-    file.save(path)
-    read: dict[str, Any] = json.loads(path.read_text())
-    return read
 
 
 def plan_document(problem: Problem, plan: Plan, folder: Path) -> dict[str, Any]:

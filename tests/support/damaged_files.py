@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from cocap_opt.files.documents import Document
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.independent import instance_of
 from cocap_opt.formulations.independent.cocap_check import (
@@ -43,12 +44,19 @@ class Base(NamedTuple):
     file: dict[str, Any]
 
 
+def document(file: Document, folder: Path) -> dict[str, Any]:
+    """A file as the checker reads it; it is written into a folder."""
+    path = folder / "file.json"
+    file.save(path)
+    read: dict[str, Any] = json.loads(path.read_text())
+    return read
+
+
 def bases() -> Iterator[Base]:
     """Yields certificates and proofs of small scenes."""
     scenes: list[Problem] = [load_scene(name, 0) for name in NAMES]
     scenes += [load_scene(name, 1).replace(horizon=3) for name in ("corridor", "corridor-tight")]
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "file.json"
         for problem in scenes:
             instance = Instance(instance_of(compiled(problem)))
             best = EXACT["branch-and-price"](problem)
@@ -56,8 +64,7 @@ def bases() -> Iterator[Base]:
             for method in methods:
                 file = method(problem).certificate
                 if file is not None:
-                    file.save(path)
-                    yield Base(instance, best.value, json.loads(path.read_text()))
+                    yield Base(instance, best.value, document(file, Path(folder)))
 
 
 def places(document: Any) -> list[tuple[Any, Any]]:
