@@ -279,11 +279,11 @@ class EnvelopeParameters(Section):
     few_states_left: int = 6_500
     most_listed_robots: int = 8
     most_rounds: int = 40
-    many_nodes: int = 2_000_000
-    many_plain_nodes: int = 50_000
-    few_work: int = 500_000
-    few_plain_work: int = 50_000
-    few_nodes: int = 10_000
+    many_nodes: int = 300_000
+    many_plain_nodes: int = 5_000
+    few_work: int = 100_000
+    few_plain_work: int = 10_000
+    few_nodes: int = 2_000
     responses: int = 10
     most_corrections: int = 4
     least_round: Share = 0.05

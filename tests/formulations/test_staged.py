@@ -47,6 +47,7 @@ from cocap_opt.formulations.certificates.staged import (
 )
 from cocap_opt.formulations.certificates.staged import search as plain_search
 from cocap_opt.formulations.certificates.staged.joint_paths import BestPlan, _Choices, _Following
+from cocap_opt.formulations.certificates.staged.relaxation import Conditions, Relaxation
 from cocap_opt.formulations.certificates.staged.search import MostProfitable, all_that_count
 from cocap_opt.formulations.certificates.staged.stages import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
@@ -245,6 +246,7 @@ def random_joint_states(rng: np.random.Generator) -> JointStates:
     pixels[:, n_roots:] = pixels[:, n_roots:] > 0
     caps = rng.integers(1, 4, faces - n_roots).astype(np.float64)
     conflict = rng.random((n, n)) < 0.15
+    conflict |= np.eye(n, dtype=np.bool_) & bool(rng.integers(2))  # the rule of vertices
     return JointStates(
         1, sizes, np.repeat(np.arange(len(sizes)), counts), np.arange(n), pixels,
         rng.uniform(0.5, 2, faces), Returns(n_roots, caps),
@@ -596,7 +598,45 @@ def test_a_search_that_is_too_long_says_so() -> None:
     """A search gives no number where it has not gone through all joint states."""
     joint = random_joint_states(np.random.default_rng(1))
     with pytest.raises(NotEndedError):
-        most_profitable(joint, -np.inf, 1)
+        most_profitable(joint, -np.inf, 0)
+
+
+@examples(60)
+@given(seeds)
+def test_what_a_relaxation_drops_does_not_matter(seed: int) -> None:
+    """Every joint state that obeys all conditions keeps its states at each node on its way."""
+    rng = np.random.default_rng(seed)
+    joint = random_joint_states(rng)
+    found = [chosen for chosen in joint_by_enumeration(joint) if joint.worth(chosen) > 0]
+    profits = [joint.reduced_profit(chosen) for chosen in found]
+    least = float(rng.choice([-np.inf, *profits]))
+    raised = rng.uniform(0, 3, len(joint.states))
+    lows = [joint.worth(chosen) - float(raised[list(chosen)].sum()) for chosen in found]
+    ceiling = max([0.0, *profits]) + float(rng.uniform(0, 2)), rng.uniform(-1, 1, len(raised))
+    payments = np.array([joint.price, raised, ceiling[1]])
+    floor = min([0.0, *lows])
+    for chosen, profit in zip(found, profits, strict=True):
+        low = ceiling[0] - float(ceiling[1][list(chosen)].sum())
+        if profit <= least + 0.01 or low <= least + 0.01:
+            continue
+        ways = rng.permutation(len(chosen))
+        for k in range(len(chosen)):
+            taken, left = [chosen[i] for i in ways[:k]], [chosen[i] for i in ways[k:]]
+            classes = joint.class_of[taken]
+            counts = tuple(n - int((classes == c).sum()) for c, n in enumerate(joint.sizes))
+            able = ~joint.conflict[taken].any(axis=0) if taken else np.ones(len(raised), np.bool_)
+            states = np.flatnonzero(able & (np.array(counts)[joint.class_of] > 0))
+            conditions = Conditions(
+                np.array([
+                    joint.worth(taken) - least - joint.price[taken].sum(),
+                    joint.worth(taken) - floor + 0.01 - raised[taken].sum(),
+                    ceiling[0] - least - ceiling[1][taken].sum(),
+                ]), payments,
+            )  # fmt: skip
+            seen = joint.pixels[taken].sum(axis=0)
+            relaxation = Relaxation(joint, conditions, seen, counts, states)
+            relaxation.run(rng.random(len(states)) * rng.integers(2))
+            assert {*left} <= {*states[relaxation.kept].tolist()}
 
 
 @pytest.mark.slow

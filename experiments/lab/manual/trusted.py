@@ -12,7 +12,10 @@ from cocap_opt.files.code import with_imports
 
 CHECKER = "cocap_opt.formulations.certificates"
 UPPER = f"{CHECKER}.staged"
-COMPILED = frozenset(f"{UPPER}.{name}" for name in ("compiled_search", "search_kernel"))
+COMPILED = frozenset(
+    f"{UPPER}.{name}"
+    for name in ("compiled_search", "kernel_arrays", "relaxation_kernel", "search_kernel")
+)
 # What the core imports for other things than checking, which never loads it.
 UNUSED = frozenset(
     f"cocap_opt.{name}"

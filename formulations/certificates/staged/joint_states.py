@@ -141,6 +141,34 @@ class JointStates:
         return (*self.ceilings, *self.limits)
 
     @cached_property
+    def may_repeat(self) -> bool:
+        """True if two robots may be in the same state."""
+        return not bool(self.conflict.diagonal().all())
+
+    @cached_property
+    def cliques(self) -> IntArray:
+        """Numbers [n]: of the states of one number, all of one class, any two are in conflict."""
+        numbers = np.full(len(self.states), -1)
+        fits = np.zeros((len(self.states), len(self.states)), dtype=np.bool_)
+        found = 0
+        for s in range(len(numbers)):
+            able = np.flatnonzero(fits[:found, s])
+            if len(able):
+                numbers[s] = able[0]
+                fits[able[0]] &= self.conflict[s]
+            else:
+                numbers[s] = found
+                fits[found] = self.conflict[s] & (self.class_of == self.class_of[s])
+                found += 1
+        return numbers
+
+    @cached_property
+    def most_pixels(self) -> FloatArray:
+        """The most [F] that any of the states sees of each face."""
+        most: FloatArray = self.pixels.max(axis=0, initial=0.0)
+        return most
+
+    @cached_property
     def margin(self) -> float:
         """The room that a constant leaves above a profit for rounding, in units of J.
 
@@ -149,7 +177,7 @@ class JointStates:
         changes it by at most an eighth of this.
         """
         robots = sum(self.sizes)
-        most = self.weights @ self.returns.values(robots * self.pixels.max(axis=0, initial=0.0))
+        most = self.weights @ self.returns.values(robots * self.most_pixels)
         most += robots * np.abs(self.price).max(initial=0.0)
         most += robots * np.abs(self.charge).max(initial=0.0)
         return float(16 * robots * (len(self.weights) + robots + 4) * UNIT_ROUNDOFF * most)

@@ -9,7 +9,7 @@ more: where no joint state had more profit than V' at price',
     F(s) - sum_i price(s_i) <= V' - sum_i [price(s_i) - price'(s_i)].
 
 Ceilings bound the worth less charges, too: states of much slack are soon too many, whatever they
-are worth.
+are worth. What passes all of that is relaxed (`relaxation`): most branches end there.
 
 Two searches do the same: the plain one, which is here and is written to be read, and the compiled
 one (`search_kernel`), which takes over where searches are long, unless it is not wanted.
@@ -22,16 +22,17 @@ import numpy as np
 from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.staged import compiled_search
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
+from cocap_opt.formulations.certificates.staged.relaxation import ROBOTS, Conditions, Relaxation
 from cocap_opt.stop import Stop, never
 
 if TYPE_CHECKING:
     from cocap_opt.formulations.certificates.staged.search_kernel import CompiledSearch
 
-PLAIN_NODES = 2000  # after which the compiled search takes over, where there is one
-_LARGE, _FEW_NODES = 5, 100  # likewise, of teams of so many robots, whose searches are long
+PLAIN_NODES = 300  # after which the compiled search takes over, where there is one
+_LARGE, _FEW_NODES = 5, 30  # likewise, of teams of so many robots, whose searches are long
 # Joint states that one search collects: as many would follow each of them, so it does not end soon.
 MOST_FOUND = 200_000
-AT_ONCE = 200_000  # nodes of the compiled search between two looks at the stop
+AT_ONCE = 20_000  # nodes of the compiled search between two looks at the stop
 
 
 class NotEndedError(Exception):
@@ -151,6 +152,7 @@ class _Partial(NamedTuple):
     below: tuple[float, ...]  # ceilings and limits, less what prices and charges so far are raised
     counts: tuple[int, ...]  # robots left of each class
     states: IntArray  # positions of the states that may still be taken, class by class
+    shares: FloatArray  # [n] of all states in the mixture of the node above (`relaxation`)
 
 
 class _Children(NamedTuple):
@@ -186,6 +188,9 @@ class _PlainSearch:
         self.positions: tuple[int, ...] = ()
         self.found: list[tuple[int, ...]] = []
         self._floor = joint.floor - joint.margin
+        self._payments = np.array([
+            joint.price, joint.charge, *(raised for _, raised in joint.bounds)
+        ])  # fmt: skip
         self.nodes = 0
 
     def run(self, stop: Stop = never) -> None:
@@ -193,7 +198,8 @@ class _PlainSearch:
         joint = self._joint
         nothing, everything = np.zeros(len(joint.weights)), np.arange(len(joint.states))
         below = tuple(profit for profit, _ in joint.bounds)
-        self._explore(_Partial((), nothing, 0.0, 0.0, below, joint.sizes, everything), stop)
+        none = np.zeros(len(joint.states))
+        self._explore(_Partial((), nothing, 0.0, 0.0, below, joint.sizes, everything, none), stop)
 
     def _explore(self, node: _Partial, stop: Stop) -> None:
         """Goes through all completions of a partial joint state that count and may be better."""
@@ -208,6 +214,8 @@ class _PlainSearch:
             return
         counts = tuple(n - (c == robot_class) for c, n in enumerate(node.counts))
         found = self._children(node, robot_class)
+        if found.of_class and not self._collects and sum(node.counts) >= ROBOTS:
+            node, found = self._relaxed(node, found)
         for k in range(found.of_class):
             # Of this class, none of those before it is taken any more.
             worse = found.gains[0] - found.gains[k]
@@ -244,6 +252,25 @@ class _PlainSearch:
         able[:of_class] = able[:of_class][np.argsort(-gains[able[:of_class]], kind="stable")]
         return _Children(states[able], gains[able], low[able], most[able], of_class)
 
+    def _relaxed(self, node: _Partial, found: _Children) -> tuple[_Partial, _Children]:
+        """Returns the node with its mixture, and the states that the relaxation leaves."""
+        joint = self._joint
+        least = [
+            self.best if k < len(joint.ceilings) else self._floor for k in range(len(node.below))
+        ]
+        constants = [node.profit - self.best, node.low - self._floor]
+        constants += [below - wanted for below, wanted in zip(node.below, least, strict=True)]
+        conditions = Conditions(np.array(constants), self._payments)
+        relaxation = Relaxation(joint, conditions, node.pixels, node.counts, found.states)
+        relaxation.run(node.shares[found.states])
+        kept, shares = relaxation.kept, np.zeros(len(joint.states))
+        shares[found.states] = relaxation.shares
+        left = _Children(
+            found.states[kept], found.gains[kept], found.low[kept], found.most[kept],
+            int(np.count_nonzero(kept[: found.of_class])),
+        )  # fmt: skip
+        return node._replace(shares=shares), left
+
     def _child(
         self, node: _Partial, state: int, gained: tuple[float, float], counts: tuple[int, ...],
         left: IntArray,
@@ -258,6 +285,7 @@ class _PlainSearch:
             tuple(below - float(raised[state]) for below, (_, raised) in bounds),
             counts,
             left[~joint.conflict[state, left]],
+            node.shares,
         )
 
 

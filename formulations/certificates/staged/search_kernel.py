@@ -12,53 +12,25 @@ from typing import NamedTuple
 import numpy as np
 
 from cocap_opt.compiling import compiled
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.certificates.staged.joint_states import JointStates
+from cocap_opt.formulations.certificates.staged.kernel_arrays import (
+    CHARGED,
+    DEPTH,
+    FOUND,
+    IS_DONE,
+    IS_NEW,
+    MOST,
+    NODES,
+    PIXELS,
+    PRICED,
+    VALUES,
+    Inputs,
+    Memory,
+)
+from cocap_opt.formulations.certificates.staged.relaxation import ROBOTS
+from cocap_opt.formulations.certificates.staged.relaxation_kernel import Relaxed, relax, relaxed_of
 from cocap_opt.returns import Returns, return_of
-
-# What each entry of `_Memory.progress` is; the depth is -1 where no search is going on.
-DEPTH, IS_NEW, IS_DONE, FOUND, NODES = range(5)
-
-# The rows of `_Memory.values`, and the first two of `_Memory.profits` and `_Memory.largest`.
-PRICED, CHARGED, MOST = range(3)
-
-# The rows of `_Memory.seen`.
-PIXELS, VALUES = range(2)
-
-
-class _Inputs(NamedTuple):
-    """The arrays that a search reads: of n states, F faces, C classes, R robots and B bounds."""
-
-    first: IntArray  # [n+1] first entry of each state's coverage
-    faces: IntArray  # of each entry
-    pixels: FloatArray  # of each entry
-    weights: FloatArray  # [F]
-    n_roots: int  # faces before those that count drones
-    caps: FloatArray  # [F - n_roots] k of those
-    price: FloatArray  # [n]
-    charge: FloatArray  # [n]
-    class_of: IntArray  # [n], not decreasing
-    classes: IntArray  # [R] of the robot that is chosen at each depth
-    counts: IntArray  # [R+1, C] robots of each class that are left at each depth
-    conflict: BoolArray  # [n, n]
-    raised: FloatArray  # [B, n] by how much prices or charges are higher than at each bound
-    is_limit: BoolArray  # [B]
-
-
-class _Memory(NamedTuple):
-    """The arrays that a search writes: at each depth of R + 1, of n states, F faces, B bounds."""
-
-    progress: IntArray  # depth, is its node new, is all done, found so far, nodes so far
-    states: IntArray  # [R+1, n] positions of states that may be taken
-    numbers: IntArray  # [R+1, 2] how many, and how many of them of the next robot's class
-    child: IntArray  # [R+1] the next one
-    values: FloatArray  # [3, R+1, n] gains less prices, less charges, and the most reached
-    seen: FloatArray  # [2, R+1, F] pixels so far, and their returns
-    profits: FloatArray  # [2, R+1] worth so far less prices, and less charges
-    below: FloatArray  # [R+1, B] ceilings and limits, less what is raised so far
-    largest: FloatArray  # [2, C] of a node's values, by class
-    chosen: IntArray  # [2, R] positions of the robots' states, and of the best found
-    collected: IntArray  # [most, R] positions of those that are collected
 
 
 class _MoveLists(NamedTuple):
@@ -76,7 +48,7 @@ _return_of = _inlined(return_of)
 
 
 @_inlined
-def _end(memory: _Memory, depth: int, best: float) -> float:
+def _end(memory: Memory, depth: int, best: float) -> float:
     """Takes down a joint state that is complete; returns the largest profit so far."""
     if len(memory.collected):
         for k in range(depth):
@@ -90,7 +62,7 @@ def _end(memory: _Memory, depth: int, best: float) -> float:
 
 
 @_inlined
-def _at_most(so_far: float, data: _Inputs, depth: int, largest: FloatArray, row: int) -> float:
+def _at_most(so_far: float, data: Inputs, depth: int, largest: FloatArray, row: int) -> float:
     """Returns an upper bound, by which each robot that is left adds its class's largest gain."""
     for c in range(data.counts.shape[1]):
         if data.counts[depth, c]:
@@ -100,7 +72,7 @@ def _at_most(so_far: float, data: _Inputs, depth: int, largest: FloatArray, row:
 
 @_inlined
 def _keep_within_bounds(
-    data: _Inputs, memory: _Memory, depth: int, least: float, floor: float
+    data: Inputs, memory: Memory, depth: int, least: float, floor: float
 ) -> None:
     """Drops states which no ceiling or limit leaves a profit above the least wanted."""
     states, largest = memory.states, memory.largest
@@ -123,7 +95,7 @@ def _keep_within_bounds(
 
 
 @_inlined
-def _gain(data: _Inputs, memory: _Memory, depth: int) -> None:
+def _gain(data: Inputs, memory: Memory, relaxed: Relaxed, depth: int) -> None:
     """Computes what each state would gain here, and the largest of each class."""
     values, seen, largest = memory.values, memory.seen, memory.largest
     for c in range(largest.shape[1]):
@@ -135,7 +107,8 @@ def _gain(data: _Inputs, memory: _Memory, depth: int) -> None:
             f = data.faces[e]
             amount = seen[PIXELS, depth, f] + data.pixels[e]
             value = _return_of(data.n_roots, data.caps, f, amount)
-            gain += data.weights[f] * (value - seen[VALUES, depth, f])
+            relaxed.gains[e] = value - seen[VALUES, depth, f]
+            gain += data.weights[f] * relaxed.gains[e]
         values[PRICED, depth, i] = gain - data.price[s]
         values[CHARGED, depth, i] = gain - data.charge[s]
         c = data.class_of[s]
@@ -144,7 +117,7 @@ def _gain(data: _Inputs, memory: _Memory, depth: int) -> None:
 
 
 @_inlined
-def _keep_high(data: _Inputs, memory: _Memory, depth: int, least: float, floor: float) -> None:
+def _keep_high(data: Inputs, memory: Memory, depth: int, least: float, floor: float) -> None:
     """Drops states that reach too little with the largest gains of the robots that are left."""
     states, values, largest = memory.states, memory.values, memory.largest
     most = _at_most(memory.profits[PRICED, depth], data, depth, largest, PRICED)
@@ -167,7 +140,7 @@ def _keep_high(data: _Inputs, memory: _Memory, depth: int, least: float, floor: 
 
 
 @_inlined
-def _begin_with_highest(memory: _Memory, depth: int) -> None:
+def _begin_with_highest(memory: Memory, depth: int) -> None:
     """Sorts the states of the next robot's class by their gains, and begins with the first.
 
     They come nearly sorted from the node above; of equals the first stays first.
@@ -186,7 +159,7 @@ def _begin_with_highest(memory: _Memory, depth: int) -> None:
 
 
 @_inlined
-def _is_exhausted(data: _Inputs, memory: _Memory, depth: int, least: float) -> bool:
+def _is_exhausted(data: Inputs, memory: Memory, depth: int, least: float) -> bool:
     """Returns True if no child that is left reaches more than the least wanted."""
     i, values = memory.child[depth], memory.values
     if i >= memory.numbers[depth, 1]:
@@ -197,7 +170,7 @@ def _is_exhausted(data: _Inputs, memory: _Memory, depth: int, least: float) -> b
 
 
 @_inlined
-def _descend(data: _Inputs, memory: _Memory, depth: int, least: float) -> None:
+def _descend(data: Inputs, memory: Memory, depth: int, least: float) -> None:
     """Takes the next child's state and goes down: what is seen and priced there."""
     i, seen, profits = memory.child[depth], memory.seen, memory.profits
     s = memory.states[depth, i]
@@ -219,7 +192,7 @@ def _descend(data: _Inputs, memory: _Memory, depth: int, least: float) -> None:
 
 
 @_inlined
-def _hand_down(data: _Inputs, memory: _Memory, depth: int, taken: int, least: float) -> None:
+def _hand_down(data: Inputs, memory: Memory, depth: int, taken: int, least: float) -> None:
     """Hands down the states that do not conflict with the one taken and do not come before it."""
     states, values = memory.states, memory.values
     others = data.counts[depth + 1, data.classes[depth]]
@@ -239,7 +212,7 @@ def _hand_down(data: _Inputs, memory: _Memory, depth: int, taken: int, least: fl
 
 
 @_inlined
-def _end_with_two(data: _Inputs, memory: _Memory, depth: int, best: float, floor: float) -> float:
+def _end_with_two(data: Inputs, memory: Memory, depth: int, best: float, floor: float) -> float:
     """Chooses the states of the last two robots, of one class; returns the largest profit so far.
 
     It is equivalent to going down twice, with the same number of nodes, but updates only the faces
@@ -294,7 +267,10 @@ def _end_with_two(data: _Inputs, memory: _Memory, depth: int, best: float, floor
 
 
 @partial(compiled, forceinline=True)
-def _advance(data: _Inputs, memory: _Memory, best: float, floor: float, nodes: int) -> float:
+def _advance(
+    data: Inputs, memory: Memory, relaxed: Relaxed, is_relaxed: bool, best: float,
+    floor: float, nodes: int,
+) -> float:  # fmt: skip
     """Goes on with a search for so many nodes; returns the largest profit so far."""
     depth, last_two = memory.progress[DEPTH], len(data.classes) - 2
     if last_two < 0 or data.classes[-2] != data.classes[-1] or len(memory.collected):
@@ -309,8 +285,10 @@ def _advance(data: _Inputs, memory: _Memory, best: float, floor: float, nodes: i
                 depth -= 1
                 continue
             _keep_within_bounds(data, memory, depth, best, floor)
-            _gain(data, memory, depth)
+            _gain(data, memory, relaxed, depth)
             _keep_high(data, memory, depth, best, floor)
+            if is_relaxed and memory.numbers[depth, 1] and len(data.classes) - depth >= ROBOTS:
+                relax(data, memory, relaxed, depth, best, floor)
             _begin_with_highest(memory, depth)
             if depth == last_two:
                 before = memory.progress[NODES]
@@ -328,7 +306,7 @@ def _advance(data: _Inputs, memory: _Memory, best: float, floor: float, nodes: i
 
 
 @_inlined
-def _begin_with_choices(memory: _Memory, choices: _MoveLists, tail: int) -> None:
+def _begin_with_choices(memory: Memory, choices: _MoveLists, tail: int) -> None:
     """Begins a search among the states that may be taken from a joint state before."""
     n = 0
     for robot in range(choices.lists.shape[1]):
@@ -342,8 +320,8 @@ def _begin_with_choices(memory: _Memory, choices: _MoveLists, tail: int) -> None
 
 @compiled
 def _follow(
-    data: _Inputs, memory: _Memory, choices: _MoveLists, tail: int, end: int, nodes: int,
-    tails: IntArray,
+    data: Inputs, memory: Memory, relaxed: Relaxed, choices: _MoveLists, tail: int,
+    end: int, nodes: int, tails: IntArray,
 ) -> int:  # fmt: skip
     """Collects what follows each of some joint states; returns the number of the first not done.
 
@@ -360,7 +338,8 @@ def _follow(
         if memory.progress[DEPTH] < 0:
             _begin_with_choices(memory, choices, tail)
         before = memory.progress[FOUND]
-        _advance(data, memory, -np.inf, choices.floors[tail], nodes - memory.progress[NODES])
+        nodes_left = nodes - memory.progress[NODES]
+        _advance(data, memory, relaxed, False, -np.inf, choices.floors[tail], nodes_left)
         for k in range(before, memory.progress[FOUND]):
             tails[k] = tail
         if not memory.progress[IS_DONE]:
@@ -376,13 +355,14 @@ class CompiledSearch:
     Attributes
     ----------
     data : the arrays that it reads
-    memory : the arrays that it writes
+    memory, relaxed : the arrays that it writes
     best : largest profit found, at first the least one wanted
     floor : least worth, less charges, of a joint state that counts
     """
 
-    data: _Inputs
-    memory: _Memory
+    data: Inputs
+    memory: Memory
+    relaxed: Relaxed
     best: float
     floor: float
 
@@ -396,7 +376,7 @@ class CompiledSearch:
         most_found : if not 0, the search is for `follow`, which collects up to so many in a call
         """
         bounds, classes = joint.bounds, np.repeat(np.arange(len(joint.sizes)), joint.sizes)
-        data = _Inputs(
+        data = Inputs(
             *joint.sparse,
             joint.weights,
             *joint.returns,
@@ -415,7 +395,10 @@ class CompiledSearch:
             is_limit=np.arange(len(bounds)) >= len(joint.ceilings),
         )  # fmt: skip
         profits = np.array([profit for profit, _ in bounds])
-        return cls(data, _beginning(data, profits, most_found), least, joint.floor - joint.margin)
+        return cls(
+            data, _beginning(data, profits, most_found), relaxed_of(data, joint), least,
+            joint.floor - joint.margin,
+        )  # fmt: skip
 
     @property
     def positions(self) -> tuple[int, ...]:
@@ -425,7 +408,8 @@ class CompiledSearch:
 
     def advance(self, nodes: int) -> bool:
         """Goes on for so many nodes; returns True once all is done."""
-        self.best = float(_advance(self.data, self.memory, self.best, self.floor, nodes))
+        arrays = self.data, self.memory, self.relaxed
+        self.best = float(_advance(*arrays, True, self.best, self.floor, nodes))
         return bool(self.memory.progress[IS_DONE])
 
     def follow(
@@ -454,7 +438,8 @@ class CompiledSearch:
         nodes = min(nodes, len(self.memory.collected))  # each collects one joint state at most
         arrays = _MoveLists(*choices, floors)
         found = np.zeros(len(self.memory.collected), dtype=np.int64)
-        tail = int(_follow(self.data, self.memory, arrays, *tails, nodes, found))
+        both = self.data, self.memory, self.relaxed
+        tail = int(_follow(*both, arrays, *tails, nodes, found))
         n = int(self.memory.progress[FOUND])
         return tail, found[:n], self.memory.collected[:n].copy()
 
@@ -464,11 +449,11 @@ class CompiledSearch:
         return int(self.memory.progress[NODES])
 
 
-def _beginning(data: _Inputs, profits: FloatArray, most_found: int) -> _Memory:
+def _beginning(data: Inputs, profits: FloatArray, most_found: int) -> Memory:
     """Returns the memory of a search whose root is its next node, or that `follow` begins."""
     depths, n_classes = data.counts.shape
     robots, n, n_faces = depths - 1, len(data.class_of), len(data.weights)
-    return _Memory(
+    return Memory(
         progress=np.array([-1 if most_found else 0, 1, 0, 0, 0]),
         states=np.tile(np.arange(n), (depths, 1)),
         numbers=np.tile([n, 0], (depths, 1)),
@@ -489,7 +474,7 @@ def call_once() -> None:
     joint = JointStates(
         t=0, sizes=(1,), class_of=none, states=none, pixels=np.ones((1, 1)), weights=single,
         returns=Returns(1, np.zeros(0)), price=single, charge=single, floor=0.0,
-        conflict_of=lambda: np.zeros((1, 1), dtype=np.bool_),
+        conflict_of=lambda: np.ones((1, 1), dtype=np.bool_),
     )  # fmt: skip
     CompiledSearch.of(joint, 0.0).advance(1)
     choices = np.array([0, 1]), none, none.reshape(1, 1)

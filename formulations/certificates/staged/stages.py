@@ -25,7 +25,7 @@ from cocap_opt.model import Model
 from cocap_opt.stop import Stop, never
 
 MOST_STATES = 3000  # of a step: beyond it, the table of conflicts and the search are too large
-MOST_NODES = 1_000_000_000  # of all searches of a file: a quarter of an hour
+MOST_NODES = 100_000_000  # of all searches of a file: a quarter of an hour
 LARGEST_PRICE = 1e50  # its square is finite
 
 
