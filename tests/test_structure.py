@@ -43,7 +43,7 @@ ORDER = {
     "formulations": (
         "certificates", "independent", "explanation", "second_opinion", "result", "simple_bounds",
         "brute_force", "solvers",
-        "relaxations", "column_generation", "integer_programs",
+        "relaxations", "column_generation", "integer_programs", "model_files",
     ),
     "scenarios": (
         "kinds", "text", "tables", "hardware", "walking", "spread", "site", "earth", "maps",

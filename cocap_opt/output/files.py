@@ -4,10 +4,11 @@ import csv
 import io
 import logging
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
+from cocap_opt.data import ProblemError
 from cocap_opt.files.atomic_write import file_to_write, write_atomically
 from cocap_opt.files.documents import (
     FileError,
@@ -20,10 +21,13 @@ from cocap_opt.files.documents import (
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.referee import check
+from cocap_opt.result import UnsupportedError
 from cocap_opt.scenarios import read_foreign_plan, scene_of_plan
 from cocap_opt.text import other_scene, printable, shortened
 
 log = logging.getLogger(__name__)
+
+SOLUTION = ".sol"  # how names of files end that other solvers have written
 
 # -- writing ------------------------------------------------------------------------------
 
@@ -33,8 +37,8 @@ def save_bytes(path: Path, content: bytes) -> None:
     save_files({path: content})
 
 
-def save_files(contents: dict[Path, bytes]) -> None:
-    """Writes files whole or not at all."""
+def save_files(contents: Mapping[Path, bytes] | Mapping[Path, Callable[[BinaryIO], None]]) -> None:
+    """Writes files whole or not at all, of each its content or what a function writes into it."""
     try:
         write_atomically(contents)
     except OSError as error:
@@ -159,11 +163,25 @@ class PlanReader(NamedTuple):
         return [printable(str(path) if names.count(path.name) > 1 else path.name) for path in paths]
 
     def claim(self, path: Path) -> PlanFile | CertificateFile | ProofFile | Plan:
-        """Reads a plan, a certificate or a proof, or a plan in a foreign format."""
+        """Reads a plan, a certificate or a proof, or a plan in a foreign format.
+
+        So may be the solution that a solver has found of a program that `export` has written.
+        """
+        if path.suffix.lower() == SOLUTION:
+            return self._solution(path)
         foreign = read_foreign_plan(path, self.problem)
         if foreign is not None:
             return foreign
         return read_claim(path)
+
+    def _solution(self, path: Path) -> Plan:
+        """Reads the plan in a solver's solution of this scene's program."""
+        from cocap_opt.formulations.model_files.solutions import plan_of_solution  # imports solvers
+
+        try:
+            return plan_of_solution(self.problem, read_text(path))
+        except (ProblemError, UnsupportedError) as error:
+            raise FileError(f"{path}: {error}") from error
 
     def plan(self, path: Path, any_scene: bool = False, any_objective: bool = False) -> GivenPlan:
         """Reads a plan that can be flown, and finds the variant of the scene that it is for.

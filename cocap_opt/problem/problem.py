@@ -113,6 +113,29 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
 
         return TopView.of(self, plan).draw(ax)
 
+    def until(self, step: int) -> "Problem":
+        """Returns the problem that ends at a step: people, weights and all else are as before.
+
+        Raises
+        ------
+        ProblemError
+            If there is no such step, or it is the first.
+        """
+        within(step, 1, self.horizon, "steps")
+        if step == self.horizon:
+            return self
+        return self.replace(
+            name=f"{self.name}-steps{step}",
+            horizon=step,
+            actors=tuple(
+                actor.replace(
+                    poses=actor.poses[: step + 1],
+                    importance=None if actor.importance is None else actor.importance[: step + 1],
+                )
+                for actor in self.actors
+            ),
+        )
+
     def without_rules(self) -> "Problem":
         """Returns the problem without inter-robot collisions; the same one if it has no rules.
 

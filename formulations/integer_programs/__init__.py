@@ -4,4 +4,4 @@
 (HiGHS, SCIP), `cp_sat` and `scip_nonlinear` translate it for a solver.
 """
 
-__all__ = ["cp_sat", "mathopt", "outer_approximation", "scip_nonlinear"]
+__all__ = ["cp_sat", "mathopt", "outer_approximation", "program", "scip_nonlinear"]

@@ -110,6 +110,11 @@ Solver = Callable[["Program", Call], Answer]  # takes programs of one problem, o
 class Program:
     """An integer flow with roots bounded from above by linear functions of the pixels.
 
+    Parameters
+    ----------
+    root : multipliers of the root's certificate, whose cuts and slopes it begins with
+    tangents : positions [k] and z0 [k] as in `tangents`, in place of a few of each root
+
     Attributes
     ----------
     unit : the objective of a linear program is J / unit
@@ -117,7 +122,12 @@ class Program:
     """
 
     def __init__(
-        self, flow: Flow, roots: Roots, conflicts: ConflictRows, root: Multipliers | None
+        self,
+        flow: Flow,
+        roots: Roots,
+        conflicts: ConflictRows,
+        root: Multipliers | None = None,
+        tangents: tuple[IntArray, FloatArray] | None = None,
     ) -> None:
         self.flow, self.roots, self.conflicts = flow, roots, conflicts
         self.unit = max(float(roots.weights.max(initial=0.0)), flow.largest_bonus) or 1.0
@@ -128,9 +138,12 @@ class Program:
         self.integral_edges = conflicts.crossing.shape[0] > 0
         self.cuts: list[Cut] = []
         self._tangents: list[tuple[int, float]] = []
-        view_sums = np.arange(roots.returns.n_roots)
-        for k in range(TANGENTS):
-            self._add(view_sums, np.full(len(view_sums), self.n_views / 4.0**k))
+        if tangents is not None:
+            self._add(*tangents)
+        else:
+            view_sums = np.arange(roots.returns.n_roots)
+            for k in range(TANGENTS):
+                self._add(view_sums, np.full(len(view_sums), self.n_views / 4.0**k))
         if root is not None:
             self._take(root)
 

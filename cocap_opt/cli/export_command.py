@@ -1,0 +1,278 @@
+"""The command that writes scenes: as files of ours, for other solvers, and as tables."""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple, TypeVar
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.options import FLAG, Json, Output, Scene, Seed, Whole, load
+from cocap_opt.console.progress import Watch
+from cocap_opt.data import ProblemError
+from cocap_opt.files.documents import SceneFile, encode, problem_digest
+from cocap_opt.formulations.independent import instance_of
+from cocap_opt.formulations.model_files.conic import ENDING as CONES
+from cocap_opt.formulations.model_files.conic import write_cones
+from cocap_opt.formulations.model_files.linear import ENDINGS as LINEAR
+from cocap_opt.formulations.model_files.linear import write_linear
+from cocap_opt.formulations.model_files.model import ROOT_ERROR, ModelFile
+from cocap_opt.formulations.model_files.nonlinear import ENDING as NONLINEAR
+from cocap_opt.formulations.model_files.nonlinear import nonlinear_files, require_pyomo
+from cocap_opt.model import Model, compiled
+from cocap_opt.output.files import check_output, save_bytes, save_files
+from cocap_opt.output.graphml import graphml
+from cocap_opt.output.long_tables import TABLES, LongTable
+from cocap_opt.output.printing import Record, print_result
+from cocap_opt.problem import Problem
+from cocap_opt.result import UnsupportedError
+from cocap_opt.run.options import Option, UsageError
+from cocap_opt.scenarios.hardware import with_cameras
+from cocap_opt.vision.coverage import Progress
+from cocap_opt.vision.default_weights import with_views
+
+T = TypeVar("T")
+
+_SCENE, _GRAPH, _INSTANCE, _TABLE = ".json", ".graphml", ".instance", ".csv"
+
+
+def _export(
+    scene: Scene,
+    /,
+    *,
+    output: Output,
+    seed: Seed = 0,
+    over_time: Annotated[
+        bool,
+        FLAG(help="pixels add up over time as well as over drones"),
+    ] = False,
+    views: Annotated[
+        Whole | None,
+        Parameter(help="so many drones, such as 2, are to see each person, besides pixels"),
+    ] = None,
+    views_weight: Annotated[
+        float | Literal["first"] | None,
+        Parameter(
+            help="px^0.5/m, of a drone that sees a person at a step; if not given, half of what "
+            "a view pays from where the person fills a third of the image's height; first: more "
+            "than all pixels can pay"
+        ),
+    ] = None,
+    views_share: Annotated[
+        float | None,
+        Parameter(
+            help="share of all views that there could be, such as 0.95, that plans are to keep"
+        ),
+    ] = None,
+    camera: Annotated[
+        str | None, Parameter(help="another camera on all drones; `cocap-opt scenes` lists them")
+    ] = None,
+    tilts: Annotated[
+        str | None,
+        Parameter(help="degrees below the horizon, such as 10 or, for a gimbal, 10,30,60"),
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="",
+            help="NAME=VALUE, how a file is read; may be repeated; `cocap-opt scenes` lists them",
+        ),
+    ] = None,
+    steps: Annotated[
+        Whole | None, Parameter(help="moves, such as 4, after which the scene is to end")
+    ] = None,
+    drone: Annotated[
+        Whole | None, Parameter(help="whose graph is written as GraphML; 0 if not given")
+    ] = None,
+    root_error: Annotated[
+        float | None,
+        Parameter(
+            help="largest share by which a root may be too high in MPS and LP, "
+            f"{ROOT_ERROR:g} if not given; 0: none is, at what drones can see"
+        ),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Write any scene as a cocap-opt scene file, for other solvers, or for others to read.
+
+    The ending of the file's name says what is written. .json: the scene.
+    .mps, .lp: a mixed-integer linear program, with tangents in place of roots.
+    .cbf: the same with roots as cones, in the Conic Benchmark Format. .nl: with
+    roots as quadratic rows, for AMPL's solvers; .col and .row beside it have the
+    names. A solver's solution, FILE.sol, can be named wherever a plan can.
+
+    coverage.csv, views.csv, moves.csv, turns.csv and drones.csv, or names that
+    end so, are long tables: who sees whom from where, and who can move how.
+
+    .graphml: the graph of a drone: one node for each state at each step that a
+    path of the drone can pass, with step, x, y, z (m), heading, tilt (rad) and
+    reward. .instance: all that a bound needs and no geometry, in exact numbers:
+    `cocap-check` checks plans, certificates and proofs with it.
+
+    Example: cocap-opt export corridor --steps 4 -o corridor-4.mps
+    """
+    if output is not None:
+        check_output(output, scene)
+    kind = _Kind.of(output)
+    assert output is not None
+    if drone is not None and kind.ending != _GRAPH:
+        raise UsageError(f"--drone: is for a file whose name ends with {_GRAPH}")
+    if root_error is not None and kind.ending not in LINEAR:
+        raise UsageError(f"--root-error: is for a file that ends in {' or '.join(LINEAR)}")
+    error = ROOT_ERROR if root_error is None else Option("--root-error").require_share(root_error)
+    problem = load(scene, seed, Option("--option").values(option or []))
+    if steps is not None:
+        problem = _until(problem, steps)
+    if camera is not None or tilts is not None:
+        degrees = None if tilts is None else _angles("--tilts", tilts)
+        problem = with_cameras(problem, camera, degrees)
+    if over_time:
+        objective = problem.objective.replace(over_time=True)
+        problem = problem.replace(name=f"{problem.name}-over-time", objective=objective)
+    # The default weight is by the cameras, so after these.
+    problem = _counting(problem, views, views_weight, views_share)
+    if kind.table == "views" and problem.objective.views is None:
+        raise UsageError("-o: views.csv is for a scene with --views, which this one has not")
+    answer: Record = {"scene": problem.name, "seed": seed, "digest": problem_digest(problem)}
+    with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
+        if kind.ending == _SCENE:
+            save_bytes(output, encode(SceneFile.of(problem)))
+        elif kind.ending == _GRAPH:
+            answer["drone"] = _drone(drone or 0, problem)
+            save_bytes(output, graphml(problem, answer["drone"], watch.counter))
+        else:
+            answer |= _written(output, kind, compiled(problem), error, watch.counter("coverage"))
+    print_result({**answer, "file": output}, json)
+    return 0
+
+
+class _Kind(NamedTuple):
+    """The kind of a file that is written.
+
+    Attributes
+    ----------
+    ending : of its name
+    table : name of a long table; empty where it is none
+    """
+
+    ending: str
+    table: str = ""
+
+    @classmethod
+    def of(cls, output: Path | None) -> "_Kind":
+        """Returns the kind that the name of a file asks for."""
+        endings = (_SCENE, *LINEAR, CONES, NONLINEAR, _GRAPH, _INSTANCE, _TABLE)
+        ending = Option("-o").ending(output, endings)
+        if ending != _TABLE:
+            return cls(ending)
+        assert output is not None
+        table = next((name for name in TABLES if output.stem.lower().endswith(name)), None)
+        if table is None:
+            names = ", ".join(f"{name}{_TABLE}" for name in TABLES)
+            raise UsageError(f"-o: name a table: {names}, or a name that ends so")
+        return cls(ending, table)
+
+
+def _until(problem: Problem, steps: int) -> Problem:
+    """Returns a scene that ends after so many moves."""
+    try:
+        return problem.until(steps)
+    except ProblemError as error:
+        raise Option.refused(error) from error
+
+
+def _written(
+    output: Path, kind: _Kind, model: Model, root_error: float, progress: Progress
+) -> Record:
+    """Writes what is made of a model and its coverage; returns what is to be said of it."""
+    if kind.ending == _INSTANCE:
+        model.prepare_all(progress=progress)
+        text = instance_of(model).encode()
+        save_bytes(output, text)
+        return {"sha256": hashlib.sha256(text).hexdigest()}
+    if kind.table:
+        model.prepare_all(progress=progress)
+        return _table(output, TABLES[kind.table], model)
+    program = _require(lambda: _program(kind, model, root_error, progress))
+    if kind.ending in LINEAR:
+        save_files({output: lambda file: write_linear(file, program, kind.ending)})
+    elif kind.ending == CONES:
+        save_files({output: lambda file: write_cones(file, program)})
+    else:
+        contents = nonlinear_files(program)
+        save_files({output.with_suffix(ending): text for ending, text in contents.items()})
+    return _told(program)
+
+
+def _program(kind: _Kind, model: Model, root_error: float, progress: Progress) -> ModelFile:
+    if kind.ending in LINEAR:
+        return ModelFile.with_tangents(model, root_error, progress)
+    if kind.ending == NONLINEAR:
+        require_pyomo()
+    return ModelFile.with_cones(model, progress)
+
+
+def _told(program: ModelFile) -> Record:
+    """Returns the size of a program, and what of the scene is not in it."""
+    words = [program.told_tangents] if program.has_tangents else []
+    views = program.problem.objective.views
+    if views is not None and views.share is not None:
+        words.append("that plans are to keep a share of all views is not in the file")
+    return {
+        "variables": len(program.variables),
+        "integers": program.program.n_integral,
+        "constraints": len(program.rows),
+        **({"message": "; ".join(words)} if words else {}),
+    }
+
+
+def _table(output: Path, table: LongTable, model: Model) -> Record:
+    """Writes a long table, and returns the number of its rows."""
+    counts = []
+    save_files({output: lambda file: counts.append(table.write(file, model))})
+    return {"lines": counts[0]}
+
+
+def _require(make: Callable[[], T]) -> T:
+    """Returns the outcome of a call; refuses scenes for which there is none."""
+    try:
+        return make()
+    except UnsupportedError as error:
+        raise UsageError(f"-o: {error}") from error
+
+
+def _counting(
+    problem: Problem, cameras: int | None, weight: float | Literal["first"] | None,
+    share: float | None,
+) -> Problem:  # fmt: skip
+    """Returns the problem as `--views` and what belongs to it ask for it; its name tells it."""
+    for option, value in (("--views-weight", weight), ("--views-share", share)):
+        if cameras is None and value is not None:
+            raise UsageError(f"{option}: is for a scene with --views")
+    if cameras is None:
+        return problem
+    try:
+        found = with_views(problem, cameras, weight, share=share)
+    except ProblemError as error:
+        field, _, words = str(error).partition(": ")
+        option = {"cameras": "--views", "share": "--views-share"}.get(field, "--views-weight")
+        raise UsageError(f"{option}: {words}") from error
+    return found.replace(name=f"{problem.name}-views{cameras}")
+
+
+def _drone(number: int, problem: Problem) -> int:
+    """Returns the number of a drone, if the scene has it."""
+    last = len(problem.robots) - 1
+    if not 0 <= number <= last:
+        raise UsageError(f"--drone: must be 0..{last}, not {number}")
+    return number
+
+
+def _angles(option: str, text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"{option}: must be numbers such as 10,30,60, not {text!r}") from None
+
+
+COMMANDS = {"export": _export}
