@@ -19,8 +19,9 @@ from cocap_opt.problem import Plan, Problem
 
 _WHOLE = 1e-4  # by which a number of drones may differ from a whole number
 _NAME = re.compile(r"\b([xy]_d\d+_[ts]\w+|(?:x_?|C)(\d+))\b")
-_VALUE = re.compile(r'\bvalue\s*=\s*"([^"]*)"')
-_NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
+_DIGITS = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_VALUE = re.compile(rf'\bvalue\s*=\s*"({_DIGITS})"')
+_NUMBER = re.compile(rf"(?<![\w.])({_DIGITS})(?![\w.])")
 
 
 def plan_of_solution(problem: Problem, text: str) -> Plan:
@@ -72,7 +73,7 @@ def _values(text: str) -> Mapping[str | int, float]:
         rest = text[match.end() : end]
         value = _VALUE.search(rest) or _NUMBER.search(rest)
         if value is not None:
-            found[key] = float(value[1] if value.re is _VALUE else value[0])
+            found[key] = float(value[1])
     return found
 
 

@@ -87,9 +87,8 @@ def _sums(flow: Flow, roots: Roots, z: int) -> FloatArray | None:
         for _ in range(size if len(views) else 0):
             if (len(single) + len(more)) * len(views) > 100 * MOST_SUMS:
                 return None
-            more = _distinct(
-                np.concatenate([more, _all_sums(single, views), _all_sums(more, views)])
-            )
+            added = _all_sums(np.concatenate([single, more]), views)
+            more = _distinct(np.concatenate([more, added]))
             single = _distinct(np.concatenate([single, views]))
             if len(more) > MOST_SUMS:
                 return None
