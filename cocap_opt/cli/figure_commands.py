@@ -19,11 +19,14 @@ from cocap_opt.cli.options import (
     load_planned,
 )
 from cocap_opt.experiments.report.charts import conflicts_figure, gaps_figure, progress_figure
+from cocap_opt.experiments.report.profiles import profiles_figure
 from cocap_opt.experiments.report.teams import teams_figure
 from cocap_opt.experiments.sweeps.results import load_results
+from cocap_opt.experiments.tables.comparison import profiles
+from cocap_opt.experiments.tables.comparison_tables import profile_records
 from cocap_opt.experiments.tables.layout import TRACES
 from cocap_opt.experiments.tables.teams import load_teams
-from cocap_opt.output.files import PlanReader, check_output, save_bytes
+from cocap_opt.output.files import PlanReader, check_output, save_bytes, save_csv
 from cocap_opt.output.printing import print_result
 from cocap_opt.output.trace import Trace
 from cocap_opt.pictures.figures import PICTURES, picture
@@ -53,6 +56,35 @@ def _gaps(
     """
     _check(output)
     return _save(output, gaps_figure(chosen(load_results(folder), scene, planner)), json)
+
+
+@app.command(name="profiles")
+def _profiles(
+    folder: Results,
+    /,
+    *,
+    output: Output,
+    scene: OfScenes = None,
+    planner: OfPlanners = None,
+    json: Json = False,
+) -> int:
+    """Draw performance profiles of a sweep's planners: who is how near the best on how many scenes.
+
+    A file that ends in .csv gets the steps of the staircases as numbers.
+
+    Example: cocap-opt figure profiles results -o profiles.pdf
+    """
+    ending = Option("-o").ending(output, (*PICTURES, ".csv"))
+    check_output(output)
+    found = profiles(chosen(load_results(folder), scene, planner))
+    if not found:
+        raise UsageError(f"{folder}: has no scene and seed that all of its planners were run on")
+    if ending != ".csv":
+        return _save(output, profiles_figure(found), json)
+    assert output is not None
+    save_csv(output, profile_records(found))
+    print_result({"file": output}, json)
+    return 0
 
 
 @app.command(name="teams")

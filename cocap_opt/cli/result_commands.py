@@ -1,5 +1,6 @@
 """The commands that show what sweeps have found."""
 
+import logging
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.cli.options import (
+    FLAG,
     Json,
     OfPlanners,
     OfScenes,
@@ -17,11 +19,19 @@ from cocap_opt.cli.options import (
     chosen,
 )
 from cocap_opt.experiments.sweeps.results import RunFile, load_results
+from cocap_opt.experiments.tables.comparison import paired_tests
+from cocap_opt.experiments.tables.comparison_tables import (
+    comparison_tables,
+    test_records,
+    too_few_scenes,
+)
 from cocap_opt.experiments.tables.rows import COLUMNS, GapRow
 from cocap_opt.experiments.tables.tables import AGAINST, DOCUMENTS, Tables
-from cocap_opt.output.files import check_output, save_bytes
+from cocap_opt.output.files import check_output, save_bytes, save_csv
 from cocap_opt.output.printing import Listing, print_result
 from cocap_opt.run.options import Option, UsageError
+
+_log = logging.getLogger(__name__)
 
 Against = Annotated[
     str | None, Parameter(help=f"the planner that others are compared with, else {AGAINST}")
@@ -47,20 +57,39 @@ def _table(
     scene: OfScenes = None,
     planner: OfPlanners = None,
     against: Against = None,
+    compare: Annotated[
+        bool,
+        FLAG(
+            help="paired tests over scenes and performance profiles instead: all pairs of "
+            "planners, or with --against all with one; -o FILE.csv writes the tests as numbers"
+        ),
+    ] = False,
     output: Output = None,
     json: Json = False,
 ) -> int:
     """Make tables of the results in a folder: planners, differences, prices, times.
 
     Means of five seeds or more come with 95 % bootstrap intervals, times are
-    shifted geometric means.
+    shifted geometric means. --compare tests by Wilcoxon's signed-rank test,
+    whose p is corrected for the number of tests by Holm's method.
 
     Example: cocap-opt table results -o tables.tex
     """
     check_output(output)
-    as_document = DOCUMENTS[_format(style, output)]
+    as_numbers = compare and style is None and output is not None and _is_csv(output)
+    as_document = DOCUMENTS[_PIPED if as_numbers else _format(style, output)]
     rows = chosen(load_results(folder), scene, planner)
-    tables = Tables.of(rows, _against(against, rows))
+    with_one = _against(against, rows)
+    if compare:
+        _require_several(rows)
+        if words := too_few_scenes(rows):
+            _log.warning("%s: %s", folder, words)
+    if as_numbers:
+        assert output is not None
+        save_csv(output, test_records(paired_tests(rows, against)))
+        print_result({"file": output}, json)
+        return 0
+    tables = comparison_tables(rows, against) if compare else Tables.of(rows, with_one)
     if output is not None:
         save_bytes(output, as_document(tables).encode())
     if json:
@@ -70,6 +99,16 @@ def _table(
     elif output is None:
         sys.stdout.write(as_document(tables))
     return 0
+
+
+def _is_csv(path: Path) -> bool:
+    return path.suffix.lower() == ".csv"
+
+
+def _require_several(rows: Sequence[GapRow]) -> None:
+    """Refuses results of a single planner, which there is nothing to compare with."""
+    if len({row.planner for row in rows}) < 2:
+        raise UsageError("--compare: needs the results of two planners or more")
 
 
 def _format(style: str | None, output: Path | None) -> str:

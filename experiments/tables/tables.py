@@ -62,7 +62,7 @@ class Tables(dict[str, Table]):
     def print(self) -> None:
         """Prints the tables for a terminal, without the columns that say least if it is narrow."""
         for title, table in self.items():
-            Listing(title, table).fitted(_SPARE[title], "-o FILE").print()
+            Listing(title, table).fitted(_SPARE.get(title, ()), "-o FILE").print()
 
     def markdown(self) -> str:
         """Returns the tables in Markdown under headings; special characters are escaped."""

@@ -1,0 +1,263 @@
+"""Planners compared over scenes: paired tests with a correction, and performance profiles.
+
+Scenes are the sample: seeds of one scene are alike, so that a test over seeds would take what they
+have in common for evidence. Of each two planners and each scene there is one number, the mean over
+its seeds of (a - b) / max(a, b), in which no unit is left. Of J, a plan that breaks the rules, or
+none, counts as J = 0; of time, it counts as one that took all the time it was allowed.
+
+Wilcoxon's signed-rank test asks if these numbers are as often and as far above 0 as below it. Zeros
+keep their ranks (Pratt). With many pairs of planners some p are small by chance; Holm's correction
+keeps the probability that any of them misleads below the level at which they are read.
+
+A performance profile is the share of scenes, seeds of each weighing alike, on which a planner is
+within a factor of the best planner there. It tells who is near the best, how often: of three
+planners and more it does not rank those behind it.
+
+Sources: Wilcoxon 1945; Pratt 1959; Holm 1979; Dolan and More 2002; Demsar 2006.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray, FloatArray
+from cocap_opt.experiments.tables.rows import GapRow
+from cocap_opt.result import Reason
+
+J, SECONDS = "J", "time"
+ENOUGH = 6  # scenes; with fewer no two-sided test has p < 0.05
+_EXACT = 13  # scenes, up to which all signs are gone through
+_RESAMPLES, _SEED = 10_000, 0  # of signs, with more scenes
+_SAME = 1e-9  # relative, by which sums of doubles may differ that are the same in real numbers
+_LEAST = 0.001  # s, below which nobody measures a ratio
+
+_Values = Mapping[tuple[str, int | None], float]  # by scene and seed
+
+
+class PairedTest(NamedTuple):
+    """Wilcoxon's signed-rank test of two planners over scenes.
+
+    Attributes
+    ----------
+    measure : J or time
+    planner, against : a and b
+    above, equal, below : number of scenes in which the planner's J or time is so
+    median : median over scenes of (a - b) / max(a, b)
+    p : two-sided, as if it were the only test
+    corrected : p by Holm, over all tests of the measure
+    """
+
+    measure: str
+    planner: str
+    against: str
+    above: int
+    equal: int
+    below: int
+    median: float
+    p: float
+    corrected: float
+
+    @property
+    def scenes(self) -> int:
+        """Number of scenes on which both were run."""
+        return self.above + self.equal + self.below
+
+
+class Profile(NamedTuple):
+    """The performance profile of a planner, a staircase.
+
+    Attributes
+    ----------
+    measure : J or time
+    planner : whose it is
+    ratios : [n] factors from the best at which it rises, 1 and more, increasing
+    shares : [n] of scenes, from each factor on
+    """
+
+    measure: str
+    planner: str
+    ratios: tuple[float, ...]
+    shares: tuple[float, ...]
+
+    def share(self, ratio: float) -> float:
+        """Returns the share of scenes on which the planner is within a factor of the best."""
+        at = int(np.searchsorted(self.ratios, ratio * (1 + _SAME), side="right"))
+        return self.shares[at - 1] if at else 0.0
+
+
+def paired_tests(rows: Sequence[GapRow], against: str | None = None) -> list[PairedTest]:
+    """Returns the tests of all pairs of planners, or of all with one; first those of J.
+
+    Parameters
+    ----------
+    rows : of the gap table
+    against : the planner that all others are compared with; None: each with each
+    """
+    return [
+        test
+        for measure, values in _measured(rows).items()
+        for test in _corrected(
+            [
+                _test(measure, a, b, values)
+                for a, b in _pairs(list(values), against)
+                if values[a].keys() & values[b].keys()
+            ]
+        )
+    ]
+
+
+def profiles(rows: Sequence[GapRow]) -> list[Profile]:
+    """Returns the profiles of all planners; first those of J.
+
+    Only scenes and seeds count on which all planners were run, and one of them found a plan that
+    obeys the rules.
+    """
+    return [
+        profile
+        for measure, values in _measured(rows).items()
+        for profile in _profiles(measure, values, _plans(rows))
+    ]
+
+
+def _measured(rows: Sequence[GapRow]) -> dict[str, dict[str, _Values]]:
+    """Returns J and seconds of each planner by scene and seed."""
+    measures: dict[str, Callable[[GapRow], float | None]] = {J: _reward, SECONDS: _seconds}
+    found: dict[str, dict[str, _Values]] = {}
+    for measure, value_of in measures.items():
+        groups = GapRow.grouped(
+            [row for row in rows if row.reason != Reason.UNSUPPORTED], "planner"
+        )
+        values = {
+            planner: {(row.scene, row.seed): v for row in group if (v := value_of(row)) is not None}
+            for (planner,), group in groups.items()
+        }
+        found[measure] = {planner: known for planner, known in values.items() if known}
+    return found
+
+
+def _reward(row: GapRow) -> float:
+    return max(row.reward or 0.0, 0.0) if row.valid else 0.0
+
+
+def _seconds(row: GapRow) -> float | None:
+    """Returns the seconds that a run counts as; None for plans from files."""
+    if row.valid or row.reason == Reason.INFEASIBLE:
+        return row.seconds
+    return row.time_limit if row.time_limit is not None else row.seconds
+
+
+def _plans(rows: Sequence[GapRow]) -> set[tuple[str, str, int | None]]:
+    """Returns by whom, and on which scene and seed, a plan was found that obeys the rules."""
+    return {(row.planner or "", row.scene, row.seed) for row in rows if row.valid}
+
+
+# -- tests ---------------------------------------------------------------------------------------
+
+
+def _pairs(planners: Sequence[str], against: str | None) -> list[tuple[str, str]]:
+    if against is None:
+        return list(combinations(planners, 2))
+    others = (planner for planner in planners if planner != against)
+    return [(planner, against) for planner in others if against in planners]
+
+
+def _test(measure: str, a: str, b: str, values: Mapping[str, _Values]) -> PairedTest:
+    """Returns a test, which is not yet corrected."""
+    of_scenes: dict[str, list[float]] = {}
+    for scene, seed in sorted(values[a].keys() & values[b].keys(), key=str):
+        first, second = values[a][scene, seed], values[b][scene, seed]
+        most = max(first, second)
+        of_scenes.setdefault(scene, []).append((first - second) / most if most > 0 else 0.0)
+    means = np.array([math.fsum(part) / len(part) for part in of_scenes.values()])
+    means[np.abs(means) <= _SAME] = 0.0
+    p = signed_rank(means.tolist())
+    counts = (int((means > 0).sum()), int((means == 0).sum()), int((means < 0).sum()))
+    return PairedTest(measure, a, b, *counts, float(np.median(means)), p, p)
+
+
+def signed_rank(differences: Sequence[float]) -> float:
+    """Returns the two-sided p of Wilcoxon's signed-rank test, zeros by Pratt; 1 of zeros alone.
+
+    It is exact for few differences, ties and zeros included: all signs are gone through.
+    """
+    from scipy.stats import rankdata  # slow to import
+
+    given = np.asarray(differences, dtype=np.float64)
+    ranks = rankdata(np.abs(given))[given != 0]
+    signs = np.sign(given[given != 0])
+    if not len(ranks):
+        return 1.0
+    if len(ranks) <= _EXACT:
+        bits = np.arange(2 ** len(ranks))[:, None] >> np.arange(len(ranks)) & 1
+        drawn = (2 * bits - 1) @ ranks
+    else:
+        random = np.random.default_rng(_SEED)
+        drawn = random.choice([-1.0, 1.0], size=(_RESAMPLES, len(ranks))) @ ranks
+        drawn = np.append(drawn, signs @ ranks)  # so that p is never 0
+    return float(np.mean(np.abs(drawn) >= abs(signs @ ranks) - 1e-9))
+
+
+def _corrected(tests: Sequence[PairedTest]) -> list[PairedTest]:
+    """Returns tests with p by Holm."""
+    corrected = holm([test.p for test in tests])
+    return [test._replace(corrected=p) for test, p in zip(tests, corrected, strict=True)]
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """Returns p-values corrected by Holm's step-down, in their order."""
+    found, least = [0.0] * len(p), 0.0
+    for k, at in enumerate(sorted(range(len(p)), key=lambda i: p[i])):
+        least = max(least, min(1.0, (len(p) - k) * p[at]))
+        found[at] = least
+    return found
+
+
+# -- profiles ------------------------------------------------------------------------------------
+
+
+def _profiles(
+    measure: str, values: Mapping[str, _Values], plans: set[tuple[str, str, int | None]]
+) -> list[Profile]:
+    if not values:
+        return []
+    everywhere = set.intersection(*(set(known) for known in values.values()))
+    instances = sorted(
+        (key for key in everywhere if any((planner, *key) in plans for planner in values)), key=str
+    )
+    scenes = [scene for scene, _ in instances]
+    if not instances:
+        return []
+    weights = np.array([1 / scenes.count(scene) for scene in scenes]) / len(set(scenes))
+    known = [[values[planner][key] for key in instances] for planner in values]
+    has_plan = [[(planner, *key) in plans for key in instances] for planner in values]
+    ratios = _ratios(measure, np.array(known), np.array(has_plan))
+    return [
+        Profile(measure, planner, *_staircase(row, weights))
+        for planner, row in zip(values, ratios, strict=True)
+    ]
+
+
+def _ratios(measure: str, values: FloatArray, has_plan: BoolArray) -> FloatArray:
+    """Returns factors from the best planner [P, n] of values [P, n]; infinite without a plan."""
+    if measure == SECONDS:
+        costs = np.where(has_plan, np.maximum(values, _LEAST), math.inf)
+        return np.asarray(costs / costs.min(axis=0, initial=math.inf))
+    best = np.where(has_plan, values, 0.0).max(axis=0, initial=0.0)
+    ratios = np.full(values.shape, math.inf)
+    np.divide(best, values, out=ratios, where=has_plan & (values > 0))
+    ratios[has_plan & (best == 0)] = 1.0  # J = 0 is all that there is
+    return ratios
+
+
+def _staircase(
+    ratios: FloatArray, weights: FloatArray
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Returns the factors at which a share of scenes rises, and what it rises to."""
+    finite = np.isfinite(ratios)
+    rising = np.where(ratios[finite] <= 1 + _SAME, 1.0, ratios[finite])
+    steps, at = np.unique(rising, return_inverse=True)
+    shares = np.cumsum(np.bincount(at, weights[finite], minlength=len(steps)))
+    return tuple(steps.tolist()), tuple(np.round(shares, 12).tolist())

@@ -1,0 +1,110 @@
+"""Tables of planners compared over scenes: paired tests, and performance profiles."""
+
+from collections.abc import Iterable, Sequence
+
+from cocap_opt.experiments.tables.comparison import (
+    ENOUGH,
+    SECONDS,
+    J,
+    PairedTest,
+    Profile,
+    paired_tests,
+    profiles,
+)
+from cocap_opt.experiments.tables.rows import GapRow
+from cocap_opt.experiments.tables.statistics import Mean
+from cocap_opt.experiments.tables.tables import Table, Tables
+from cocap_opt.output.printing import Record, counted
+
+_SHOWN = {J: (1.0, 1.001, 1.01, 1.05, 1.1), SECONDS: (1.0, 2.0, 5.0, 10.0, 100.0)}
+_LEAST = 1e-4  # p, below which only that is said
+_WORDS = {J: ("higher", "lower"), SECONDS: ("slower", "faster")}
+
+
+def comparison_tables(rows: Sequence[GapRow], against: str | None = None) -> Tables:
+    """Returns the tables of `table --compare`; their titles name the test and its correction.
+
+    Parameters
+    ----------
+    against : the planner that all others are compared with; None: each with each
+    """
+    tests, drawn = paired_tests(rows, against), profiles(rows)
+    found: dict[str, Table] = {}
+    for measure in (J, SECONDS):
+        of_measure = [test for test in tests if test.measure == measure]
+        title = (
+            f"Paired tests of {measure} over scenes (Wilcoxon signed-rank, p by Holm over "
+            f"{counted(len(of_measure), 'test')})"
+        )
+        found[title] = [_of_test(test) for test in of_measure]
+    for measure in (J, SECONDS):
+        found[f"Performance profiles of {measure} (% of scenes)"] = [
+            _of_profile(profile) for profile in drawn if profile.measure == measure
+        ]
+    return Tables({title: table for title, table in found.items() if table})
+
+
+def too_few_scenes(rows: Sequence[GapRow]) -> str:
+    """Returns words for tests that cannot say anything; empty where scenes are enough."""
+    n = len({row.scene for row in rows})
+    if n >= ENOUGH:
+        return ""
+    return (
+        f"{counted(n, 'scene')}: a paired test over fewer than {ENOUGH} scenes cannot have "
+        "p < 0.05, whatever the planners do"
+    )
+
+
+def test_records(tests: Iterable[PairedTest]) -> list[Record]:
+    """Returns tests as rows of numbers, for CSV."""
+    return [
+        {
+            "measure": test.measure, "planner": test.planner, "against": test.against,
+            "scenes": test.scenes, "above": test.above, "equal": test.equal, "below": test.below,
+            "median_difference": test.median, "p_wilcoxon": test.p, "p_holm": test.corrected,
+        }
+        for test in tests
+    ]  # fmt: skip
+
+
+def profile_records(drawn: Iterable[Profile]) -> list[Record]:
+    """Returns the steps of profiles as rows of numbers, for CSV."""
+    return [
+        {"measure": profile.measure, "planner": profile.planner, "ratio": ratio, "share": share}
+        for profile in drawn
+        for ratio, share in zip(profile.ratios, profile.shares, strict=True)
+    ]
+
+
+def _of_test(test: PairedTest) -> dict[str, str]:
+    above, below = _WORDS[test.measure]
+    return {
+        "planner": test.planner,
+        "against": test.against,
+        "median difference (%)": Mean.rounded(100 * test.median, 3),
+        above: str(test.above),
+        "equal": str(test.equal),
+        below: str(test.below),
+        "scenes": str(test.scenes),
+        "p": _p(test.p),
+        "p (Holm)": _p(test.corrected),
+    }
+
+
+def _of_profile(profile: Profile) -> dict[str, str]:
+    shares = {_within(r, profile.measure): 100 * profile.share(r) for r in _SHOWN[profile.measure]}
+    return {
+        "planner": profile.planner,
+        **{words: Mean.rounded(share, 0) for words, share in shares.items()},
+    }
+
+
+def _within(ratio: float, measure: str) -> str:
+    """Returns words for a factor from the best."""
+    if ratio == 1:
+        return "the best"
+    return f"within {100 * (ratio - 1):.3g} %" if measure == J else f"within {ratio:g} times"
+
+
+def _p(value: float) -> str:
+    return f"< {_LEAST:g}" if value < _LEAST else f"{value:.4f}"
