@@ -17,8 +17,9 @@ from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.formulations.relaxations.flow import Flow, Roots
 from cocap_opt.result import UnsupportedError
 
-MOST_SUMS = 5_000  # of a view sum, that are told apart
+MOST_SUMS = 50_000  # of a view sum, that are told apart
 MOST_TANGENTS = 500_000  # of a program
+_MOST_PAIRS = 2_000_000  # of sums and views, that are added up at once
 _ROUNDING = 1e-13  # relative, within which two sums are one
 
 
@@ -85,7 +86,7 @@ def _sums(flow: Flow, roots: Roots, z: int) -> FloatArray | None:
     for number, size in enumerate(flow.model.class_sizes):
         views = _distinct(_views(roots, z, number))
         for _ in range(size if len(views) else 0):
-            if (len(single) + len(more)) * len(views) > 100 * MOST_SUMS:
+            if (len(single) + len(more)) * len(views) > _MOST_PAIRS:
                 return None
             added = _all_sums(np.concatenate([single, more]), views)
             more = _distinct(np.concatenate([more, added]))

@@ -9,10 +9,14 @@ from cocap_opt.experiments.tables.rows import COLUMNS
 from cocap_opt.experiments.tables.teams import COLUMNS as TEAM_COLUMNS
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.column_generation.parameters import DEFAULTS
+from cocap_opt.formulations.model_files.model import ModelFile
 from cocap_opt.formulations.result import CertifiedResult
 from cocap_opt.method import Method
+from cocap_opt.model import compiled
 from cocap_opt.output.known_scenes import known_scenes
+from cocap_opt.output.long_tables import TABLES
 from cocap_opt.output.printing import Record
+from cocap_opt.scenarios import load_scene
 from cocap_opt.scenarios.recipe import EXAMPLE
 
 _WIDEST = 78  # characters of a line of code that a page shows without scrolling
@@ -57,6 +61,26 @@ def _without_end(line: str) -> str:
     return f"# {comment.strip()}\n{content.rstrip()}"
 
 
+def _long_tables() -> str:
+    rows = [
+        {"table": f"{name}.csv", "columns": ", ".join(table.columns), "a row": table.about}
+        for name, table in TABLES.items()
+    ]
+    return markdown(rows)
+
+
+def _tangents() -> str:
+    """Returns the number of tangents that the program of a small scene has, by the error."""
+    model, rows = compiled(load_scene("corridor", 0).until(4)), list[Record]()
+    for error in (1e-3, 1e-4, 1e-5, 1e-6, 0.0):
+        found = ModelFile.with_tangents(model, error)
+        rows.append(
+            {"--root-error": f"{error:g}", "tangents": f"{found.n_tangents:,}",
+             "largest error": f"{found.error:.2g}"}
+        )  # fmt: skip
+    return markdown(rows)
+
+
 def _known(kind: str) -> str:
     return markdown(_all_known()[kind])
 
@@ -73,6 +97,8 @@ LISTS: dict[str, Callable[[], str]] = {
     "exact_described": partial(_methods, EXACT),
     "search_parameters": _search_parameters,
     "recipe": _recipe,
+    "long_tables": _long_tables,
+    "tangents": _tangents,
     **{
         kind: partial(_known, kind)
         for kind in ("scenes", "formats", "options", "cameras", "airframes")
