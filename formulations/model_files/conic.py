@@ -34,10 +34,11 @@ def _lines(model_file: ModelFile) -> Iterator[str]:
     yield from (
         f"# {line}"
         for line in model_file.header(
+            "maximise J (px^0.5/m)",
             "roots are cones, (1/2, z, u) in QR; x and y are integers, or follow from them",
-            "variables by number:",
         )
     )
+    yield "# variables by number:"
     yield from (f"# {k} {name}" for k, name in enumerate(model_file.variables))
     yield from ("VER", str(VERSION), "", "OBJSENSE", "MAX", "")
     yield from _variables(linear.low)

@@ -1,7 +1,14 @@
-"""MPS and LP files of linear programs, by HiGHS' writer, below a comment on what they hold."""
+"""MPS and LP files of linear programs, by HiGHS' writer, below a comment on what they hold.
 
-import shutil
+They are written so that other solvers read them, too. Not all know a line for the direction in MPS
+(CBC does not), so that MPS has -J, to be minimised, as by default. In LP lines are not long (CPLEX
+takes 560 characters), and there is no heading of variables of a kind that is not there.
+"""
+
 import tempfile
+import textwrap
+from collections.abc import Iterable
+from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -10,8 +17,10 @@ from scipy import sparse
 
 from cocap_opt.formulations.model_files.model import ModelFile
 
-_COMMENTS = {".mps": "* ", ".lp": "\\ "}  # how a line of a comment begins
-ENDINGS = tuple(_COMMENTS)
+ENDINGS = _MPS, _LP = ".mps", ".lp"
+_COMMENTS = {_MPS: "* ", _LP: "\\ "}  # how a line of a comment begins
+_GOALS = {_MPS: "minimise -J (px^0.5/m)", _LP: "maximise J (px^0.5/m)"}
+_LONGEST = 250  # characters of a line
 
 
 def write_linear(file: BinaryIO, model_file: ModelFile, ending: str) -> None:
@@ -30,27 +39,40 @@ def write_linear(file: BinaryIO, model_file: ModelFile, ending: str) -> None:
 
     solver = highspy.Highs()
     solver.setOptionValue("output_flag", False)
-    solver.passModel(_translated(model_file))
-    for line in model_file.header(model_file.told_tangents):
+    solver.passModel(_translated(model_file, minimised=ending == _MPS))
+    for line in model_file.header(_GOALS[ending], model_file.told_tangents):
         file.write(f"{_COMMENTS[ending]}{line}\n".encode())
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, f"program{ending}")
         if solver.writeModel(str(path)) == highspy.HighsStatus.kError:
             raise OSError(f"HiGHS cannot write {ending}")
-        with path.open("rb") as written:
-            shutil.copyfileobj(written, file)
+        with path.open(encoding="ascii") as written:
+            lines = (line.rstrip("\n") for line in written)
+            for line in chain.from_iterable(map(_folded, lines)) if ending == _LP else lines:
+                file.write(f"{line}\n".encode())
 
 
-def _translated(model_file: ModelFile) -> Any:
-    """Returns a program as HiGHS has it."""
+def _folded(line: str) -> Iterable[str]:
+    """Returns a line of LP in lines that are not too long; none of an empty section."""
+    if line == "semi":
+        return ()
+    if len(line) <= _LONGEST:
+        return (line,)
+    return textwrap.wrap(line, _LONGEST, break_long_words=False, break_on_hyphens=False)
+
+
+def _translated(model_file: ModelFile, minimised: bool) -> Any:
+    """Returns a program as HiGHS has it, with J to be maximised or -J to be minimised."""
     import highspy
 
     linear = model_file.linear
     rows = sparse.csr_array(linear.rows)
     found = highspy.HighsLp()
+    found.model_name_ = "cocap-opt"  # some readers want a name
     found.num_row_, found.num_col_ = rows.shape
-    found.sense_ = highspy.ObjSense.kMaximize
-    found.col_cost_, found.col_lower_, found.col_upper_ = linear.gain, linear.low, linear.high
+    found.sense_ = highspy.ObjSense.kMinimize if minimised else highspy.ObjSense.kMaximize
+    found.col_cost_ = -linear.gain if minimised else linear.gain
+    found.col_lower_, found.col_upper_ = linear.low, linear.high
     found.row_lower_, found.row_upper_ = linear.row_low, linear.row_high
     found.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
     found.a_matrix_.start_, found.a_matrix_.index_ = rows.indptr, rows.indices

@@ -148,14 +148,13 @@ class ModelFile:
 
         Parameters
         ----------
-        lines : what is true of a format
+        lines : what is true of a format, such as what is maximised
         """
         problem = self.problem
         yield f"cocap-opt: {printable(problem.name)}"
         yield f"digest of the scene {problem_digest(problem)}, coverage {COVERAGE_VERSION}"
-        yield "maximise J (px^0.5/m); x, y: numbers of drones; z, s, u: pixels and roots of a face,"
-        yield "in units of the best single view of it"
         yield from lines
+        yield "x, y: numbers of drones; z, s, u: pixels and roots of a face, by the best view of it"
         for robot_class in self.program.flow.model.classes:
             drones = " ".join(map(str, sorted(robot_class.robots)))
             yield from _folded(f"d{min(robot_class.robots)}: drones {drones}")

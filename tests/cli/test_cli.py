@@ -957,7 +957,7 @@ WRONG = [
     (["export", "corridor", "-o", "/dev/null"], "/dev/null: cannot be written"),
     (
         ["export", "corridor", "-o", "scene.yaml"],
-        "-o: name a file that ends in .json, .graphml or .instance",
+        "-o: name a file that ends in .json, .mps, .lp, .cbf, .nl, .graphml, .instance or .csv",
     ),
     (["plan", "corridor", "-o", "plan.xyz"], "-o: name a file that ends in .json"),
     (["solve", "corridor", "--trace", "t.json"], "--trace: name a file that ends in .csv"),

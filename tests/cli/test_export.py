@@ -172,9 +172,8 @@ def test_a_solvers_solution_is_a_plan_for_commands(
     solver.writeSolution(str(solution), 0)
     run = Run(capsys, "verify", scene, solution, "--json")
     assert run.code == 0 and run.json["valid"]
-    assert run.json["reward"] == pytest.approx(
-        solver.getInfo().objective_function_value, rel=1.1e-5
-    )
+    objective = -solver.getInfo().objective_function_value
+    assert run.json["reward"] == pytest.approx(objective, rel=1.1e-5)
     run = Run(capsys, "verify", "corridor", solution)
     assert (run.code, run.err.count("\n")) == (2, 1) and "another scene" in run.err
     assert Run(capsys, "show", scene, solution, "-o", tmp_path / "plan.png").code == 0

@@ -94,7 +94,7 @@ def linear(problem: Problem, folder: Path, ending: str, error: float = 1e-7) -> 
 
 
 def by_highs(path: Path) -> tuple[float, str]:
-    """HiGHS' optimum of a file, and its solution file."""
+    """HiGHS' optimum of J in a file, and its solution file."""
     solver = highspy.Highs()
     for name, value in (("output_flag", False), ("threads", 1), ("mip_rel_gap", 0.0)):
         solver.setOptionValue(name, value)
@@ -103,11 +103,16 @@ def by_highs(path: Path) -> tuple[float, str]:
     assert solver.getModelStatus() == highspy.HighsModelStatus.kOptimal
     found = path.with_suffix(".highs")
     solver.writeSolution(str(found), 0)
-    return solver.getInfo().objective_function_value, found.read_text()
+    return _j(path, solver.getInfo().objective_function_value), found.read_text()
+
+
+def _j(path: Path, objective: float) -> float:
+    """J by an objective: MPS has -J, to be minimised."""
+    return -objective if path.suffix == ".mps" else objective
 
 
 def by_scip(path: Path) -> tuple[float, str]:
-    """SCIP's optimum of a file, and its solution file."""
+    """SCIP's optimum of J in a file, and its solution file."""
     import pyscipopt
 
     model = pyscipopt.Model()
@@ -118,7 +123,7 @@ def by_scip(path: Path) -> tuple[float, str]:
     assert model.getStatus() == "optimal"
     found = path.with_suffix(".scip")
     model.writeBestSol(str(found))
-    return model.getObjVal(), found.read_text()
+    return _j(path, model.getObjVal()), found.read_text()
 
 
 def require_optimum(problem: Problem, best: float, objective: float, solution: str) -> None:
@@ -222,6 +227,19 @@ def test_plans_satisfy_the_program_and_are_worth_their_j(name: str) -> None:
         assert (rows >= program.row_low - 1e-9).all() and (rows <= program.row_high + 1e-9).all()
         reward = check(problem, plan).reward
         assert reward * (1 - 1e-12) <= program.gain @ v <= reward * (1 + file.error + 1e-12)
+
+
+def test_lp_and_mps_are_such_that_others_read_them(tmp_path: Path) -> None:
+    """No long lines and no empty section in LP; a name, and no direction, in MPS."""
+    problem, _ = scene("corridor")
+    lines = linear(problem, tmp_path, ".lp").read_text().splitlines()
+    assert max(map(len, lines)) <= 255  # of CPLEX's 560
+    assert lines[-1] == "end" and "semi" not in lines
+    lines = linear(problem, tmp_path, ".mps").read_text().splitlines()
+    first = next(k for k, line in enumerate(lines) if line[0] != "*")
+    assert lines[first].split() == ["NAME", "cocap-opt"]
+    assert not any(line.startswith("OBJSENSE") for line in lines)
+    assert "* minimise -J (px^0.5/m)" in lines
 
 
 @each_scene
