@@ -20,8 +20,11 @@ from cocap_opt.experiments.report.charts import (
 )
 from cocap_opt.experiments.report.explaining import explained_plans, parts_table
 from cocap_opt.experiments.report.limitations import limitations
+from cocap_opt.experiments.report.profiles import profiles_figure
 from cocap_opt.experiments.sweeps.cells import FAILED
 from cocap_opt.experiments.sweeps.results import RunFile
+from cocap_opt.experiments.tables.comparison import profiles
+from cocap_opt.experiments.tables.comparison_tables import comparison_tables, too_few_scenes
 from cocap_opt.experiments.tables.layout import Paths
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.tables import Tables
@@ -64,6 +67,7 @@ def report_page(
     """
     sections = {
         "Results": _results(rows, against),
+        "Planners compared": _comparison(rows),
         "Search for the bounds": _searches(folder, rows),
         "Plans": _plans(folder, rows, players),
         "What failed": _failures(rows),
@@ -111,6 +115,21 @@ def _results(rows: Sequence[GapRow], against: str) -> str:
         "their mean and its 95 % interval. Plans that break a rule have no gap.",
     )
     return gaps + Tables.of(rows, against).html(level=3)
+
+
+def _comparison(rows: Sequence[GapRow]) -> str:
+    """Returns profiles and paired tests; nothing of one planner, or of one scene."""
+    drawn = profiles(rows)
+    if len({row.planner for row in rows}) < 2 or len({row.scene for row in rows}) < 2 or not drawn:
+        return ""
+    figure = _image(
+        profiles_figure(drawn),
+        "Share of scenes on which a planner is within a factor of the best: of J, and of time. A "
+        "plan that breaks a rule is within none.",
+    )
+    words = too_few_scenes(rows)
+    note = f"<p>{_escaped(words)}.</p>\n" if words else ""
+    return figure + note + comparison_tables(rows).html(level=3)
 
 
 def _searches(folder: Path, rows: Sequence[GapRow]) -> str:

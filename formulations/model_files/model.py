@@ -151,7 +151,8 @@ class ModelFile:
         lines : what is true of a format, such as what is maximised
         """
         problem = self.problem
-        yield f"cocap-opt: {printable(problem.name)}"
+        # Not all readers take other letters, even in a comment.
+        yield f"cocap-opt: {printable(problem.name).encode('ascii', 'backslashreplace').decode()}"
         yield f"digest of the scene {problem_digest(problem)}, coverage {COVERAGE_VERSION}"
         yield from lines
         yield "x, y: numbers of drones; z, s, u: pixels and roots of a face, by the best view of it"

@@ -207,6 +207,11 @@ def test_the_commands_compare(
         assert {r["measure"] for r in rows} == {J, SECONDS}
         assert all(math.isfinite(float(r.get("share", r.get("p_holm")) or "nan")) for r in rows)
     assert Run(capsys, "figure", "profiles", out, "-o", tmp_path / "profiles.svg").code == 0
+    page = tmp_path / "report.html"
+    assert Run(capsys, "report", out, "-o", page).code == 0
+    assert "p by Holm over 1 test" in page.read_text()
+    Run(capsys, "report", out, "--scene", "tiny-turn", "-o", page)
+    assert "Holm" not in page.read_text()  # of one scene there is nothing to say
     run = Run(capsys, "table", out, "--compare", "--planner", "cocap")
     assert (run.code, run.err.count("\n")) == (2, 1)
     assert "--compare: needs the results of two planners or more" in run.err

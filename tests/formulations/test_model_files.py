@@ -210,6 +210,29 @@ def test_random_programs_have_the_optimum(
     assert objective == pytest.approx(best.value, rel=1e-5, abs=1e-5)
 
 
+@pytest.mark.slow
+@needs_scip
+@examples(20)
+@given(problem=either(st.one_of(problems(), problems(over_time=True), meetings(), meetings(3))))
+def test_random_cone_programs_have_the_optimum(problem: Problem) -> None:
+    """Brute force and SCIP agree; the relaxation's optimum is the single-view bound."""
+    best = optimum(problem)
+    assume(best.plan is not None)
+    program = cone_file(problem)
+    objective, values = program.scip()
+    text = "".join(f"{key} {value!r}\n" for key, value in values.items())
+    verdict = check(problem, plan_of_solution(problem, text))
+    assert verdict.valid
+    # SCIP keeps u^2 <= z to 1e-6 only.
+    assert verdict.reward == pytest.approx(best.value, rel=1e-4, abs=1e-4)
+    assert objective == pytest.approx(best.value, rel=1e-4, abs=1e-4)
+    relaxed = program.clarabel()
+    assert relaxed >= best.value - 1e-5 * (1 + abs(best.value))
+    assert relaxed == pytest.approx(
+        single_view(problem).statistics["solver_value"], rel=1e-5, abs=1e-5
+    )
+
+
 @each_scene
 def test_plans_satisfy_the_program_and_are_worth_their_j(name: str) -> None:
     """At a plan's numbers all rows hold; the objective is J or a little more, as is promised."""
@@ -235,6 +258,9 @@ def test_lp_and_mps_are_such_that_others_read_them(tmp_path: Path) -> None:
     lines = linear(problem, tmp_path, ".lp").read_text().splitlines()
     assert max(map(len, lines)) <= 255  # of CPLEX's 560
     assert lines[-1] == "end" and "semi" not in lines
+    named = problem.replace(name="été\nEND")
+    text = linear(named, tmp_path, ".mps").read_bytes()
+    assert text.isascii() and b"cocap-opt: \\xe9t\\xe9" in text
     lines = linear(problem, tmp_path, ".mps").read_text().splitlines()
     first = next(k for k, line in enumerate(lines) if line[0] != "*")
     assert lines[first].split() == ["NAME", "cocap-opt"]
