@@ -30,7 +30,11 @@ Scene = Annotated[
     str, Parameter(help="name of a built-in scene, or a scene's file in any format that is known")
 ]
 PlanPath = Annotated[
-    Path, Parameter(help="file of a plan for it: of `plan`, or in a scene format's own plan format")
+    Path,
+    Parameter(
+        help="file of a plan for it: of `plan`, in a scene format's own plan format, or a solver's "
+        "solution (.sol) of a program that `export` has written"
+    ),
 ]
 Results = Annotated[Path, Parameter(help="folder that `gap --out` has filled")]
 Whole = Annotated[int, Parameter(converter=_whole)]

@@ -87,7 +87,8 @@ def _verify(
 ) -> int:
     """Check a plan, certificates and proofs, trusting nobody: exit 0 only if all claims hold.
 
-    The plan may also be in a scene format's own plan format; a solution of
+    The plan may also be in a scene format's own plan format, or a solver's
+    solution (.sol) of a program that `export` has written; a solution of
     Hughes et al. names its scene, and needs no other. Of several bounds the
     lowest is shown, and explained; gaps are to what is proved, be it less than
     what is claimed. A bound that is not checked within the limit counts as not
