@@ -30,6 +30,7 @@ import hashlib
 import itertools
 import json
 import math
+import operator
 import sys
 from collections.abc import Callable
 from fractions import Fraction
@@ -58,12 +59,14 @@ DAMAGED = (
     AttributeError,
 )  # fmt: skip
 MOST_CORNERS = 1_000_000  # of a cut that are looked at
+MOST_BRANCHES, TRIES = 1_000_000, 40  # of the searches of a file; of prices at a branch
 
 Number = int | Fraction
 Ints = tuple[int, ...]
 Spec = dict[str, Any]  # an object of a file of JSON
 Flown = tuple[Ints, Ints, list[Fraction], list[Fraction]]  # cells and positions (m), tail and head
 Decisions = tuple[tuple[Spec, int, int], ...]  # resource, 1 for at most and -1 for at least, n
+Gains = dict[int, list[tuple[int, int, int, float, float]]]  # of each state's views
 # What drones of a class pay for places, moves and states at a step; None: they are closed.
 Charged = tuple[dict[Ints, int | None], dict[Ints, int | None], dict[Ints, int | None]]
 
@@ -473,61 +476,70 @@ class Bound:
         self.prices: dict[int, tuple[int, int, list[Cut]]] = {}  # of alpha and beta, and cuts
         self.gained: dict[int, tuple[Fraction, int, int]] = {}  # at reference pixels
         self.visible = {g for kind in instance.kinds for v in kind.sees.values() for g, _ in v}
+        # Of the multipliers in use: constants of groups and of rows (with their steps), charges.
+        self.constants: dict[int, int] = {}
+        self.row_constants: list[tuple[int, int]] = []
+        self.charged: Charged = ({}, {}, {})
 
     def of(self, numbers: Spec, decisions: Decisions = ()) -> int | None:
         """Returns the most J of any plan that obeys the decisions, rounded up; None: no plan."""
-        instance = self.instance
         if numbers.get("type") == "reference":
             return self._of_reference(numbers)
+        self.take(numbers)
+        total = sum(self.constants.values()) + sum(value for _, value in self.row_constants)
+        nus = [number_of(nu) for nu in numbers.get("decisions", ())]
+        require(len(nus) == len(decisions) and all(nu >= 0 for nu in nus), "decisions: wrong")
+        for (resource, sign, count), nu in zip(decisions, nus, strict=True):
+            if sign > 0 and count <= 0:
+                self._charge(resource, None)  # closed
+            else:
+                total += up(sign * count * nu)
+                self._charge(resource, down(sign * nu))
+        return self._with_paths(total)
+
+    def take(self, numbers: Spec) -> None:
+        """Takes multipliers: what is paid for views, constants, and what rows charge."""
+        instance = self.instance
         only(numbers, {"alpha", "beta", "rows", "cuts", "decisions", "views"})
+        require(numbers.get("type", "multipliers") == "multipliers", "certificate: unknown type")
         alpha = self._table(numbers["alpha"], numbers.get("views", ()))
         beta = self._table(numbers["beta"], None)
-        require(numbers.get("type", "multipliers") == "multipliers", "certificate: unknown type")
         cuts = [Cut(instance, spec, self.members) for spec in numbers.get("cuts", ())]
         rest: dict[int, Fraction] = {}
         by_group: dict[int, list[Cut]] = {}
-        total = 0
         for cut in cuts:
             rest[cut.group] = rest.get(cut.group, Fraction(1)) - cut.share
             by_group.setdefault(cut.group, []).append(cut)
-        self.prices, self.gained = {}, {}
+        self.prices, self.gained, self.constants = {}, {}, {}
         for group, weight in instance.weights.items():
             if group not in self.visible:
                 continue
             a, b, left = alpha[group], beta[group], rest.get(group, Fraction(1))
-            open_ = max(left - a, Fraction(0))
+            open_, constant = max(left - a, Fraction(0)), 0
             if group >= instance.n_roots:
-                total += up(weight * instance.caps[group] * open_)
+                constant += up(weight * instance.caps[group] * open_)
             elif open_:
                 require(b > 0, "certificate: beta must be > 0 where alpha is too small")
-                total += up(weight * open_ * open_ / (4 * b))
+                constant += up(weight * open_ * open_ / (4 * b))
             for cut in by_group.get(group, ()):
                 cut.worth = up(weight * cut.share)
-                total += up(weight * cut.share * Fraction(cut.constant, ONE))
+                constant += up(weight * cut.share * Fraction(cut.constant, ONE))
+            self.constants[group] = constant
             self.prices[group] = up(weight * a), up(weight * b), by_group.get(group, [])
-        charged: Charged = ({}, {}, {})
+        self.charged, self.row_constants = ({}, {}, {}), []
         for row in numbers.get("rows", ()):
             only(row, {"resource", "multiplier"})
             multiplier = number_of(row["multiplier"])
             require(multiplier >= 0, "row: the multiplier must be >= 0")
             self._require_row(row["resource"])
-            total += up(multiplier)
-            self._charge(charged, row["resource"], down(multiplier))
-        nus = [number_of(nu) for nu in numbers.get("decisions", ())]
-        require(len(nus) == len(decisions) and all(nu >= 0 for nu in nus), "decisions: wrong")
-        for (resource, sign, count), nu in zip(decisions, nus, strict=True):
-            if sign > 0 and count <= 0:
-                self._charge(charged, resource, None)  # closed
-            else:
-                total += up(sign * count * nu)
-                self._charge(charged, resource, down(sign * nu))
-        return self._with_paths(total, charged)
+            self.row_constants.append((whole(row["resource"]["t"]), up(multiplier)))
+            self._charge(row["resource"], down(multiplier))
 
-    def _with_paths(self, total: int, charged: Charged) -> int | None:
+    def _with_paths(self, total: int) -> int | None:
         """Returns a constant and each drone's best path together; None where one has none."""
         instance = self.instance
-        for number, (of_class, k) in enumerate(self.classes):
-            value = self._sweep(number, of_class, k, charged)
+        for number in range(len(self.classes)):
+            value = self.sweep(number)[0]
             for drone in self.members[number]:
                 best = [value[s] for s in instance.starts[drone] if s in value]
                 if not best:
@@ -540,12 +552,12 @@ class Bound:
         i = self.instance
         only(numbers, {"pixels", "views"})
         seen = self._table(numbers["pixels"], numbers.get("views", ()))
-        self.prices = {}
+        self.prices, self.charged = {}, ({}, {}, {})
         self.gained = {g: (w, up(seen[g]), down(seen[g])) for g, w in i.weights.items()}
         total = sum(
             up(w * Fraction(i.value(g, up(seen[g]), root_up), ONE)) for g, w in i.weights.items()
         )
-        return self._with_paths(total, ({}, {}, {}))
+        return self._with_paths(total)
 
     def _table(self, faces: Any, people: Any) -> list[Fraction]:
         """Returns the numbers of all groups: of faces, then of people."""
@@ -561,7 +573,7 @@ class Bound:
         require(all(value >= 0 for value in values), "certificate: numbers must be >= 0")
         return values
 
-    def _paid(self, number: int, views: list[tuple[int, int, int]]) -> int:
+    def paid(self, number: int, views: list[tuple[int, int, int]]) -> int:
         """Returns the payment to a drone of a class for a view, rounded up."""
         total, instance = 0, self.instance
         for group, amount, root in views:
@@ -580,14 +592,16 @@ class Bound:
                 total += (cut.worth * cut.phi(number, max(root - 1, 0)) >> BITS) + 1
         return total
 
-    def _sweep(self, number: int, of_class: int, k: int, charged: Charged) -> dict[Ints, int]:
-        """Returns the most that a path from each state on brings, at step 0."""
+    def sweep(self, number: int) -> list[dict[Ints, int]]:
+        """Returns the most that a path from each state on brings, from each step on."""
+        of_class, k = self.classes[number]
         kind = self.instance.kinds[k]
         still, cell, heading, even = map(up, self.instance.rewards)
         n, goal, horizon = len(kind.moves), self.instance.goals[of_class], self.instance.horizon
-        worth = {key: self._paid(number, views) for key, views in self.views[k].items()}
-        places, moves, states = charged
+        worth = {key: self.paid(number, views) for key, views in self.views[k].items()}
+        places, moves, states = self.charged
         value: dict[Ints, int] = {}
+        values: list[dict[Ints, int]] = []
         for t in range(horizon, -1, -1):
             after, value = value, {}
             turned: list[dict[int, int]] = [{} for _ in kind.turns]  # values by place
@@ -625,7 +639,8 @@ class Bound:
                     del value[p, o]
                 else:
                     value[p, o] += worth.get((t, p, o), 0) - here - such
-        return value
+            values.insert(0, value)
+        return values
 
     # -- resources --------------------------------------------------------------------------
 
@@ -653,8 +668,9 @@ class Bound:
         require(len(cells) == 2, "resource: must have two cells")
         return t, [(cells[0], cells[1])] + ([(cells[1], cells[0])] if kind == "swap" else [])
 
-    def _charge(self, charged: Charged, resource: Spec, charge: int | None) -> None:
+    def _charge(self, resource: Spec, charge: int | None) -> None:
         """Charges a resource's users in each class; None closes it."""
+        charged = self.charged
         t, users = self._users(resource)
         only_class = resource.get("robot_class")
         for number, (_, k) in enumerate(self.classes):
@@ -696,6 +712,648 @@ class Bound:
             require(self.instance.conflict(a, b), "row: two drones may use this at once")
 
 
+# -- staged certificates --------------------------------------------------------------------------
+
+
+class TooLong(Exception):  # noqa: N818
+    """A search takes more branches than are allowed; its claim may hold all the same."""
+
+
+class _Mixture:
+    """A mixture of states, and what it makes of groups and conditions, in doubles."""
+
+    def __init__(
+        self,
+        constants: list[float],
+        shares: dict[int, float],
+        rows: dict[int, tuple[list[tuple[int, float, float]], tuple[float, ...]]],
+        nothing: dict[int, float],
+    ) -> None:
+        self.constants, self.rows = constants, rows
+        self.shares: dict[int, float] = {}
+        self.amounts, self.gains, self.values = dict(nothing), dict(nothing), [*constants]
+        for x, share in shares.items():
+            self._add(x, share)
+
+    def _add(self, x: int, share: float) -> None:
+        views, pays = self.rows[x]
+        self.shares[x] = self.shares.get(x, 0.0) + share
+        for g, gain, amount in views:
+            self.gains[g] += share * gain
+            self.amounts[g] += share * amount
+        self.values = [value - share * pay for value, pay in zip(self.values, pays, strict=True)]
+
+    def move(self, picks: list[int], step: float) -> None:
+        """Moves it towards other states."""
+        rest = 1 - step
+        self.shares = {x: rest * share for x, share in self.shares.items()}
+        self.amounts = {g: rest * amount for g, amount in self.amounts.items()}
+        self.gains = {g: rest * gain for g, gain in self.gains.items()}
+        both = zip(self.values, self.constants, strict=True)
+        self.values = [rest * value + step * constant for value, constant in both]
+        for x in picks:
+            self._add(x, step)
+
+
+class Search:
+    """All ways to place the drones of a step, one by one, each condition above 0 to the end.
+
+    A condition is a constant, less a payment for each drone's state, for some conditions more by
+    what the groups are worth together. At a branch, what is seen so far is z, and c_i more gain
+
+        phi(z + sum c_i) - phi(z) <= alpha sum gain(c_i) + beta sum c_i + kappa
+
+    of each group, by the inequality of the top: the left side is concave in the sum, and 0 at 0. A
+    sum of conditions with shares >= 0 is above 0 where each is. So if the best states for it, one
+    for each drone left, and one of a cell, do not bring it above 0, the branch ends; and a state
+    that does not with the best others is dropped. Which alpha, beta and shares are tried is a
+    matter of luck and of doubles. What they prove is found by whole numbers.
+    """
+
+    def __init__(
+        self,
+        instance: Instance,
+        states: list[tuple[int, Ints, list[tuple[int, int]]]],
+        counts: list[int],
+        near: Callable[[int, int], bool],
+    ) -> None:
+        self.instance, self.near, self.counts = instance, near, counts
+        self.numbers = [number for number, _, _ in states]  # class of each
+        self.cells = [cell for _, cell, _ in states]
+        self.views = [[v for v in views if v[0] in instance.weights] for _, _, views in states]
+        self.most: dict[int, int] = {}
+        for views in self.views:
+            for g, c in views:
+                self.most[g] = max(c, self.most.get(g, 0))
+        self.weight = {g: up(instance.weights[g]) for g in self.most}
+        self.base = {
+            x: [self._gain(g, c, 0) for g, c in views] for x, views in enumerate(self.views)
+        }
+        self.gaining: list[bool] = []
+        self.pays: list[list[int]] = []
+        self.rows: list[tuple[float, ...]] = []
+        self.found: list[tuple[int, ...]] = []
+        self.tries = 0  # of prices at a branch; none where all ways are wanted
+
+    def run(
+        self, conditions: list[tuple[int, bool, list[int]]], left: int, tries: int = 0,
+        among: list[int] | None = None,
+    ) -> int:  # fmt: skip
+        """Finds all ways that meet the conditions; returns how many branches are left of some."""
+        self.gaining = [gaining for _, gaining, _ in conditions]
+        self.pays = [pays for _, _, pays in conditions]
+        floats = [[pay / ONE for pay in pays] for pays in self.pays if tries]
+        self.rows = [*zip(*floats, strict=True)]  # of each state, what it pays, as doubles
+        self.found, self.left, self.tries = [], left, tries
+        cands = [*range(len(self.numbers))] if among is None else among
+        constants = [constant for constant, _, _ in conditions]
+        self._branch((), {}, constants, self.counts, cands, self.base, {})
+        return self.left
+
+    def worth(self, chosen: Ints) -> int:
+        """Returns what the groups are worth together, rounded up."""
+        seen: dict[int, int] = {}
+        for g, c in itertools.chain.from_iterable(self.views[x] for x in chosen):
+            seen[g] = seen.get(g, 0) + c
+        phi, weight = self.instance.value, self.weight
+        return sum((weight[g] * phi(g, c, root_up) >> BITS) + 1 for g, c in seen.items())
+
+    def _gain(self, g: int, c: int, seen: int) -> tuple[int, int, int, float, float]:
+        """Returns a view's group, gain and amount, and the two last as doubles."""
+        phi, weight = self.instance.value, self.weight[g]
+        gain = phi(g, seen + c, root_up) - phi(g, seen, root_down)
+        gain = (weight * gain >> BITS) + 1
+        return g, gain, c, gain / ONE, c / ONE
+
+    def _picks(
+        self, worth: dict[int, Any], counts: list[int]
+    ) -> tuple[Any, dict[int, Any], list[int]] | None:
+        """Returns the most that the drones left add, the last of each class, and the states."""
+        total, last, picks = 0, {}, []
+        order = sorted(worth, key=worth.__getitem__, reverse=True)
+        for k, count in enumerate(counts):
+            taken: set[Ints] = set()
+            found = 0
+            for x in order if count else ():
+                if self.numbers[x] != k or self.cells[x] in taken:
+                    continue
+                times = 1 if self.instance.vertex else count
+                taken.add(self.cells[x])
+                total += times * worth[x]
+                picks += [x] * times
+                last[k], found = worth[x], found + times
+                if found == count:
+                    break
+            if found < count:
+                return None
+        return total, last, picks
+
+    def _branch(
+        self, chosen: Ints, seen: dict[int, int], constants: list[int], counts: list[int],
+        cands: list[int], gains: Gains, shares: dict[int, float],
+    ) -> None:  # fmt: skip
+        self.left -= 1
+        if self.left < 0:
+            raise TooLong
+        total = {x: sum(gain[1] for gain in gains[x]) for x in cands}
+        robots = sum(counts)
+        parts = [*zip(constants, self.gaining, self.pays, strict=True)]
+        for constant, gaining, pays in parts:
+            worth = {x: (total[x] if gaining else 0) - pays[x] for x in cands}
+            if not (cands := self._kept(constant, worth, counts, cands)):
+                return
+        if robots == 1:
+            self.found += [(*chosen, x) for x in cands]
+            return
+        if self.tries and robots > 2:
+            cands, shares = self._relaxed(seen, constants, counts, cands, gains, shares)
+        number = next(k for k, count in enumerate(counts) if count)
+        after = [count - (k == number) for k, count in enumerate(counts)]
+        high = {x: total[x] - self.pays[0][x] for x in cands}
+        order = sorted((x for x in cands if self.numbers[x] == number), key=high.__getitem__)
+        others = [x for x in cands if self.numbers[x] > number]
+        rest = self._picks(
+            {x: high[x] for x in others}, [count * (k > number) for k, count in enumerate(counts)]
+        )
+        while order and rest is not None:
+            x = order.pop()  # the best first; those before it are not taken any more
+            if constants[0] + counts[number] * high[x] + rest[0] <= 0:
+                break
+            left = [*(order if after[number] else ()), *others]
+            if after[number] and not self.instance.vertex:
+                left.append(x)
+            left = [y for y in left if not self.near(x, y)]
+            now = dict(seen)
+            for g, c in self.views[x]:
+                now[g] = now.get(g, 0) + c
+            fresh = {g for g, _ in self.views[x]}
+            fewer = {
+                y: [
+                    self._gain(view[0], view[2], now[view[0]]) if view[0] in fresh else view
+                    for view in gains[y]
+                ]
+                for y in left
+            }
+            rest_of = [
+                constant + (total[x] if gaining else 0) - pays[x]
+                for constant, gaining, pays in parts
+            ]
+            self._branch((*chosen, x), now, rest_of, after, left, fewer, shares)
+
+    def _kept(
+        self, constant: int, worth: dict[int, int], counts: list[int], cands: list[int]
+    ) -> list[int]:
+        """Returns the states that, with the best others, bring a sum above 0."""
+        best = self._picks(worth, counts)
+        if best is None or constant + best[0] <= 0:
+            return []
+        most, last = constant + best[0], best[1]
+        return [
+            x
+            for x in cands
+            if self.numbers[x] in last and most - last[self.numbers[x]] + worth[x] > 0
+        ]
+
+    def _relaxed(
+        self, seen: dict[int, int], constants: list[int], counts: list[int], cands: list[int],
+        gains: Gains, above: dict[int, float],
+    ) -> tuple[list[int], dict[int, float]]:  # fmt: skip
+        """Drops states by prices that are tried; returns the others, and the mixture of states.
+
+        The mixture is moved towards the best states of each try (conditional gradients).
+        """
+        high = {x: sum(e[3] for e in gains[x]) - self.rows[x][0] for x in cands}
+        begun = self._picks(high, counts)
+        if begun is None:
+            return [], {}
+        mass = [0.0] * len(counts)
+        for x in cands:
+            mass[self.numbers[x]] += above.get(x, 0.0)
+        if all(m > 0.3 * count for m, count in zip(mass, counts, strict=True) if count):
+            shares = {
+                x: above[x] * counts[self.numbers[x]] / mass[self.numbers[x]]
+                for x in cands
+                if x in above
+            }
+        else:
+            shares = dict.fromkeys(begun[2], 1.0)
+        seen_f = {g: c / ONE for g, c in seen.items()}
+        constants_f = [constant / ONE for constant in constants]
+        rows = {x: ([(e[0], e[3], e[4]) for e in gains[x]], self.rows[x]) for x in cands}
+        mixture = _Mixture(constants_f, shares, rows, dict.fromkeys(self.most, 0.0))
+        heat, best, prices = 0.0, math.inf, None
+        for k in range(self.tries):
+            (slopes, kappa), values = self._slopes(seen_f, mixture)
+            if (lowest := min(values)) > 0:
+                break
+            heat = heat or max(-0.02 * lowest, 1e-9)
+            parts = [math.exp(max((lowest - value) / heat, -40.0)) for value in values]
+            total = sum(parts)
+            parts = [part / total for part in parts]
+            gaining = sum(itertools.compress(parts, self.gaining))
+            constant = gaining * kappa + sum(map(operator.mul, parts, constants_f))
+            scaled = {g: (gaining * a, gaining * b) for g, (a, b) in slopes.items()}
+            worth = {}
+            for x, (views, pays) in rows.items():
+                value = -sum(map(operator.mul, parts, pays))
+                for g, gain, amount in views:
+                    a, b = scaled[g]
+                    value += a * gain + b * amount
+                worth[x] = value
+            picks = self._picks(worth, counts)
+            if picks is None:
+                return [], {}
+            if constant + picks[0] < best:
+                best, prices = constant + picks[0], (slopes, parts)
+            if best < 0:
+                break
+            mixture.move(picks[2], 2 / (20 + k))
+        if prices is not None:
+            cands = self._proved(seen, constants, counts, cands, gains, prices)
+        return cands, mixture.shares
+
+    def _slopes(
+        self, seen: dict[int, float], mixture: "_Mixture"
+    ) -> tuple[tuple[dict[int, tuple[float, float]], float], list[float]]:
+        """Returns alpha and weighted beta of groups, their kappas, and the mixture's values."""
+        slopes, kappas, worth = {}, 0.0, 0.0
+        for g, gain in mixture.gains.items():
+            before, weight, cap = seen.get(g, 0.0), self.weight[g] / ONE, self.instance.caps.get(g)
+            slopes[g] = 1.0, 0.0
+            if cap is None:
+                root, amount = math.sqrt(before), mixture.amounts[g]
+                together = weight * (math.sqrt(before + amount) - root)
+            else:
+                together = weight * (cap - min(before, cap))
+            if gain <= 0 or together <= 0:
+                continue
+            worth += min(gain, together)
+            alpha = min(max(0.5 - 8 * (gain - together) / together, 0.0), 1.0)
+            if cap is None:
+                touched = math.sqrt(before + max(amount, self.most[g] / ONE / 16))
+                beta = weight * (1 - alpha) / (2 * touched)
+                kappas += weight * (1 - alpha) * (touched - root) - beta * (touched**2 - before)
+                slopes[g] = alpha, beta
+            else:
+                kappas += (1 - alpha) * together
+                slopes[g] = alpha, 0.0
+        values = [v + worth * g for v, g in zip(mixture.values, self.gaining, strict=True)]
+        return (slopes, kappas), values
+
+    def _proved(
+        self, seen: dict[int, int], constants: list[int], counts: list[int], cands: list[int],
+        gains: Gains, prices: tuple[dict[int, tuple[float, float]], list[float]],
+    ) -> list[int]:  # fmt: skip
+        """Returns the states that prices leave, by whole numbers; these are multiples of 2^-30."""
+        parts = [int(part * 2**30) for part in prices[1]]
+        gaining = sum(part for part, g in zip(parts, self.gaining, strict=True) if g)
+        slopes, kappas = {}, 0
+        for g, (alpha, beta) in prices[0].items():
+            a, b = int(alpha * 2**30), int(beta * ONE)
+            before, weight, rest = seen.get(g, 0), self.weight[g], (1 << 30) - int(alpha * 2**30)
+            if g in self.instance.caps:
+                b, kappa = (
+                    0,
+                    weight * max(self.instance.caps[g] * ONE - before, 0) * rest >> BITS + 30,
+                )
+            elif rest and not b:
+                a, kappa = 1 << 30, 0
+            elif rest:
+                # rest^2 w / (4 b) - rest root(z) + b z / w, all times w
+                kappa = -(-rest * rest * weight * weight // (4 * b << 60))
+                kappa += (b * before >> BITS) - (rest * weight * root_down(before) >> BITS + 30) + 1
+            else:
+                b = kappa = 0
+            slopes[g] = a, b
+            kappas += kappa + 1
+        constant = (gaining * kappas >> 30) + 1
+        constant += (sum(map(operator.mul, parts, constants)) >> 30) + 1
+        worth = {}
+        for x in cands:
+            gain = sum(
+                (slopes[e[0]][0] * e[1] >> 30) + (slopes[e[0]][1] * e[2] >> BITS) + 2
+                for e in gains[x]
+            )
+            paid = sum(part * pays[x] for part, pays in zip(parts, self.pays, strict=True))
+            worth[x] = (gaining * gain - paid >> 30) + 1
+        return self._kept(constant, worth, counts, cands)
+
+
+class Staged:
+    """The bound of a staged certificate: J of any plan is at most the target, or this.
+
+    Take a plan of J > target. At each step t it obeys, for its states x and their prices,
+
+        F_t(x) <= K_t + sum of prices,
+
+    where F_t is what the groups of the step are worth. So J <= B, the sum of all K_t, of the rows'
+    multipliers, and of each drone's best path at these prices, less charges. What a drone's best
+    path through a state lacks to its best path, its slack, is lost; so is K_t + prices - F_t. So a
+    state of slack >= B - target is closed, and at each step
+
+        sum of slacks + K_t + sum of prices - F_t(x) < B - target.                             (*)
+
+    A stage sets new prices and constants: a search shows that no joint state of states that are
+    left, without conflict, and by (*), has more than K_t. At the end all that is left may be
+    explored, step by step, above a higher target.
+    """
+
+    def __init__(self, bound: Bound, numbers: Spec, budget: int) -> None:
+        self.bound, self.instance, self.left = bound, bound.instance, budget
+        i, horizon = self.instance, self.instance.horizon
+        only(numbers, {"multipliers", "target", "stages", "paths_above"})
+        require(i.rows > 1, "staged: there are none where pixels add up over time")
+        bound.take(numbers["multipliers"])
+        self.target = up(number_of(numbers["target"]))
+        self.constants = [0] * (horizon + 1)
+        for g, constant in bound.constants.items():
+            step = g // i.faces if g < i.n_roots else (g - i.n_roots) // i.people
+            self.constants[step] += constant
+        self.rows = sum(value for _, value in bound.row_constants)
+        classes = range(len(bound.classes))
+        self.known: dict[tuple[Ints, Ints], bool] = {}  # pairs of moves in conflict
+        # Of each class and step: prices of states that are left, and their moves with rewards less
+        # charges; the most that a path brings from there on; slacks, as of the last closing.
+        self.prices: list[list[dict[Ints, int]]] = []
+        self.moves: list[list[dict[Ints, dict[Ints, int]]]] = [[] for _ in classes]
+        self.to_go = [bound.sweep(number) for number in classes]
+        self.slack: list[list[dict[Ints, int]]] = [[] for _ in classes]
+        self.earlier: list[list[tuple[int, list[dict[Ints, int]]]]] = [[] for _ in self.constants]
+        for number in classes:
+            views = bound.views[bound.classes[number][1]]
+            self.prices.append([
+                {(p, o): bound.paid(number, views.get((t, p, o), [])) for p, o in value}
+                for t, value in enumerate(self.to_go[number])
+            ])  # fmt: skip
+        self._close()
+        for stage in numbers["stages"]:
+            self._stage(stage)
+        self.value = max(self.target, self.total)
+        above = numbers.get("paths_above")
+        if above is not None:
+            self._explore(up(number_of(above)))
+
+    # -- closing ----------------------------------------------------------------------------
+
+    def _successors(self, number: int, t: int, state: Ints) -> dict[Ints, int]:
+        """Returns the moves of a state to those after it, with rewards less charges."""
+        kind = self.instance.kinds[self.bound.classes[number][1]]
+        still, cell, heading, even = map(up, self.instance.rewards)
+        charges, after, (p, o) = self.bound.charged[1], self.to_go[number][t + 1], state
+        found: dict[Ints, int] = {}
+        for q, balanced in kind.moves[p]:
+            if (t, p, q) in kind.closed:
+                continue
+            gain = even * balanced + cell * (p == q) - (charges.get((number, t, p, q)) or 0)
+            for turn in kind.turns[o]:
+                if (q, turn) in after:
+                    same = kind.headings[turn][0] == kind.headings[o][0]
+                    found[q, turn] = gain + heading * same + still * ((q, turn) == state)
+        return found
+
+    def _charge(self, number: int, t: int, state: Ints) -> int:
+        """Returns what rows charge for a state."""
+        places, _, states = self.bound.charged
+        return (places.get((number, t, state[0])) or 0) + (states.get((number, t, *state)) or 0)
+
+    def _sweep(self) -> None:
+        """Finds what paths bring from each state that is left on, at the present prices."""
+        for number, prices in enumerate(self.prices):
+            after: dict[Ints, int] = {}
+            for t in range(self.instance.horizon, -1, -1):
+                moves, here = self.moves[number][t], {}
+                for s in self.slack[number][t]:
+                    ways = (
+                        [gain + after[q] for q, gain in moves[s].items() if q in after]
+                        if moves
+                        else [0]
+                    )
+                    if ways:
+                        here[s] = prices[t][s] - self._charge(number, t, s) + max(ways)
+                self.to_go[number][t] = after = here
+
+    def _close(self) -> None:
+        """Closes the states whose slack is too large, and finds B, `total`."""
+        horizon, begun = self.instance.horizon, self._begin()
+        room = self.total - self.target
+        for number, so_far in enumerate(begun):
+            to_go, slack, moves = self.to_go[number], [], []
+            for t in range(horizon + 1):
+                kept = {
+                    s: -(v + to_go[t][s]) for s, v in so_far.items() if -(v + to_go[t][s]) < room
+                }
+                after: dict[Ints, int] = {}
+                ways: dict[Ints, dict[Ints, int]] = {}
+                for s in kept if t < horizon else ():
+                    ways[s] = self._successors(number, t, s)
+                    here = so_far[s] + self.prices[number][t][s] - self._charge(number, t, s)
+                    for q, gain in ways[s].items():
+                        after[q] = max(after.get(q, here + gain), here + gain)
+                slack.append(kept)
+                moves.append(ways)
+                so_far = after
+            self.slack[number], self.moves[number] = slack, moves
+        self._sweep()  # from some of what is left no path leads on
+        self._begin()
+        for number, steps in enumerate(self.to_go):
+            for t, reach in enumerate(steps):
+                self.slack[number][t] = {s: self.slack[number][t][s] for s in reach}
+                self.prices[number][t] = {s: self.prices[number][t][s] for s in reach}
+        self.closed = [
+            (constant, [dict(prices[t]) for prices in self.prices])
+            for t, constant in enumerate(self.constants)
+        ]
+        self.room = self.total - self.target
+
+    def _begin(self) -> list[dict[Ints, int]]:
+        """Finds B, `total`; returns, of each class and start, its drone's best path, negated."""
+        begun, self.total, is_open = [], sum(self.constants) + self.rows, True
+        for number, to_go in enumerate(self.to_go):
+            first: dict[Ints, int] = {}
+            for drone in self.bound.members[number]:
+                able = [s for s in self.instance.starts[drone] if s in to_go[0]]
+                best = max((to_go[0][s] for s in able), default=0)
+                is_open &= bool(able)
+                self.total += best
+                for s in able:
+                    first[s] = max(first.get(s, -best), -best)
+            begun.append(first)
+        if not is_open:
+            self.total = self.target
+        return begun
+
+    # -- stages -----------------------------------------------------------------------------
+
+    def _stage(self, stage: Spec) -> None:
+        """Takes new prices and constants, once they are proved, and closes states."""
+        only(stage, {"payments", "constants"})
+        priced: set[int] = set()
+        for step in stage.get("payments", ()):
+            only(step, {"t", "robot_class", "states", "payments", "others"})
+            t, number = whole(step["t"]), whole(step.get("robot_class", 0))
+            ok = 0 <= t <= self.instance.horizon and 0 <= number < len(self.prices)
+            require(ok and len(step["states"]) == len(step["payments"]), "stage: wrong payments")
+            if t not in priced:
+                priced.add(t)
+                self.earlier[t].append(
+                    (self.constants[t], [dict(prices[t]) for prices in self.prices])
+                )
+            prices, others = self.prices[number][t], up(number_of(step.get("others", 0)))
+            for s in prices:
+                prices[s] += others
+            names = self.instance.kinds[self.bound.classes[number][1]].states
+            for name, payment in zip(step["states"], step["payments"], strict=True):
+                state = names.get(tuple(map(whole, name)))
+                if state in prices:
+                    prices[state] = up(number_of(payment))
+        for step in stage.get("constants", ()):
+            only(step, {"t", "constant"})
+            t, claim = whole(step["t"]), up(number_of(step["constant"]))
+            require(0 <= t <= self.instance.horizon, "stage: there is no such step")
+            claim += abs(claim) >> 44  # room for the rounding of whoever made it
+            if t in priced or claim < self.constants[t]:
+                self.constants[t] = self._highest(t, claim)
+            priced.discard(t)
+        require(not priced, "stage: a step with payments has no constant")
+        self._sweep()
+        self._close()
+
+    def _highest(self, t: int, claim: int) -> int:
+        """Returns a constant that no joint state exceeds: the claim, or more if it is too low."""
+        states = [(k, s) for k, slack in enumerate(self.slack) for s in slack[t]]
+        search = self._search(t, [*states], [len(drones) for drones in self.bound.members])
+        constant, prices = self.closed[t]
+        now = [self.prices[k][t][s] for k, s in states]
+        before = [prices[k][s] + self.slack[k][t][s] for k, s in states]
+        floor = constant - self.room  # of what is worth less `before`, to obey (*)
+        conditions = [(-claim, True, now), (-floor, True, before)]
+        for high, paid in [*self.earlier[t], self.closed[t]]:
+            least = [paid[k][s] for k, s in states]
+            conditions.append(
+                (high - claim, False, [a - b for a, b in zip(now, least, strict=True)])
+            )
+        least = [prices[k][s] for k, s in states]
+        conditions.append(
+            (constant - floor, False, [a - b for a, b in zip(before, least, strict=True)])
+        )
+        self.left = search.run(conditions, self.left, TRIES)
+        for found in search.found:
+            claim = max(claim, search.worth(found) - sum(now[x] for x in found))
+        return claim
+
+    def _search(
+        self, t: int, states: list[tuple[int, Ints]], counts: list[int], of: list[int] | None = None
+    ) -> Search:
+        """Returns the search among some states (class, state) of a step."""
+        kinds, listed = [k for _, k in self.bound.classes], []
+        for number, (p, o) in states:
+            k = kinds[number if of is None else of[number]]
+            cell = self.instance.kinds[k].cells[p]
+            views = self.bound.views[k].get((t, p, o), [])
+            listed.append((number, cell, [(g, c) for g, c, _ in views]))
+
+        def near(x: int, y: int) -> bool:
+            a, b = listed[x][1], listed[y][1]
+            return self._conflict((a, a), (b, b))
+
+        return Search(self.instance, listed, counts, near)
+
+    def _conflict(self, a: tuple[Any, Any], b: tuple[Any, Any]) -> bool:
+        """True if two moves (tail, head) of cells are in conflict."""
+        if (a, b) not in self.known:
+            where = self.instance.where
+            self.known[a, b] = self.instance.conflict(
+                (*a, where[a[0]], where[a[1]]), (*b, where[b[0]], where[b[1]])
+            )
+        return self.known[a, b]
+
+    # -- paths ------------------------------------------------------------------------------
+
+    def _explore(self, above: int) -> None:
+        """Explores all plans above a target that are left, from joint state to joint state.
+
+        A plan whose steps up to t are worth F is worth at most F, the later constants and rows, and
+        what each drone's states bring later at the present prices.
+        """
+        i = self.instance
+        require(above >= self.target, "paths_above: must not be below the target")
+        require(not any(i.rewards), "paths_above: moves are rewarded")
+        before, self.target = self.total, above
+        self._close()
+        of = [number for number, drones in enumerate(self.bound.members) for _ in drones]
+        drones = [drone for members in self.bound.members for drone in members]
+        starts = [
+            {s: 0 for s in i.starts[drone] if s in self.to_go[number][0]}
+            for number, drone in zip(of, drones, strict=True)
+        ]
+        reached = self._step(0, of, above, {(): (0, starts)})
+        for t in range(1, i.horizon + 1):
+            ways = {
+                team: (
+                    value,
+                    [
+                        self.moves[number][t - 1].get(s, {})
+                        for number, s in zip(of, team, strict=True)
+                    ],
+                )
+                for team, value in reached.items()
+            }
+            reached = self._step(t, of, above, ways)
+        best = max(reached.values(), default=above)
+        self.value = min(self.value, max(above, min(before, best)))
+
+    def _step(self, t: int, of: list[int], above: int, ways: dict[Any, Any]) -> dict[Any, int]:
+        """Returns the joint states of a step that are reached, each with the most it is worth."""
+        reached: dict[Any, int] = {}
+        rest = sum(self.constants[t + 1 :]) + sum(
+            v for step, v in self.bound.row_constants if step >= t
+        )
+        every = [[*self.to_go[number][t]] for number in of]
+        states = [(robot, s) for robot, listed in enumerate(every) for s in listed]
+        at = {key: x for x, key in enumerate(states)}
+        search = self._search(t, states, [1] * len(of), of)
+        prices = [self.prices[of[robot]][t][s] for robot, s in states]
+        later = [
+            self.to_go[of[robot]][t][s] - price
+            for (robot, s), price in zip(states, prices, strict=True)
+        ]
+        away = [-v for v in later]
+        limit = [-v - price for v, price in zip(later, prices, strict=True)]
+        for team, (value, moves) in ways.items():
+            among = [
+                at[robot, s]
+                for robot, listed in enumerate(moves)
+                for s in listed
+                if (robot, s) in at
+            ]
+            open_ = value + rest - above
+            self.left = search.run(
+                [(open_, True, away), (open_ + self.constants[t], False, limit)],
+                self.left,
+                0,
+                among,
+            )
+            for found in search.found:
+                heads = tuple(states[x][1] for x in found)
+                if t and self._is_forbidden(of, team, heads):
+                    continue
+                worth = value + search.worth(found)
+                # Drones of one class may change places.
+                order = sorted(zip(of, heads, strict=True))
+                key = tuple(s for _, s in order)
+                reached[key] = max(worth, reached.get(key, worth))
+        return reached
+
+    def _is_forbidden(self, of: list[int], tails: Any, heads: Any) -> bool:
+        """True if two drones break a rule on the way."""
+        cells = [self.instance.kinds[self.bound.classes[number][1]].cells for number in of]
+        moves = [(cell[a[0]], cell[b[0]]) for cell, a, b in zip(cells, tails, heads, strict=True)]
+        return any(self._conflict(a, b) for a, b in itertools.combinations(moves, 2))
+
+
+# -- files ----------------------------------------------------------------------------------------
+
+
 def cell_of(cell: Any) -> Ints:
     """Returns a cell (x, y, layer)."""
     require(isinstance(cell, list) and len(cell) in (2, 3), "resource: no cell")
@@ -715,8 +1373,10 @@ def bound_of_file(instance: Instance, file: Spec) -> tuple[int | None, bool]:
     if not is_proof:
         numbers = file["certificate"]
         if numbers.get("type") == "staged":
-            only(numbers, {"multipliers", "target", "stages", "paths_above"})
-            return bound.of(numbers["multipliers"]), True
+            try:
+                return Staged(bound, numbers, MOST_BRANCHES).value, False
+            except TooLong:
+                return bound.of(numbers["multipliers"]), True
         return bound.of(numbers), False
     nodes, worst = file["nodes"], None
     todo: list[tuple[Any, Decisions]] = [(0, ())]

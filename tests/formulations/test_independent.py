@@ -18,17 +18,20 @@ from counting import either
 from damaged_files import document
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from random_certificates import random_staged
 from strategies import drawn_meetings, drawn_problems, examples
 
 from cocap_opt.cli.commands import run
-from cocap_opt.files.documents import PlanFile
+from cocap_opt.files.documents import PlanFile, problem_digest
 from cocap_opt.formulations import BOUNDS
+from cocap_opt.formulations.certificates import CertificateFile
+from cocap_opt.formulations.certificates.staged import price_staged
 from cocap_opt.formulations.column_generation.branch_and_price import searchless
 from cocap_opt.formulations.independent import cocap_check, instance_of
 from cocap_opt.formulations.independent.cocap_check import ONE, Instance, Refused
 from cocap_opt.model import compiled
 from cocap_opt.planners import PLANNERS
-from cocap_opt.problem import Plan, Problem, State
+from cocap_opt.problem import COVERAGE_VERSION, Plan, Problem, State
 from cocap_opt.referee import check
 from cocap_opt.result import UnsupportedError
 from cocap_opt.scenarios import load_scene
@@ -114,6 +117,28 @@ def test_proofs_without_a_search(folder: Path, problem: Problem) -> None:
         assert best - 1e-12 * abs(best) <= bound / ONE <= result.certificate.proved
 
 
+@examples(60)
+@given(problems, st.integers(0, 10**9))
+def test_staged_certificates(folder: Path, problem: Problem, seed: int) -> None:
+    """Optimum <= the bound of stages and paths, which is no more than `verify` finds."""
+    assume(not problem.objective.over_time)
+    rng, best = np.random.default_rng(seed), optimum(problem).value
+    model = compiled(problem)
+    value = best if np.isfinite(best) else 0.0
+    target = float(rng.choice([value * 0.999 - 1e-3, value, rng.uniform(0, 1.2) * value, -1.0]))
+    staged = random_staged(model, target, rng)
+    pricing = price_staged(model, staged)
+    file = CertificateFile(
+        scene=problem.name, digest=problem_digest(problem), method="test", classes="alike",
+        coverage_version=COVERAGE_VERSION, bound=max(pricing.bound, 0.0), certificate=staged,
+    )  # fmt: skip
+    bound, is_part = cocap_check.bound_of_file(instance(problem), document(file, folder))
+    assert not is_part
+    assert bound is not None
+    assert bound / ONE >= max(target, best) - 1e-12 * abs(best)
+    assert bound / ONE <= pricing.bound + 1e-9 * (1 + abs(pricing.bound))
+
+
 def test_harmless_changes_are_accepted_and_damaged_files_prove_nothing_false() -> None:
     """Of files damaged at random none is accepted that claims less than the optimum."""
     counts = damaged_files.hunt(300, 1)
@@ -162,12 +187,16 @@ def answered(instance_text: str, document: object, folder: Path) -> tuple[int, s
 
 
 def test_claims_that_are_not_checked_are_told_apart(folder: Path) -> None:
-    """A claim that rests on a search has an exit code of its own, whatever it is."""
+    """A claim whose search takes too long has an exit code of its own, whatever it is."""
     problem = load_scene("bottleneck", 0)
     result = BOUNDS["column-generation"](problem, start=PLANNERS["cocap-lns"](problem).plan)
     text, file = instance_of(compiled(problem)), document(result.certificate, folder)
     assert file["certificate"]["type"] == "staged"
     code, told = answered(text, file, folder)
+    assert (code, told) == (0, "no plan has more than 54899.771721")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cocap_check, "MOST_BRANCHES", 100)
+        code, told = answered(text, file, folder)
     assert code == 3
     assert told.endswith("by its multipliers; its claim rests on a search: not checked")
 

@@ -15,7 +15,14 @@ from counting import counting, either
 from hypothesis import given
 from hypothesis import strategies as st
 from pool import meetings, problems
-from random_certificates import as_rows, random_multipliers, random_narrowing, some_model
+from random_certificates import (
+    as_rows,
+    random_multipliers,
+    random_narrowing,
+    random_prices,
+    random_staged,
+    some_model,
+)
 from strategies import Calls, examples, tiny
 
 import cocap_opt as co
@@ -32,7 +39,7 @@ from cocap_opt.formulations.certificates import (
     UnfinishedError,
     verify,
 )
-from cocap_opt.formulations.certificates.format import Stage, StepConstant, StepPrices
+from cocap_opt.formulations.certificates.format import Stage, StepConstant
 from cocap_opt.formulations.certificates.resources import Cells
 from cocap_opt.formulations.certificates.staged import (
     JointStates,
@@ -97,39 +104,6 @@ def without_rewards(problem: Problem) -> Problem:
     """The same problem, whose moves are worth nothing."""
     objective = Objective(pixels=problem.objective.pixels, views=problem.objective.views)
     return problem.replace(objective=objective)
-
-
-def random_prices(model: Model, rng: np.random.Generator) -> tuple[StepPrices, ...]:
-    """Prices of some states of some steps, none of them good."""
-    problem, found = model.problem, []
-    for t in range(problem.first_step, problem.horizon + 1):
-        for number, robot_class in enumerate(model.classes):
-            graph = robot_class.graph
-            free = np.flatnonzero(np.tile(graph.free, graph.n_orientations))
-            some = rng.choice(free, size=min(len(free), int(rng.integers(1, 20))), replace=False)
-            states = tuple(graph.state(int(state)) for state in some)
-            amounts = rng.choice([-5.0, 0.0, 3.0, 40.0, 200.0], size=len(states))
-            others = float(rng.choice([0.0, -3.0, 2.0, 30.0]))
-            found.append(StepPrices(t, number, states, tuple(amounts.tolist()), others))
-    return tuple(found)
-
-
-def random_staged(model: Model, target: float, rng: np.random.Generator) -> Staged:
-    """A staged certificate, none of whose numbers is good; most claim less than they may."""
-    problem = model.problem
-    steps = range(problem.first_step, problem.horizon + 1)
-    stages = []
-    for k in range(int(rng.integers(1, 4))):
-        claims = rng.choice([-1e3, -1e3, 5.0, 50.0], len(steps)).tolist()
-        constants = tuple(
-            StepConstant(t, claim)
-            for t, claim in zip(steps, claims, strict=True)
-            if k or rng.integers(2)
-        )
-        stages.append(Stage(random_prices(model, rng) if k else (), constants))
-    higher = target + float(rng.choice([0.0, 0.0, 0.05, 0.5])) * abs(target)
-    above = higher if may_be_used(model) and rng.integers(2) else None
-    return Staged(random_multipliers(model, rng), target, tuple(stages), above)
 
 
 @pytest.mark.slow
