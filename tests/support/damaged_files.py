@@ -60,7 +60,8 @@ def bases() -> Iterator[Base]:
         for problem in scenes:
             instance = Instance(instance_of(compiled(problem)))
             best = EXACT["branch-and-price"](problem)
-            methods = [EXACT["searchless"], *(BOUNDS[n] for n in ("alone", "online", "envelope"))]
+            bounds = "alone", "online", "envelope", "column-generation"
+            methods = [EXACT["searchless"], EXACT["branch-and-price"], *(BOUNDS[n] for n in bounds)]
             for method in methods:
                 file = method(problem).certificate
                 if file is not None:
