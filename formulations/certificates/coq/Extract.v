@@ -1,0 +1,18 @@
+(** The checker as an OCaml program: integers by Zarith, as Coq's own extraction has them. *)
+From Coq Require Import ZArith Extraction ExtrOcamlBasic ExtrOcamlZBigInt ExtrOcamlNatInt.
+From CocapCheck Require Import Spec Rows Prices Checker Build.
+
+(* A root is looked for, not trusted: what is found is checked by multiplication (root_of). *)
+Extract Constant Z.sqrt_up => "(fun n -> let r = Big_int_Z.sqrt_big_int n in Big_int_Z.succ_big_int r)".
+(* Coq's own directive for positive, with a shift for the division by two. *)
+Extract Inductive positive => "Big_int_Z.big_int"
+  ["(fun p -> Big_int_Z.succ_big_int (Big_int_Z.shift_left_big_int p 1))"
+   "(fun p -> Big_int_Z.shift_left_big_int p 1)" "Big_int_Z.unit_big_int"]
+  "(fun odd even one p -> if Big_int_Z.eq_big_int p Big_int_Z.unit_big_int then one () else
+    let q = Big_int_Z.shift_right_big_int p 1 in
+    if Big_int_Z.eq_big_int (Big_int_Z.shift_left_big_int q 1) p then even q else odd q)".
+Extraction Blacklist List String Z Q Big_int_Z.
+Extraction "checker.ml" build check_tree bound.
+
+(* What the theorems rest on. *)
+Print Assumptions tree_sound.

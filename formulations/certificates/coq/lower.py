@@ -1,0 +1,258 @@
+#!/usr/bin/env python3
+"""Lowers a certificate or a proof to whole numbers, for cocap-check-verified.
+
+    python lower.py INSTANCE CERTIFICATE [-o LOWERED] [--multipliers]
+
+Nothing of what it writes is believed: prices are rounded, constants of groups and of cuts are
+computed, and the verified checker accepts the numbers only if its theorem covers them. So a mistake
+here can have a true claim refused, but no false one accepted.
+"""
+
+import argparse
+import itertools
+import json
+import math
+import sys
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "independent"))
+
+import cocap_check as check  # noqa: E402
+
+SCALE = 1 << 64  # of alpha, beta, roots and shares
+MOST_BITS = 52  # of a payment's fraction
+NATIVE_BITS = 60  # so that J in 1/precision is a small whole number of Zarith
+
+Spec = dict[str, Any]
+Words = list[object]
+
+
+def up(value: Fraction) -> int:
+    """Returns a number rounded up."""
+    return -(-value.numerator // value.denominator)
+
+
+def listed(items: Iterable[Words]) -> Words:
+    """Returns the words of a list: how many items, and theirs."""
+    found = [*items]
+    return [len(found), *itertools.chain.from_iterable(found)]
+
+
+class Lowering:
+    """The words of a file's claim, of the tree of its decisions, and of the numbers at its leaves.
+
+    Attributes
+    ----------
+    precision : payments are in 1/precision
+    bound : the claim; None: there is no plan
+    """
+
+    def __init__(self, instance: check.Instance, single: bool, bound: Fraction | None) -> None:
+        self.instance, self.single, self.bound = instance, single, bound
+        bits = 16 if bound is None else up(abs(bound)).bit_length()
+        self.precision = 1 << max(min(NATIVE_BITS - bits, MOST_BITS), 32)
+        self.kinds = [*instance.classes]  # of each class
+        self.number = [*range(len(self.kinds))]  # its number for the checker, by that in the file
+        if single:
+            drones = [d for members in instance.members for d in members]
+            of = {d: n for n, members in enumerate(instance.members) for d in members}
+            self.kinds = [instance.classes[of[d]] for d in drones]
+            self.number = [drones.index(d) for d in range(len(drones))]
+        sizes = [1] * len(self.kinds) if single else [*map(len, instance.members)]
+        self.sizes = dict(enumerate(sizes))
+        self.visible = sorted({
+            g for kind in instance.kinds for views in kind.sees.values() for g, _ in views
+        })  # fmt: skip
+        self._constants: dict[str, int] = {}
+
+    def claim(self) -> Words:
+        """Returns the words before the tree."""
+        bound = Fraction(-1) if self.bound is None else self.bound
+        return ["cocap-lowered", 1, int(self.single), bound.numerator, bound.denominator]
+
+    def leaf(self, numbers: Spec, decisions: check.Decisions = ()) -> Words:
+        """Returns the words of a leaf; decisions are those on the way from the root."""
+        nus = [check.number_of(nu) for nu in numbers.get("decisions", ())]
+        check.require(len(nus) == len(decisions), "decisions: wrong number")
+        closed = self.precision * (2 * up(abs(self.bound or Fraction(1))) + 1)
+        prices = [
+            closed if sign > 0 and count <= 0 else round(nu * self.precision)
+            for nu, (_, sign, count) in zip(nus, decisions, strict=True)
+        ]
+        return ["leaf", *self.multipliers(numbers), *listed([nu] for nu in reversed(prices))]
+
+    def multipliers(self, numbers: Spec) -> Words:
+        """Returns the words of a set of multipliers."""
+        kind = numbers.get("type", "multipliers")
+        check.require(kind == "multipliers", f"certificate: {kind} is not covered")
+        over_time = int(self.instance.rows == 1)
+        return [
+            SCALE, self.precision, over_time,
+            *listed(self.groups(numbers)),
+            *listed(
+                [*self.resource(row["resource"]),
+                 round(check.number_of(row["multiplier"]) * self.precision)]
+                for row in numbers.get("rows", ())
+            ),
+        ]  # fmt: skip
+
+    # -- groups -----------------------------------------------------------------------------
+
+    def groups(self, numbers: Spec) -> Iterator[Words]:
+        """Yields the words of each group that is seen: its prices, constant, step and cuts."""
+        i = self.instance
+        cuts: dict[int, list[Spec]] = {}
+        for cut in numbers.get("cuts", ()):
+            cuts.setdefault(cut["t"] * i.faces + cut["face"], []).append(cut)
+        for g in self.visible:
+            yield [g + 1, *self._group(g, numbers, cuts.get(g, []))]
+
+    def _group(self, g: int, numbers: Spec, cuts: list[Spec]) -> Words:
+        i, weight = self.instance, self.instance.weights.get(g)
+        row, column = divmod(*((g, i.faces) if g < i.n_roots else (g - i.n_roots, i.people)))
+        if weight is None:
+            return [SCALE, SCALE, 0, row, 0]
+        if g >= i.n_roots:
+            gamma = up(check.number_of(numbers["views"][row][column]) * SCALE)
+            left = weight * i.caps[g] * Fraction(max(SCALE - gamma, 0), SCALE)
+            return [0, gamma, up(left * self.precision), row, 0]
+        alpha, beta = (
+            up(check.number_of(numbers[name][row][column]) * SCALE) for name in ("alpha", "beta")
+        )
+        lowered = [self._cut(cut) for cut in cuts]
+        rest = SCALE - sum(share for share, _, _ in lowered)
+        constant = Fraction(sum(share * most for share, most, _ in lowered), SCALE * SCALE)
+        if rest > alpha:
+            check.require(beta > 0, "certificate: beta must be > 0 where alpha is too small")
+            constant += Fraction((rest - alpha) ** 2, 4 * beta * SCALE)
+        words = ([share, most, *curves] for share, most, curves in lowered)
+        return [alpha, beta, up(weight * constant * self.precision), row, *listed(words)]
+
+    def _cut(self, cut: Spec) -> tuple[int, int, Words]:
+        """Returns the share of a cut, its constant and the words of its curves."""
+        share = int(check.number_of(cut["share"]) * SCALE)
+        curves = {
+            self.number[curve["robot_class"]]: [
+                (round(check.number_of(r) * SCALE), round(check.number_of(v) * SCALE))
+                for r, v in zip(curve["roots"], curve["values"], strict=True)
+            ]
+            for curve in cut["curves"]
+        }
+        key = str(sorted(curves.items()))
+        if key not in self._constants:
+            self._constants[key] = self._most([*curves.items()], 0, 0)
+        words = listed([k, *listed([r, v] for r, v in points)] for k, points in curves.items())
+        return share, self._constants[key], words
+
+    def _most(self, curves: list[tuple[int, list[tuple[int, int]]]], square: int, paid: int) -> int:
+        """Returns the most that a root exceeds what is paid for it, at any corner."""
+        if not curves:
+            root = math.isqrt(square)
+            return max(root + (root * root < square) - paid, 0)
+        (k, points), *rest = curves
+        stays = itertools.combinations_with_replacement([(0, 0), *points], self.sizes[k])
+        return max(
+            self._most(rest, square + sum(r * r for r, _ in corner), paid + sum(v for _, v in corner))
+            for corner in stays
+        )
+
+    # -- resources --------------------------------------------------------------------------
+
+    def resource(self, spec: Spec) -> Words:
+        """Returns the words of a resource: places and moves of each class that can use it."""
+        kind, t, of = spec["type"], check.whole(spec["t"]), spec.get("robot_class")
+        users = [
+            (n, self.instance.kinds[k])
+            for n, k in enumerate(self.kinds)
+            if of is None or self.number[of] == n
+        ]
+        if kind == "visit":
+            name = tuple(spec["state"])
+            found = ((n, k.states[name], len(k.turns)) for n, k in users if name in k.states)
+            return ["visit", t, *listed([n, p * turns + o + 1] for n, (p, o), turns in found)]
+        if kind == "cells":
+            cells = dict.fromkeys(map(check.cell_of, spec["cells"]))
+            places = ([n, k.place_of[c] + 1] for n, k in users for c in cells if c in k.place_of)
+            return ["at", t, *listed(places)]
+        pairs = spec["moves"] if kind == "moves" else [spec["cells"]]
+        ways = [(check.cell_of(a), check.cell_of(b)) for a, b in pairs]
+        if kind == "swap":
+            ways += [(b, a) for a, b in ways]
+        moves = (
+            [n, k.place_of[a] + 1, k.place_of[b] + 1]
+            for n, k in users
+            for a, b in dict.fromkeys(ways)
+            if {a, b} <= k.place_of.keys()
+        )
+        return ["moving", t, *listed(moves)]
+
+    # -- trees ------------------------------------------------------------------------------
+
+    def tree(self, nodes: list[Spec], number: int = 0, decisions: check.Decisions = ()) -> Words:
+        """Returns the words of a tree of decisions."""
+        check.require(len(decisions) < len(nodes), "nodes: go round in a circle")
+        node = nodes[number]
+        if node["type"] == "leaf":
+            return self.leaf(node["certificate"], decisions)
+        resource, n = node["resource"], check.whole(node["robots"])
+        most, least = (*decisions, (resource, 1, n)), (*decisions, (resource, -1, n + 1))
+        return [
+            "branch", *self.resource(resource), n,
+            *self.tree(nodes, node["at_most"], most), *self.tree(nodes, node["at_least"], least),
+        ]  # fmt: skip
+
+
+def lowered(instance: check.Instance, file: Spec, multipliers: bool) -> Words:
+    """Returns the words of a file.
+
+    Parameters
+    ----------
+    multipliers : of a staged certificate lower the first multipliers alone, and claim what they say
+    """
+    single = file.get("classes") == "single"
+    bound = None if file["bound"] is None else check.number_of(file["bound"])
+    numbers = file.get("certificate")
+    if multipliers and numbers and numbers["type"] == "staged":
+        numbers = numbers["multipliers"]
+        most = check.Bound(instance, single).of(numbers)
+        bound = None if most is None else Fraction(most, check.ONE) * (1 + Fraction(1, 10**12))
+    lowering = Lowering(instance, single, bound)
+    words = lowering.claim()
+    if numbers is None:
+        return words + lowering.tree(file["nodes"])
+    return words + lowering.leaf(numbers)
+
+
+def main() -> int:
+    """Runs as a command."""
+    parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
+    parser.add_argument("instance", type=Path)
+    parser.add_argument("certificate", type=Path)
+    parser.add_argument("-o", "--output", type=Path, help="instead of to the standard output")
+    parser.add_argument(
+        "--multipliers", action="store_true", help="of a staged certificate, its first bound"
+    )
+    given = parser.parse_args()
+    instance = check.Instance(given.instance.read_text("utf-8"))
+    file = json.loads(
+        given.certificate.read_text("utf-8"),
+        parse_constant=check.no_constant,
+        object_pairs_hook=check.without_twins,
+    )
+    try:
+        words = lowered(instance, file, given.multipliers)
+    except (check.Refused, *check.DAMAGED) as error:
+        sys.exit(f"{given.certificate}: not lowered: {error or type(error).__name__}")
+    text = " ".join(map(str, words)) + "\n"
+    if given.output:
+        given.output.write_text(text)
+    else:
+        sys.stdout.write(text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
