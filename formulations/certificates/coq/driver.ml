@@ -194,6 +194,13 @@ let rec tree source =
 
 let rec leaves = function Proved _ -> 1 | Divided (_, _, a, b) -> leaves a + leaves b
 
+(* A fraction with six digits, rounded up. *)
+let decimals numerator denominator =
+  let million = Z.of_int 1_000_000 in
+  let scaled = Z.cdiv (Z.mul numerator million) denominator in
+  Printf.sprintf "%s%s.%06d" (if Z.sign scaled < 0 then "-" else "")
+    (Z.to_string (Z.div (Z.abs scaled) million)) (Z.to_int (Z.rem (Z.abs scaled) million))
+
 let () =
   let exit_with code message = print_endline message; exit code in
   if Array.length Sys.argv <> 3 then exit_with 2 "usage: cocap-check-verified INSTANCE LOWERED";
@@ -208,8 +215,8 @@ let () =
     (check_tree instance [] proof numerator denominator, numerator, denominator, leaves proof)
   with
   | true, numerator, denominator, count ->
-    exit_with 0 (Printf.sprintf "no plan has more than %s / %s, which is %.9f, by %d leaves"
-                   (Z.to_string numerator) (Z.to_string denominator) (Q.to_float (Q.make numerator denominator)) count)
+    exit_with 0 (Printf.sprintf "no plan has more than %s / %s, that is %s (%d leaves)"
+                   (Z.to_string numerator) (Z.to_string denominator) (decimals numerator denominator) count)
   | false, _, _, _ -> exit_with 1 "refused: the claim does not follow from the certificate's numbers"
   | exception Refused message -> exit_with 1 ("refused: " ^ message)
   | exception (End_of_file | Failure _ | Invalid_argument _ | Sys_error _ | Not_found as error) ->

@@ -20,7 +20,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "independent"))
 
-import cocap_check as check  # noqa: E402
+# By its path, as anyone runs it who has this folder and no more; mypy does not look there.
+import cocap_check as check  # type: ignore[import-not-found]
 
 SCALE = 1 << 64  # of alpha, beta, roots and shares
 MOST_BITS = 52  # of a payment's fraction
@@ -77,7 +78,10 @@ class Lowering:
         """Returns the words of a leaf; decisions are those on the way from the root."""
         nus = [check.number_of(nu) for nu in numbers.get("decisions", ())]
         check.require(len(nus) == len(decisions), "decisions: wrong number")
-        closed = self.precision * (2 * up(abs(self.bound or Fraction(1))) + 1)
+        # Nobody may use it: a charge so high that whoever does gains nothing else.
+        others = [check.number_of(row["multiplier"]) for row in numbers.get("rows", ())]
+        charged = sum([abs(self.bound or Fraction(0)), *others, *nus], Fraction(1))
+        closed = self.precision * up(1000 * charged)
         prices = [
             closed if sign > 0 and count <= 0 else round(nu * self.precision)
             for nu, (_, sign, count) in zip(nus, decisions, strict=True)
@@ -112,7 +116,7 @@ class Lowering:
 
     def _group(self, g: int, numbers: Spec, cuts: list[Spec]) -> Words:
         i, weight = self.instance, self.instance.weights.get(g)
-        row, column = divmod(*((g, i.faces) if g < i.n_roots else (g - i.n_roots, i.people)))
+        row, column = divmod(g, i.faces) if g < i.n_roots else divmod(g - i.n_roots, i.people)
         if weight is None:
             return [SCALE, SCALE, 0, row, 0]
         if g >= i.n_roots:
@@ -155,7 +159,9 @@ class Lowering:
         (k, points), *rest = curves
         stays = itertools.combinations_with_replacement([(0, 0), *points], self.sizes[k])
         return max(
-            self._most(rest, square + sum(r * r for r, _ in corner), paid + sum(v for _, v in corner))
+            self._most(
+                rest, square + sum(r * r for r, _ in corner), paid + sum(v for _, v in corner)
+            )
             for corner in stays
         )
 

@@ -1,0 +1,205 @@
+"""The checker that is proved in Coq: its proof has no hole, its program refuses what is false."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from brute_force import optimum
+from counting import either
+from damaged_files import document
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from strategies import drawn_meetings, drawn_problems, examples
+
+from cocap_opt.cli.commands import run
+from cocap_opt.formulations import BOUNDS
+from cocap_opt.formulations.column_generation.branch_and_price import searchless
+from cocap_opt.formulations.independent import cocap_check, instance_of
+from cocap_opt.model import compiled
+from cocap_opt.problem import Problem
+from cocap_opt.result import UnsupportedError
+
+FOLDER = Path(__file__).parents[2] / "formulations" / "certificates" / "coq"
+AXIOMS = {"sig_not_dec", "sig_forall_dec", "functional_extensionality_dep"}  # of Coq's reals
+MISSING = [name for name in ("coqc", "ocamlfind") if shutil.which(name) is None]
+
+pytestmark = [
+    pytest.mark.slow(seconds=30),
+    pytest.mark.skipif(bool(MISSING), reason=f"{' and '.join(MISSING)} not installed"),
+]
+
+problems = st.one_of(
+    either(drawn_problems(over_time=True)), either(drawn_meetings(2)), drawn_meetings(3)
+)
+
+# Lowers a file and asks the program; returns its exit code and words. The last argument changes
+# what was lowered.
+Ask = Callable[..., tuple[int, str]]
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The program, and what building it printed."""
+    folder = tmp_path_factory.mktemp("coq")
+    done = subprocess.run(
+        [FOLDER / "build.sh", folder], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return folder / "cocap-check-verified", done.stdout
+
+
+@pytest.fixture(scope="module")
+def ask(built: tuple[Path, str], tmp_path_factory: pytest.TempPathFactory) -> Ask:
+    """Lowers files and runs the program on them."""
+    folder = tmp_path_factory.mktemp("lowered")
+
+    def answer(
+        instance: str, file: dict[str, Any], change: Callable[[str], str] = str
+    ) -> tuple[int, str]:
+        paths = [folder / name for name in ("x.instance", "certificate.json", "lowered.txt")]
+        paths[0].write_text(instance)
+        paths[1].write_text(json.dumps(file))
+        command = [sys.executable, FOLDER / "lower.py", *paths[:2], "-o", paths[2]]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            return 1, done.stderr
+        paths[2].write_text(change(paths[2].read_text()))
+        done = subprocess.run(
+            [built[0], paths[0], paths[2]], capture_output=True, text=True, check=False
+        )
+        return done.returncode, done.stdout
+
+    return answer
+
+
+def exported(name: str, folder: Path) -> tuple[str, dict[str, Any]]:
+    """A scene's instance, and a proof without a search."""
+    paths = [folder / file for file in ("x.instance", "plan.json", "proof.json")]
+    run(["export", name, "-o", str(paths[0])])
+    method = ["--method", "searchless"]
+    run(["solve", name, *method, "-o", str(paths[1]), "--certificate", str(paths[2])])
+    return paths[0].read_text(), json.loads(paths[2].read_text())
+
+
+def first_leaf(file: dict[str, Any]) -> dict[str, Any]:
+    """The multipliers of a certificate, or of the first leaf of a proof."""
+    if "certificate" in file:
+        found = file["certificate"]
+    else:
+        found = next(n["certificate"] for n in file["nodes"] if n["type"] == "leaf")
+    return dict(found)
+
+
+def test_the_proof_has_no_hole(built: tuple[Path, str]) -> None:
+    """No source assumes a thing, and the theorems rest on the axioms of the reals alone."""
+    sources = sorted(FOLDER.glob("*.v"))
+    assert len(sources) > 5
+    for source in sources:
+        words = re.sub(r"\(\*.*?\*\)", "", source.read_text(), flags=re.DOTALL)
+        holes = r"\b(Admitted|admit|Axioms?|Parameters?|Conjecture|Abort|bypass_check|Unset)\b"
+        assert not re.search(holes, words), source.name
+    named = re.findall(r"^([\w.]+)\s*:", built[1].replace("Axioms:", ""), flags=re.MULTILINE)
+    assert {name.split(".")[-1] for name in named} == AXIOMS
+    assert built[1].count("Axioms:") == len(re.findall("Print Assumptions", _text("Extract.v")))
+
+
+def _text(name: str) -> str:
+    return (FOLDER / name).read_text()
+
+
+@pytest.mark.parametrize("name", ["tiny-doorway", "corridor"])
+def test_a_true_certificate_is_accepted_and_false_ones_are_not(
+    name: str, ask: Ask, tmp_path: Path
+) -> None:
+    """A bound that is lowered, a price that is changed and a row that is no rule are refused."""
+    instance, file = exported(name, tmp_path)
+    code, words = ask(instance, file)
+    assert code == 0, words
+    told = float(words.split("that is ")[1].split()[0])
+    assert file["bound"] <= told <= file["bound"] + 2e-6
+
+    assert ask(instance, file | {"bound": file["bound"] * (1 - 1e-6)})[0] == 1
+
+    alphas = [g for g in _groups(ask, instance, file) if 0 < int(g[1]) < cocap_check.ONE]
+    group = max(alphas, key=lambda g: int(g[1]))
+    old, new = " ".join(group), " ".join([group[0], "0", *group[2:]])
+    code, words = ask(instance, file, lambda text: text.replace(f" {old} ", f" {new} ", 1))
+    assert code == 1
+    assert "refused" in words
+
+    numbers = first_leaf(file)
+    row = next(row for row in numbers["rows"] if row["resource"]["type"] == "cells")
+    plain = {key: value for key, value in file.items() if key != "nodes"} | {
+        "format": "cocap-opt certificate", "bound": 1e9, "certificate": numbers | {"rows": [row]},
+    }  # fmt: skip
+    assert ask(instance, plain)[0] == 0
+    here = row["resource"]["cells"][0][:2]
+    places = (line.split()[1:3] for line in instance.splitlines() if line.startswith("place"))
+    elsewhere = next(place for place in ([int(x), int(y)] for x, y in places) if place != here)
+    row["resource"]["cells"].append(elsewhere)  # two drones may be at these two places
+    code, words = ask(instance, plain)
+    assert code == 1
+    assert "refused" in words
+
+
+def _groups(ask: Ask, instance: str, file: dict[str, Any]) -> list[list[str]]:
+    """The first words of the groups of a file's first leaf: number, prices, constant and step."""
+    kept: list[str] = []
+
+    def keep(text: str) -> str:
+        kept.append(text)
+        return text
+
+    ask(instance, file, keep)
+    words = kept[0].split("leaf", 1)[1].split()
+    place, found = 4, []
+    for _ in range(int(words[3])):
+        found.append(words[place : place + 5])
+        place += 5
+        cuts = int(words[place])
+        place += 1
+        for _ in range(cuts):
+            curves = int(words[place + 2])
+            place += 3
+            for _ in range(curves):
+                place += 2 + 2 * int(words[place + 1])
+    return found
+
+
+@examples(40)
+@given(problems)
+def test_proofs_of_small_problems_are_accepted(
+    ask: Ask, tmp_path_factory: pytest.TempPathFactory, problem: Problem
+) -> None:
+    """It agrees with cocap-check on proofs, whatever the rules, and none goes below the optimum."""
+    file = document(searchless(problem).certificate, tmp_path_factory.mktemp("proof"))
+    text = instance_of(compiled(problem))
+    bound, _ = cocap_check.bound_of_file(cocap_check.Instance(text), file)
+    code, words = ask(text, file)
+    assert code == 0, (words, bound)
+    best = optimum(problem).value
+    if best > 0:
+        assert ask(text, file | {"bound": best * (1 - 1e-6)})[0] == 1
+
+
+@examples(20)
+@given(problems, st.sampled_from(["envelope", "column-generation"]))
+def test_certificates_of_small_problems_are_accepted(
+    ask: Ask, tmp_path_factory: pytest.TempPathFactory, problem: Problem, method: str
+) -> None:
+    """Certificates by multipliers are, too."""
+    try:
+        file = BOUNDS[method](problem).certificate
+    except UnsupportedError:
+        assume(False)
+    assume(file is not None)
+    found = document(file, tmp_path_factory.mktemp("certificate"))
+    assume(found["certificate"]["type"] == "multipliers")
+    code, words = ask(instance_of(compiled(problem)), found)
+    assert code == 0, words
