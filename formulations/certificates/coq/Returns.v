@@ -46,6 +46,37 @@ Proof.
   apply IZR_le in Hr. unfold Rmin. destruct (Rle_dec z (IZR k)); lra.
 Qed.
 
+Lemma return_monotone r a b : 0 <= a <= b -> return_value r a <= return_value r b.
+Proof.
+  destruct r as [|k]; simpl; intros H; [apply sqrt_le_1_alt; lra|].
+  unfold Rmin. destruct (Rle_dec a (IZR k)), (Rle_dec b (IZR k)); lra.
+Qed.
+
+(** What is added is worth less where more is there already. *)
+Lemma return_shrinks r x e c : 0 <= x -> 0 <= e -> 0 <= c ->
+  return_value r (x + e + c) - return_value r (x + e) <= return_value r (x + c) - return_value r x.
+Proof.
+  intros Hx He Hc. destruct r as [|k]; simpl.
+  - pose proof (sqrt_sqrt (x + e + c) ltac:(lra)) as A. pose proof (sqrt_sqrt (x + e) ltac:(lra)) as B.
+    pose proof (sqrt_sqrt (x + c) ltac:(lra)) as P. pose proof (sqrt_sqrt x Hx) as Q.
+    pose proof (sqrt_le_1_alt (x + c) (x + e + c) ltac:(lra)) as AP.
+    pose proof (sqrt_le_1_alt x (x + e) ltac:(lra)) as BQ.
+    pose proof (sqrt_le_1_alt x (x + c) ltac:(lra)) as PQ.
+    pose proof (sqrt_le_1_alt (x + e) (x + e + c) ltac:(lra)) as AB.
+    pose proof (sqrt_pos x) as Q0.
+    set (a := sqrt (x + e + c)) in *. set (b := sqrt (x + e)) in *.
+    set (p := sqrt (x + c)) in *. set (q := sqrt x) in *.
+    destruct (Rle_dec (a - b) (p - q)) as [L | G]; [exact L|]. exfalso. apply Rnot_le_lt in G.
+    assert (E : (a - b) * (a + b) = (p - q) * (p + q)) by (ring_simplify; lra).
+    assert (H1 : (a - b) * (p + q) <= (a - b) * (a + b)) by (apply Rmult_le_compat_l; lra).
+    destruct (Rle_lt_or_eq_dec 0 (p + q) ltac:(lra)) as [S | S].
+    + assert ((p - q) * (p + q) < (a - b) * (p + q)) by (apply Rmult_lt_compat_r; lra). lra.
+    + assert (p = 0 /\ q = 0) as [P0 Q0'] by lra. rewrite P0, Q0' in *.
+      assert (0 < (a - b) * (a + b)) by (apply Rmult_lt_0_compat; lra). lra.
+  - unfold Rmin. destruct (Rle_dec (x + e + c) (IZR k)), (Rle_dec (x + e) (IZR k)),
+      (Rle_dec (x + c) (IZR k)), (Rle_dec x (IZR k)); lra.
+Qed.
+
 (** * Multipliers *)
 
 Lemma sqrt_sum l : nonneg l -> sqrt (sumR l) <= sumR (map sqrt l).
