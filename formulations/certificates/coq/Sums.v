@@ -181,3 +181,14 @@ Proof. induction 1; simpl; congruence. Qed.
 Lemma Forall2_head {A B} (P : A -> B -> Prop) a b la lb :
   Forall2 P (a :: la) (b :: lb) -> P a b /\ Forall2 P la lb.
 Proof. intros H. inversion H; auto. Qed.
+
+Lemma Forall2_in {A B} (P : A -> B -> Prop) la lb : Forall2 P la lb ->
+  Forall2 (fun a b => P a b /\ In a la /\ In b lb) la lb.
+Proof.
+  assert (H : forall l m, Forall2 P l m -> (forall a, In a l -> In a la) -> (forall b, In b m -> In b lb) ->
+    Forall2 (fun a b => P a b /\ In a la /\ In b lb) l m).
+  { induction 1 as [|a b l m Hab HF IH]; intros Hl Hm; constructor.
+    - split; [exact Hab|]. split; [apply Hl | apply Hm]; left; reflexivity.
+    - apply IH; [intros; apply Hl | intros; apply Hm]; right; assumption. }
+  intros HF. apply H; auto.
+Qed.
