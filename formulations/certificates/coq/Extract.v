@@ -1,8 +1,12 @@
 (** The checker as an OCaml program: integers by Zarith, as Coq's own extraction has them. *)
 From Coq Require Import ZArith Extraction ExtrOcamlBasic ExtrOcamlZBigInt ExtrOcamlNatInt.
-From CocapCheck Require Import Spec Rows Prices Checker Build.
+From CocapCheck Require Import Spec Rows Prices Checker Staged Build.
 
 (* A root is looked for, not trusted: what is found is checked by multiplication (root_of). *)
+(* So are those of the search, which are small mostly (root_up, root_down of Search.v). *)
+Extract Constant Z.sqrt => "(fun n -> if Big_int_Z.is_int_big_int n && Big_int_Z.int_of_big_int n >= 0
+  then Big_int_Z.big_int_of_int (int_of_float (sqrt (float_of_int (Big_int_Z.int_of_big_int n))))
+  else Big_int_Z.sqrt_big_int (Big_int_Z.abs_big_int n))".
 Extract Constant Z.sqrt_up => "(fun n -> let r = Big_int_Z.sqrt_big_int n in Big_int_Z.succ_big_int r)".
 (* Coq's own directive for positive, with a shift for the division by two. *)
 Extract Inductive positive => "Big_int_Z.big_int"
@@ -12,7 +16,8 @@ Extract Inductive positive => "Big_int_Z.big_int"
     let q = Big_int_Z.shift_right_big_int p 1 in
     if Big_int_Z.eq_big_int (Big_int_Z.shift_left_big_int q 1) p then even q else odd q)".
 Extraction Blacklist List String Z Q Big_int_Z.
-Extraction "checker.ml" build check_tree bound.
+Extraction "checker.ml" build check_tree check_staged staged_bound.
 
 (* What the theorems rest on. *)
 Print Assumptions tree_sound.
+Print Assumptions staged_sound.

@@ -25,8 +25,8 @@ Record stage := Stage {
   payments : list (nat * nat * (list (state * Z) * Z));  (* step, class, prices of states, others' rise *)
   step_constants : list (nat * Z) }.                     (* step, a constant, tried in this order *)
 
-(** Class, and places: a step before, where it matters, and now. *)
-Definition named : Type := nat * positive * positive.
+(** Class and place; the place a step before, where it matters, and the state. *)
+Definition named : Type := (nat * positive) * (positive * state).
 Notation candidate := (cand named).
 
 (** Candidates of most profit first: an order, and nothing more. *)
@@ -180,7 +180,7 @@ Definition step_static (st : step) (k : nat) (s : state) (price : Z) : list Z :=
   (number_of (u_prices (now st)) k s - number_of (charges st) k s)
   :: map (fun u => number_of (u_prices u) k s - price) (now st :: earlier st).
 
-Definition here (k : nat) (s : state) : named := let p := place I k s in (k, p, p).
+Definition here (k : nat) (s : state) : named := let p := place I k s in ((k, p), (p, s)).
 
 Definition step_candidate (st : step) (gs : list group) (t k : nat) (s : state) (price : Z) : candidate :=
   candidate_of gs t k (here k s) price (number_of (charges st) k s) (step_static st k s price) s.
@@ -816,6 +816,72 @@ Proof.
   unfold places_meet, here. simpl. destruct (Hf g Hg) as [Hm _]. rewrite (Hm t Ht). reflexivity.
 Qed.
 
+(** The drones' states at a step, with any prices, are a joint state that counts. *)
+Definition flown_candidate (st : step) (t : nat) (nm : flight -> named) (pr : flight -> Z) (f : flight) : candidate :=
+  candidate_of (step_groups t) t (fst f) (nm f) (pr f) (number_of (charges st) (fst f) (snd f t))
+    (step_static st (fst f) (snd f t) (pr f)) (snd f t).
+
+Lemma flown_candidates_ok st t nm pr : (t <= T)%nat ->
+  Forall (cand_ok named (amount_unit I) coarse (specs_of (step_groups t))) (map (flown_candidate st t nm pr) plan).
+Proof.
+  intros Ht. apply Forall_forall. intros c Hc. apply in_map_iff in Hc. destruct Hc as [f [<- Hf]]. split; [|split].
+  - simpl. unfold specs_of. rewrite !map_length. reflexivity.
+  - simpl. apply Forall_forall. intros z Hz. apply in_map_iff in Hz. destruct Hz as [g [<- Hg]].
+    apply (views_ok_parts I M groups_fine _ _ _ (views_fine f t Hf Ht)).
+  - reflexivity.
+Qed.
+
+Lemma flown_worth st t nm pr : (t <= T)%nat ->
+  F named (amount_unit I) (weight_unit I) (precision M) (specs_of (step_groups t)) (map (flown_candidate st t nm pr) plan) = FR t.
+Proof.
+  intros Ht. rewrite <- (step_worth_groups t Ht). unfold F.
+  set (amt := fun g (f : flight) => amount I g (fst f) t (snd f t)).
+  rewrite (worth_ext _ _ _ _ _ (fun j => sumZ (map (fun f => nth j (map (fun g => amt g f) (step_groups t)) 0) plan))).
+  - rewrite (worth_of_groups (step_groups t) amt plan). reflexivity.
+  - intros j. unfold together. rewrite map_map. reflexivity.
+Qed.
+
+Lemma flown_counts conflict st t nm pr : (t <= T)%nat -> step_inv t st ->
+  fits_together named conflict (map (flown_candidate st t nm pr) plan) ->
+  counts named conflict (amount_unit I) (weight_unit I) (precision M) (specs_of (step_groups t)) (step_bases st) (floor st)
+    (map (flown_candidate st t nm pr) plan).
+Proof.
+  intros Ht [HL [HU HF]] Hfits. set (cf := flown_candidate st t nm pr) in *.
+  pose proof (flown_worth st t nm pr Ht) as HFL. fold cf in HFL.
+  assert (Hprice : sum named (price named) (map cf plan) = sumZ (map pr plan)).
+  { unfold sum. rewrite map_map. reflexivity. }
+  assert (Hcharge : sum named (charge named) (map cf plan) = prices_sum (charges st) t).
+  { unfold sum, prices_sum. rewrite map_map. reflexivity. }
+  split; [|split; [|exact Hfits]].
+  - intros j il b Hj. unfold step_bases in Hj. destruct j as [|j]; simpl in Hj.
+    + injection Hj as <- <-. pose proof (HU (now st) (or_introl eq_refl)) as Hn.
+      assert (Es : static_sum named 0 (map cf plan) = prices_sum (u_prices (now st)) t - prices_sum (charges st) t).
+      { unfold static_sum, prices_sum. rewrite map_map. simpl. clear. induction plan as [|f l IH]; simpl; lia. }
+      rewrite Es. apply le_IZR. rewrite ?plus_IZR, ?minus_IZR in *. simpl. lra.
+    + assert (Hj' : nth_error (map (fun u => (false, u_constant u)) (now st :: earlier st)) j = Some (il, b)) by exact Hj.
+      rewrite nth_error_map in Hj'. destruct (nth_error (now st :: earlier st) j) as [u|] eqn:Eu; [|discriminate].
+      simpl in Hj'. injection Hj' as <- <-. apply nth_error_In in Eu as Hu.
+      assert (Es : static_sum named (S j) (map cf plan) = prices_sum (u_prices u) t - sumZ (map pr plan)).
+      { unfold static_sum, prices_sum. rewrite map_map.
+        assert (E : forall f, nth (S j) (static named (cf f)) 0 = number_of (u_prices u) (fst f) (snd f t) - pr f).
+        { intros f. unfold cf, flown_candidate, candidate_of, step_static. cbn [static nth].
+          rewrite (nth_indep _ 0 (number_of (u_prices u) (fst f) (snd f t) - pr f)).
+          - rewrite (map_nth (fun u0 => number_of (u_prices u0) (fst f) (snd f t) - pr f) (now st :: earlier st) u).
+            rewrite (nth_error_nth _ _ _ Eu). reflexivity.
+          - rewrite map_length. apply nth_error_Some. congruence. }
+        rewrite (map_ext _ _ E). clear. induction plan as [|f l IH]; cbn [map sumZ]; lia. }
+      rewrite Es. unfold profitR. rewrite HFL, Hprice. pose proof (HU u Hu) as Hn.
+      rewrite ?plus_IZR, ?minus_IZR in *. lra.
+  - rewrite HFL, Hcharge. rewrite plus_IZR in HF. exact HF.
+Qed.
+
+Lemma worth_of_none t : F named (amount_unit I) (weight_unit I) (precision M) (specs_of (step_groups t)) [] = 0%R.
+Proof.
+  unfold F. rewrite (worth_ext _ _ _ _ _ (fun j => sumZ (map (fun f : flight => nth j (map (fun g => (fun _ _ => 0) g f) (step_groups t)) 0) []))) by reflexivity.
+  rewrite (worth_of_groups (step_groups t) (fun _ _ => 0) []). simpl. apply sumR_zero. intros g Hg. unfold worth.
+  destruct (step_groups_ok t g Hg) as [_ Hr]. unfold Rdiv at 2. rewrite Rmult_0_l, return_zero by exact Hr. ring.
+Qed.
+
 Lemma after_constant_ok stg t claim st : (t <= T)%nat -> step_inv t st -> step_inv t (after_constant stg t claim st).
 Proof.
   intros Ht Hinv. pose proof Hinv as [HL [HU HF]]. unfold after_constant. set (prices := repriced st t stg).
@@ -836,47 +902,15 @@ Proof.
   split; [exact Hnew|]. split; [|exact HF].
   intros u [<- | Hu]; [|apply HU; exact Hu]. cbn [u_constant u_prices].
   set (gs := step_groups t).
-  set (cf := fun f : flight => step_candidate st gs t (fst f) (snd f t) (number_of prices (fst f) (snd f t))).
+  set (pr := fun f : flight => number_of prices (fst f) (snd f t)).
+  set (cf := flown_candidate st t (fun f => here (fst f) (snd f t)) pr).
   pose proof (step_groups_ok t) as Hgs. fold gs in Hgs.
-  set (amt := fun g (f : flight) => amount I g (fst f) t (snd f t)).
-  assert (Hcf : Forall (cand_ok named (amount_unit I) coarse (specs_of gs)) (map cf plan)).
-  { apply Forall_forall. intros c Hc. apply in_map_iff in Hc. destruct Hc as [f [<- Hf]]. split; [|split].
-    - simpl. unfold specs_of. rewrite !map_length. reflexivity.
-    - simpl. apply Forall_forall. intros z Hz. apply in_map_iff in Hz. destruct Hz as [g [<- Hg]].
-      apply (views_ok_parts I M groups_fine _ _ _ (views_fine f t Hf Ht)).
-    - reflexivity. }
-  assert (HFL : F named (amount_unit I) (weight_unit I) (precision M) (specs_of gs) (map cf plan) = FR t).
-  { rewrite <- (step_worth_groups t Ht). fold gs. unfold F.
-    rewrite (worth_ext _ _ _ _ _ (fun j => sumZ (map (fun f => nth j (map (fun g => amt g f) gs) 0) plan))).
-    - rewrite (worth_of_groups gs amt plan). reflexivity.
-    - intros j. unfold together. rewrite map_map. reflexivity. }
+  pose proof (flown_candidates_ok st t (fun f => here (fst f) (snd f t)) pr Ht) as Hcf. fold cf gs in Hcf.
+  pose proof (flown_worth st t (fun f => here (fst f) (snd f t)) pr Ht) as HFL. fold cf gs in HFL.
   assert (Hprice : sum named (price named) (map cf plan) = prices_sum prices t).
   { unfold sum, prices_sum. rewrite map_map. reflexivity. }
-  assert (Hcharge : sum named (charge named) (map cf plan) = prices_sum (charges st) t).
-  { unfold sum, prices_sum. rewrite map_map. reflexivity. }
-  assert (Hcounts : counts named places_meet (amount_unit I) (weight_unit I) (precision M) (specs_of gs) (step_bases st) (floor st) (map cf plan)).
-  { split; [|split].
-    - intros j il b Hj. unfold step_bases in Hj. destruct j as [|j]; simpl in Hj.
-      + injection Hj as <- <-. pose proof (HU (now st) (or_introl eq_refl)) as Hn.
-        assert (Es : static_sum named 0 (map cf plan) = prices_sum (u_prices (now st)) t - prices_sum (charges st) t).
-        { unfold static_sum, prices_sum. rewrite map_map. simpl. clear. induction plan as [|f l IH]; simpl; lia. }
-        rewrite Es. apply le_IZR. rewrite ?plus_IZR, ?minus_IZR in *. simpl. lra.
-      + assert (Hj' : nth_error (map (fun u => (false, u_constant u)) (now st :: earlier st)) j = Some (il, b)) by exact Hj.
-        rewrite nth_error_map in Hj'. destruct (nth_error (now st :: earlier st) j) as [u|] eqn:Eu; [|discriminate].
-        simpl in Hj'. injection Hj' as <- <-. apply nth_error_In in Eu as Hu.
-        assert (Es : static_sum named (S j) (map cf plan) = prices_sum (u_prices u) t - prices_sum prices t).
-        { unfold static_sum, prices_sum. rewrite map_map.
-          assert (E : forall f, nth (S j) (static named (cf f)) 0 = number_of (u_prices u) (fst f) (snd f t) - number_of prices (fst f) (snd f t)).
-          { intros f. unfold cf, step_candidate, candidate_of, step_static. cbn [static nth].
-            rewrite (nth_indep _ 0 (number_of (u_prices u) (fst f) (snd f t) - number_of prices (fst f) (snd f t))).
-            - rewrite (map_nth (fun u0 => number_of (u_prices u0) (fst f) (snd f t) - number_of prices (fst f) (snd f t)) (now st :: earlier st) u).
-              rewrite (nth_error_nth _ _ _ Eu). reflexivity.
-            - rewrite map_length. apply nth_error_Some. congruence. }
-          rewrite (map_ext _ _ E). clear. induction plan as [|f l IH]; cbn [map sumZ]; lia. }
-        rewrite Es. unfold profitR. rewrite HFL, Hprice. pose proof (HU u Hu) as Hn.
-        rewrite ?plus_IZR, ?minus_IZR in *. lra.
-    - rewrite HFL, Hcharge. rewrite plus_IZR in HF. exact HF.
-    - apply (fits_pairs cf t Ht). reflexivity. }
+  pose proof (flown_counts places_meet st t (fun f => here (fst f) (snd f t)) pr Ht Hinv (fits_pairs cf t Ht (fun f _ => eq_refl))) as Hcounts.
+  fold cf gs in Hcounts.
   set (Ls := map (fun k => map cf (filter (fun f => Nat.eqb k (fst f)) plan)) (classes I)).
   assert (HLs : Permutation (concat Ls) (map cf plan)).
   { unfold Ls. rewrite <- (map_map (fun k => filter (fun f : flight => Nat.eqb k (fst f)) plan) (map cf)), <- concat_map.
@@ -891,7 +925,7 @@ Proof.
       pose proof (E _ (team I)) as E2. rewrite <- classes_of_plan in E2. rewrite E2. exact (E _ plan).
     - intros c Hc. apply in_map_iff in Hc. destruct Hc as [f [<- Hf]]. apply filter_In in Hf. destruct Hf as [Hf Ek]. apply Nat.eqb_eq in Ek. subst k.
       destruct (Hnew f Hf) as [p Ep]. apply in_map_iff. exists (snd f t, p). split; [|apply PM.elements_correct, Ep].
-      unfold cf. assert (En : number_of prices (fst f) (snd f t) = p) by (unfold number_of; rewrite Ep; reflexivity). rewrite En. reflexivity. }
+      unfold cf, flown_candidate, pr. assert (En : number_of prices (fst f) (snd f t) = p) by (unfold number_of; rewrite Ep; reflexivity). rewrite En. reflexivity. }
   assert (Hcounts' : counts named places_meet (amount_unit I) (weight_unit I) (precision M) (specs_of gs) (step_bases st) (floor st) ([] ++ concat Ls)).
   { eapply counts_perm; [exact places_meet_symmetric | apply Permutation_sym; exact HLs | exact Hcounts]. }
   set (Good := fun (l : list candidate) (best : Z) =>
@@ -904,10 +938,7 @@ Proof.
     destruct (_ <=? _); lia. }
   assert (HokLs : Forall (cand_ok named (amount_unit I) coarse (specs_of gs)) ([] ++ concat Ls)).
   { eapply Permutation_Forall; [apply Permutation_sym; exact HLs | exact Hcf]. }
-  assert (HF0 : F named (amount_unit I) (weight_unit I) (precision M) (specs_of gs) [] = 0%R).
-  { unfold F. rewrite (worth_ext _ _ _ _ _ (fun j => sumZ (map (fun f : flight => nth j (map (fun g => amt g f) gs) 0) []))) by reflexivity.
-    rewrite (worth_of_groups gs amt []). simpl. apply sumR_zero. intros g Hg. unfold worth.
-    destruct (Hgs g Hg) as [_ Hr]. unfold Rdiv at 2. rewrite Rmult_0_l, return_zero by exact Hr. ring. }
+  pose proof (worth_of_none t) as HF0. fold gs in HF0.
   pose proof (node_ok named places_meet places_meet_symmetric (amount_unit I) (weight_unit I) (precision M) coarse Za Zw precision_pos Zc
     (specs_of gs) (specs_of_ok gs Hgs) Z (fun best => best) (highest gs (floor st)) Sorted.sort sorted_permutes named_dec Good
     (fun l a H _ _ => H)

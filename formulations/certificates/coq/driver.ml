@@ -192,6 +192,13 @@ let rec tree source =
     let most = tree source in let least = tree source in Divided (r, k, most, least)
   | w -> refuse "no leaf and no branch: %s" w
 
+let stage source =
+  let payments = many source (fun s ->
+      let t = n s in let k = n s in
+      let listed = many s (fun s -> let state = z s in (state, z s)) in
+      ((t, k), (listed, z s))) in
+  { payments; step_constants = many source (fun s -> let t = n s in (t, z s)) }
+
 let rec leaves = function Proved _ -> 1 | Divided (_, _, a, b) -> leaves a + leaves b
 
 (* A fraction with six digits, rounded up. *)
@@ -210,13 +217,23 @@ let () =
     if word source <> "cocap-lowered" || n source <> 1 then refuse "must begin with cocap-lowered 1";
     let single = is source in
     let numerator = z source in let denominator = z source in
-    let proof = tree source in
-    let instance = build single lines in
-    (check_tree instance [] proof numerator denominator, numerator, denominator, leaves proof)
+    let holds, by = match word source with
+      | "tree" ->
+        let proof = tree source in
+        let by = Printf.sprintf "%d leaves" (leaves proof) in
+        (check_tree (build single lines) [] proof numerator denominator, by)
+      | "staged" ->
+        let target = z source in let coarse = z source in
+        let first = certificate source in
+        let stages = many source stage in
+        let by = Printf.sprintf "%d stages" (List.length stages) in
+        (check_staged (build single lines) first coarse target stages numerator denominator, by)
+      | w -> refuse "no tree and no stages: %s" w in
+    (holds, numerator, denominator, by)
   with
-  | true, numerator, denominator, count ->
-    exit_with 0 (Printf.sprintf "no plan has more than %s / %s, that is %s (%d leaves)"
-                   (Z.to_string numerator) (Z.to_string denominator) (decimals numerator denominator) count)
+  | true, numerator, denominator, by ->
+    exit_with 0 (Printf.sprintf "no plan has more than %s / %s, that is %s (%s)"
+                   (Z.to_string numerator) (Z.to_string denominator) (decimals numerator denominator) by)
   | false, _, _, _ -> exit_with 1 "refused: the claim does not follow from the certificate's numbers"
   | exception Refused message -> exit_with 1 ("refused: " ^ message)
   | exception (End_of_file | Failure _ | Invalid_argument _ | Sys_error _ | Not_found as error) ->

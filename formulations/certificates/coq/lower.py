@@ -25,6 +25,7 @@ import cocap_check as check  # type: ignore[import-not-found]
 
 SCALE = 1 << 64  # of alpha, beta, roots and shares
 MOST_BITS = 52  # of a payment's fraction
+COARSE = 1 << 20  # fractions of the search's bounds
 NATIVE_BITS = 60  # so that J in 1/precision is a small whole number of Zarith
 
 Spec = dict[str, Any]
@@ -195,6 +196,43 @@ class Lowering:
         )
         return ["moving", t, *listed(moves)]
 
+    # -- stages -----------------------------------------------------------------------------
+
+    def staged(self, numbers: Spec) -> Words:
+        """Returns the words of a staged certificate."""
+        target = check.number_of(numbers["target"])
+        if self.bound is not None:
+            target = min(target, self.bound)
+        return [
+            math.floor(target * self.precision), COARSE,
+            *self.multipliers(numbers["multipliers"]),
+            *listed(map(self._stage, numbers["stages"])),
+        ]  # fmt: skip
+
+    def _stage(self, stage: Spec) -> Words:
+        payments: list[Words] = []
+        for step in stage.get("payments", ()):
+            number = self.number[step["robot_class"]]
+            kind = self.instance.kinds[self.kinds[number]]
+            listed_prices = (
+                [place * len(kind.turns) + turn + 1, self._rounded(price)]
+                for (place, turn), price in zip(
+                    (kind.states[tuple(state)] for state in step["states"]),
+                    step["payments"],
+                    strict=True,
+                )
+            )
+            others = self._rounded(step.get("others", 0.0))
+            payments.append([check.whole(step["t"]), number, *listed(listed_prices), others])
+        constants = (
+            [check.whole(step["t"]), self._rounded(step["constant"])]
+            for step in stage.get("constants", ())
+        )
+        return [*listed(payments), *listed(constants)]
+
+    def _rounded(self, value: object) -> int:
+        return round(check.number_of(value) * self.precision)
+
     # -- trees ------------------------------------------------------------------------------
 
     def tree(self, nodes: list[Spec], number: int = 0, decisions: check.Decisions = ()) -> Words:
@@ -228,8 +266,10 @@ def lowered(instance: check.Instance, file: Spec, multipliers: bool) -> Words:
     lowering = Lowering(instance, single, bound)
     words = lowering.claim()
     if numbers is None:
-        return words + lowering.tree(file["nodes"])
-    return words + lowering.leaf(numbers)
+        return [*words, "tree", *lowering.tree(file["nodes"])]
+    if numbers.get("type") == "staged":
+        return [*words, "staged", *lowering.staged(numbers)]
+    return [*words, "tree", *lowering.leaf(numbers)]
 
 
 def main() -> int:
