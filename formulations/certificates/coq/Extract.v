@@ -1,6 +1,6 @@
 (** The checker as an OCaml program: integers by Zarith, as Coq's own extraction has them. *)
 From Coq Require Import ZArith Extraction ExtrOcamlBasic ExtrOcamlZBigInt ExtrOcamlNatInt.
-From CocapCheck Require Import Spec Rows Prices Checker Staged Build.
+From CocapCheck Require Import Spec Rows Prices Checker Staged Paths Build.
 
 (* A root is looked for, not trusted: what is found is checked by multiplication (root_of). *)
 (* So are those of the search, which are small mostly (root_up, root_down of Search.v). *)
@@ -16,7 +16,7 @@ Extract Inductive positive => "Big_int_Z.big_int"
     let q = Big_int_Z.shift_right_big_int p 1 in
     if Big_int_Z.eq_big_int (Big_int_Z.shift_left_big_int q 1) p then even q else odd q)".
 Extraction Blacklist List String Z Q Big_int_Z.
-Extraction "checker.ml" build check_tree check_staged staged_bound.
+Extraction "checker.ml" build check_tree check_staged whole_bound.
 
 (* What the theorems rest on. *)
 Print Assumptions tree_sound.

@@ -254,12 +254,6 @@ Definition staged_bound (target : Z) (stages : list stage) : option Z :=
           end)
   else None.
 
-Definition check_staged (target : Z) (stages : list stage) (numerator denominator : Z) : bool :=
-  match staged_bound target stages with
-  | None => false
-  | Some b => (0 <? denominator) && (b * denominator <=? numerator * precision M)
-  end.
-
 (** * Soundness *)
 
 Lemma find_build_map {B} (f : state -> B -> option Z) (m : PM.t B) s u v :
@@ -1051,20 +1045,4 @@ Proof.
     + apply IZR_le. lia.
 Qed.
 
-(** A staged claim that passes the check is true. *)
-Theorem staged_sound target stages numerator denominator plan :
-  check_staged target stages numerator denominator = true -> is_plan I plan ->
-  (J I plan <= IZR numerator / IZR denominator)%R.
-Proof.
-  unfold check_staged. intros H Hp. destruct (staged_bound target stages) as [b|] eqn:E; [|discriminate].
-  pose proof (staged_bound_sound target stages b plan E Hp) as HJ. split_andb. to_Z.
-  unfold staged_bound in E. destruct staged_numbers_ok eqn:Hok; [|discriminate]. pose proof (precision_pos Hok) as Zu.
-  assert (Hle : b * denominator <= numerator * precision M) by assumption.
-  assert (Hden : 0 < denominator) by assumption.
-  apply Rle_trans with (1 := HJ). apply IZR_le in Hle. rewrite !mult_IZR in Hle. apply IZR_pos in Zu, Hden.
-  apply Rmult_le_reg_r with (IZR denominator * IZR (precision M))%R; [apply Rmult_lt_0_compat; assumption|].
-  replace (IZR b / IZR (precision M) * (IZR denominator * IZR (precision M)))%R with (IZR b * IZR denominator)%R by (field; lra).
-  replace (IZR numerator / IZR denominator * (IZR denominator * IZR (precision M)))%R with (IZR numerator * IZR (precision M))%R by (field; lra).
-  exact Hle.
-Qed.
 End Staged.

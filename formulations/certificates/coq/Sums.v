@@ -192,3 +192,7 @@ Proof.
     - apply IH; [intros; apply Hl | intros; apply Hm]; right; assumption. }
   intros HF. apply H; auto.
 Qed.
+
+Lemma Forall2_weaken {A B} (P Q : A -> B -> Prop) la lb : (forall a b, P a b -> Q a b) ->
+  Forall2 P la lb -> Forall2 Q la lb.
+Proof. intros HPQ. induction 1; constructor; auto. Qed.

@@ -226,8 +226,10 @@ let () =
         let target = z source in let coarse = z source in
         let first = certificate source in
         let stages = many source stage in
-        let by = Printf.sprintf "%d stages" (List.length stages) in
-        (check_staged (build single lines) first coarse target stages numerator denominator, by)
+        let paths_above = match word source with "-" -> None | above -> Some (Z.of_string above) in
+        let by = Printf.sprintf "%d stages%s" (List.length stages)
+            (if paths_above = None then "" else ", and paths of all drones together") in
+        (check_staged (build single lines) first coarse target stages paths_above numerator denominator, by)
       | w -> refuse "no tree and no stages: %s" w in
     (holds, numerator, denominator, by)
   with

@@ -200,14 +200,17 @@ class Lowering:
 
     def staged(self, numbers: Spec) -> Words:
         """Returns the words of a staged certificate."""
-        target = check.number_of(numbers["target"])
-        if self.bound is not None:
-            target = min(target, self.bound)
+        target, above = self._target(numbers["target"]), numbers.get("paths_above")
         return [
-            math.floor(target * self.precision), COARSE,
+            target, COARSE,
             *self.multipliers(numbers["multipliers"]),
             *listed(map(self._stage, numbers["stages"])),
+            "-" if above is None else max(self._target(above), target),
         ]  # fmt: skip
+
+    def _target(self, value: object) -> int:
+        target = check.number_of(value)
+        return math.floor(min(target, self.bound or target) * self.precision)
 
     def _stage(self, stage: Spec) -> Words:
         payments: list[Words] = []

@@ -1,0 +1,529 @@
+(** The paths of all drones together: value iteration over the joint states that plans above a target
+    may visit.  Of all ways to a joint state the best is kept. *)
+From Coq Require Import ZArith List Bool Reals Lra Lia Psatz Permutation FMapPositive.
+From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Search Staged.
+Import ListNotations.
+Open Scope Z_scope.
+
+(** * Joint states, and what the best way to each is worth *)
+
+Definition joint : Type := list state.  (* of each drone *)
+Definition joints : Type := PM.t (list (joint * Z)).
+
+Fixpoint same_joint (a b : joint) : bool :=
+  match a, b with
+  | [], [] => true
+  | s :: a', s' :: b' => Pos.eqb s s' && same_joint a' b'
+  | _, _ => false
+  end.
+
+(** Joint states of one key are told apart. *)
+Definition key_of (j : joint) : positive := fold_left (fun k s => (k * 4096 + s)%positive) j xH.
+
+Fixpoint put (j : joint) (v : Z) (l : list (joint * Z)) : list (joint * Z) :=
+  match l with
+  | [] => [(j, v)]
+  | (j', v') :: rest => if same_joint j j' then (j', Z.max v v') :: rest else (j', v') :: put j v rest
+  end.
+
+Definition insert (j : joint) (v : Z) (m : joints) : joints :=
+  let k := key_of j in PM.add k (put j v (match PM.find k m with Some l => l | None => [] end)) m.
+
+Definition listed (m : joints) : list (joint * Z) := flat_map snd (PM.elements m).
+
+Definition recorded (j : joint) (c : R) (m : joints) : Prop :=
+  exists l v, PM.find (key_of j) m = Some l /\ In (j, v) l /\ (c <= IZR v)%R.
+
+Lemma same_joint_eq a : forall b, same_joint a b = true -> a = b.
+Proof.
+  induction a as [|s a IH]; intros [|s' b] H; simpl in H; try discriminate; [reflexivity|].
+  apply andb_true_iff in H. destruct H as [H1 H2]. apply Pos.eqb_eq in H1. rewrite H1, (IH b H2). reflexivity.
+Qed.
+
+Lemma put_new j v l : exists v', In (j, v') (put j v l) /\ v <= v'.
+Proof.
+  induction l as [|[j' w] l IH]; simpl; [exists v; split; [left; reflexivity | lia]|].
+  destruct (same_joint j j') eqn:E.
+  - apply same_joint_eq in E. subst j'. exists (Z.max v w). split; [left; reflexivity | lia].
+  - destruct IH as [v' [H1 H2]]. exists v'. split; [right; exact H1 | exact H2].
+Qed.
+
+Lemma put_old j v l i w : In (i, w) l -> exists w', In (i, w') (put j v l) /\ w <= w'.
+Proof.
+  induction l as [|[j' u] l IH]; simpl; [intros []|]. intros Hin. destruct (same_joint j j') eqn:E.
+  - destruct Hin as [Hin | Hin].
+    + injection Hin as -> ->. exists (Z.max v w). split; [left; reflexivity | lia].
+    + exists w. split; [right; exact Hin | lia].
+  - destruct Hin as [Hin | Hin].
+    + injection Hin as -> ->. exists w. split; [left; reflexivity | lia].
+    + destruct (IH Hin) as [w' [H1 H2]]. exists w'. split; [right; exact H1 | exact H2].
+Qed.
+
+Lemma insert_new j v m c : (c <= IZR v)%R -> recorded j c (insert j v m).
+Proof.
+  intros Hc. unfold recorded, insert. cbv zeta. rewrite PM.gss.
+  match goal with |- context [put j v ?l] => destruct (put_new j v l) as [v' [H1 H2]] end.
+  eexists _, v'. split; [reflexivity|]. split; [exact H1|]. apply IZR_le in H2. lra.
+Qed.
+
+Lemma insert_old j v m i c : recorded i c m -> recorded i c (insert j v m).
+Proof.
+  intros [l [w [E [Hin Hc]]]]. unfold recorded, insert. cbv zeta.
+  destruct (Pos.eq_dec (key_of i) (key_of j)) as [Ek | Ek].
+  - rewrite <- Ek, PM.gss, E. destruct (put_old j v l i w Hin) as [w' [H1 H2]].
+    eexists _, w'. split; [reflexivity|]. split; [exact H1|]. apply IZR_le in H2. lra.
+  - rewrite PM.gso by exact Ek. exists l, w. auto.
+Qed.
+
+Lemma recorded_less j c c' m : (c' <= c)%R -> recorded j c m -> recorded j c' m.
+Proof. intros H [l [v [H1 [H2 H3]]]]. exists l, v. repeat split; try assumption. lra. Qed.
+
+Lemma recorded_listed j c m : recorded j c m -> exists v, In (j, v) (listed m) /\ (c <= IZR v)%R.
+Proof.
+  intros [l [v [E [Hin Hc]]]]. exists v. split; [|exact Hc]. unfold listed. apply in_flat_map.
+  exists (key_of j, l). split; [apply PM.elements_correct, E | exact Hin].
+Qed.
+
+(** * The iteration *)
+
+Section Paths.
+Variables (I : instance) (C : certificate) (coarse : Z).
+Notation T := (horizon I).
+Notation M := (numbers C).
+Notation rs := (all_rows C []).
+Variables (N : narrowing) (target : Z) (Vs : list (nat * list (PM.t (option Z)))).
+
+(** The most that a drone gets after a step from a state on, if there is a way. *)
+Definition future (k t : nat) : state -> option Z :=
+  let V := nth t (of_class [] Vs k) (PM.empty _) in
+  fun s => match PM.find s V with Some (Some v) => Some (v - step_price I C N k t s) | _ => None end.
+
+(** The constants of the steps after t, and the rows from t on. *)
+Definition rest (t : nat) : Z :=
+  total (T - t) (fun i => u_constant (now (at_ N (S (t + i)))))
+  + sumZ (map (fun r => if Nat.leb t (step_of (used r)) then multiplier r else 0) rs).
+
+Definition moved (k : nat) (from : positive) (s : state) : named := ((k, place I k s), (from, s)).
+Definition state_in (c : candidate) : state := snd (snd (name named c)).
+Definition class_of (c : candidate) : nat := fst (fst (name named c)).
+
+Definition ways_meet (a b : named) : bool :=
+  places_meet I a b
+  || (let way (n : named) := let '((k, p), (from, _)) := n in (k, from, p) in
+      clash I (way a) (way b) && clash I (way b) (way a)).
+
+(** A state for a drone: what it gets there and later counts as its price, below 0. *)
+Definition choice (t k : nat) (from : positive) (rewarded : state -> Z) (s : state) : list candidate :=
+  match future k t s with
+  | None => []
+  | Some a => let price := - a - rewarded s in
+      [candidate_of I coarse (step_groups I C t) t k (moved k from s) price
+         (number_of (charges (at_ N t)) k s) (step_static (at_ N t) k s price) s]
+  end.
+
+Definition future_in (t : nat) (c : candidate) : Z :=
+  match future (class_of c) t (state_in c) with Some a => a | None => 0 end.
+
+Definition take_joint (t : nat) (gs : list group) (before threshold : Z) (l : list candidate) (m : joints) : joints :=
+  let worth := exact_of I C gs l in
+  if (floor (at_ N t) + sum named (charge named) l <=? worth)
+     && (threshold <? worth - sum named (price named) l)
+  then insert (map state_in l) (before + worth + sumZ (map (fun c => - price named c - future_in t c) l)) m
+  else m.
+
+Definition explore (t : nat) (before : Z) (conflict : named -> named -> bool) (p : pool candidate) : joints -> joints :=
+  let gs := step_groups I C t in
+  let threshold := target - before - rest t in
+  search I C coarse (fun _ => threshold) (take_joint t gs before threshold) conflict gs (length (team I)) []
+    (nothing (specs_of I C coarse gs)) 0 (- floor (at_ N t)) (step_bases (at_ N t)) p.
+
+Definition first_joints : joints :=
+  explore 0 0 (places_meet I)
+    (map (fun d => (1%nat, flat_map (choice 0 (fst d) xH (fun _ => 0)) (snd d))) (team I)) (PM.empty _).
+
+Fixpoint pools_from (t : nat) (drones : list (nat * list state)) (j : joint) : pool candidate :=
+  match drones, j with
+  | (k, _) :: drones', s :: j' =>
+      (1%nat, flat_map (choice (S t) k (place I k s) (reward I C k s)) (moves I k t s)) :: pools_from t drones' j'
+  | _, _ => []
+  end.
+
+Definition next_joints (t : nat) (m : joints) : joints :=
+  fold_left (fun found jv => explore (S t) (snd jv) ways_meet (pools_from t (team I) (fst jv)) found)
+            (listed m) (PM.empty _).
+
+Fixpoint reached (t : nat) : joints :=
+  match t with O => first_joints | S t' => next_joints t' (reached t') end.
+
+(** What no plan is above. *)
+Definition paths_bound : Z := fold_left (fun b jv => Z.max b (snd jv)) (listed (reached T)) target.
+
+(** * Soundness *)
+
+Lemma ways_meet_symmetric a b : ways_meet a b = ways_meet b a.
+Proof.
+  unfold ways_meet. rewrite places_meet_symmetric. f_equal. destruct a as [[k p] [q s]], b as [[k' p'] [q' s']].
+  apply andb_comm.
+Qed.
+
+Variable plan : list flight.
+Hypothesis ok : staged_numbers_ok I C coarse = true.
+Hypothesis planned : is_plan I plan.
+Hypothesis above : (IZR target < J I plan * IZR (precision M))%R.
+Hypothesis narrow : inv I C plan N.
+Hypothesis swept : Vs = sweep_all I C N.
+
+Notation FR := (FR I C plan).
+
+Lemma future_ok f t : In f plan -> (t <= T)%nat -> exists a, future (fst f) t (snd f t) = Some a
+  /\ to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - step_price I C N (fst f) t (snd f t) <= a.
+Proof.
+  intros Hf Ht. pose proof (to_go_ok I C plan planned N f narrow Hf) as H.
+  destruct (Forall2_seq_nth _ (PM.empty _) _ _ _ H t ltac:(lia)) as [v [Ev Hv]]. rewrite Nat.add_0_l in Ev, Hv.
+  unfold future. rewrite swept. unfold sweep_all. rewrite of_class_map by (apply (class_in I plan planned), Hf).
+  rewrite Ev. eexists. split; [reflexivity | lia].
+Qed.
+
+Definition rewards_at (t : nat) : Z := sumZ (map (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan).
+
+(** What a plan is worth up to step t. *)
+Definition G (t : nat) : R := (sumR (map FR (seq 0 (S t))) + IZR (total t rewards_at))%R.
+
+Lemma J_below : (J I plan * IZR (precision M) <= G T)%R.
+Proof.
+  pose proof (units_fine I C coarse ok) as Hu. pose proof (groups_fine I C coarse ok) as Hg.
+  pose proof (worth_steps I M Hu Hg plan (views_fine I C coarse plan ok planned)) as HW.
+  pose proof (bonuses_R I C [] plan (numbers_fine I C coarse ok)) as HB.
+  pose proof (IZR_pos _ (precision_pos I C coarse ok)) as Pp.
+  unfold J, G. rewrite Rmult_plus_distr_r. apply Rplus_le_compat.
+  - unfold Staged.FR. rewrite sumR_scale, Rmult_comm. apply Rmult_le_compat_l; [lra | exact HW].
+  - apply (Rmult_le_compat_r (IZR (precision M))) in HB; [|lra].
+    unfold Rdiv in HB at 2. rewrite Rmult_assoc, Rinv_l, Rmult_1_r in HB by lra.
+    eapply Rle_trans; [exact HB|]. apply Req_le. f_equal. unfold rewards_at. rewrite total_sum. reflexivity.
+Qed.
+
+Lemma total_from n t0 t (f : nat -> Z) :
+  total n (fun i => if Nat.eqb t0 (t + i) then f (t + i)%nat else 0) = if (Nat.leb t t0 && Nat.ltb t0 (t + n))%bool then f t0 else 0.
+Proof.
+  induction n as [|n IH]; cbn [total].
+  - destruct (Nat.leb_spec t t0), (Nat.ltb_spec t0 (t + 0)); simpl; try reflexivity; lia.
+  - rewrite IH. destruct (Nat.leb_spec t t0), (Nat.ltb_spec t0 (t + n)), (Nat.ltb_spec t0 (t + S n)), (Nat.eqb_spec t0 (t + n)); simpl; try lia; subst; lia.
+Qed.
+
+(** Rows from a step on are charged no more than their multipliers. *)
+Lemma later_charges t n : (t + n = T)%nat ->
+  sumZ (map (fun f => total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i)))
+                                        + charge_here I rs (fst f) (S (t + i)) (snd f (S (t + i))))) plan)
+  <= sumZ (map (fun r => if Nat.leb t (step_of (used r)) then multiplier r else 0) rs).
+Proof.
+  intros Hn.
+  set (later := fun r (f : flight) => total n (fun i => (if Nat.eqb (step_of r) (t + i) then b2z (uses_moving I r (fst f) (snd f (t + i)%nat) (snd f (S (t + i)))) else 0))
+     + total n (fun i => if Nat.eqb (step_of r) (S t + i) then b2z (uses_here I r (fst f) (snd f (S t + i)%nat)) else 0)).
+  assert (E : sumZ (map (fun f => total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i)))
+                                        + charge_here I rs (fst f) (S (t + i)) (snd f (S (t + i))))) plan)
+     = sumZ (map (fun r => sign r * multiplier r * sumZ (map (later (used r)) plan)) rs)).
+  { transitivity (sumZ (map (fun f => sumZ (map (fun r => sign r * multiplier r * later (used r) f) rs)) plan)).
+    - apply sumZ_ext. intros f _. unfold later.
+      rewrite (total_ext _ _ (fun i => sumZ (map (fun r => sign r * multiplier r * ((if Nat.eqb (step_of (used r)) (t + i) then b2z (uses_moving I (used r) (fst f) (snd f (t + i)%nat) (snd f (S (t + i)))) else 0)
+          + (if Nat.eqb (step_of (used r)) (S t + i) then b2z (uses_here I (used r) (fst f) (snd f (S t + i)%nat)) else 0))) rs))).
+      + rewrite total_sum. apply sumZ_ext. intros r _. rewrite total_scale, total_add. reflexivity.
+      + intros i _. rewrite charge_moving_all, charge_here_all, <- sumZ_add. apply sumZ_ext. intros r _.
+        simpl Nat.add. lia.
+    - rewrite sumZ_swap. apply sumZ_ext. intros r _. rewrite sumZ_scale. reflexivity. }
+  rewrite E. apply sumZ_le. intros r Hr.
+  pose proof (ok_parts I C [] (numbers_fine I C coarse ok)) as [_ [_ [Hrules _]]].
+  unfold all_rows in Hr. rewrite app_nil_r in Hr. rewrite forallb_forall in Hrules. specialize (Hrules r Hr).
+  pose proof (rule_holds I plan r Hrules (proj2 planned)) as Hh.
+  unfold rule_ok, row_ok in Hrules. split_andb. to_Z.
+  assert (Es : sign r = 1) by (unfold sign; match goal with H : at_most r = true |- _ => rewrite H; reflexivity end).
+  unfold holds in Hh. rewrite Es in *.
+  assert (Hle : sumZ (map (later (used r)) plan) <= if Nat.leb t (step_of (used r)) then plan_uses I (used r) plan else 0).
+  { unfold plan_uses. replace (if Nat.leb t (step_of (used r)) then sumZ (map (path_uses I (used r)) plan) else 0)
+      with (sumZ (map (fun f => if Nat.leb t (step_of (used r)) then path_uses I (used r) f else 0) plan)).
+    2:{ destruct (Nat.leb _ _); [reflexivity|]. apply sumZ_zero. reflexivity. }
+    apply sumZ_le. intros f _. unfold later.
+    rewrite (total_from n (step_of (used r)) t (fun j => b2z (uses_moving I (used r) (fst f) (snd f j) (snd f (S j))))).
+    rewrite (total_from n (step_of (used r)) (S t) (fun j => b2z (uses_here I (used r) (fst f) (snd f j)))).
+    rewrite path_uses_pick.
+    assert (B : forall b, 0 <= b2z b) by (intros []; unfold b2z; lia).
+    pose proof (B (uses_moving I (used r) (fst f) (snd f (step_of (used r))) (snd f (S (step_of (used r)))))) as B1.
+    pose proof (B (uses_here I (used r) (fst f) (snd f (step_of (used r))))) as B2.
+    destruct (Nat.leb_spec t (step_of (used r))), (Nat.leb_spec (S t) (step_of (used r))),
+      (Nat.ltb_spec (step_of (used r)) (t + n)), (Nat.ltb_spec (step_of (used r)) (S t + n)),
+      (Nat.ltb_spec (step_of (used r)) (S T)), (Nat.ltb_spec (step_of (used r)) T); cbn [andb]; try lia. }
+  destruct (Nat.leb t (step_of (used r))); nia.
+Qed.
+
+Lemma to_go_sum (price : nat -> state -> Z) (toll : nat -> state -> state -> Z) (p : nat -> state) n : forall t,
+  to_go price toll p n t = price t (p t) + total n (fun i => toll (t + i)%nat (p (t + i)%nat) (p (S (t + i))) + price (S (t + i)) (p (S (t + i)))).
+Proof.
+  assert (Hfirst : forall n (f : nat -> Z), total (S n) f = f O + total n (fun i => f (S i))).
+  { clear. induction n as [|n IH]; intros f; [simpl; lia|]. cbn [total] in *. rewrite IH. cbn [total]. lia. }
+  induction n as [|n IH]; intros t; cbn [to_go]; [simpl; lia|].
+  rewrite IH, Hfirst, Nat.add_0_r.
+  rewrite (total_ext n (fun i => toll (S t + i)%nat (p (S t + i)%nat) (p (S (S t + i))) + price (S (S t + i)) (p (S (S t + i))))
+                       (fun i => toll (t + S i)%nat (p (t + S i)%nat) (p (S (t + S i))) + price (S (t + S i)) (p (S (t + S i))))).
+  - lia.
+  - intros i _. replace (S t + i)%nat with (t + S i)%nat by lia. reflexivity.
+Qed.
+
+(** What a plan above the target is worth up to step t, and what its drones get later. *)
+Lemma bound_at t : (t <= T)%nat -> (J I plan * IZR (precision M) <= G t + IZR (sumZ (map (fun f =>
+    to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - step_price I C N (fst f) t (snd f t))%Z plan) + rest t))%R.
+Proof.
+  intros Ht. eapply Rle_trans; [apply J_below|]. set (n := (T - t)%nat). assert (Hn : (t + n = T)%nat) by (unfold n; lia).
+  pose proof (later_charges t n Hn) as Hlater.
+  assert (Hsplit : forall m, (t + m <= T)%nat -> (G (t + m)%nat <= G t + IZR (total m (fun i => rewards_at (t + i)
+      + (u_constant (now (at_ N (S (t + i)))) + prices_sum plan (u_prices (now (at_ N (S (t + i))))) (S (t + i))))%Z))%R).
+  { induction m as [|m IH]; intros Hm; [rewrite Nat.add_0_r; simpl; lra|]. specialize (IH ltac:(lia)).
+    replace (t + S m)%nat with (S (t + m)) by lia. cbn [total].
+    assert (EG : G (S (t + m)) = (G (t + m)%nat + FR (S (t + m)) + IZR (rewards_at (t + m)))%R).
+    { unfold G. rewrite (seq_S (S (t + m))), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra. }
+    rewrite EG. destruct narrow as [_ HN]. destruct (HN (S (t + m)) ltac:(lia)) as [_ [HU _]].
+    specialize (HU (now (at_ N (S (t + m)))) (or_introl eq_refl)). rewrite !plus_IZR in *. lra. }
+  specialize (Hsplit n ltac:(lia)). rewrite Hn in Hsplit. eapply Rle_trans; [exact Hsplit|].
+  apply Rplus_le_compat_l, IZR_le. unfold rest. fold n.
+  assert (E : sumZ (map (fun f => to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) n t - step_price I C N (fst f) t (snd f t)) plan)
+    = total n (fun i => rewards_at (t + i) + prices_sum plan (u_prices (now (at_ N (S (t + i))))) (S (t + i)))
+      + -1 * sumZ (map (fun f => total n (fun i => charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i)))
+                                        + charge_here I rs (fst f) (S (t + i)) (snd f (S (t + i))))) plan)).
+  { unfold rewards_at, prices_sum.
+    rewrite (total_ext n _ (fun i => sumZ (map (fun f => reward I C (fst f) (snd f (t + i)%nat) (snd f (S (t + i)))
+        + number_of (u_prices (now (at_ N (S (t + i))))) (fst f) (snd f (S (t + i)))) plan))) by (intros; rewrite <- sumZ_add; reflexivity).
+    rewrite total_sum, <- sumZ_scale, <- sumZ_add. apply sumZ_ext. intros f _.
+    rewrite to_go_sum, <- total_scale, <- total_add.
+    rewrite (total_ext n (fun i => toll' I C (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))) + step_price I C N (fst f) (S (t + i)) (snd f (S (t + i))))
+       (fun i => reward I C (fst f) (snd f (t + i)%nat) (snd f (S (t + i))) + number_of (u_prices (now (at_ N (S (t + i))))) (fst f) (snd f (S (t + i)))
+          + -1 * (charge_moving I rs (fst f) (t + i) (snd f (t + i)%nat) (snd f (S (t + i))) + charge_here I rs (fst f) (S (t + i)) (snd f (S (t + i)))))).
+    - lia.
+    - intros i _. unfold toll', toll, step_price. lia. }
+  rewrite E. rewrite !total_add in *. lia.
+Qed.
+
+(** ** One step *)
+
+Definition joint_at (t : nat) : joint := map (fun f => snd f t) plan.
+
+Lemma explore_keeps j c t before conflict p m : recorded j c m -> recorded j c (explore t before conflict p m).
+Proof.
+  intros H.
+  set (keeps := fun (_ : list candidate) found => recorded j c found).
+  change (keeps [] (explore t before conflict p m)). unfold explore, search.
+  apply node_keeps; [|exact H].
+  intros l l' a Ha. unfold keeps, take_joint in *. cbv zeta. destruct (_ && _); [apply insert_old|]; exact Ha.
+Qed.
+
+Lemma explore_ok t before conflict (from : flight -> positive) (rewarded : flight -> Z) (p : pool candidate) m :
+  (t <= T)%nat -> (forall a b, conflict a b = conflict b a) ->
+  (G t <= IZR before + FR t + IZR (sumZ (map rewarded plan)))%R ->
+  (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (from f) (snd f t)) pr) plan)) ->
+  Forall2 (fun nl f => fst nl = 1%nat /\ forall a, future (fst f) t (snd f t) = Some a ->
+     In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (from f) (snd f t)) (fun _ => - a - rewarded f) f) (snd nl)) p plan ->
+  recorded (joint_at t) (G t) (explore t before conflict p m).
+Proof.
+  intros Ht Hsym HG Hfits Hp.
+  set (fut := fun f : flight => match future (fst f) t (snd f t) with Some a => a | None => 0 end).
+  set (pr := fun f => - fut f - rewarded f). set (nm := fun f : flight => moved (fst f) (from f) (snd f t)) in *.
+  set (st := at_ N t). set (cf := flown_candidate I C coarse st t nm pr).
+  set (gs := step_groups I C t). set (threshold := target - before - rest t).
+  pose proof (step_groups_ok I C coarse ok t) as Hgs. fold gs in Hgs.
+  assert (Hinv : step_inv I C plan t st) by (apply narrow; exact Ht).
+  pose proof (flown_candidates_ok I C coarse plan ok planned st t nm pr Ht) as Hcf. fold cf gs in Hcf.
+  pose proof (flown_worth I C coarse plan ok planned st t nm pr Ht) as HFL. fold cf gs in HFL.
+  pose proof (flown_counts I C coarse plan ok planned conflict st t nm pr Ht Hinv (Hfits pr)) as Hcounts. fold cf gs in Hcounts.
+  set (L := map cf plan) in *. set (Ls := map (fun c => [c]) L).
+  assert (EL : concat Ls = L).
+  { unfold Ls. clear. induction L as [|c l IH]; simpl; [reflexivity | rewrite IH; reflexivity]. }
+  assert (Hpool : completes p Ls).
+  { assert (Hp' : Forall2 (fun nl f => fst nl = 1%nat /\ In (cf f) (snd nl)) p plan).
+    { eapply Forall2_weaken; [|apply (Forall2_in _ _ _ Hp)]. intros nl f [[H1 H2] [_ Hf]]. split; [exact H1|].
+      destruct (future_ok f t Hf Ht) as [a [Ea _]]. specialize (H2 a Ea).
+      unfold cf, pr, fut, flown_candidate in *. rewrite Ea. exact H2. }
+    unfold Ls, L. clear - Hp'. induction Hp' as [|nl f p fs [H1 H2] H IH]; simpl; constructor; [|exact IH].
+    split; [symmetry; exact H1|]. intros x [<- | []]. exact H2. }
+  set (Good := fun (l : list candidate) (m : joints) =>
+    counts named conflict (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) (step_bases st) (floor st) l ->
+    Forall (cand_ok named (amount_unit I) coarse (specs_of I C coarse gs)) l ->
+    (IZR threshold < profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l)%R ->
+    recorded (map state_in l) (IZR before + F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l
+       + IZR (sumZ (map (fun c => - price named c - future_in t c)%Z l)))%R m).
+  destruct (units I M (units_fine I C coarse ok)) as [_ [_ [Za Zw]]]. destruct (staged_parts I C coarse ok) as [_ [_ [Zc _]]].
+  assert (Hlow : forall l (a : joints), (profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l <= IZR threshold)%R -> Good l a).
+  { intros l a H _ _ H3. lra. }
+  assert (Hdown : forall l (a : joints), Good l (take_joint t gs before threshold l a)).
+  { intros l a H1 H2 H3. unfold take_joint. cbv zeta.
+    pose proof (exact_of_ok I C coarse (units_fine I C coarse ok) gs l Hgs H2) as HE. destruct H1 as [_ [Hfl _]].
+    assert (Hle : floor st + sum named (charge named) l <= exact_of I C gs l) by (apply le_IZR; rewrite plus_IZR; lra).
+    assert (Hlt : threshold < exact_of I C gs l - sum named (price named) l).
+    { apply lt_IZR. rewrite minus_IZR. unfold profitR in H3. lra. }
+    apply Z.leb_le in Hle. apply Z.ltb_lt in Hlt. fold st. rewrite Hle, Hlt. simpl. apply insert_new.
+    rewrite !plus_IZR. lra. }
+  assert (Hkeep : forall l l' (a : joints), Good l a -> Good l (take_joint t gs before threshold l' a)).
+  { intros l l' a H H1 H2 H3. unfold take_joint. cbv zeta. destruct (_ && _); [apply insert_old|]; apply H; assumption. }
+  assert (Hpos : Forall (fun nl : nat * list candidate => fst nl = 1%nat) p).
+  { clear - Hp. induction Hp as [|nl f p fs [H1 _] H IH]; constructor; assumption. }
+  pose proof (worth_of_none I C coarse ok t) as HF0. fold gs in HF0.
+  assert (HGood : Good ([] ++ concat Ls) (explore t before conflict p m)).
+  { apply (node_ok named conflict Hsym (amount_unit I) (weight_unit I) (precision M) coarse Za Zw (precision_pos I C coarse ok) Zc
+      (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => threshold) (take_joint t gs before threshold)
+      Sorted.sort sorted_permutes named_dec Good Hlow Hdown Hkeep true ltac:(discriminate) (step_bases st) (floor st)).
+    - exact Hpool.
+    - clear - Hpos. induction Hpos as [|nl p E H IH]; constructor; [rewrite E; lia | exact IH].
+    - apply Forall2_lengths in Hp. rewrite <- (eq_trans Hp (team_size I plan planned)). clear - Hpos.
+      induction Hpos as [|nl p E H IH]; simpl; [lia|]. rewrite E. lia.
+    - intros _. exact Hpos.
+    - simpl. rewrite EL. exact Hcf.
+    - eapply (nothing_ok (amount_unit I)); try eassumption. apply Forall_forall. intros sp Hsp. exact (specs_of_ok I C coarse gs Hgs sp Hsp).
+    - rewrite HF0. unfold sum. simpl. lra.
+    - rewrite HF0. unfold sum. simpl. rewrite opp_IZR. fold st. lra.
+    - apply bases_first.
+    - simpl. rewrite EL. exact Hcounts. }
+  simpl app in HGood. rewrite EL in HGood. specialize (HGood Hcounts Hcf).
+  assert (Hsum : sum named (price named) L = -1 * sumZ (map fut plan) + -1 * sumZ (map rewarded plan)).
+  { unfold sum, L. rewrite map_map, <- !sumZ_scale, <- sumZ_add. apply sumZ_ext. intros f _.
+    change (- fut f - rewarded f = -1 * fut f + -1 * rewarded f). lia. }
+  assert (Hfut : sumZ (map (fun f => to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - step_price I C N (fst f) t (snd f t)) plan)
+      <= sumZ (map fut plan)).
+  { apply sumZ_le. intros f Hf. destruct (future_ok f t Hf Ht) as [a [Ea Ha]]. unfold fut. rewrite Ea. exact Ha. }
+  assert (Hrew : sumZ (map (fun c => - price named c - future_in t c) L) = sumZ (map rewarded plan)).
+  { unfold L. rewrite map_map. apply sumZ_ext. intros f _.
+    change (- (- fut f - rewarded f) - fut f = rewarded f). lia. }
+  assert (Hthr : (IZR threshold < profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) L)%R).
+  { unfold profitR. rewrite HFL, Hsum. pose proof (bound_at t Ht) as HB. unfold threshold.
+    apply IZR_le in Hfut. rewrite ?plus_IZR, ?minus_IZR, ?mult_IZR in *. lra. }
+  specialize (HGood Hthr). rewrite HFL, Hrew in HGood.
+  assert (EJ : map state_in L = joint_at t) by (unfold L, joint_at; rewrite map_map; reflexivity).
+  rewrite EJ in HGood. eapply recorded_less; [|exact HGood]. exact HG.
+Qed.
+
+Lemma choice_in t f (from : positive) (rewarded : state -> Z) a : future (fst f) t (snd f t) = Some a ->
+  In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) from (snd f t)) (fun _ => - a - rewarded (snd f t)) f)
+     (choice t (fst f) from rewarded (snd f t)).
+Proof. intros E. unfold choice. rewrite E. left. reflexivity. Qed.
+
+Lemma first_joints_ok : recorded (joint_at 0) (G 0) first_joints.
+Proof.
+  unfold first_joints. apply (explore_ok 0 0 (places_meet I) (fun _ => xH) (fun _ => 0)); [lia | apply places_meet_symmetric | | |].
+  - unfold G. simpl. replace (sumZ (map (fun _ : flight => 0) plan)) with 0 by (symmetry; apply sumZ_zero; reflexivity). lra.
+  - intros pr. set (cf := flown_candidate I C coarse (at_ N 0) 0 (fun f => moved (fst f) xH (snd f 0%nat)) pr).
+    destruct planned as [_ H]. unfold fits_together. clear - H.
+    induction H as [|f l Hf H IH]; simpl; [constructor|]. constructor; [|exact IH].
+    rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
+    unfold places_meet. simpl. destruct (Hf g Hg) as [Hm _]. rewrite (Hm O ltac:(lia)). reflexivity.
+  - destruct planned as [HF _]. clear - HF. induction HF as [|d f ds fs [E1 E2] H IH]; simpl; constructor; [|exact IH].
+    simpl. split; [reflexivity|]. intros a Ea. apply in_flat_map. exists (snd f O). split.
+    + destruct f as [k q]. destruct E2 as [Hs _]. exact Hs.
+    + rewrite <- E1. apply (choice_in 0 f xH (fun _ => 0) a Ea).
+Qed.
+
+Lemma reached_ok t : (t <= T)%nat -> recorded (joint_at t) (G t) (reached t).
+Proof.
+  induction t as [|t IH]; intros Ht; [apply first_joints_ok|]. specialize (IH ltac:(lia)).
+  destruct (recorded_listed _ _ _ IH) as [v [Hin Hv]]. cbn [reached]. unfold next_joints.
+  assert (Hnew : forall m, recorded (joint_at (S t)) (G (S t)) (explore (S t) v ways_meet (pools_from t (team I) (joint_at t)) m)).
+  { intros m. apply (explore_ok (S t) v ways_meet (fun f => place I (fst f) (snd f t)) (fun f => reward I C (fst f) (snd f t) (snd f (S t))));
+      [exact Ht | apply ways_meet_symmetric | | |].
+    - change (G (S t) <= IZR v + FR (S t) + IZR (rewards_at t))%R.
+      unfold G in *. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra.
+    - intros pr. destruct planned as [_ H]. unfold fits_together. clear - H Ht.
+      induction H as [|f l Hf H IH]; simpl; [constructor|]. constructor; [|exact IH].
+      rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
+      unfold ways_meet, places_meet. simpl. destruct (Hf g Hg) as [Hm Hc].
+      rewrite (Hm (S t) ltac:(lia)), (Hc t ltac:(lia)). reflexivity.
+    - destruct planned as [HF _]. unfold joint_at. clear - HF Ht. induction HF as [|d f ds fs [E1 E2] H IH]; simpl; [constructor|].
+      destruct d as [k starts]. simpl in E1. constructor; [|exact IH].
+      simpl. split; [reflexivity|]. intros a Ea. apply in_flat_map. exists (snd f (S t)). split.
+      + rewrite <- E1. destruct f as [k' q]. destruct E2 as [_ [_ Hm]]. apply Hm. lia.
+      + rewrite <- E1. apply (choice_in (S t) f (place I (fst f) (snd f t)) (reward I C (fst f) (snd f t)) a Ea). }
+  assert (Hold : forall l m, recorded (joint_at (S t)) (G (S t)) m -> recorded (joint_at (S t)) (G (S t))
+     (fold_left (fun found jv => explore (S t) (snd jv) ways_meet (pools_from t (team I) (fst jv)) found) l m)).
+  { induction l as [|x l IHl]; intros m H; simpl; [exact H|]. apply IHl, explore_keeps, H. }
+  generalize (PM.empty (list (joint * Z))). revert Hin. generalize (listed (reached t)) as l.
+  induction l as [|x l IHl]; intros Hin m; [contradiction|]. simpl. destruct Hin as [-> | Hin].
+  - apply Hold. simpl. apply Hnew.
+  - apply IHl, Hin.
+Qed.
+
+Theorem paths_bound_ok : (J I plan * IZR (precision M) <= IZR paths_bound)%R.
+Proof.
+  destruct (recorded_listed _ _ _ (reached_ok T (le_n _))) as [v [Hin Hv]].
+  eapply Rle_trans; [apply J_below|]. eapply Rle_trans; [exact Hv|]. apply IZR_le. unfold paths_bound.
+  assert (Hold : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
+  { induction l as [|x l IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
+  revert Hin. generalize target as b. generalize (listed (reached T)) as l. induction l as [|x l IH]; intros b Hin; [contradiction|].
+  simpl. destruct Hin as [-> | Hin]; [|apply IH, Hin]. specialize (Hold l (Z.max b v)). simpl. lia.
+Qed.
+End Paths.
+
+(** * The theorem *)
+
+Section Whole.
+Variables (I : instance) (C : certificate) (coarse : Z).
+Notation M := (numbers C).
+
+(** What no plan is above, by stages, and by the paths of plans above a higher target, if there is
+    one; None: the certificate proves nothing. *)
+Definition whole_bound (target : Z) (stages : list stage) (paths_above : option Z) : option Z :=
+  match paths_above with
+  | None => staged_bound I C coarse target stages
+  | Some higher =>
+      if staged_numbers_ok I C coarse && (target <=? higher) then
+        Some (match narrowed I C coarse target stages with
+              | None => higher
+              | Some N => match close_twice I C higher N with
+                          | None => higher
+                          | Some N' => paths_bound I C coarse N' higher (sweep_all I C N')
+                          end
+              end)
+      else None
+  end.
+
+Definition check_staged (target : Z) (stages : list stage) (paths_above : option Z) (numerator denominator : Z) : bool :=
+  match whole_bound target stages paths_above with
+  | None => false
+  | Some b => (0 <? denominator) && (b * denominator <=? numerator * precision M)
+  end.
+
+Lemma whole_bound_sound target stages paths_above b plan :
+  whole_bound target stages paths_above = Some b -> is_plan I plan ->
+  0 < precision M /\ (J I plan * IZR (precision M) <= IZR b)%R.
+Proof.
+  unfold whole_bound. intros Hb Hp. destruct paths_above as [higher|].
+  - destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate]. simpl in Hb.
+    destruct (Z.leb_spec target higher) as [Hle | _]; [|discriminate]. injection Hb as <-.
+    pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|].
+    destruct (Rle_dec (J I plan * IZR (precision M)) (IZR higher)) as [L | G0].
+    + eapply Rle_trans; [exact L|]. apply IZR_le. destruct (narrowed _ _ _ _ _) as [N|]; [|lia].
+      destruct (close_twice _ _ _ N) as [N'|]; [|lia]. unfold paths_bound.
+      generalize (listed (reached I C coarse N' higher (sweep_all I C N') (horizon I))) as l. intros l.
+      assert (H : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
+      { induction l0 as [|x l0 IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
+      apply H.
+    + apply Rnot_le_lt in G0. assert (G1 : (IZR target < J I plan * IZR (precision M))%R) by (apply IZR_le in Hle; lra).
+      destruct (narrowed_ok I C coarse plan Hok Hp target G1 stages) as [N [EN HN]]. rewrite EN.
+      destruct (close_twice_ok I C coarse plan Hok Hp higher G0 N HN) as [N' [EN' HN']]. rewrite EN'.
+      apply (paths_bound_ok I C coarse N' higher (sweep_all I C N') plan Hok Hp G0 HN' eq_refl).
+  - pose proof Hb as Hb'. unfold staged_bound in Hb'. destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate].
+    pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|]. pose proof (IZR_pos _ Zp) as Pp.
+    pose proof (staged_bound_sound I C coarse target stages b plan Hb Hp) as H.
+    apply (Rmult_le_compat_r (IZR (precision M))) in H; [|lra]. unfold Rdiv in H.
+    rewrite Rmult_assoc, Rinv_l, Rmult_1_r in H by lra. exact H.
+Qed.
+
+(** A staged claim that passes the check is true. *)
+Theorem staged_sound target stages paths_above numerator denominator plan :
+  check_staged target stages paths_above numerator denominator = true -> is_plan I plan ->
+  (J I plan <= IZR numerator / IZR denominator)%R.
+Proof.
+  unfold check_staged. intros H Hp. destruct (whole_bound target stages paths_above) as [b|] eqn:E; [|discriminate].
+  destruct (whole_bound_sound target stages paths_above b plan E Hp) as [Zu HJ]. split_andb. to_Z.
+  assert (Hle : b * denominator <= numerator * precision M) by assumption.
+  assert (Hden : 0 < denominator) by assumption.
+  apply IZR_le in Hle. rewrite !mult_IZR in Hle. apply IZR_pos in Zu, Hden.
+  apply Rmult_le_reg_r with (IZR denominator * IZR (precision M))%R; [apply Rmult_lt_0_compat; assumption|].
+  replace (IZR numerator / IZR denominator * (IZR denominator * IZR (precision M)))%R with (IZR numerator * IZR (precision M))%R by (field; lra).
+  eapply Rle_trans; [|exact Hle].
+  replace (J I plan * (IZR denominator * IZR (precision M)))%R with (J I plan * IZR (precision M) * IZR denominator)%R by ring.
+  apply Rmult_le_compat_r; lra.
+Qed.
+End Whole.
