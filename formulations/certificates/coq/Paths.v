@@ -113,13 +113,15 @@ Definition ways_meet (a b : named) : bool :=
       clash I (way a) (way b) && clash I (way b) (way a)).
 
 (** A state for a drone: what it gets there and later counts as its price, below 0. *)
-Definition choice (t k : nat) (from : positive) (rewarded : state -> Z) (s : state) : list candidate :=
+Definition choice_in (gs : list group) (t k : nat) (from : positive) (rewarded : state -> Z) (s : state) : list candidate :=
   match future k t s with
   | None => []
   | Some a => let price := - a - rewarded s in
-      [candidate_of I coarse (step_groups I C t) t k (moved k from s) price
+      [candidate_of I coarse gs t k (moved k from s) price
          (number_of (charges (at_ N t)) k s) (step_static (at_ N t) k s price) s]
   end.
+
+Definition choice (t : nat) := choice_in (step_groups I C t) t.
 
 Definition future_in (t : nat) (c : candidate) : Z :=
   match future (class_of c) t (state_in c) with Some a => a | None => 0 end.
@@ -131,25 +133,31 @@ Definition take_joint (t : nat) (gs : list group) (before threshold : Z) (l : li
   then insert (map state_in l) (before + worth + sumZ (map (fun c => - price named c - future_in t c) l)) m
   else m.
 
-Definition explore (t : nat) (before : Z) (conflict : named -> named -> bool) (p : pool candidate) : joints -> joints :=
-  let gs := step_groups I C t in
-  let threshold := target - before - rest t in
+Definition explore_in (gs : list group) (later : Z) (t : nat) (before : Z) (conflict : named -> named -> bool)
+  (p : pool candidate) : joints -> joints :=
+  let threshold := target - before - later in
   search I C coarse (fun _ => threshold) (take_joint t gs before threshold) conflict gs (length (team I)) []
     (nothing (specs_of I C coarse gs)) 0 (- floor (at_ N t)) (step_bases (at_ N t)) p.
+
+Definition explore (t : nat) := explore_in (step_groups I C t) (rest t) t.
 
 Definition first_joints : joints :=
   explore 0 0 (places_meet I)
     (map (fun d => (1%nat, flat_map (choice 0 (fst d) xH (fun _ => 0)) (snd d))) (team I)) (PM.empty _).
 
-Fixpoint pools_from (t : nat) (drones : list (nat * list state)) (j : joint) : pool candidate :=
+Fixpoint pools_in (gs : list group) (t : nat) (drones : list (nat * list state)) (j : joint) : pool candidate :=
   match drones, j with
   | (k, _) :: drones', s :: j' =>
-      (1%nat, flat_map (choice (S t) k (place I k s) (reward I C k s)) (moves I k t s)) :: pools_from t drones' j'
+      (1%nat, flat_map (choice_in gs (S t) k (place I k s) (reward I C k s)) (moves I k t s)) :: pools_in gs t drones' j'
   | _, _ => []
   end.
 
+Definition pools_from (t : nat) := pools_in (step_groups I C (S t)) t.
+
 Definition next_joints (t : nat) (m : joints) : joints :=
-  fold_left (fun found jv => explore (S t) (snd jv) ways_meet (pools_from t (team I) (fst jv)) found)
+  let gs := step_groups I C (S t) in
+  let later := rest (S t) in
+  fold_left (fun found jv => explore_in gs later (S t) (snd jv) ways_meet (pools_in gs t (team I) (fst jv)) found)
             (listed m) (PM.empty _).
 
 Fixpoint reached (t : nat) : joints :=
@@ -308,7 +316,7 @@ Lemma explore_keeps j c t before conflict p m : recorded j c m -> recorded j c (
 Proof.
   intros H.
   set (keeps := fun (_ : list candidate) found => recorded j c found).
-  change (keeps [] (explore t before conflict p m)). unfold explore, search.
+  change (keeps [] (explore t before conflict p m)). unfold explore, explore_in, search.
   apply node_keeps; [|exact H].
   intros l l' a Ha. unfold keeps, take_joint in *. cbv zeta. destruct (_ && _); [apply insert_old|]; exact Ha.
 Qed.
@@ -396,10 +404,10 @@ Proof.
   rewrite EJ in HGood. eapply recorded_less; [|exact HGood]. exact HG.
 Qed.
 
-Lemma choice_in t f (from : positive) (rewarded : state -> Z) a : future (fst f) t (snd f t) = Some a ->
+Lemma choice_found t f (from : positive) (rewarded : state -> Z) a : future (fst f) t (snd f t) = Some a ->
   In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) from (snd f t)) (fun _ => - a - rewarded (snd f t)) f)
      (choice t (fst f) from rewarded (snd f t)).
-Proof. intros E. unfold choice. rewrite E. left. reflexivity. Qed.
+Proof. intros E. unfold choice, choice_in. rewrite E. left. reflexivity. Qed.
 
 Lemma first_joints_ok : recorded (joint_at 0) (G 0) first_joints.
 Proof.
@@ -413,13 +421,15 @@ Proof.
   - destruct planned as [HF _]. clear - HF. induction HF as [|d f ds fs [E1 E2] H IH]; simpl; constructor; [|exact IH].
     simpl. split; [reflexivity|]. intros a Ea. apply in_flat_map. exists (snd f O). split.
     + destruct f as [k q]. destruct E2 as [Hs _]. exact Hs.
-    + rewrite <- E1. apply (choice_in 0 f xH (fun _ => 0) a Ea).
+    + rewrite <- E1. apply (choice_found 0 f xH (fun _ => 0) a Ea).
 Qed.
 
 Lemma reached_ok t : (t <= T)%nat -> recorded (joint_at t) (G t) (reached t).
 Proof.
   induction t as [|t IH]; intros Ht; [apply first_joints_ok|]. specialize (IH ltac:(lia)).
-  destruct (recorded_listed _ _ _ IH) as [v [Hin Hv]]. cbn [reached]. unfold next_joints.
+  destruct (recorded_listed _ _ _ IH) as [v [Hin Hv]]. cbn [reached].
+  change (next_joints t (reached t)) with (fold_left (fun found jv => explore (S t) (snd jv) ways_meet
+    (pools_from t (team I) (fst jv)) found) (listed (reached t)) (PM.empty _)).
   assert (Hnew : forall m, recorded (joint_at (S t)) (G (S t)) (explore (S t) v ways_meet (pools_from t (team I) (joint_at t)) m)).
   { intros m. apply (explore_ok (S t) v ways_meet (fun f => place I (fst f) (snd f t)) (fun f => reward I C (fst f) (snd f t) (snd f (S t))));
       [exact Ht | apply ways_meet_symmetric | | |].
@@ -430,11 +440,11 @@ Proof.
       rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
       unfold ways_meet, places_meet. simpl. destruct (Hf g Hg) as [Hm Hc].
       rewrite (Hm (S t) ltac:(lia)), (Hc t ltac:(lia)). reflexivity.
-    - destruct planned as [HF _]. unfold joint_at. clear - HF Ht. induction HF as [|d f ds fs [E1 E2] H IH]; simpl; [constructor|].
+    - destruct planned as [HF _]. unfold joint_at, pools_from. clear - HF Ht. induction HF as [|d f ds fs [E1 E2] H IH]; simpl; [constructor|].
       destruct d as [k starts]. simpl in E1. constructor; [|exact IH].
       simpl. split; [reflexivity|]. intros a Ea. apply in_flat_map. exists (snd f (S t)). split.
       + rewrite <- E1. destruct f as [k' q]. destruct E2 as [_ [_ Hm]]. apply Hm. lia.
-      + rewrite <- E1. apply (choice_in (S t) f (place I (fst f) (snd f t)) (reward I C (fst f) (snd f t)) a Ea). }
+      + rewrite <- E1. apply (choice_found (S t) f (place I (fst f) (snd f t)) (reward I C (fst f) (snd f t)) a Ea). }
   assert (Hold : forall l m, recorded (joint_at (S t)) (G (S t)) m -> recorded (joint_at (S t)) (G (S t))
      (fold_left (fun found jv => explore (S t) (snd jv) ways_meet (pools_from t (team I) (fst jv)) found) l m)).
   { induction l as [|x l IHl]; intros m H; simpl; [exact H|]. apply IHl, explore_keeps, H. }
