@@ -210,7 +210,8 @@ class Lowering:
 
     def _target(self, value: object) -> int:
         target = check.number_of(value)
-        return math.floor(min(target, self.bound or target) * self.precision)
+        lowered_target: int = math.floor(min(target, self.bound or target) * self.precision)
+        return lowered_target
 
     def _stage(self, stage: Spec) -> Words:
         payments: list[Words] = []
@@ -234,7 +235,8 @@ class Lowering:
         return [*listed(payments), *listed(constants)]
 
     def _rounded(self, value: object) -> int:
-        return round(check.number_of(value) * self.precision)
+        rounded: int = round(check.number_of(value) * self.precision)
+        return rounded
 
     # -- trees ------------------------------------------------------------------------------
 
