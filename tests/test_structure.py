@@ -50,7 +50,7 @@ ORDER = {
         "meshes", "tracks", "formats", "recipe", "built_in",
     ),
     "run": ("console", "output", "run", "pictures", "missions", "player"),
-    "experiments": ("tables", "sweeps", "report"),
+    "experiments": ("tables", "sweeps", "report", "library"),
     "front": ("api", "cli"),
     "lab": ("results", "benchmark", "studies", "manual", "notebooks"),
 }  # fmt: skip

@@ -69,6 +69,11 @@ app.command(  # by name: matplotlib is slow to import
     name="figure",
     help="Draw charts of results for papers.",
 )
+app.command(
+    "cocap_opt.cli.library_command:app",
+    name="library",
+    help="Instances with their best plans and bounds, and how to hand in better ones.",
+)
 if find_spec("cocap_opt.experiments.lab"):  # in the repository
     app.command(
         "cocap_opt.experiments.lab.studies.app:app",

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from cyclopts import App
 from cyclopts.argument import Argument
 
-_FAMILIES = ("figure", "study")  # commands that hold others
+_FAMILIES = ("figure", "library", "study")  # commands that hold others
 
 
 def commands_in_markdown(app: App) -> str:
     """Returns a part for each command but studies: how it is called, what it does, its options."""
     plain = [_command(f"cocap-opt {name}", app[name]) for name in _names(app, _FAMILIES)]
-    return "\n\n".join([*plain, _family(app, "figure")])
+    return "\n\n".join([*plain, _family(app, "figure"), _family(app, "library")])
 
 
 def studies_in_markdown(app: App) -> str:

@@ -140,6 +140,13 @@ Without scenes it takes the built-in ones, some of them for two minutes of proce
 
 Example: cocap-opt study cameras --scene corridor --seeds 0 --limit 20 --out cameras
 """),
+    "library": Study("library:library", """\
+Fill the library: make its instances, and submit a plan and a proof for each that has none.
+
+Folders of other people's files are named as the families are, in the folder of --from.
+
+Example: cocap-opt study library bottleneck-0 --limit 5
+"""),
     "speed": Study("speed:speed", """\
 Measure the speed of coverage, planners and the command line.
 

@@ -51,6 +51,7 @@ from cocap_opt.experiments.lab.studies.tripods.tripods import (
     tripods_in_words,
 )
 from cocap_opt.experiments.lab.studies.views import views_in_markdown
+from cocap_opt.experiments.library.tables import library_in_markdown, library_in_words
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.files.documents import FileError
 from cocap_opt.output.files import read_text, save_bytes
@@ -106,6 +107,8 @@ QUOTES: dict[str, Callable[[], str]] = {
     "gammas": gammas_in_markdown,
     "gamma_chosen": chosen_in_words,
     "lazy": lazy_in_markdown,
+    "library": library_in_markdown,
+    "library_in_words": library_in_words,
     "greedy_perspectives": start_sets_in_markdown,
     "greedy_perspectives_plans": partial(published_in_markdown, "greedy-perspectives-plans.csv"),
     "hughes_plans": partial(published_in_markdown, "hughes-plans.csv"),

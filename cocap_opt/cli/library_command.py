@@ -1,0 +1,172 @@
+"""The commands of `cocap-opt library`: best plans and bounds of instances, each of them checked."""
+
+import csv
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from cocap_opt.cli.options import FLAG, Json, Output
+from cocap_opt.experiments.library.entries import DATA
+from cocap_opt.experiments.library.records import Library, Standing
+from cocap_opt.experiments.library.tables import (
+    full_rows,
+    history_rows,
+    in_words,
+    short_rows,
+)
+from cocap_opt.files.documents import SceneFile, encode
+from cocap_opt.output.files import check_output, make_folder, save_bytes, save_files
+from cocap_opt.output.printing import Listing, print_result
+from cocap_opt.run.options import Option, UsageError
+
+app = App(
+    name="library",
+    help="Instances with their best plans and bounds, and how to hand in better ones.",
+    version_flags=[],
+)
+
+_Name = Annotated[str, Parameter(help="of an instance; `cocap-opt library status` lists them")]
+_Folder = Annotated[
+    Path | None, Parameter(name="--library", help="folder of another copy of the library")
+]
+_From = Annotated[
+    Path | None,
+    Parameter(
+        name="--from",
+        help="folder with the files of an instance that others publish; `status NAME` says where",
+    ),
+]
+
+
+@app.command(name="status")
+def _status(
+    name: Annotated[str, Parameter(help="of an instance; all if not given")] = "",
+    /,
+    *,
+    as_csv: Annotated[bool, FLAG(name="--csv", help="print a CSV of all that is known")] = False,
+    library: _Folder = None,
+    json: Json = False,
+) -> int:
+    """Print the best plan and bound of each instance, or all records of one.
+
+    Example: cocap-opt library status bottleneck-0
+    """
+    known = Library(library or DATA)
+    found = [known.standing(name)] if name else known.standings()
+    rows = full_rows(found)
+    if as_csv and json:
+        raise UsageError("--csv: is not to be combined with --json")
+    if as_csv:
+        writer = csv.DictWriter(sys.stdout, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    elif name:
+        records = history_rows(known.records(name))
+        if json:
+            print_result({**rows[0], "records": records}, json)
+        else:
+            drones, people, steps = (rows[0].pop(key) for key in ("drones", "people", "steps"))
+            size = f"{drones} drones, {people} people, {steps} steps"
+            made = found[0].entry.recipe
+            print_result({**rows[0], "size": size, "made of": made}, json)
+            Listing("records", records).print()
+    elif json:
+        print_result({"version": known.version, "instances": rows}, json)
+    else:
+        notes = [in_words(found)] if all(standing.digest for standing in found) else []
+        Listing(f"library, version {known.version}", short_rows(found), notes).print()
+    return 0
+
+
+@app.command(name="get")
+def _get(
+    name: _Name,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="folder to write to")],
+    sources: _From = None,
+    library: _Folder = None,
+    json: Json = False,
+) -> int:
+    """Write scene, instance, best plan and best certificate of an instance, all checked again.
+
+    Example: cocap-opt library get bottleneck-0 -o bottleneck-0
+    """
+    if output is None:
+        raise UsageError("-o: name the folder to write to")
+    known = Library(library or DATA)
+    standing = known.standing(name)
+    make_folder(output)
+    instance = known.instance(standing.entry, sources)
+    contents = {output / f"{name}.instance": instance.read_bytes()}
+    for record in filter(None, (standing.plan, standing.bound)):
+        known.recheck(record, sources)
+        kind = "plan" if record.kind == "plan" else "certificate"
+        contents[output / f"{name}.{kind}.json"] = known.content(record)
+    problem = known.problem(standing.entry, sources)
+    contents[output / f"{name}.scene.json"] = encode(SceneFile.of(problem))
+    save_files(contents)
+    answer = {"instance": name, "files": list(contents)}
+    print_result({**_told(standing), **answer}, json)
+    return 0
+
+
+@app.command(name="submit")
+def _submit(
+    file: Annotated[Path, Parameter(help="plan, certificate or proof of an instance")],
+    /,
+    *,
+    who: Annotated[str, Parameter(help="name that the record is to have")] = "",
+    program: Annotated[str, Parameter(help="program that found it; else as the file says")] = "",
+    seconds: Annotated[float | None, Parameter(help="that it took; else as the file says")] = None,
+    sources: _From = None,
+    library: _Folder = None,
+    json: Json = False,
+) -> int:
+    """Hand in a plan or a certificate: accepted if `cocap-check` accepts it and it is better.
+
+    The record has the number that the checker proves, whatever the file claims.
+
+    Example: cocap-opt library submit plan.json --who Ada
+    """
+    if seconds is not None and not 0 <= seconds < float("inf"):
+        raise UsageError(f"--seconds: must be >= 0, not {seconds}")
+    known = Library(library or DATA)
+    record = known.submit(file, who, program, seconds, sources)
+    standing = known.standing(record.name)
+    answer = {"instance": record.name, "accepted": f"{record.kind} {record.value:.6f}"}
+    print_result({**answer, **_told(standing)}, json)
+    return 0
+
+
+@app.command(name="page")
+def _page(
+    name: _Name,
+    /,
+    *,
+    output: Output = None,
+    sources: _From = None,
+    library: _Folder = None,
+    json: Json = False,
+) -> int:
+    """Make a page of an instance: records, curve of J and bound, player, how to cite.
+
+    Example: cocap-opt library page bottleneck-0 -o bottleneck-0.html
+    """
+    from cocap_opt.experiments.library.page import page  # matplotlib is slow to import
+
+    check_output(output)
+    Option("-o").ending(output, (".html",))
+    assert output is not None
+    known = Library(library or DATA)
+    standing = known.standing(name)
+    save_bytes(output, page(known, standing, known.problem(standing.entry, sources)))
+    print_result({"instance": name, "file": output}, json)
+    return 0
+
+
+def _told(standing: Standing) -> dict[str, object]:
+    (row,) = full_rows([standing])
+    return {key: row[key] for key in ("state", "reward", "bound", "gap")}

@@ -1,0 +1,81 @@
+"""The library filled: each instance gets a plan and a proof, by the door that anybody uses."""
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from cocap_opt.console.streams import say
+from cocap_opt.experiments.lab.studies.options import Seconds
+from cocap_opt.experiments.library.entries import DATA, Entry
+from cocap_opt.experiments.library.judge import BOUND, PLAN
+from cocap_opt.experiments.library.records import Library
+from cocap_opt.files.documents import FileError, encode
+from cocap_opt.output.files import save_bytes
+from cocap_opt.problem import Problem
+from cocap_opt.result import UnsupportedError
+from cocap_opt.run.engine import run
+from cocap_opt.run.judged import Judged
+from cocap_opt.run.options import Allowance, UsageError
+from cocap_opt.stop import TimeLimit
+
+
+def library(
+    *name: Annotated[str, Parameter(help="of instances; those without a plan or bound if none")],
+    limit: Seconds = 5.0,
+    method: Annotated[
+        Literal["searchless", "branch-and-price", "column-generation"],
+        Parameter(help="proofs of the first need no search, which `cocap-check` may give up"),
+    ] = "searchless",
+    sources: Annotated[
+        Path | None,
+        Parameter(name="--from", help="folder with a folder for each family by reference"),
+    ] = None,
+    folder: Annotated[
+        Path | None, Parameter(name="--library", help="folder of another copy of the library")
+    ] = None,
+) -> int:
+    """Makes instances, writes down their digests, and submits a plan and a proof for each."""
+    known = Library(folder or DATA)
+    missing = {s.entry.name for s in known.standings() if s.state == "none"}
+    wanted = [known.entry(n) for n in name] or [e for e in known.entries if e.name in missing]
+    failed = 0
+    for entry in wanted:
+        try:
+            by_name = None if sources is None else sources / entry.family.name
+            files = by_name if entry.is_by_reference else None
+            for words in _filled(known, entry, method, limit, files):
+                say(f"{entry.name}: {words}")
+        except (FileError, UsageError, UnsupportedError) as error:
+            failed += 1
+            say(str(error))
+    return int(failed > 0)
+
+
+def _filled(
+    known: Library, entry: Entry, method: str, limit: float, files: Path | None
+) -> Iterator[str]:
+    """Solves an instance and submits what was found; yields what became of it."""
+    known.register(entry, files)
+    problem = known.problem(entry, files)
+    program = f"cocap-opt {version('cocap-opt')} {method}"
+    judged = run(problem, method, TimeLimit(limit))
+    with tempfile.TemporaryDirectory() as folder:
+        for kind, content in _files(problem, judged, method, limit).items():
+            path = Path(folder) / f"{kind}.json"
+            save_bytes(path, content)
+            try:
+                record = known.submit(path, "cocap-opt", program, judged.result.seconds, files)
+                yield f"{kind} {record.value:.6f}"
+            except FileError as error:
+                yield str(error).removeprefix(f"{path}: ")
+
+
+def _files(problem: Problem, judged: Judged[Any], method: str, limit: float) -> Mapping[str, bytes]:
+    """Returns the files of a plan and of a proof, as far as there are any."""
+    plan = judged.plan_file(problem, method, Allowance(limit))
+    found = {PLAN: plan, BOUND: judged.result.certificate}
+    return {kind: encode(file) for kind, file in found.items() if file is not None}

@@ -1,0 +1,232 @@
+"""The list of the library's instances, and how each of them is made again.
+
+A family in `instances.toml` is a scene and changes of it, with seeds for training and for tests.
+The files of other projects are not in the library: a family names them with their SHA-256 and where
+they are published, and whoever has them says in which folder.
+"""
+
+import hashlib
+import tempfile
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from cocap_opt.data import ProblemError
+from cocap_opt.files.documents import FileError, read_bytes
+from cocap_opt.output.files import read_text
+from cocap_opt.problem import Problem
+from cocap_opt.run.start_sets import with_free_starts
+from cocap_opt.scenarios import load_scene
+from cocap_opt.scenarios.built_in.field import field
+from cocap_opt.vision.default_weights import with_views
+
+DATA = Path(__file__).parent / "data"
+LIST = "instances.toml"
+FIRST_TEST_SEED = 1000  # of scenes with as many seeds as one likes; training has those below
+
+_Seeds = tuple[Annotated[int, msgspec.Meta(ge=0)], ...]
+
+
+class Source(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A file that a scene is made of.
+
+    Attributes
+    ----------
+    name : of the file, in the folder of the scene
+    sha256 : of its content
+    """
+
+    name: str
+    sha256: str
+
+
+class Field(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The size of a scene like `field`: drones, people, cells along each edge, and steps."""
+
+    robots: int
+    actors: int
+    cells: int
+    steps: int
+
+
+class Family(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Scenes that differ in their seed.
+
+    Attributes
+    ----------
+    name : of the family; those of its instances have the seed behind it
+    scene : name of a built-in scene, or of a file among `files`
+    field : size of a field, in place of `scene`
+    train, test : seeds, which have none in common
+    steps : after which the scene ends; None: as it is
+    views : number of drones that are to see each person; None: views are not counted
+    free_starts : drones start wherever it is best
+    over_time : pixels add up over time, too
+    options : how a file is read
+    files : that must be there; of a family that ships with the library, in its own folder
+    source : where the files are published; empty where no files are needed
+    licence : of the files
+    ships : the files are in the library's folder
+    """
+
+    name: str
+    scene: str = ""
+    field: Field | None = None
+    train: _Seeds = ()
+    test: _Seeds = ()
+    steps: int | None = None
+    views: int | None = None
+    free_starts: bool = False
+    over_time: bool = False
+    options: dict[str, str] = {}
+    files: tuple[Source, ...] = ()
+    source: str = ""
+    licence: str = ""
+    ships: bool = False
+
+    def problem(self, seed: int, folder: Path | None) -> Problem:
+        """Makes the scene of a seed; `folder` holds the files, if it needs any."""
+        if self.field is not None:
+            size = self.field
+            made = field(seed, size.robots, size.actors, size.cells, size.steps)
+        elif folder is None:
+            made = load_scene(self.scene, seed, self.options)
+        else:
+            made = load_scene(str(folder / self.scene), seed, self.options)
+        if self.steps is not None:
+            made = made.until(self.steps)
+        if self.free_starts:
+            made = with_free_starts(made)
+        # Named as `export` names them: the text of an instance has the name in it.
+        if self.over_time:
+            objective = made.objective.replace(over_time=True)
+            made = made.replace(name=f"{made.name}-over-time", objective=objective)
+        if self.views is not None:
+            made = with_views(made, self.views)
+            made = made.replace(name=f"{made.name}-views{self.views}")
+        return made
+
+
+class Entry(msgspec.Struct, frozen=True):
+    """An instance of the library.
+
+    Attributes
+    ----------
+    name : of the instance
+    seed : of its scene
+    split : if it is for training or for tests
+    """
+
+    family: Family
+    seed: int
+    split: Literal["train", "test"]
+
+    @property
+    def name(self) -> str:
+        """The name of the instance."""
+        return f"{self.family.name}-{self.seed}"
+
+    @property
+    def is_by_reference(self) -> bool:
+        """True if its files are somewhere else than in the library."""
+        return bool(self.family.files) and not self.family.ships
+
+    @property
+    def recipe(self) -> str:
+        """Words that say how the scene is made."""
+        made = self.family
+        size = made.field
+        words = [f"scene {made.scene}" if size is None else "scene field", f"seed {self.seed}"]
+        if size is not None:
+            words.append(f"{size.robots} drones, {size.actors} people, {size.cells} cells")
+            words.append(f"{size.steps} steps")
+        words += [f"option {name}={value}" for name, value in made.options.items()]
+        words += [] if made.steps is None else [f"{made.steps} steps"]
+        words += ["free starts"] if made.free_starts else []
+        words += ["pixels add up over time"] if made.over_time else []
+        words += [] if made.views is None else [f"views by {made.views} drones"]
+        return ", ".join(words)
+
+    def problem(self, library: Path, folder: Path | None = None) -> Problem:
+        """Makes the scene again.
+
+        Parameters
+        ----------
+        library : folder of the library's data
+        folder : where the user has the files of an instance by reference
+
+        Raises
+        ------
+        FileError
+            If files are missing, or are not those of the library; one line.
+        """
+        family = self.family
+        if family.ships:
+            folder = library / "maps"
+        if family.files and folder is None:
+            names = ", ".join(file.name for file in family.files)
+            raise FileError(f"{self.name}: --from: name the folder with {names}; {family.source}")
+        try:
+            if not family.files or folder is None:
+                return family.problem(self.seed, None)
+            with tempfile.TemporaryDirectory() as place:  # no file can change after its check
+                # Named as where it is published: some scenes have their name from their folder.
+                copies = Path(place) / family.source.rpartition("/")[2]
+                for file in family.files:
+                    self._copy(file, folder, copies)
+                return family.problem(self.seed, copies)
+        except ProblemError as error:
+            raise FileError(f"{self.name}: {error}") from error
+
+    def _copy(self, file: Source, folder: Path, into: Path) -> None:
+        """Copies a file that has the content that the library knows."""
+        content = read_bytes(folder / file.name)
+        if hashlib.sha256(content).hexdigest() != file.sha256:
+            words = f"is another file than that of the library; {self.family.source}"
+            raise FileError(f"{folder / file.name}: {words}")
+        target = into / file.name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(content)
+
+
+class _List(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The whole list.
+
+    Attributes
+    ----------
+    version : of the library: it moves when an instance is added, or made in another way
+    """
+
+    version: str
+    family: tuple[Family, ...]
+
+
+def read_list(library: Path = DATA) -> tuple[str, tuple[Entry, ...]]:
+    """Returns the version of a library and its instances, in the order of the list.
+
+    Raises
+    ------
+    FileError
+        If the list cannot be used; one line.
+    """
+    path = library / LIST
+    try:
+        found = msgspec.convert(tomllib.loads(read_text(path)), _List)
+    except (tomllib.TOMLDecodeError, msgspec.ValidationError) as error:
+        raise FileError(f"{path}: {error}") from error
+    entries = tuple(entry for family in found.family for entry in _entries(family))
+    names = [entry.name for entry in entries]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise FileError(f"{path}: family: {twice} is there twice")
+    return found.version, entries
+
+
+def _entries(family: Family) -> Iterator[Entry]:
+    for seed in family.train:
+        yield Entry(family, seed, "train")
+    for seed in family.test:
+        yield Entry(family, seed, "test")

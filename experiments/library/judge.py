@@ -1,0 +1,73 @@
+"""Statements that files prove, in the words of `cocap-check` and of nobody else.
+
+The checker is called as its page describes it: by its command, with files, an exit code and a line.
+"""
+
+import io
+import math
+import re
+import tempfile
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from cocap_opt.files.documents import FileError
+from cocap_opt.formulations.independent.cocap_check import main as cocap_check
+
+PLAN, BOUND = "plan", "bound"
+NO_PLAN = -math.inf  # bound where the checker says so in words
+
+_NUMBER = r"(-?\d+\.\d+)"
+_SAYS = (
+    (PLAN, re.compile(rf"J of this plan is at least {_NUMBER}")),
+    (BOUND, re.compile(rf"no plan has more than {_NUMBER}")),
+    (BOUND, re.compile("(there is no plan)")),
+)
+_HOLDS, _BY_SEARCH = 0, 3
+
+
+class Proved(NamedTuple):
+    """The statement that a file proves.
+
+    Attributes
+    ----------
+    kind : `plan`: J is at least `value`; `bound`: no plan has more
+    value : in units of J; a bound below 0, which no J is, says that there is no plan
+    """
+
+    kind: Literal["plan", "bound"]
+    value: float
+
+
+def proved(instance: Path, content: bytes, name: str) -> Proved:
+    """Has `cocap-check` judge a plan, a certificate or a proof.
+
+    Parameters
+    ----------
+    instance : file of the instance
+    content : of the file
+    name : of the file, for messages
+
+    Raises
+    ------
+    FileError
+        If the checker refuses it, or leaves a part of its claim to a search; one line.
+    """
+    said = io.StringIO()
+    with tempfile.TemporaryDirectory() as folder:
+        claim = Path(folder) / "claim"
+        claim.write_bytes(content)
+        with redirect_stdout(said):
+            code = cocap_check([str(instance), str(claim)])
+        lines = said.getvalue().splitlines()
+        words = "".join(line.removeprefix(f"{claim}: ") for line in lines[1:])
+    if code == _BY_SEARCH:
+        raise FileError(f"{name}: refused: a part of its claim rests on a search")
+    if code == _HOLDS:
+        for kind, pattern in _SAYS:
+            if found := pattern.fullmatch(words):
+                number = found[1]
+                value = NO_PLAN if kind == BOUND and number[0] == "t" else float(number)
+                return Proved("plan" if kind == PLAN else "bound", value)
+    reason = " ".join(words.removeprefix("refused: ").split()) or "the instance cannot be read"
+    raise FileError(f"{name}: refused: {reason[:200]}")

@@ -1,0 +1,385 @@
+"""The records of the library: accepted improvements, with date, submitter and file.
+
+Records are only ever added. A number in them is what `cocap-check` said of the file; nobody's word
+is taken for it.
+"""
+
+import csv
+import gzip
+import hashlib
+import io
+import json
+import math
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import msgspec
+
+from cocap_opt.experiments.library.entries import DATA, Entry, read_list
+from cocap_opt.experiments.library.judge import PLAN, Proved, proved
+from cocap_opt.files.atomic_write import write_atomically
+from cocap_opt.files.documents import FileError, problem_digest, read_bytes
+from cocap_opt.files.users_folder import users_folder
+from cocap_opt.formulations.independent import instance_of
+from cocap_opt.model import compiled
+from cocap_opt.output.files import read_text
+from cocap_opt.problem import Problem
+
+if sys.platform != "win32":
+    import fcntl
+
+RECORDS, DIGESTS, FILES = "records.csv", "digests.csv", "files"
+SOLVED = 1e-6  # of the bound, and of LEAST where the bound is less
+LEAST = 10.0  # units of J: numbers have six decimals, which are rounded
+MOST_BYTES = 1_000_000  # of a file, compressed
+_ONLY_TEXT = 80  # characters of a name that anybody gives
+
+
+class Digest(NamedTuple):
+    """The size of an instance, and the digests that it must have when it is made again."""
+
+    name: str
+    drones: int
+    people: int
+    steps: int
+    digest: str  # of the scene
+    sha256: str  # of the instance's text
+
+
+class Record(NamedTuple):
+    """An improvement that was accepted.
+
+    Attributes
+    ----------
+    name : of the instance
+    kind : plan or bound
+    value : as the checker says, in units of J; -inf: there is no plan
+    file, sha256 : name of the file without the ending .gz, and digest of its content
+    who : as they call themselves
+    date : UTC
+    program : that found it, as they or the file say
+    seconds : that the search took, as the file says; nan: it does not
+    checked : version of cocap-opt whose `cocap-check` accepted it
+    """
+
+    name: str
+    kind: str
+    value: float
+    file: str
+    sha256: str
+    who: str
+    date: str
+    program: str
+    seconds: float
+    checked: str
+
+
+R = TypeVar("R", Digest, Record)
+
+
+class Standing(NamedTuple):
+    """An instance with its best plan and its best bound."""
+
+    entry: Entry
+    digest: Digest | None
+    plan: Record | None
+    bound: Record | None
+
+    @property
+    def has_no_plan(self) -> bool:
+        """True if it is proved that there is no plan."""
+        return self.bound is not None and self.bound.value < 0  # which no J is
+
+    @property
+    def gap(self) -> float:
+        """(bound - J) / bound; infinite where one of them is missing."""
+        if self.plan is None or self.bound is None:
+            return 0.0 if self.has_no_plan else math.inf
+        left = max(0.0, self.bound.value - self.plan.value)
+        return left / self.bound.value if left else 0.0
+
+    @property
+    def state(self) -> str:
+        """Returns solved, open, or none where plan or bound are missing."""
+        if self.has_no_plan:
+            return "solved"
+        if self.plan is None or self.bound is None:
+            return "none"
+        near = SOLVED * max(self.bound.value, LEAST)
+        return "solved" if self.bound.value - self.plan.value <= near else "open"
+
+
+class Library:
+    """A library in a folder."""
+
+    def __init__(self, folder: Path = DATA) -> None:
+        self.folder = folder
+        self.version, self.entries = read_list(folder)
+
+    # -- reading -------------------------------------------------------------------------------
+
+    def entry(self, name: str) -> Entry:
+        """Returns an instance by its name.
+
+        Raises
+        ------
+        FileError
+            If there is none of that name.
+        """
+        for entry in self.entries:
+            if entry.name == name:
+                return entry
+        listed = "`cocap-opt library status` lists them"
+        raise FileError(f"{name}: is no instance of the library; {listed}")
+
+    def digests(self) -> dict[str, Digest]:
+        """Returns the digests of all instances that have been made, by name."""
+        return {row.name: row for row in _rows(self.folder / DIGESTS, Digest)}
+
+    def records(self, name: str | None = None) -> list[Record]:
+        """Returns all records, or those of an instance, the first first."""
+        rows = _rows(self.folder / RECORDS, Record)
+        return [row for row in rows if name in (None, row.name)]
+
+    def standings(self) -> list[Standing]:
+        """Returns the best plan and the best bound of each instance."""
+        digests, plans, bounds = self.digests(), dict[str, Record](), dict[str, Record]()
+        for row in self.records():
+            best = plans if row.kind == PLAN else bounds
+            if row.name not in best or _improves(row, best[row.name].value):
+                best[row.name] = row
+        return [
+            Standing(e, digests.get(e.name), plans.get(e.name), bounds.get(e.name))
+            for e in self.entries
+        ]
+
+    def standing(self, name: str) -> Standing:
+        """Returns the best plan and the best bound of an instance."""
+        self.entry(name)
+        return next(found for found in self.standings() if found.entry.name == name)
+
+    def content(self, record: Record) -> bytes:
+        """Returns the file of a record.
+
+        Raises
+        ------
+        FileError
+            If it is not the file that was accepted.
+        """
+        path = self.folder / FILES / f"{record.file}.gz"
+        try:
+            content = gzip.decompress(read_bytes(path))
+        except (OSError, EOFError) as error:
+            raise FileError(f"{path}: cannot be read: {error}") from error
+        if hashlib.sha256(content).hexdigest() != record.sha256:
+            raise FileError(f"{path}: is not the file that was accepted: its SHA-256 is another")
+        return content
+
+    # -- instances -----------------------------------------------------------------------------
+
+    def problem(self, entry: Entry, folder: Path | None = None) -> Problem:
+        """Makes the scene of an instance, and refuses it if its digest is not the library's."""
+        problem = entry.problem(self.folder, folder)
+        known = self.digests().get(entry.name)
+        if known is not None and problem_digest(problem) != known.digest:
+            raise FileError(f"{entry.name}: digest: the scene made here is not that of the library")
+        return problem
+
+    def instance(self, entry: Entry, folder: Path | None = None) -> Path:
+        """Returns the file of an instance, made again if this machine has not kept it.
+
+        Raises
+        ------
+        FileError
+            If it cannot be made, or has another digest than in the library; one line.
+        """
+        known = self.digests().get(entry.name)
+        path = _kept(entry)
+        if known is None:
+            raise FileError(f"{entry.name}: has no digest yet: `cocap-opt study library` makes it")
+        if path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == known.sha256:
+            return path
+        text = self.text(self.problem(entry, folder))
+        sha256 = hashlib.sha256(text).hexdigest()
+        if sha256 != known.sha256:
+            words = "the instance made here differs in rounding from that of the library"
+            raise FileError(f"{entry.name}: sha256: {words}")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically({path: text})
+        return path
+
+    @staticmethod
+    def text(problem: Problem) -> bytes:
+        """Returns the text of a scene's instance."""
+        model = compiled(problem)
+        model.prepare_all()
+        return instance_of(model).encode()
+
+    def register(self, entry: Entry, folder: Path | None = None) -> Digest:
+        """Makes an instance for the first time and writes down its digests."""
+        problem = entry.problem(self.folder, folder)
+        text = self.text(problem)
+        found = Digest(
+            entry.name, len(problem.robots), len(problem.actors), problem.horizon,
+            problem_digest(problem), hashlib.sha256(text).hexdigest(),
+        )  # fmt: skip
+        with self._locked():
+            digests = self.digests()
+            for other in digests.values():
+                if (other.name == found.name) != (other.digest == found.digest):
+                    words = "has another digest" if other.name == found.name else "is the scene"
+                    raise FileError(f"{entry.name}: {words} in the library: {other.name}")
+            digests[entry.name] = found
+            rows = [digests[e.name] for e in self.entries if e.name in digests]
+            write_atomically({self.folder / DIGESTS: _csv(rows, Digest)})
+        path = _kept(entry)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically({path: text})
+        return found
+
+    # -- submissions ---------------------------------------------------------------------------
+
+    def submit(
+        self,
+        path: Path,
+        who: str = "",
+        program: str = "",
+        seconds: float | None = None,
+        folder: Path | None = None,
+    ) -> Record:
+        """Accepts a plan, a certificate or a proof that `cocap-check` accepts and that improves.
+
+        Parameters
+        ----------
+        who : as the submitter wants to be called
+        program : that found it; empty: as the file says
+        seconds : that it took; None: as the file says
+        folder : with the files of an instance by reference
+
+        Raises
+        ------
+        FileError
+            If it is refused; one line. The library is as it was, then.
+        """
+        content = read_bytes(path)
+        told = _told(content, path)
+        entry = self._of_digest(str(told.get("digest")), path)
+        found = proved(self.instance(entry, folder), content, str(path))
+        packed = gzip.compress(content, 9, mtime=0)
+        if len(packed) > MOST_BYTES:
+            raise FileError(f"{path}: must be at most {MOST_BYTES:,} bytes, compressed")
+        sha256 = hashlib.sha256(content).hexdigest()
+        taken = told.get("seconds") if seconds is None else seconds
+        record = Record(
+            entry.name, found.kind, found.value, f"{entry.name}.{found.kind}.{sha256[:12]}.json",
+            sha256, _word(who) or "-", f"{datetime.now(UTC):%Y-%m-%d}",
+            _word(program or told.get("planner") or told.get("method") or "-"),
+            round(taken, 3) if isinstance(taken, int | float) else math.nan,
+            version("cocap-opt"),
+        )  # fmt: skip
+        with self._locked():
+            self._require_better(entry, found, path)
+            rows = [*self.records(), record]
+            # The file first: until the records are renamed, nothing points to it.
+            write_atomically({
+                self.folder / FILES / f"{record.file}.gz": packed,
+                self.folder / RECORDS: _csv(rows, Record),
+            })  # fmt: skip
+        return record
+
+    def recheck(self, record: Record, folder: Path | None = None) -> Proved:
+        """Has the checker judge a record again.
+
+        Raises
+        ------
+        FileError
+            If the file does not prove what the record says.
+        """
+        instance = self.instance(self.entry(record.name), folder)
+        found = proved(instance, self.content(record), record.file)
+        if found != (record.kind, record.value):
+            raise FileError(f"{record.file}: proves {found.value:.6f}, not {record.value:.6f}")
+        return found
+
+    def _of_digest(self, digest: str, path: Path) -> Entry:
+        for name, row in self.digests().items():
+            if row.digest == digest:
+                return self.entry(name)
+        raise FileError(f"{path}: digest: is of no instance of the library")
+
+    def _require_better(self, entry: Entry, found: Proved, path: Path) -> None:
+        standing = self.standing(entry.name)
+        best = standing.plan if found.kind == PLAN else standing.bound
+        if best is None or _improves(found, best.value):
+            return
+        told = f"{found.value:.6f} is no better than {best.value:.6f}"
+        raise FileError(f"{path}: refused: {entry.name} has a {found.kind} as good: {told}")
+
+    @contextmanager
+    def _locked(self) -> Iterator[None]:
+        """Keeps other processes from adding records at the same time, where the system can."""
+        if sys.platform == "win32":
+            yield
+            return
+        folder = os.open(self.folder, os.O_RDONLY)
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(folder)
+
+
+def _improves(found: Proved | Record, best: float) -> bool:
+    return found.value > best if found.kind == PLAN else found.value < best
+
+
+def _kept(entry: Entry) -> Path:
+    """Returns where this machine keeps the file of an instance."""
+    folder = users_folder()
+    if folder is None:
+        raise FileError("COCAP_OPT_CACHE: name a folder for instances; there is no home")
+    return folder / "library" / f"{entry.name}.instance"
+
+
+def _told(content: bytes, path: Path) -> dict[str, Any]:
+    """Returns the fields of a file, of which none is believed but the digest that it is for."""
+    try:
+        told = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"{path}: must be JSON: {error}") from error
+    if not isinstance(told, dict):
+        raise FileError(f"{path}: must be a plan, a certificate or a proof")
+    return told
+
+
+def _word(text: object) -> str:
+    """Returns text that anybody gave as one short line."""
+    shown = "".join(c if c.isprintable() else " " for c in str(text))
+    return " ".join(shown.split())[:_ONLY_TEXT]
+
+
+def _rows(path: Path, kind: type[R]) -> list[R]:
+    """Returns the rows of a file of ours; none where it is not there yet."""
+    if not path.exists():
+        return []
+    table = csv.reader(io.StringIO(read_text(path)))
+    try:
+        if next(table, []) != list(kind._fields):
+            raise ValueError(f"the columns must be {','.join(kind._fields)}")
+        return [msgspec.convert(row, kind, strict=False) for row in table]
+    except (ValueError, csv.Error) as error:
+        raise FileError(f"{path}: line {table.line_num}: {error}") from error
+
+
+def _csv(rows: Sequence[NamedTuple], kind: type[Digest] | type[Record]) -> bytes:
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(kind._fields)
+    writer.writerows(rows)
+    return text.getvalue().encode()
