@@ -52,7 +52,7 @@ def test_all_commands_are_on_the_pages() -> None:
     """Each has a part, and each of its options a line."""
     text = commands_in_markdown(app) + "\n" + studies_in_markdown(app)
     titles = re.findall(r"(?m)^## (.+)$", text)
-    families = ("figure", "study")
+    families = ("figure", "library", "study")
     plain = [name for name in app if not name.startswith("-") and name not in families]
     inner = [f"{f} {name}" for f in families for name in app[f] if not name.startswith("-")]
     assert sorted(titles) == sorted(plain + inner)

@@ -59,6 +59,12 @@ def commands_of_readme() -> list[list[str]]:
     ]
 
 
+# Endings of files that are code or data; the last four are of the library.
+SHIPPED = (
+    ".py", ".js", ".css", ".html", ".ipynb", ".csv", ".gz", ".toml", ".asc", ".md",
+)  # fmt: skip
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The wheel, built of the sdist, which is built of what is published."""
@@ -86,7 +92,7 @@ def test_the_wheel_works_without_the_repository(wheel: Path, tmp_path: Path) -> 
         (path.relative_to(ROOT) if name == "cocap_opt" else "cocap_opt" / path.relative_to(ROOT))
         for name in PACKAGES
         for path in (ROOT / name).rglob("*")
-        if path.is_file() and path.suffix in (".py", ".js", ".css", ".html", ".ipynb", ".csv")
+        if path.is_file() and path.suffix in SHIPPED
     }
     lab = {path for path in expected if path.is_relative_to("cocap_opt/experiments/lab")}
     assert lab
