@@ -39,6 +39,7 @@ SOLVED = 1e-6  # of the bound, and of LEAST where the bound is less
 LEAST = 10.0  # units of J: numbers have six decimals, which are rounded
 MOST_BYTES = 1_000_000  # of a file, compressed
 _ONLY_TEXT = 80  # characters of a name that anybody gives
+_MOST_SECONDS = 1e9
 
 
 class Digest(NamedTuple):
@@ -280,7 +281,7 @@ class Library:
             entry.name, found.kind, found.value, f"{entry.name}.{found.kind}.{sha256[:12]}.json",
             sha256, _word(who) or "-", f"{datetime.now(UTC):%Y-%m-%d}",
             _word(program or told.get("planner") or told.get("method") or "-"),
-            round(taken, 3) if isinstance(taken, int | float) else math.nan,
+            _seconds(taken),
             version("cocap-opt"),
         )  # fmt: skip
         with self._locked():
@@ -362,6 +363,13 @@ def _word(text: object) -> str:
     """Returns text that anybody gave as one short line."""
     shown = "".join(c if c.isprintable() else " " for c in str(text))
     return " ".join(shown.split())[:_ONLY_TEXT]
+
+
+def _seconds(told: object) -> float:
+    """Returns seconds that anybody gave, or nan for what cannot be so."""
+    if isinstance(told, int | float) and 0 <= told <= _MOST_SECONDS:
+        return round(float(told), 3)
+    return math.nan
 
 
 def _rows(path: Path, kind: type[R]) -> list[R]:

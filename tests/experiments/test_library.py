@@ -98,6 +98,15 @@ def test_the_number_is_that_of_the_checker_not_of_the_file(empty: Library) -> No
     assert empty.submit(high).value <= 27.00001
 
 
+@pytest.mark.parametrize("seconds", [10**400, -1, "soon", True, None])
+def test_what_a_file_says_besides_does_no_harm(empty: Library, seconds: object) -> None:
+    """Seconds and names that cannot be so are left out; the records can be read afterwards."""
+    path = forged(empty, GOOD[0], lambda file: file.update(seconds=seconds, planner=["\ud800\n,"]))
+    assert empty.submit(path).value == 27.0
+    (record,) = empty.records()
+    assert "\n" not in record.program
+
+
 FORGERIES: dict[str, tuple[str, Callable[[Row], object], str]] = {
     "bound": (GOOD[1], lambda f: f.update(bound=26.0), "claims less than its numbers prove"),
     "no plan": (GOOD[1], lambda f: f.update(bound=None), "claims less than its numbers prove"),
