@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, TypeVar
 
 from cyclopts import Parameter
 
@@ -12,13 +12,7 @@ from cocap_opt.console.progress import Watch
 from cocap_opt.data import ProblemError
 from cocap_opt.files.documents import SceneFile, encode, problem_digest
 from cocap_opt.formulations.independent import instance_of
-from cocap_opt.formulations.model_files.conic import ENDING as CONES
-from cocap_opt.formulations.model_files.conic import write_cones
-from cocap_opt.formulations.model_files.linear import ENDINGS as LINEAR
-from cocap_opt.formulations.model_files.linear import write_linear
-from cocap_opt.formulations.model_files.model import ROOT_ERROR, ModelFile
-from cocap_opt.formulations.model_files.nonlinear import ENDING as NONLINEAR
-from cocap_opt.formulations.model_files.nonlinear import nonlinear_files, require_pyomo
+from cocap_opt.formulations.model_files.endings import CONES, LINEAR, NONLINEAR, ROOT_ERROR
 from cocap_opt.model import Model, compiled
 from cocap_opt.output.files import check_output, save_bytes, save_files
 from cocap_opt.output.graphml import graphml
@@ -30,6 +24,9 @@ from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios.hardware import with_cameras
 from cocap_opt.vision.coverage import Progress
 from cocap_opt.vision.default_weights import with_views
+
+if TYPE_CHECKING:
+    from cocap_opt.formulations.model_files.model import ModelFile
 
 T = TypeVar("T")
 
@@ -193,6 +190,10 @@ def _written(
     if kind.table:
         model.prepare_all(progress=progress)
         return _table(output, TABLES[kind.table], model)
+    from cocap_opt.formulations.model_files.conic import write_cones
+    from cocap_opt.formulations.model_files.linear import write_linear
+    from cocap_opt.formulations.model_files.nonlinear import nonlinear_files
+
     program = _require(lambda: _program(kind, model, root_error, progress))
     if kind.ending in LINEAR:
         save_files({output: lambda file: write_linear(file, program, kind.ending)})
@@ -204,7 +205,10 @@ def _written(
     return _told(program)
 
 
-def _program(kind: _Kind, model: Model, root_error: float, progress: Progress) -> ModelFile:
+def _program(kind: _Kind, model: Model, root_error: float, progress: Progress) -> "ModelFile":
+    from cocap_opt.formulations.model_files.model import ModelFile
+    from cocap_opt.formulations.model_files.nonlinear import require_pyomo
+
     if kind.ending in LINEAR:
         return ModelFile.with_tangents(model, root_error, progress)
     if kind.ending == NONLINEAR:
@@ -212,7 +216,7 @@ def _program(kind: _Kind, model: Model, root_error: float, progress: Progress) -
     return ModelFile.with_cones(model, progress)
 
 
-def _told(program: ModelFile) -> Record:
+def _told(program: "ModelFile") -> Record:
     """Returns the size of a program, and what of the scene is not in it."""
     words = [program.told_tangents] if program.has_tangents else []
     views = program.problem.objective.views

@@ -6,4 +6,4 @@ Format with the roots as they are, `nonlinear` AMPL's NL through Pyomo; `solutio
 solver has found.
 """
 
-__all__ = ["conic", "linear", "model", "nonlinear", "solutions"]
+__all__ = ["conic", "endings", "linear", "model", "nonlinear", "solutions"]

@@ -9,16 +9,17 @@ specification at cblib.zib.de.
 
 from collections.abc import Iterator
 from itertools import groupby, islice
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
-from scipy import sparse
 
 from cocap_opt.data import FloatArray
 from cocap_opt.formulations.model_files.model import ModelFile
 
+if TYPE_CHECKING:
+    from scipy import sparse
+
 VERSION = 4
-ENDING = ".cbf"
 _CHUNK = 50_000  # lines
 
 
@@ -75,8 +76,10 @@ def _variables(low: FloatArray) -> Iterator[str]:
     yield from ("VAR", f"{len(low)} 1", f"L+ {len(low)}", "")
 
 
-def _rows(model_file: ModelFile) -> tuple[sparse.csr_array, FloatArray, list[tuple[str, int]]]:
+def _rows(model_file: ModelFile) -> "tuple[sparse.csr_array, FloatArray, list[tuple[str, int]]]":
     """Returns rows A v + b, with bounds as rows, in domains: name and number of rows of each."""
+    from scipy import sparse
+
     linear = model_file.linear
     n = len(linear.low)
     each = sparse.eye_array(n, format="csr")

@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from scipy import sparse
 
+from cocap_opt.formulations.model_files.endings import LP, MPS
 from cocap_opt.formulations.model_files.model import ModelFile
 
-ENDINGS = _MPS, _LP = ".mps", ".lp"
-_COMMENTS = {_MPS: "* ", _LP: "\\ "}  # how a line of a comment begins
-_GOALS = {_MPS: "minimise -J (px^0.5/m)", _LP: "maximise J (px^0.5/m)"}
+_COMMENTS = {MPS: "* ", LP: "\\ "}  # how a line of a comment begins
+_GOALS = {MPS: "minimise -J (px^0.5/m)", LP: "maximise J (px^0.5/m)"}
 _LONGEST = 250  # characters of a line
 
 
@@ -28,7 +27,7 @@ def write_linear(file: BinaryIO, model_file: ModelFile, ending: str) -> None:
 
     Parameters
     ----------
-    ending : of its name, one of ENDINGS
+    ending : of its name, one of LINEAR
 
     Raises
     ------
@@ -39,7 +38,7 @@ def write_linear(file: BinaryIO, model_file: ModelFile, ending: str) -> None:
 
     solver = highspy.Highs()
     solver.setOptionValue("output_flag", False)
-    solver.passModel(_translated(model_file, minimised=ending == _MPS))
+    solver.passModel(_translated(model_file, minimised=ending == MPS))
     for line in model_file.header(_GOALS[ending], model_file.told_tangents):
         file.write(f"{_COMMENTS[ending]}{line}\n".encode())
     with tempfile.TemporaryDirectory() as folder:
@@ -48,7 +47,7 @@ def write_linear(file: BinaryIO, model_file: ModelFile, ending: str) -> None:
             raise OSError(f"HiGHS cannot write {ending}")
         with path.open(encoding="ascii") as written:
             lines = (line.rstrip("\n") for line in written)
-            for line in chain.from_iterable(map(_folded, lines)) if ending == _LP else lines:
+            for line in chain.from_iterable(map(_folded, lines)) if ending == LP else lines:
                 file.write(f"{line}\n".encode())
 
 
@@ -64,6 +63,7 @@ def _folded(line: str) -> Iterable[str]:
 def _translated(model_file: ModelFile, minimised: bool) -> Any:
     """Returns a program as HiGHS has it, with J to be maximised or -J to be minimised."""
     import highspy
+    from scipy import sparse
 
     linear = model_file.linear
     rows = sparse.csr_array(linear.rows)

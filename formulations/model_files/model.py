@@ -20,6 +20,7 @@ import numpy as np
 
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations.integer_programs.program import LinearProgram, Program
+from cocap_opt.formulations.model_files.endings import ROOT_ERROR
 from cocap_opt.formulations.model_files.tangents import Tangents
 from cocap_opt.formulations.relaxations.collision_rows import ConflictRows
 from cocap_opt.formulations.relaxations.flow import Flow, Roots
@@ -30,7 +31,6 @@ from cocap_opt.result import UnsupportedError
 from cocap_opt.text import printable
 from cocap_opt.vision.coverage import Progress
 
-ROOT_ERROR = 1e-6  # relative, of tangents if nobody asks for another
 _LINE = 100  # characters of a comment
 
 

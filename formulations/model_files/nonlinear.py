@@ -8,18 +8,16 @@ import io
 from typing import Any
 
 import numpy as np
-from scipy import sparse
 
+from cocap_opt.formulations.model_files.endings import NONLINEAR
 from cocap_opt.formulations.model_files.model import ModelFile
 from cocap_opt.result import UnsupportedError
-
-ENDING = ".nl"
 
 
 def require_pyomo() -> None:
     """Raises UnsupportedError where Pyomo is not installed."""
     if importlib.util.find_spec("pyomo") is None:
-        raise UnsupportedError(f"{ENDING} needs Pyomo: pip install 'cocap-opt[nl]'")
+        raise UnsupportedError(f"{NONLINEAR} needs Pyomo: pip install 'cocap-opt[nl]'")
 
 
 def nonlinear_files(model_file: ModelFile) -> dict[str, bytes]:
@@ -39,7 +37,7 @@ def nonlinear_files(model_file: ModelFile) -> dict[str, bytes]:
         symbolic_solver_labels=True, linear_presolve=False, scale_model=False,
         show_section_timing=False,
     )  # fmt: skip
-    texts = {ENDING: program, ".col": columns, ".row": rows}
+    texts = {NONLINEAR: program, ".col": columns, ".row": rows}
     return {ending: text.getvalue().encode() for ending, text in texts.items()}
 
 
@@ -55,6 +53,7 @@ def _translated(model_file: ModelFile) -> Any:
         Var,
         maximize,
     )
+    from scipy import sparse
 
     linear, model = model_file.linear, ConcreteModel()
     variables = []
