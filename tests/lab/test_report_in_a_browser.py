@@ -22,7 +22,8 @@ def test_a_report_opens_and_plays_without_network(tmp_path: Path) -> None:
     with Browser.opened(page, ready="document.readyState === 'complete'") as browser:
         titles = value(browser, "[...document.querySelectorAll('h2')].map((h) => h.textContent)")
         assert titles == [
-            "Results", "Search for the bounds", "Plans", "Limitations", "How it was made",
+            "Results", "Planners compared", "Search for the bounds", "Plans", "Limitations",
+            "How it was made",
         ]  # fmt: skip
         images = "[...document.images].every((i) => i.complete && i.naturalWidth > 0)"
         assert value(browser, images)
