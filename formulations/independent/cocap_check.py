@@ -1011,21 +1011,17 @@ class Search:
         gaining = sum(part for part, g in zip(parts, self.gaining, strict=True) if g)
         slopes, kappas = {}, 0
         for g, (alpha, beta) in prices[0].items():
-            a, b = int(alpha * 2**30), int(beta * ONE)
-            before, weight, rest = seen.get(g, 0), self.weight[g], (1 << 30) - int(alpha * 2**30)
+            a, b, kappa = int(alpha * 2**30), int(beta * ONE), 0
+            before, weight, rest = seen.get(g, 0), self.weight[g], 2**30 - a
             if g in self.instance.caps:
-                b, kappa = (
-                    0,
-                    weight * max(self.instance.caps[g] * ONE - before, 0) * rest >> BITS + 30,
-                )
-            elif rest and not b:
-                a, kappa = 1 << 30, 0
-            elif rest:
+                more = max(self.instance.caps[g] * ONE - before, 0)
+                b, kappa = 0, weight * more * rest >> BITS + 30
+            elif rest and b:
                 # rest^2 w / (4 b) - rest root(z) + b z / w, all times w
                 kappa = -(-rest * rest * weight * weight // (4 * b << 60))
                 kappa += (b * before >> BITS) - (rest * weight * root_down(before) >> BITS + 30) + 1
             else:
-                b = kappa = 0
+                a, b = 2**30, 0
             slopes[g] = a, b
             kappas += kappa + 1
         constant = (gaining * kappas >> 30) + 1
@@ -1223,21 +1219,18 @@ class Staged:
     def _highest(self, t: int, claim: int) -> int:
         """Returns a constant that no joint state exceeds: the claim, or more if it is too low."""
         states = [(k, s) for k, slack in enumerate(self.slack) for s in slack[t]]
-        search = self._search(t, [*states], [len(drones) for drones in self.bound.members])
+        search = self._search(t, states, [len(drones) for drones in self.bound.members])
         constant, prices = self.closed[t]
         now = [self.prices[k][t][s] for k, s in states]
-        before = [prices[k][s] + self.slack[k][t][s] for k, s in states]
-        floor = constant - self.room  # of what is worth less `before`, to obey (*)
-        conditions = [(-claim, True, now), (-floor, True, before)]
-        for high, paid in [*self.earlier[t], self.closed[t]]:
-            least = [paid[k][s] for k, s in states]
-            conditions.append(
-                (high - claim, False, [a - b for a, b in zip(now, least, strict=True)])
-            )
-        least = [prices[k][s] for k, s in states]
-        conditions.append(
-            (constant - floor, False, [a - b for a, b in zip(before, least, strict=True)])
-        )
+        slack = [self.slack[k][t][s] for k, s in states]
+        before = [prices[k][s] + lost for (k, s), lost in zip(states, slack, strict=True)]
+        # More than the claim, obeying (*), and what earlier constants and slacks alone leave.
+        conditions = [
+            (-claim, True, now), (self.room - constant, True, before), (self.room, False, slack),
+        ]  # fmt: skip
+        for high, paid in self.earlier[t]:
+            raised = [price - paid[k][s] for (k, s), price in zip(states, now, strict=True)]
+            conditions.append((high - claim, False, raised))
         self.left = search.run(conditions, self.left, TRIES)
         for found in search.found:
             claim = max(claim, search.worth(found) - sum(now[x] for x in found))
@@ -1310,8 +1303,7 @@ class Staged:
         rest = sum(self.constants[t + 1 :]) + sum(
             v for step, v in self.bound.row_constants if step >= t
         )
-        every = [[*self.to_go[number][t]] for number in of]
-        states = [(robot, s) for robot, listed in enumerate(every) for s in listed]
+        states = [(robot, s) for robot, number in enumerate(of) for s in self.to_go[number][t]]
         at = {key: x for x, key in enumerate(states)}
         search = self._search(t, states, [1] * len(of), of)
         prices = [self.prices[of[robot]][t][s] for robot, s in states]
