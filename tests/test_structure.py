@@ -46,8 +46,8 @@ ORDER = {
         "relaxations", "column_generation", "integer_programs", "model_files",
     ),
     "scenarios": (
-        "kinds", "text", "tables", "hardware", "walking", "spread", "site", "earth", "maps",
-        "meshes", "tracks", "formats", "recipe", "built_in",
+        "kinds", "text", "tables", "variants", "hardware", "walking", "spread", "site", "earth",
+        "maps", "meshes", "tracks", "formats", "recipe", "built_in",
     ),
     "run": ("console", "output", "run", "pictures", "missions", "player"),
     "experiments": ("tables", "sweeps", "report", "library"),

@@ -21,9 +21,9 @@ from cocap_opt.output.printing import Record, print_result
 from cocap_opt.problem import Problem
 from cocap_opt.result import UnsupportedError
 from cocap_opt.run.options import Option, UsageError
+from cocap_opt.scenarios import variants
 from cocap_opt.scenarios.hardware import with_cameras
 from cocap_opt.vision.coverage import Progress
-from cocap_opt.vision.default_weights import with_views
 
 if TYPE_CHECKING:
     from cocap_opt.formulations.model_files.model import ModelFile
@@ -124,8 +124,7 @@ def _export(
         degrees = None if tilts is None else _angles("--tilts", tilts)
         problem = with_cameras(problem, camera, degrees)
     if over_time:
-        objective = problem.objective.replace(over_time=True)
-        problem = problem.replace(name=f"{problem.name}-over-time", objective=objective)
+        problem = variants.over_time(problem)
     # The default weight is by the cameras, so after these.
     problem = _counting(problem, views, views_weight, views_share)
     if kind.table == "views" and problem.objective.views is None:
@@ -256,12 +255,11 @@ def _counting(
     if cameras is None:
         return problem
     try:
-        found = with_views(problem, cameras, weight, share=share)
+        return variants.counting_views(problem, cameras, weight, share)
     except ProblemError as error:
         field, _, words = str(error).partition(": ")
         option = {"cameras": "--views", "share": "--views-share"}.get(field, "--views-weight")
         raise UsageError(f"{option}: {words}") from error
-    return found.replace(name=f"{problem.name}-views{cameras}")
 
 
 def _drone(number: int, problem: Problem) -> int:

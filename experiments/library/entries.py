@@ -19,9 +19,8 @@ from cocap_opt.files.documents import FileError, read_bytes
 from cocap_opt.output.files import read_text
 from cocap_opt.problem import Problem
 from cocap_opt.run.start_sets import with_free_starts
-from cocap_opt.scenarios import load_scene
+from cocap_opt.scenarios import load_scene, variants
 from cocap_opt.scenarios.built_in.field import field
-from cocap_opt.vision.default_weights import with_views
 
 DATA = Path(__file__).parent / "data"
 LIST = "instances.toml"
@@ -100,13 +99,10 @@ class Family(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             made = made.until(self.steps)
         if self.free_starts:
             made = with_free_starts(made)
-        # Named as `export` names them: the text of an instance has the name in it.
         if self.over_time:
-            objective = made.objective.replace(over_time=True)
-            made = made.replace(name=f"{made.name}-over-time", objective=objective)
+            made = variants.over_time(made)
         if self.views is not None:
-            made = with_views(made, self.views)
-            made = made.replace(name=f"{made.name}-views{self.views}")
+            made = variants.counting_views(made, self.views)
         return made
 
 
