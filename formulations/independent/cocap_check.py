@@ -43,8 +43,8 @@ ONE = 1 << BITS
 
 # Of certificates and proofs; those that nothing depends on are let pass.
 FIELDS = {
-    "format", "version", "scene", "digest", "method", "classes", "coverage_version", "objective",
-    "bound", "coverage", "certificate", "nodes",
+    "format", "version", "scene", "digest", "method", "classes", "coverage_version", "instance",
+    "objective", "bound", "coverage", "certificate", "nodes",
 }  # fmt: skip
 PLAN_FIELDS = {
     "format", "version", "scene", "digest", "digest_without_objective", "planner", "limit",
@@ -52,7 +52,8 @@ PLAN_FIELDS = {
     "plan",
 }  # fmt: skip
 VERSIONS = {
-    "cocap-opt certificate": (4, 5, 6), "cocap-opt proof": (3, 4, 5), "cocap-opt plan": (2, 3, 4),
+    "cocap-opt certificate": (4, 5, 6, 7), "cocap-opt proof": (3, 4, 5, 6),
+    "cocap-opt plan": (2, 3, 4),
 }  # fmt: skip
 ROUNDED = 1 - Fraction(1, 10**9)  # of a plan's reward, which is a sum of doubles
 # What reading damaged files may raise.
@@ -150,6 +151,7 @@ class Instance:
     """An instance, read whole or refused."""
 
     def __init__(self, text: str) -> None:
+        self.sha256 = hashlib.sha256(text.encode()).hexdigest()
         lines = [line.split() for line in text.splitlines()]
         require(lines and lines[0] == ["cocap-instance", "1"], "line 1: must be cocap-instance 1")
         require(lines[-1] == ["end"], "the last line must be: end")
@@ -1410,7 +1412,10 @@ def answer(instance: Instance, document: Spec) -> tuple[str, bool]:
     kind = str(document.get("format"))
     is_known = whole(document.get("version")) in VERSIONS.get(kind, ())
     require(is_known, "no known kind of file, or version")
-    require(document.get("digest") == instance.digest, "digest: the file is of another instance")
+    require(document.get("digest") == instance.digest, "digest: the file is of another scene")
+    made_of = document.get("instance", instance.sha256)
+    is_it = made_of == instance.sha256
+    require(is_it, f"instance: the file is of the one of sha256 {made_of!r:.80}")
     version = document.get("coverage_version")
     require(version in (None, instance.coverage), "coverage_version: the instance has another")
     if kind == "cocap-opt plan":
@@ -1451,7 +1456,7 @@ def main(arguments: list[str]) -> int:
                 content = file.read()
             if instance is None:
                 instance = Instance(content.decode())
-                say(f"instance of sha256 {hashlib.sha256(content).hexdigest()}")
+                say(f"instance of sha256 {instance.sha256}")
                 continue
             document = json.loads(
                 content, parse_constant=no_constant, object_pairs_hook=without_twins
