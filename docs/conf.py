@@ -17,6 +17,7 @@ from cocap_opt.experiments.lab.manual.entries import all_entries
 from cocap_opt.experiments.lab.manual.formats import write_schemas
 from cocap_opt.experiments.lab.studies.browser.files import write_check
 from cocap_opt.experiments.lab.studies.drawings import write_drawings, write_players
+from cocap_opt.player.player_proof import CHECK_PAGE
 
 project = "cocap-opt"
 author = "the authors of cocap-opt"
@@ -46,7 +47,6 @@ html_static_path = ["_static"]
 html_css_files = ["pages.css"]
 html_theme_options = {"navigation_with_keys": True}
 
-_CHECK_PAGE = "how-to/check-in-the-browser"
 _STOPPED = re.compile(r"(<math\b(?:(?!</math>).)*</math>[.,;:)]+)", re.DOTALL)
 
 
@@ -63,7 +63,7 @@ def _add_check(
     app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object
 ) -> None:
     """Adds script and style to the page that checks files."""
-    if page == _CHECK_PAGE:
+    if page == CHECK_PAGE:
         app.add_js_file("check.js", loading_method="defer")
         app.add_css_file("check.css")
 

@@ -30,7 +30,8 @@ function button(cls, text, press) {
 }
 
 const drop = make("div", "drop"), chosen = make("input"), list = make("ul", "files");
-const run = button("main", "Check", start), cancel = button("", "Cancel", stop), clear = button("", "Remove all", forget);
+const choose = button("primary", "Choose files", () => chosen.click());
+const run = button("primary", "Check", start), cancel = button("", "Cancel", stop), clear = button("", "Remove all", forget);
 const told = make("p", "told"), said = make("span"), clock = make("span", "clock"), bar = make("progress");
 const verdict = make("p", "verdict"), output = make("pre"), facts = make("p", "facts");
 
@@ -43,7 +44,7 @@ function lay() {
     chosen.value = ""; // so that the same file can be chosen again
   });
   const words = make("p"), hint = make("p", "hint", "an instance, and any plans, certificates and proofs that are of it");
-  words.append(button("main", "Choose files", () => chosen.click()), " or drop them here");
+  words.append(choose, " or drop them here");
   const tries = make("p", "tries", "Or try ");
   tries.append(...EXAMPLES.map(([text, names]) => button("", text, () => load(names))));
   drop.append(words, hint, chosen, tries);
@@ -64,10 +65,7 @@ function lay() {
 function show() {
   list.replaceChildren(...[...files].map(([name, { file, kind }]) => {
     const item = make("li");
-    const remove = button("remove", "✕", () => {
-      files.delete(name);
-      show();
-    });
+    const remove = button("remove", "✕", () => removed(name));
     remove.setAttribute("aria-label", `remove ${name}`);
     item.append(make("b", "", name), make("span", "kind", `${kind}, ${size(file.size)}`), remove);
     return item;
@@ -124,10 +122,25 @@ async function load(names) {
   }
 }
 
+function removed(name) {
+  const place = [...files.keys()].indexOf(name);
+  files.delete(name);
+  blank();
+  (list.querySelectorAll("button")[Math.min(place, files.size - 1)] ?? choose).focus();
+}
+
 function forget() {
   files.clear();
-  state.lines = [];
-  judge("", "");
+  blank();
+  choose.focus();
+}
+
+// What is said of other files is said no longer.
+function blank() {
+  if (!state.isRunning) {
+    state.lines = [];
+    judge("", "");
+  }
   show();
 }
 
@@ -147,15 +160,19 @@ function start() {
   state.lines = [];
   judge("", "");
   if (first?.kind !== "instance") {
-    judge("mild", "The instance is missing: `cocap-opt export SCENE -o scene.instance` writes it. Add it to these files.");
+    judge("mild", "The instance is missing. Write it by cocap-opt export SCENE -o scene.instance, and add it here.");
     show();
     return;
   }
+  const hadFocus = document.activeElement === run;
+  delete root.dataset.code;
+  delete root.dataset.seconds;
   Object.assign(state, { isRunning: true, isAgain: false, begun: performance.now() });
   if (state.facts === null) open();
   else send();
   tick();
   show();
+  if (hadFocus) cancel.focus();
 }
 
 function open() {
@@ -181,9 +198,11 @@ async function send() {
   try {
     const contents = await Promise.all(all.map(({ file }) => file.arrayBuffer()));
     if (worker !== state.worker) return; // cancelled meanwhile
-    const sent = contents.map((bytes, k) => ({ name: all[k].name, bytes: new Uint8Array(bytes) }));
+    const sent = contents.map((bytes, k) => ({
+      name: all[k].name, argument: state.names[k], bytes: new Uint8Array(bytes),
+    }));
     state.begun = performance.now();
-    worker.postMessage(sent.map((one, k) => ({ ...one, argument: state.names[k] })), contents);
+    worker.postMessage(sent, contents);
   } catch (error) {
     finish("bad", `Not read: ${error.message}`);
   }
@@ -233,18 +252,18 @@ function words(code) {
 }
 
 function finish(kind, text) {
+  const hadFocus = document.activeElement === cancel;
   state.isRunning = false;
   judge(kind, text);
   show();
+  if (hadFocus) run.focus();
   if (state.isAgain) start();
 }
 
 function stop() {
-  const hadFocus = document.activeElement === cancel;
   state.isAgain = false;
   end();
   finish("mild", "Cancelled: what was not printed yet was not checked.");
-  if (hadFocus) run.focus();
 }
 
 // What Python does cannot be interrupted, but its worker can be ended.
@@ -291,7 +310,7 @@ function listen() {
 
 if (location.protocol === "file:") {
   judge("mild", "Browsers start no worker for pages that are opened as files. Serve the folder of these pages, "
-    + "for example by `python -m http.server`, and open this page from there.");
+    + "for example by python -m http.server, and open this page from there.");
   root.replaceChildren(verdict);
 } else {
   lay();

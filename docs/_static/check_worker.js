@@ -6,12 +6,23 @@ const NETWORK = ["fetch", "XMLHttpRequest", "WebSocket", "WebTransport", "EventS
 const FRESH = { cache: "no-cache" }; // another build may have written others
 const FILES = "/files";
 const RUN = `
-import runpy, sys
+import contextlib, io, runpy, sys
 
-def run(names):
+class Lines(io.TextIOBase):
+    def __init__(self, tell):
+        self.tell, self.rest = tell, ""
+
+    def write(self, text):
+        *lines, self.rest = (self.rest + text).split("\\n")
+        for line in lines:
+            self.tell(line)
+        return len(text)
+
+def run(names, tell):
     sys.argv = ["cocap_check.py", *names]
     try:
-        runpy.run_path("/cocap_check.py", run_name="__main__")
+        with contextlib.redirect_stdout(Lines(tell)):
+            runpy.run_path("/cocap_check.py", run_name="__main__")
     except SystemExit as end:
         return end.code
 run
@@ -64,8 +75,6 @@ async function load() {
   const pyodide = await loadPyodide({
     indexURL: `${folder}pyodide/`,
     createPyodideModule: compiled.default,
-    stdout: (text) => tell("line", { text }),
-    stderr: (text) => tell("line", { text }),
   });
   pyodide.FS.writeFile("/cocap_check.py", checker);
   const facts = { pyodide: about.pyodide, ...pyodide.runPython(ABOUT).toJs({ dict_converter: Object.fromEntries }) };
@@ -90,9 +99,12 @@ self.onmessage = async ({ data }) => {
     for (const name of FS.readdir(FILES)) if (!/^\.\.?$/.test(name)) FS.unlink(name);
     for (const { name, bytes } of data) FS.writeFile(name, bytes);
     const begun = performance.now();
-    const code = run(pyodide.toPy(data.map(({ argument }) => argument)));
+    const names = pyodide.toPy(data.map(({ argument }) => argument));
+    const code = run(names, (text) => tell("line", { text }));
     tell("done", { code, seconds: (performance.now() - begun) / 1000 });
   } catch (error) {
-    tell("failed", { message: `the check broke off: ${String(error.message).trim().split("\n").pop()}` });
+    const words = String(error.message).trim().split("\n").pop();
+    const deep = /call stack|recursion/i.test(words) ? ", as a file is nested too deeply for a browser" : "";
+    tell("failed", { message: `the check broke off${deep}: ${words}` });
   }
 };

@@ -113,9 +113,7 @@ def _measured(page: "CheckPage", scene: str, paths: Sequence[Path]) -> BrowserRo
 def printed(paths: Sequence[Path]) -> list[str]:
     """Returns the lines that the command prints of files, called in their folder."""
     command = [sys.executable, "-I", cocap_check.__file__, *(path.name for path in paths)]
-    done = subprocess.run(
-        command, cwd=paths[0].parent, capture_output=True, text=True, check=False
-    )
+    done = subprocess.run(command, cwd=paths[0].parent, capture_output=True, text=True, check=False)
     return done.stdout.splitlines()
 
 

@@ -41,7 +41,7 @@ _CORE = {
     "pyodide-lock.json": "pyodide-lock.json",
 }
 _FETCHED = ("pyodide.asm.wasm", "python_stdlib.zip", "pyodide-lock.json")  # by Pyodide
-_EXAMPLE = "corridor"
+EXAMPLE = "corridor"
 _ALTERED = 0.99  # times the bound, which is then claimed
 _PATIENCE = 120.0  # s, with npm
 
@@ -69,7 +69,9 @@ def certified(scene: str) -> Certified:
     plan, file = planned.result.plan, planned.plan_file(problem, RECOMMENDED)
     bounded = run(problem, "column-generation", start=plan)
     certificate = bounded.result.certificate
-    assert plan is not None and file is not None and certificate is not None, scene
+    assert plan is not None
+    assert file is not None
+    assert certificate is not None
     return Certified(problem, plan, encode(file), certificate, encode(certificate))
 
 
@@ -85,15 +87,15 @@ def examples() -> dict[str, bytes]:
 
     The altered one claims a bound that is 1 % lower than the one that its numbers prove.
     """
-    found = certified(_EXAMPLE)
+    found = certified(EXAMPLE)
     bound = found.certificate.bound
     assert bound is not None
     altered = msgspec.structs.replace(found.certificate, bound=_ALTERED * bound)
     return {
-        f"{_EXAMPLE}.instance": instance(found.problem),
-        f"{_EXAMPLE}-plan.json": found.plan_content,
-        f"{_EXAMPLE}.json": found.content,
-        f"{_EXAMPLE}-altered.json": encode(altered),
+        f"{EXAMPLE}.instance": instance(found.problem),
+        f"{EXAMPLE}-plan.json": found.plan_content,
+        f"{EXAMPLE}.json": found.content,
+        f"{EXAMPLE}-altered.json": encode(altered),
     }
 
 

@@ -66,10 +66,12 @@ class CheckPage(NamedTuple):
     Attributes
     ----------
     asked : a line for each request that the server was sent
+    folder : that is served
     """
 
     browser: Browser
     asked: list[str]
+    folder: Path
 
     @classmethod
     @contextmanager
@@ -95,7 +97,7 @@ class CheckPage(NamedTuple):
                 address = f"http://127.0.0.1:{server.server_port}/how-to/check.html"
                 try:
                     with Browser.opened(address, ready=_READY) as browser:
-                        yield cls(browser, asked)
+                        yield cls(browser, asked, folder)
                 finally:
                     server.shutdown()
 
