@@ -73,7 +73,8 @@ function show() {
   list.hidden = files.size === 0;
   run.hidden = clear.hidden = files.size === 0 || state.isRunning;
   cancel.hidden = !state.isRunning;
-  told.hidden = !state.isRunning;
+  told.classList.toggle("on", state.isRunning);
+  if (!state.isRunning) said.textContent = clock.textContent = "";
   bar.hidden = !state.isRunning || state.facts !== null;
   output.hidden = state.lines.length === 0;
   output.textContent = state.lines.join("\n");
@@ -94,18 +95,19 @@ async function kindOf(file) {
 }
 
 async function add(given) {
-  const kinds = await Promise.allSettled(given.map(kindOf));
+  const kinds = await Promise.allSettled(given.map(kindOf)), unread = [];
   for (const [k, file] of given.entries()) {
     const kind = kinds[k].value;
-    if (kind === undefined) {
-      judge("bad", `Not read: ${file.name}: ${kinds[k].reason.message}`);
+    if (kind === undefined) { // a folder, or a file that is gone
+      unread.push(`${file.name}: ${kinds[k].reason.message}`);
       continue;
     }
     if (kind === "instance") for (const [name, other] of files) if (other.kind === "instance") files.delete(name);
     files.set(file.name, { file, kind });
   }
   show();
-  if (given.length) start();
+  if (unread.length) judge("bad", `Not read: ${unread.join("; ")}`);
+  else if (given.length) start();
 }
 
 async function load(names) {

@@ -140,7 +140,7 @@ def pyodide() -> dict[str, bytes] | None:
 
 
 def _core(tarball: Path) -> dict[str, bytes]:
-    """Returns what the site needs of npm's tarball."""
+    """Returns the files of npm's tarball that the site needs."""
     if hashlib.sha512(tarball.read_bytes()).digest() != b64decode(_SHA512):
         raise ValueError(f"pyodide {PYODIDE} of npm: its SHA-512 is not {_SHA512}")
     core = {}
@@ -161,6 +161,6 @@ def write_check(folder: Path) -> bool:
         about = {"pyodide": PYODIDE, "bytes": sum(len(core[name]) for name in _FETCHED)}
         contents |= {folder / "pyodide" / name: content for name, content in core.items()}
         contents[folder / "files.json"] = json.dumps(about).encode()
-    make_folder(folder, "pyodide")
+    make_folder(folder, *([] if core is None else ["pyodide"]))
     save_files(contents)
     return core is not None
