@@ -63,7 +63,7 @@ def _add_check(
     app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object
 ) -> None:
     """Adds script and style to the page that checks files."""
-    if page == CHECK_PAGE:
+    if page == CHECK_PAGE and "python_in_pages" in app.tags:
         app.add_js_file("check.js", loading_method="defer")
         app.add_css_file("check.css")
 
