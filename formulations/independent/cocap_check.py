@@ -791,7 +791,7 @@ class Search:
                 self.most[g] = max(c, self.most.get(g, 0))
         self.weight = {g: up(instance.weights[g]) for g in self.most}
         self.base = {
-            x: [self._gain(g, c, 0) for g, c in views] for x, views in enumerate(self.views)
+            x: [self._gain(g, c, 0, 0) for g, c in views] for x, views in enumerate(self.views)
         }
         self.gaining: list[bool] = []
         self.pays: list[list[int]] = []
@@ -822,11 +822,16 @@ class Search:
         phi, weight = self.instance.value, self.weight
         return sum((weight[g] * phi(g, c, root_up) >> BITS) + 1 for g, c in seen.items())
 
-    def _gain(self, g: int, c: int, seen: int) -> tuple[int, int, int, float, float]:
-        """Returns a view's group, gain and amount, and the two last as doubles."""
-        phi, weight = self.instance.value, self.weight[g]
-        gain = phi(g, seen + c, root_up) - phi(g, seen, root_down)
-        gain = (weight * gain >> BITS) + 1
+    def _gain(self, g: int, c: int, seen: int, before: int) -> tuple[int, int, int, float, float]:
+        """Returns a view's group, gain and amount, and the two last as doubles.
+
+        What is seen of the group is worth at least `before`, weight left out.
+        """
+        if g in self.instance.caps:
+            gain = self.instance.value(g, seen + c, root_up) - before
+        else:
+            gain = math.isqrt(seen + c << BITS) + 1 - before
+        gain = (self.weight[g] * gain >> BITS) + 1
         return g, gain, c, gain / ONE, c / ONE
 
     def _picks(
@@ -890,11 +895,11 @@ class Search:
             now = dict(seen)
             for g, c in self.views[x]:
                 now[g] = now.get(g, 0) + c
-            fresh = {g for g, _ in self.views[x]}
+            worth = {g: self.instance.value(g, now[g], root_down) for g, _ in self.views[x]}
             fewer = {
                 y: [
-                    self._gain(view[0], view[2], now[view[0]]) if view[0] in fresh else view
-                    for view in gains[y]
+                    self._gain(e[0], e[2], now[e[0]], worth[e[0]]) if e[0] in worth else e
+                    for e in gains[y]
                 ]
                 for y in left
             }
