@@ -1,0 +1,168 @@
+"""The command `audit`, which holds an instance to its scene by other code than made it."""
+
+import hashlib
+import json as json_text
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.options import Json, Scene, Seed, load_planned
+from cocap_opt.console.progress import Watch
+from cocap_opt.files.documents import FileError, SceneFile, encode, problem_digest
+from cocap_opt.formulations.independent import instance_of
+from cocap_opt.formulations.independent.audit import Audit, Auditor, CoverageAudit
+from cocap_opt.formulations.independent.instance_facts import FormatError, Instance, read_instance
+from cocap_opt.formulations.independent.scene_facts import UnknownError, facts_of_scene
+from cocap_opt.model import compiled
+from cocap_opt.output.files import PlanReader, read_text
+from cocap_opt.output.printing import Record, print_result, print_texts
+from cocap_opt.problem import Problem
+from cocap_opt.run.options import Option, UsageError
+
+_SHOWN = 20  # differences that are printed
+_DIFFERS, _UNDECIDED = 1, 3  # exit codes
+_WIDTHS = ("widest_share", "widest_pixels")
+_NO_FLINT = (
+    "--views: enclosures need python-flint: pip install 'cocap-opt[audit]'; "
+    "--views 0 leaves coverage out"
+)
+
+
+def _audit(
+    scene: Scene,
+    /,
+    *plan: Annotated[
+        Path, Parameter(help="a plan for it, the coverage of whose states is enclosed, too")
+    ],
+    seed: Seed = 0,
+    instance: Annotated[
+        Path | None,
+        Parameter(help="the instance, of `export`; if not given, what `export` would write"),
+    ] = None,
+    views: Annotated[
+        float,
+        Parameter(
+            help="so many of the states with most pixels, and as many that are drawn from all, "
+            "have their coverage enclosed; inf: all states; 0: none, and no plan's either"
+        ),
+    ] = 1000.0,
+    json: Json = False,
+) -> int:
+    """Hold an instance to its scene: exit 0 only if it says of the scene what is true.
+
+    Places, moves, turns, closed places, starts, goals, rewards, rules, weights
+    and reachable states are found again from the scene's JSON, by networkx and
+    code that shares nothing with `export`. Numbers of pixels must be inside of
+    enclosures by interval arithmetic (python-flint). Each difference is a line
+    with both values. Exit 1: there is one. 3: there is none, but some
+    enclosures are too wide to decide. What is not known here, such as meshes
+    of any shape, is refused.
+
+    Example: cocap-opt audit bottleneck plan.json --views 2000
+    """
+    if math.isnan(views) or views < 0 or not (math.isinf(views) or views.is_integer()):
+        raise UsageError(f"--views: must be a whole number, 0 or more, or inf, not {views}")
+    Option("--seed").require_whole(seed)
+    problem, paths = _planned(scene, load_planned(scene, seed), plan)
+    document = json_text.loads(encode(SceneFile.of(problem)))["problem"]
+    try:
+        facts = facts_of_scene(document)
+    except UnknownError as error:
+        raise UsageError(f"SCENE: the audit does not know {error}") from error
+    with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
+        text = _text(instance, problem, watch)
+    found = _read(instance, text)
+    auditor = Auditor(document, facts, found)
+    audit = auditor.facts()
+    if found.digest != problem_digest(problem):
+        words = f"digest: scene {problem_digest(problem)}, instance {found.digest}"
+        audit.differences.insert(0, words)
+    if views:
+        audit.coverage = _coverage(auditor, paths, views, seed)
+    answer = {
+        "scene": problem.name, "seed": seed, "digest": problem_digest(problem),
+        "instance": instance, "sha256": hashlib.sha256(text.encode()).hexdigest(),
+        **_told(audit),
+    }  # fmt: skip
+    differences = [*audit.differences, *(audit.coverage.differences if audit.coverage else ())]
+    if json:
+        print_result({**answer, "differences": differences}, json)
+    else:
+        widths = {key: f"{answer[key]:.1e}" for key in _WIDTHS if key in answer}
+        print_result(answer | widths, json)
+        if differences:
+            left = len(differences) - _SHOWN
+            more = [f"and {left} more; --json has all"] if left > 0 else []
+            print_texts([], [*differences[:_SHOWN], *more])
+    if differences:
+        return _DIFFERS
+    return _UNDECIDED if audit.coverage is not None and audit.coverage.undecided else 0
+
+
+def _planned(
+    scene: str, problem: Problem, plans: Sequence[Path]
+) -> tuple[Problem, list[list[list[tuple[int, ...]]]]]:
+    """Returns the scene that plans are for, and their paths."""
+    given = PlanReader(scene, problem).plans(plans)
+    paths = [[[tuple(state) for state in path] for path in one.plan.paths] for one in given]
+    return given[0].problem if given else problem, paths
+
+
+def _text(path: Path | None, problem: Problem, watch: Watch) -> str:
+    """Returns the instance of a file, or the one that is made of a scene now."""
+    if path is not None:
+        return read_text(path)
+    model = compiled(problem)
+    model.prepare_all(progress=watch.counter("coverage"))
+    return instance_of(model)
+
+
+def _read(path: Path | None, text: str) -> Instance:
+    try:
+        return read_instance(text)
+    except FormatError as error:
+        raise FileError(f"{path}: {error}") from error
+
+
+def _coverage(
+    auditor: Auditor, paths: list[list[list[tuple[int, ...]]]], views: float, seed: int
+) -> CoverageAudit:
+    """Returns the audit of coverage; a UsageError where it cannot be made."""
+    try:
+        return auditor.coverage(paths, views, seed)
+    except ImportError as error:
+        raise UsageError(_NO_FLINT) from error
+    except UnknownError as error:
+        words = f"enclosures do not know {error}; --views 0 leaves coverage out"
+        raise UsageError(f"SCENE: {words}") from error
+
+
+def _told(audit: Audit) -> Record:
+    """Returns what was compared, and how much of it does not agree."""
+    found: dict[str, Any] = {
+        "places": audit.places,
+        "moves": audit.moves,
+        "states_reached": audit.reached,
+        "states_that_see": audit.sights,
+        "near_people_undecided": audit.unsure or None,
+    }
+    if (coverage := audit.coverage) is not None:
+        found |= {
+            "views_enclosed": coverage.states,
+            "numbers_enclosed": coverage.numbers,
+            "numbers_undecided": coverage.undecided,
+            "widest_share": coverage.wide_share,
+            "widest_pixels": coverage.wide_pixels,
+        }
+    found["agrees"] = not audit.differences and not (coverage and coverage.differences)
+    if coverage is None:
+        found["message"] = "coverage was left out"
+    elif coverage.undecided:
+        found["message"] = "of numbers that are undecided nothing is said"
+    return found
+
+
+COMMANDS = {"audit": _audit}
