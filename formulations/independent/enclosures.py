@@ -69,12 +69,14 @@ class _Body(NamedTuple):
     normals, offsets : of its planes n . p <= o, unit vectors and m
     pairs : of planes that share an edge
     plan : corners x, y of the ground plan (m), rounded
+    borders : the number of planes, the first, that it has however columns are put together
     """
 
     normals: list[Vector]
     offsets: list[arb]
     pairs: list[tuple[int, int]]
     plan: list[tuple[float, float]]
+    borders: int
 
     @classmethod
     def above(cls, plan: Sequence[tuple[arb, arb]], low: arb | None, high: arb) -> "_Body":
@@ -93,15 +95,24 @@ class _Body(NamedTuple):
             normals.append((across[0] / length, across[1] / length, zero))
             offsets.append((across[0] * x + across[1] * y) / length)
             pairs.append((first + k, first + (k + 1) % n))
-        return cls(normals, offsets, pairs, [(float(x), float(y)) for x, y in plan])
+        borders = 1 if low is None else len(normals)  # the side of a column may be one of a part
+        corners = [(float(x), float(y)) for x, y in plan]
+        return cls(normals, offsets, pairs, corners, borders)
 
 
 class _Half(NamedTuple):
-    """A half-space of a shadow: points p with normal . (p - eye) + more <= 0 are in it."""
+    """A half-space of a shadow: points p with normal . (p - eye) + more <= 0 are in it.
+
+    Attributes
+    ----------
+    is_plane : it is a plane of the body, which hides nothing of a face that lies in it
+    is_border : and one that the body has however columns are put together
+    """
 
     normal: Vector
     more: arb
-    is_plane: bool  # of the body, and turned to the eye
+    is_plane: bool = False
+    is_border: bool = False
 
 
 class _Shadow(NamedTuple):
@@ -141,7 +152,10 @@ class _Shadow(NamedTuple):
 
 def _halves(body: _Body, away: list[arb], turned: dict[int, bool]) -> tuple[list[_Half], bool]:
     """Returns the half-spaces of a shadow, and False if one is missing."""
-    halves = [_Half(body.normals[k], away[k], True) for k, is_turned in turned.items() if is_turned]
+    halves = [
+        _Half(body.normals[k], away[k], True, k < body.borders)
+        for k, is_turned in turned.items() if is_turned
+    ]  # fmt: skip
     whole = True
     for a, b in body.pairs:
         if turned[a] == turned[b]:
@@ -150,7 +164,7 @@ def _halves(body: _Body, away: list[arb], turned: dict[int, bool]) -> tuple[list
         normal = _sum(_times(db, body.normals[a]), _times(da, body.normals[b]))
         length = _dot(normal, normal).sqrt()
         if length > 0:
-            halves.append(_Half(_times(1 / length, normal), arb(0), False))
+            halves.append(_Half(_times(1 / length, normal), arb(0)))
         else:
             whole = False
     return halves, whole
@@ -439,12 +453,12 @@ class _Visible(NamedTuple):
         sure, possible = whole, whole
         for shadow in shadows:
             for halves in shadow.wide:
-                ends = [_lower_ends(half, corners) for half in halves]
-                sure = [rest for piece in sure for rest in _outside(piece, ends)]
+                ends = _lower_ends(halves, corners)
+                if ends is not None:
+                    sure = [rest for piece in sure for rest in _outside(piece, ends)]
             if shadow.narrow is not None:
-                found = [_upper_ends(half, corners) for half in shadow.narrow]
-                if None not in found:
-                    ends = [end for end in found if end is not None]
+                ends = _upper_ends(shadow.narrow, corners)
+                if ends is not None:
                     possible = [rest for piece in possible for rest in _outside(piece, ends)]
             if not possible:
                 return None
@@ -456,19 +470,37 @@ _CORNERS: tuple[Weights, ...] = tuple(
 )
 
 
-def _lower_ends(half: _Half, corners: list[Vector]) -> list[int]:
-    """Returns what corners exceed a half-space by, at least, in units of 2^-64 m."""
-    more = half.more - arb(_OVERLAP)
-    return [_floor(_dot(half.normal, corner) + more) for corner in corners]
+def _lower_ends(halves: list[_Half], corners: list[Vector]) -> list[list[int]] | None:
+    """Returns what corners exceed half-spaces by, at least, in units of 2^-64 m.
+
+    None: the face lies in a plane of the body, which surely hides nothing of it.
+    """
+    found = []
+    for half in halves:
+        excess = _excess(half, corners)
+        if half.is_border and all(value > -arb(_FLUSH) for value in excess):
+            return None
+        found.append([_floor(value) for value in excess])
+    return found
 
 
-def _upper_ends(half: _Half, corners: list[Vector]) -> list[int] | None:
-    """Returns what corners exceed a half-space by, at most, and the least cut; None: all may."""
+def _upper_ends(halves: list[_Half], corners: list[Vector]) -> list[list[int]] | None:
+    """Returns what corners exceed half-spaces by, at most, and by the least cut.
+
+    None: the face may lie in a plane of the body.
+    """
+    found = []
+    for half in halves:
+        excess = _excess(half, corners)
+        if half.is_plane and not any(value < -arb(_FLUSH) for value in excess):
+            return None
+        found.append([-_floor(-value - arb(_GRAZED)) for value in excess])
+    return found
+
+
+def _excess(half: _Half, corners: list[Vector]) -> list[arb]:
     more = half.more - arb(_OVERLAP)
-    excess = [_dot(half.normal, corner) + more for corner in corners]
-    if half.is_plane and all(not value < -arb(_FLUSH) for value in excess):
-        return None  # it may lie in the plane, which then hides nothing of it
-    return [-_floor(-value - arb(_GRAZED)) for value in excess]
+    return [_dot(half.normal, corner) + more for corner in corners]
 
 
 def _outside(piece: _Piece, ends: list[list[int]]) -> list[_Piece]:
