@@ -91,7 +91,7 @@ class _Body(NamedTuple):
         for k, (x, y) in enumerate(plan):
             u, v = plan[(k + 1) % n]
             across = (v - y, x - u)
-            length = (across[0] ** 2 + across[1] ** 2).sqrt()
+            length = (across[0] * across[0] + across[1] * across[1]).sqrt()
             normals.append((across[0] / length, across[1] / length, zero))
             offsets.append((across[0] * x + across[1] * y) / length)
             pairs.append((first + k, first + (k + 1) % n))
@@ -163,8 +163,9 @@ def _halves(body: _Body, away: list[arb], turned: dict[int, bool]) -> tuple[list
         da, db = abs(away[a]), abs(away[b])
         normal = _sum(_times(db, body.normals[a]), _times(da, body.normals[b]))
         length = _dot(normal, normal).sqrt()
-        if length > 0:
-            halves.append(_Half(_times(1 / length, normal), arb(0)))
+        across = _times(1 / length, normal)
+        if all(part.is_finite() for part in across):
+            halves.append(_Half(across, arb(0)))
         else:
             whole = False
     return halves, whole
@@ -416,7 +417,7 @@ class Enclosures:
                 square = _dot(way, way)
                 if turned < 0 or square == 0:
                     continue
-                law = abs(way[0] * cosine + way[1] * sine) * turned / square**2
+                law = abs(way[0] * cosine + way[1] * sine) * turned / (square * square)
                 if law.is_finite():
                     least = _low(law.lower()) if beyond < 0 and turned > 0 else 0.0
                     found[number] = max(least, 0.0), _high(law.upper())
