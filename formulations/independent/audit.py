@@ -33,7 +33,7 @@ class CoverageAudit:
     states, numbers : that were looked at; of the latter those that are 0 on both sides are none
     undecided : numbers inside an enclosure that is too wide to say anything
     wide_share, wide_pixels : of the widest enclosure of the others, as a share of its upper end
-        where that is more than `LITTLE`, and in px/m2
+        where that is `LITTLE / NARROW` or more, and in px/m2
     differences : numbers outside of their enclosures
     """
 
@@ -228,5 +228,5 @@ class Auditor:
                 audit.undecided += 1
             else:
                 audit.wide_pixels = max(audit.wide_pixels, high - low)
-                if high > LITTLE:
+                if high >= LITTLE / NARROW:
                     audit.wide_share = max(audit.wide_share, (high - low) / high)
