@@ -1,7 +1,6 @@
 """The command `audit`, which holds an instance to its scene by other code than made it."""
 
 import hashlib
-import json as json_text
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,15 +10,16 @@ from cyclopts import Parameter
 
 from cocap_opt.cli.options import Json, Scene, Seed, load_planned
 from cocap_opt.console.progress import Watch
-from cocap_opt.files.documents import FileError, SceneFile, encode, problem_digest
+from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.independent import instance_of
-from cocap_opt.formulations.independent.audit import Audit, Auditor, CoverageAudit
-from cocap_opt.formulations.independent.instance_facts import FormatError, Instance, read_instance
-from cocap_opt.formulations.independent.scene_facts import UnknownError, facts_of_scene
+from cocap_opt.formulations.independent.audit import Audit
+from cocap_opt.formulations.independent.instance_facts import FormatError
+from cocap_opt.formulations.independent.scene_facts import UnknownError
 from cocap_opt.model import compiled
 from cocap_opt.output.files import PlanReader, read_text
 from cocap_opt.output.printing import Record, print_result, print_texts
 from cocap_opt.problem import Problem
+from cocap_opt.run.audited import audited
 from cocap_opt.run.options import Option, UsageError
 
 _SHOWN = 20  # differences that are printed
@@ -67,21 +67,16 @@ def _audit(
         raise UsageError(f"--views: must be a whole number, 0 or more, or inf, not {views}")
     Option("--seed").require_whole(seed)
     problem, paths = _planned(scene, load_planned(scene, seed), plan)
-    document = json_text.loads(encode(SceneFile.of(problem)))["problem"]
-    try:
-        facts = facts_of_scene(document)
-    except UnknownError as error:
-        raise UsageError(f"SCENE: the audit does not know {error}") from error
     with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         text = _text(instance, problem, watch)
-    found = _read(instance, text)
-    auditor = Auditor(document, facts, found)
-    audit = auditor.facts()
-    if found.digest != problem_digest(problem):
-        words = f"digest: scene {problem_digest(problem)}, instance {found.digest}"
-        audit.differences.insert(0, words)
-    if views:
-        audit.coverage = _coverage(auditor, paths, views, seed)
+        try:
+            audit = audited(problem, text, paths, views, seed)
+        except UnknownError as error:
+            raise UsageError(f"SCENE: the audit does not know {error}") from error
+        except FormatError as error:
+            raise FileError(f"{instance}: {error}") from error
+        except ImportError as error:
+            raise UsageError(_NO_FLINT) from error
     answer = {
         "scene": problem.name, "seed": seed, "digest": problem_digest(problem),
         "instance": instance, "sha256": hashlib.sha256(text.encode()).hexdigest(),
@@ -107,7 +102,7 @@ def _planned(
 ) -> tuple[Problem, list[list[list[tuple[int, ...]]]]]:
     """Returns the scene that plans are for, and their paths."""
     given = PlanReader(scene, problem).plans(plans)
-    paths = [[[tuple(state) for state in path] for path in one.plan.paths] for one in given]
+    paths = [[[tuple(state) for state in path] for path in found.plan.paths] for found in given]
     return given[0].problem if given else problem, paths
 
 
@@ -120,28 +115,8 @@ def _text(path: Path | None, problem: Problem, watch: Watch) -> str:
     return instance_of(model)
 
 
-def _read(path: Path | None, text: str) -> Instance:
-    try:
-        return read_instance(text)
-    except FormatError as error:
-        raise FileError(f"{path}: {error}") from error
-
-
-def _coverage(
-    auditor: Auditor, paths: list[list[list[tuple[int, ...]]]], views: float, seed: int
-) -> CoverageAudit:
-    """Returns the audit of coverage; a UsageError where it cannot be made."""
-    try:
-        return auditor.coverage(paths, views, seed)
-    except ImportError as error:
-        raise UsageError(_NO_FLINT) from error
-    except UnknownError as error:
-        words = f"enclosures do not know {error}; --views 0 leaves coverage out"
-        raise UsageError(f"SCENE: {words}") from error
-
-
 def _told(audit: Audit) -> Record:
-    """Returns what was compared, and how much of it does not agree."""
+    """Returns the numbers of things compared, and of those that do not agree."""
     found: dict[str, Any] = {
         "places": audit.places,
         "moves": audit.moves,

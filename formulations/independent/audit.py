@@ -26,7 +26,7 @@ Path = Sequence[Sequence[int]]  # states x, y, layer, heading, tilt at the steps
 
 @dataclass
 class CoverageAudit:
-    """What is found of the numbers of chosen states.
+    """The findings on the numbers of chosen states.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class CoverageAudit:
 
 @dataclass
 class Audit:
-    """What an instance is found to say otherwise than its scene.
+    """The findings on an instance: all that it says otherwise than its scene.
 
     Attributes
     ----------
@@ -156,8 +156,8 @@ class Auditor:
             if key is not None and key in chosen:
                 amounts[key] = sight.amounts
         audit = CoverageAudit()
-        for chosen_one in sorted(chosen):
-            self._look(audit, enclosures, chosen_one, amounts.get(chosen_one, {}))
+        for state in sorted(chosen):
+            self._look(audit, enclosures, state, amounts.get(state, {}))
         return audit
 
     def _all_states(self) -> Iterable[Key]:

@@ -96,8 +96,8 @@ def told_state(step: int, place: Place, turned: tuple[int, int]) -> str:
 
 def _sets(subject: str, ours: Iterable[Any], theirs: Iterable[Any]) -> Iterator[str]:
     mine, other = {*ours}, {*theirs}
-    for one in sorted(mine ^ other):
-        yield _told(f"{subject} {_plain(one)}", *_there(one in mine))
+    for entry in sorted(mine ^ other):
+        yield _told(f"{subject} {_plain(entry)}", *_there(entry in mine))
 
 
 def _there(in_scene: bool) -> tuple[str, str]:

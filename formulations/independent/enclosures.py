@@ -81,10 +81,10 @@ class _Body(NamedTuple):
     @classmethod
     def above(cls, plan: Sequence[tuple[arb, arb]], low: arb | None, high: arb) -> "_Body":
         """Returns the prism above a convex plan, counter-clockwise, between two altitudes."""
-        zero, one = arb(0), arb(1)
-        normals, offsets = [(zero, zero, one)], [high]
+        zero, unit = arb(0), arb(1)
+        normals, offsets = [(zero, zero, unit)], [high]
         if low is not None:
-            normals.append((zero, zero, -one))
+            normals.append((zero, zero, -unit))
             offsets.append(-low)
         first, n = len(normals), len(plan)
         pairs = [(level, first + k) for level in range(first) for k in range(n)]
@@ -369,7 +369,7 @@ class Enclosures:
         return {}
 
     def _visible_parts(self, j: int, t: int, eye: Point) -> "list[_Visible | None]":
-        """Returns what is visible of each face of a person; None: surely nothing."""
+        """Returns the visible parts of each face of a person; None: surely none."""
         faces, _ = self.person(j, t)
         relative = [self._relative(face, eye) for face in faces]
         hull = _Hull.of(eye, [corner for corners in relative for corner in corners])
@@ -394,7 +394,7 @@ class Enclosures:
     # -- cones -------------------------------------------------------------------------------
 
     def _in_cone(self, robot: dict[str, Any], t: int, eye: Point, state: State) -> Columns:
-        """Returns what a cone sees, which has no image and looks through everything."""
+        """Returns the enclosures of a cone, which has no image and looks through everything."""
         sine, cosine = arb.sin_cos_pi_fmpq(fmpq(2 * state[3], robot["motion"]["headings"]))
         half, off = arb(robot["camera"]["opening"]) / 2 + arb(_EDGE_OF_CONE), self._rounded
         x, y, z = (arb(value) - off for value in eye)
@@ -427,7 +427,7 @@ class Enclosures:
 
 
 class _Visible(NamedTuple):
-    """What is visible of a face from an eye.
+    """The parts of a face that are visible from an eye.
 
     Attributes
     ----------
@@ -441,7 +441,7 @@ class _Visible(NamedTuple):
 
     @classmethod
     def of(cls, face: _Face, corners: list[Vector], shadows: list[_Shadow]) -> "_Visible | None":
-        """Returns what is visible of a face; None: surely nothing.
+        """Returns the visible parts of a face; None: surely none.
 
         Parameters
         ----------
@@ -472,7 +472,7 @@ _CORNERS: tuple[Weights, ...] = tuple(
 
 
 def _lower_ends(halves: list[_Half], corners: list[Vector]) -> list[list[int]] | None:
-    """Returns what corners exceed half-spaces by, at least, in units of 2^-64 m.
+    """Returns lower ends of the excess of corners over half-spaces, in units of 2^-64 m.
 
     None: the face lies in a plane of the body, which surely hides nothing of it.
     """
@@ -486,7 +486,7 @@ def _lower_ends(halves: list[_Half], corners: list[Vector]) -> list[list[int]] |
 
 
 def _upper_ends(halves: list[_Half], corners: list[Vector]) -> list[list[int]] | None:
-    """Returns what corners exceed half-spaces by, at most, and by the least cut.
+    """Returns upper ends of the same, with the least cut added.
 
     None: the face may lie in a plane of the body.
     """

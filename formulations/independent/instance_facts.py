@@ -81,7 +81,7 @@ def read_instance(text: str) -> Instance:
 
 
 class _Reader:
-    """What is read of the lines so far."""
+    """Takes up lines one by one, and puts an instance together."""
 
     def __init__(self) -> None:
         self._single: dict[str, object] = {}

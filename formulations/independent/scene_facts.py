@@ -36,7 +36,7 @@ class UnknownError(ValueError):
 
 
 class Position(NamedTuple):
-    """Where a place is: its layer among all flight heights, and m from the corner of the map."""
+    """The layer of a place among all flight heights, and m from the corner of the map."""
 
     layer: int
     x: float
@@ -150,13 +150,13 @@ def _weights(problem: dict[str, Any], faces: list[int], rows: int) -> dict[int, 
     total, first = sum(faces), 0 if objective["count_start"] else 1
     views = objective["views"]
     for j, actor in enumerate(people):
-        own = actor["weights"] or [1.0] * faces[j]
+        weights = actor["weights"] or [1.0] * faces[j]
         at, chance = sum(faces[:j]), chances[actor["take"]] if chances else 1.0
         for t in range(steps):
             importance = 1.0 if actor["importance"] is None else actor["importance"][t]
             worth = importance * chance
             if t >= first if rows > 1 else t == 0:
-                for f, weight in enumerate(own):
+                for f, weight in enumerate(weights):
                     group = t * total + at + f
                     found[group] = (worth * weight * objective["pixels"], 0)
             if views is not None and t >= first:
