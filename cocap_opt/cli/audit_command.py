@@ -94,7 +94,12 @@ def _audit(
             print_texts([], [*differences[:_SHOWN], *more])
     if differences:
         return _DIFFERS
-    return _UNDECIDED if audit.coverage is not None and audit.coverage.undecided else 0
+    return _UNDECIDED if _is_open(audit) else 0
+
+
+def _is_open(audit: Audit) -> bool:
+    """Returns True if something is so near to a limit that the audit does not decide it."""
+    return bool(audit.unsure or (audit.coverage and audit.coverage.undecided))
 
 
 def _planned(
@@ -133,10 +138,11 @@ def _told(audit: Audit) -> Record:
             "widest_pixels": coverage.wide_pixels,
         }
     found["agrees"] = not audit.differences and not (coverage and coverage.differences)
-    if coverage is None:
-        found["message"] = "coverage was left out"
-    elif coverage.undecided:
-        found["message"] = "of numbers that are undecided nothing is said"
+    words = ["coverage was left out"] if coverage is None else []
+    if _is_open(audit):
+        words.append("of what is undecided nothing is said")
+    if words:
+        found["message"] = "; ".join(words)
     return found
 
 

@@ -36,7 +36,7 @@ class UnknownError(ValueError):
 
 
 class Position(NamedTuple):
-    """The layer of a place among all flight heights, and m from the corner of the map."""
+    """The layer of a place among all flight heights, and m from the map's first cell."""
 
     layer: int
     x: float
