@@ -70,7 +70,7 @@ def _audit(
     with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         text = _text(instance, problem, watch)
         try:
-            audit = audited(problem, text, paths, views, seed)
+            audit = audited(problem, text, paths, views, seed, watch.counter("state enclosed"))
         except UnknownError as error:
             raise UsageError(f"SCENE: the audit does not know {error}") from error
         except FormatError as error:

@@ -4,14 +4,19 @@ import json
 from collections.abc import Sequence
 
 from cocap_opt.files.documents import SceneFile, encode, problem_digest
-from cocap_opt.formulations.independent.audit import Audit, Auditor, Path
+from cocap_opt.formulations.independent.audit import Audit, Auditor, Path, Progress
 from cocap_opt.formulations.independent.instance_facts import read_instance
 from cocap_opt.formulations.independent.scene_facts import UnknownError, facts_of_scene
 from cocap_opt.problem import Problem
 
 
 def audited(
-    problem: Problem, text: str, plans: Sequence[Sequence[Path]], views: float, seed: int
+    problem: Problem,
+    text: str,
+    plans: Sequence[Sequence[Path]],
+    views: float,
+    seed: int,
+    progress: Progress = lambda done, total: None,
 ) -> Audit:
     """Returns the audit of an instance of a scene.
 
@@ -22,6 +27,7 @@ def audited(
     views : number of states with most pixels, and of states drawn from all that drones reach, which
         are enclosed, too; inf: all; 0: none, and those of plans neither
     seed : of the draws
+    progress : told how many states are enclosed, and of how many
 
     Raises
     ------
@@ -41,7 +47,7 @@ def audited(
         audit.differences.insert(0, words)
     if views:
         try:
-            audit.coverage = auditor.coverage(plans, views, seed)
+            audit.coverage = auditor.coverage(plans, views, seed, progress)
         except UnknownError as error:
             raise UnknownError(f"{error}; --views 0 leaves coverage out") from error
     return audit

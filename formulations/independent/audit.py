@@ -8,7 +8,7 @@ reach, which also finds numbers that are missing. Each must be inside its enclos
 import heapq
 import math
 import random
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import Any
@@ -17,9 +17,12 @@ from cocap_opt.formulations.independent.differences import of_facts, of_sight, t
 from cocap_opt.formulations.independent.instance_facts import Instance, Sight
 from cocap_opt.formulations.independent.scene_facts import Facts, Kind, Place, Turned
 
-# An enclosure that is wider than both, a share of its upper end and px/m2, is left undecided.
-NARROW, LITTLE = 1e-6, 1e-4
+# An enclosure that is wider than both, a share of its upper end and px/m2, is left undecided. The
+# numbers of cones have other units, and are small.
+NARROW, LITTLE, LITTLE_IN_CONE = 1e-6, 1e-4, 1e-12
 
+_AT_ONCE = 100  # states, after which progress is told
+Progress = Callable[[int, int], None]
 Key = tuple[int, int, Place, Turned]  # kind of the scene, step, place, orientation
 Path = Sequence[Sequence[int]]  # states x, y, layer, heading, tilt at the steps 0..T
 
@@ -119,7 +122,13 @@ class Auditor:
             for kind in self._scene.kinds
         ]
 
-    def coverage(self, plans: Iterable[Sequence[Path]], views: float, seed: int) -> CoverageAudit:
+    def coverage(
+        self,
+        plans: Iterable[Sequence[Path]],
+        views: float,
+        seed: int,
+        progress: Progress = lambda done, total: None,
+    ) -> CoverageAudit:
         """Returns the audit of what states see.
 
         Parameters
@@ -128,6 +137,7 @@ class Auditor:
         views : number of states with the largest numbers of pixels, and of states that are drawn,
             that are looked at too; inf: all states
         seed : of the draws
+        progress : told now and then how many states are done, and of how many
 
         Raises
         ------
@@ -156,7 +166,9 @@ class Auditor:
             if key is not None and key in chosen:
                 amounts[key] = sight.amounts
         audit = CoverageAudit()
-        for state in sorted(chosen):
+        for done, state in enumerate(sorted(chosen)):
+            if done % _AT_ONCE == 0:
+                progress(done, len(chosen))
             self._look(audit, enclosures, state, amounts.get(state, {}))
         return audit
 
@@ -214,6 +226,7 @@ class Auditor:
         first = 0 if rows == 1 else t * faces
         ends = {first + f: end for f, end in seen.faces.items()}
         ends |= {rows * faces + t * people + j: end for j, end in seen.people.items()}
+        little = LITTLE_IN_CONE if robot["camera"]["type"] == "cone" else LITTLE
         audit.states += 1
         for group in sorted({*ends} | {*amounts}):
             low, high = ends.get(group, (0.0, 0.0))
@@ -224,9 +237,9 @@ class Auditor:
                     f"{told_state(t, place, turned)}, group {group}: scene {low!r} to {high!r}, "
                     f"instance {amount!r}"
                 )
-            elif high - low > max(NARROW * high, LITTLE if group < rows * faces else 0.0):
+            elif high - low > max(NARROW * high, little if group < rows * faces else 0.0):
                 audit.undecided += 1
             else:
                 audit.wide_pixels = max(audit.wide_pixels, high - low)
-                if high >= LITTLE / NARROW:
+                if high >= little / NARROW:
                     audit.wide_share = max(audit.wide_share, (high - low) / high)
