@@ -266,6 +266,34 @@ def test_changed_numbers_are_found() -> None:
     assert all(line.endswith("instance 0.0") for line in missing)
 
 
+@pytest.mark.parametrize(
+    ("wall", "pixels"),
+    [(0.0, 100.0), (0.9, 50.0), (0.45, (0.9 + 0.45 * 6 / 3.5) / 1.8 * 100), (2.0, 0.0)],
+)
+def test_enclosures_hold_what_is_known_by_hand(wall: float, pixels: float) -> None:
+    """A front seen squarely from 6 m has 60^2 / 6^2 px/m2; a wall in the way hides what it must.
+
+    The eye is at 0.9 m, and the far edge of the wall's top 3.5 m away. At 0.9 m the top is neither
+    turned to the eye nor away from it.
+    """
+    with_flint()
+    from cocap_opt.formulations.independent.enclosures import Enclosures
+
+    heights = np.zeros((9, 3))
+    heights[3] = wall
+    camera = Camera(width=60, height=60, focal=60.0, tilts=(0.0,))
+    robot = Robot(start=State(0, 1), motion=Motion(layers=(0.9,)), camera=camera)
+    problem = tiny().replace(
+        height_map=HeightMap(heights=heights, resolution=1.0),
+        robots=(robot,), actors=(standing(7.0, 1.5, 0.0, math.pi),),
+    )  # fmt: skip
+    scene = document(problem)
+    seen = Enclosures(scene).seen(scene["robots"][0], 0, (0, 1, 0, 0, 0))
+    low, high = seen.faces.get(0, (0.0, 0.0))
+    assert low <= pixels <= high
+    assert high - low < 1e-6
+
+
 def test_what_is_not_decided_is_counted() -> None:
     """One person's top lies as deep below another's as coverage calls flush: nobody decides it."""
     with_flint()
