@@ -19,8 +19,8 @@ from cocap_opt.model import compiled
 from cocap_opt.output.files import PlanReader, read_text
 from cocap_opt.output.printing import Record, print_result, print_texts
 from cocap_opt.problem import Problem
-from cocap_opt.run.audited import audited
-from cocap_opt.run.options import Option, UsageError
+from cocap_opt.run.audited import SOME, WHOLE, audited
+from cocap_opt.run.options import UsageError
 
 _SHOWN = 20  # differences that are printed
 _DIFFERS, _UNDECIDED = 1, 3  # exit codes
@@ -43,12 +43,13 @@ def _audit(
         Parameter(help="the instance, of `export`; if not given, what `export` would write"),
     ] = None,
     views: Annotated[
-        float,
+        float | None,
         Parameter(
             help="so many of the states with most pixels, and as many that are drawn from all, "
-            "have their coverage enclosed; inf: all states; 0: none, and no plan's either"
+            f"have their coverage enclosed; inf: all states; 0: none, and no plan's either; if not "
+            f"given, all of {WHOLE:,} states or fewer, and {SOME:,} of more"
         ),
-    ] = 1000.0,
+    ] = None,
     json: Json = False,
 ) -> int:
     """Hold an instance to its scene: exit 0 only if it says of the scene what is true.
@@ -63,9 +64,8 @@ def _audit(
 
     Example: cocap-opt audit bottleneck plan.json --views 2000
     """
-    if math.isnan(views) or views < 0 or not (math.isinf(views) or views.is_integer()):
+    if views is not None and not (views >= 0 and (math.isinf(views) or views.is_integer())):
         raise UsageError(f"--views: must be a whole number, 0 or more, or inf, not {views}")
-    Option("--seed").require_whole(seed)
     problem, paths = _planned(scene, load_planned(scene, seed), plan)
     with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         text = _text(instance, problem, watch)

@@ -12,6 +12,7 @@ import pytest
 from counting import either
 from hypothesis import given
 from pool import meetings, problems
+from sources import imports
 from strategies import WALL, examples, standing, tiny
 from takes import InTakes, in_takes
 
@@ -44,6 +45,7 @@ SMALL = [
     "tiny-approach", "tiny-hover", "tiny-share", "tiny-queue", "tiny-doorway", "tiny-turn",
     "tiny-trap", "tiny-hidden", "tiny-give-way", "tiny-head-on",
 ]  # fmt: skip
+AUDIT = ["scene_facts", "instance_facts", "differences", "enclosures", "audit"]
 LARGER = ["corridor", "corridor-tight", "bottleneck", "bottleneck-tight", "passage", "bridge"]
 
 
@@ -83,6 +85,15 @@ def require_agreement(problem: Problem, views: float = math.inf) -> None:
     assert differences(problem, text) == []
     found = enclosed(problem, text, views)
     assert (found.differences, found.undecided) == ([], 0)
+
+
+def test_an_audit_shares_nothing_with_what_it_checks() -> None:
+    """Its modules import each other, networkx, python-flint and Python's own, and nothing more."""
+    room = "cocap_opt.formulations.independent"
+    parts = {f"{room}.{name}" for name in AUDIT}
+    used = {name for part in parts for name in imports(part)} - parts
+    foreign = {name.split(".")[0] for name in used - {room}} - sys.stdlib_module_names
+    assert foreign == {"networkx", "flint"}
 
 
 @pytest.mark.parametrize("name", SMALL)
