@@ -198,6 +198,21 @@ class _Face(NamedTuple):
         return [(0, k, k + 1) for k in range(1, len(self.corners) - 1)]
 
 
+class _SeenFrom(NamedTuple):
+    """A person relative to an eye.
+
+    Attributes
+    ----------
+    faces, rounded : corners of each face (m), the latter in doubles
+    middle, radius : of a sphere around them, in doubles
+    """
+
+    faces: list[list[Vector]]
+    rounded: list[list[Point]]
+    middle: Point
+    radius: float
+
+
 class Enclosures:
     """Enclosures of what drones see.
 
@@ -228,7 +243,9 @@ class Enclosures:
                 first += count
             views = problem["objective"]["views"]
             self._at_least = None if views is None else views["at_least"]
-        self.person = lru_cache(512)(self._person)
+        self.person = lru_cache(1024)(self._person)
+        self._lenses: dict[tuple[str, int, int, int], _Lens] = {}
+        self._seen_from = lru_cache(4096)(self._relative_faces)
         self._fixed_shadows = lru_cache(64)(self._shadows)
         self._visible = lru_cache(4096)(self._visible_parts)
 
@@ -246,7 +263,10 @@ class Enclosures:
                 return self._in_cone(robot, t, eye, state)
             if camera["type"] != "pinhole":
                 raise UnknownError(f"cameras of the type {camera['type']}")
-            lens = _Lens.of(camera, robot["motion"]["headings"], state)
+            key = (repr(camera), robot["motion"]["headings"], state[3], state[4])
+            if key not in self._lenses:
+                self._lenses[key] = _Lens.of(camera, *key[1:])
+            lens = self._lenses[key]
             faces, people = dict[int, Interval](), dict[int, Interval]()
             for j, numbers in enumerate(self._of_actor):
                 found, share = self._of_person(lens, t, eye, j)
@@ -295,12 +315,12 @@ class Enclosures:
         faces, _ = self.person(j, t)
         found = dict[int, Interval]()
         angles = [0.0, 0.0]
-        relative = [self._relative(face, eye) for face in faces]
-        if any(lens.may_see(corners) for corners in relative):
+        relative, rounded, middle, radius = self._seen_from(j, t, eye)
+        if lens.may_see([middle], radius):
             visible = self._visible(j, t, eye)
             for f, (face, corners) in enumerate(zip(faces, relative, strict=True)):
                 parts = visible[f]
-                if parts is None or not lens.may_see(corners):
+                if parts is None or not lens.may_see(rounded[f]):
                     continue
                 inside = lens.inside(corners)
                 pixels = self._measured(parts, inside, lens.area, lens.image)
@@ -356,6 +376,15 @@ class Enclosures:
         needed = at_least - _SHARE
         return float(least >= needed * (1 + 1e-12)), float(largest >= needed * (1 - 1e-12))
 
+    def _relative_faces(self, j: int, t: int, eye: Point) -> "_SeenFrom":
+        """Returns a person's faces relative to an eye, and a sphere around them."""
+        relative = [self._relative(face, eye) for face in self.person(j, t)[0]]
+        rounded = [[_rounded(corner) for corner in corners] for corners in relative]
+        points = [corner for corners in rounded for corner in corners]
+        x, y, z = (sum(p[k] for p in points) / len(points) for k in range(3))
+        radius = max(math.dist((x, y, z), point) for point in points)
+        return _SeenFrom(relative, rounded, (x, y, z), radius + _CLEAR)
+
     def _relative(self, face: _Face, eye: Point) -> list[Vector]:
         """Returns the corners of a face relative to an eye, up to rounding."""
         x, y, z = map(arb, eye)
@@ -371,7 +400,7 @@ class Enclosures:
     def _visible_parts(self, j: int, t: int, eye: Point) -> "list[_Visible | None]":
         """Returns the visible parts of each face of a person; None: surely none."""
         faces, _ = self.person(j, t)
-        relative = [self._relative(face, eye) for face in faces]
+        relative = self._seen_from(j, t, eye).faces
         hull = _Hull.of(eye, [corner for corners in relative for corner in corners])
         at = arb(eye[0]), arb(eye[1]), arb(eye[2])
         shadows, kept = [], self._fixed_shadows(eye)
@@ -556,21 +585,28 @@ class _Lens(NamedTuple):
     axes : right, up and forward unit vectors
     slopes : of the sides of the image, across and upright
     focal, image : px, and px^2 of the whole image
+    walls : normals of the planes through its sides, inward, in doubles
     """
 
     axes: tuple[Vector, Vector, Vector]
     slopes: tuple[arb, arb]
     focal: arb
     image: arb
+    walls: list[Point]
 
     @classmethod
-    def of(cls, camera: dict[str, Any], headings: int, state: State) -> "_Lens":
-        """Returns the camera of a state."""
-        s, c = arb.sin_cos_pi_fmpq(fmpq(2 * state[3], headings))
-        st, ct = arb(camera["tilts"][state[4]]).sin_cos()
+    def of(cls, camera: dict[str, Any], headings: int, heading: int, tilt: int) -> "_Lens":
+        """Returns a camera in an orientation."""
+        s, c = arb.sin_cos_pi_fmpq(fmpq(2 * heading, headings))
+        st, ct = arb(camera["tilts"][tilt]).sin_cos()
         axes = (s, -c, arb(0)), (c * st, s * st, ct), (c * ct, s * ct, -st)
         width, height, focal = (arb(camera[name]) for name in ("width", "height", "focal"))
-        return cls(axes, (width / focal / 2, height / focal / 2), focal, width * height)
+        slopes = width / focal / 2, height / focal / 2
+        walls = [
+            _rounded(_sum(_times(slope, axes[2]), _times(arb(sign), axis)))
+            for axis, slope in zip(axes, slopes, strict=False) for sign in (-1, 1)
+        ]  # fmt: skip
+        return cls(axes, slopes, focal, width * height, walls)
 
     def sides(self, point: Vector) -> list[arb]:
         """Returns the distances, up to scale, of a camera's point from the sides of the image."""
@@ -578,19 +614,20 @@ class _Lens(NamedTuple):
         across, upright = self.slopes[0] * depth, self.slopes[1] * depth
         return [across - u, across + u, upright - v, upright + v]
 
-    def may_see(self, corners: list[Vector]) -> bool:
-        """Returns False if a face, relative to the eye, is clearly outside of the image."""
-        axes = [[float(x) for x in axis] for axis in self.axes]
-        ways = [[float(x) for x in corner] for corner in corners]
-        points = [
-            [sum(a * b for a, b in zip(axis, way, strict=True)) for axis in axes] for way in ways
-        ]
-        far = 1 + max(abs(x) for way in ways for x in way)
-        for axis, slope in zip((0, 1), map(float, self.slopes), strict=True):
-            for sign in (-1, 1):
-                margin = _CLEAR * far * (1 + slope)
-                if all(slope * p[2] + sign * p[axis] < -margin for p in points):
-                    return False
+    def may_see(self, points: list[Point], radius: float = 0.0) -> bool:
+        """Returns False if spheres around points are clearly outside of the image.
+
+        Parameters
+        ----------
+        points : relative to the eye (m)
+        """
+        for u, v, w in self.walls:
+            far = math.sqrt(u * u + v * v + w * w)
+            if all(
+                u * x + v * y + w * z + far * (radius + _CLEAR * (1 + abs(x) + abs(y) + abs(z))) < 0
+                for x, y, z in points
+            ):
+                return False
         return True
 
     def inside(self, corners: list[Vector]) -> "_Inside":
@@ -819,6 +856,10 @@ def _low(value: arb) -> float:
 
 def _high(value: arb) -> float:
     return math.nextafter(float(value.upper()), math.inf)
+
+
+def _rounded(a: Vector) -> Point:
+    return float(a[0]), float(a[1]), float(a[2])
 
 
 def _dot(a: Sequence[arb], b: Sequence[arb]) -> arb:
