@@ -22,7 +22,7 @@ from cocap_opt.formulations.independent import instance_of
 from cocap_opt.formulations.independent.audit import Auditor, CoverageAudit
 from cocap_opt.formulations.independent.instance_facts import FormatError, read_instance
 from cocap_opt.formulations.independent.scene_facts import UnknownError, facts_of_scene
-from cocap_opt.model import compiled
+from cocap_opt.model import Model, compiled
 from cocap_opt.planners.greedy import greedy
 from cocap_opt.problem import (
     Actor,
@@ -277,6 +277,18 @@ def test_changed_numbers_are_found() -> None:
     assert all(line.endswith("instance 0.0") for line in missing)
 
 
+def behind_a_wall(height: float) -> Problem:
+    """A drone that looks squarely at a person from 6 m, past a wall that begins 2.5 m away."""
+    heights = np.zeros((9, 3))
+    heights[3] = height
+    camera = Camera(width=60, height=60, focal=60.0, tilts=(0.0,))
+    robot = Robot(start=State(0, 1), motion=Motion(layers=(0.9,)), camera=camera)
+    return tiny().replace(
+        height_map=HeightMap(heights=heights, resolution=1.0),
+        robots=(robot,), actors=(standing(7.0, 1.5, 0.0, math.pi),),
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("wall", "pixels"),
     [(0.0, 100.0), (0.9, 50.0), (0.45, (0.9 + 0.45 * 6 / 3.5) / 1.8 * 100), (2.0, 0.0)],
@@ -290,19 +302,26 @@ def test_enclosures_hold_what_is_known_by_hand(wall: float, pixels: float) -> No
     with_flint()
     from cocap_opt.formulations.independent.enclosures import Enclosures
 
-    heights = np.zeros((9, 3))
-    heights[3] = wall
-    camera = Camera(width=60, height=60, focal=60.0, tilts=(0.0,))
-    robot = Robot(start=State(0, 1), motion=Motion(layers=(0.9,)), camera=camera)
-    problem = tiny().replace(
-        height_map=HeightMap(heights=heights, resolution=1.0),
-        robots=(robot,), actors=(standing(7.0, 1.5, 0.0, math.pi),),
-    )  # fmt: skip
+    problem = behind_a_wall(wall)
     scene = document(problem)
     seen = Enclosures(scene).seen(scene["robots"][0], 0, (0, 1, 0, 0, 0))
     low, high = seen.faces.get(0, (0.0, 0.0))
     assert low <= pixels <= high
     assert high - low < 1e-6
+
+
+@pytest.mark.parametrize(("name", "value"), [("OVERLAP", 1e-8), ("GRAZED", 1.0), ("FLUSH", 2.0)])
+def test_flaws_of_coverage_are_found(
+    name: str, value: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Shadows that are too wide by 1e-8 m, or that cut too little: all of it is told."""
+    with_flint()
+    monkeypatch.setenv("COCAP_OPT_CACHE", str(tmp_path))
+    monkeypatch.setattr(f"cocap_opt.vision.shadows.{name}", value)
+    problem = behind_a_wall(0.45 if name == "OVERLAP" else 0.9 - 1e-3)
+    model = Model(problem, plain=True)
+    model.prepare_all()
+    assert enclosed(problem, instance_of(model)).differences
 
 
 def test_what_is_not_decided_is_counted() -> None:
