@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,14 +16,16 @@ from cocap_opt.formulations.independent.audit import Audit
 from cocap_opt.formulations.independent.instance_facts import FormatError
 from cocap_opt.formulations.independent.scene_facts import UnknownError
 from cocap_opt.model import compiled
-from cocap_opt.output.files import PlanReader, read_text
+from cocap_opt.output.files import GivenPlan, PlanReader, read_text
 from cocap_opt.output.printing import Record, print_result, print_texts
 from cocap_opt.problem import Problem
 from cocap_opt.run.audited import SOME, WHOLE, audited
 from cocap_opt.run.options import UsageError
+from cocap_opt.text import printable
 
 _SHOWN = 20  # differences that are printed
 _DIFFERS, _UNDECIDED = 1, 3  # exit codes
+_SUM = 1e-9  # share of J by which a sum of doubles may be off
 _WIDTHS = ("widest_share", "widest_pixels")
 _NO_FLINT = (
     "--views: enclosures need python-flint: pip install 'cocap-opt[audit]'; "
@@ -57,16 +59,20 @@ def _audit(
     Places, moves, turns, closed places, starts, goals, rewards, rules, weights
     and reachable states are found again from the scene's JSON, by networkx and
     code that shares nothing with `export`. Numbers of pixels must be inside of
-    enclosures by interval arithmetic (python-flint). Each difference is a line
-    with both values. Exit 1: there is one. 3: there is none, but some
-    enclosures are too wide to decide. What is not known here, such as meshes
-    of any shape, is refused.
+    enclosures by interval arithmetic (python-flint), and so must a plan's J.
+    Each difference is a line with both values. Exit 1: there is one. 3: there
+    is none, but something is too near to a limit to be decided. What is not
+    known here, such as meshes of any shape, is refused.
 
     Example: cocap-opt audit bottleneck plan.json --views 2000
     """
     if views is not None and not (views >= 0 and (math.isinf(views) or views.is_integer())):
         raise UsageError(f"--views: must be a whole number, 0 or more, or inf, not {views}")
-    problem, paths = _planned(scene, load_planned(scene, seed), plan)
+    problem = load_planned(scene, seed)
+    given = PlanReader(scene, problem).plans(plan)
+    if given:
+        problem = given[0].problem
+    paths = [found.plan.paths for found in given]
     with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         text = _text(instance, problem, watch)
         try:
@@ -77,6 +83,7 @@ def _audit(
             raise FileError(f"{instance}: {error}") from error
         except ImportError as error:
             raise UsageError(_NO_FLINT) from error
+    audit.differences += _claims(plan, given, audit)
     answer = {
         "scene": problem.name, "seed": seed, "digest": problem_digest(problem),
         "instance": instance, "sha256": hashlib.sha256(text.encode()).hexdigest(),
@@ -86,8 +93,9 @@ def _audit(
     if json:
         print_result({**answer, "differences": differences}, json)
     else:
-        widths = {key: f"{answer[key]:.1e}" for key in _WIDTHS if key in answer}
-        print_result(answer | widths, json)
+        shown = {key: f"{answer[key]:.1e}" for key in _WIDTHS if key in answer}
+        shown["rewards_enclosed"] = "\n".join(f"{a!r} to {b!r}" for a, b in audit.rewards)
+        print_result(answer | shown, json)
         if differences:
             left = len(differences) - _SHOWN
             more = [f"and {left} more; --json has all"] if left > 0 else []
@@ -102,13 +110,12 @@ def _is_open(audit: Audit) -> bool:
     return bool(audit.unsure or (audit.coverage and audit.coverage.undecided))
 
 
-def _planned(
-    scene: str, problem: Problem, plans: Sequence[Path]
-) -> tuple[Problem, list[list[list[tuple[int, ...]]]]]:
-    """Returns the scene that plans are for, and their paths."""
-    given = PlanReader(scene, problem).plans(plans)
-    paths = [[[tuple(state) for state in path] for path in found.plan.paths] for found in given]
-    return given[0].problem if given else problem, paths
+def _claims(plans: Sequence[Path], given: Sequence[GivenPlan], audit: Audit) -> Iterator[str]:
+    """Yields lines for plans whose claim of J is outside of the enclosure of it."""
+    for path, found, (low, high) in zip(plans, given, audit.rewards, strict=False):
+        claim = None if found.file is None else found.file.reward
+        if claim is not None and not low - _SUM * low <= claim <= high + _SUM * high:
+            yield f"{printable(str(path))}: J: scene {low!r} to {high!r}, plan {claim!r}"
 
 
 def _text(path: Path | None, problem: Problem, watch: Watch) -> str:
@@ -136,6 +143,7 @@ def _told(audit: Audit) -> Record:
             "numbers_undecided": coverage.undecided,
             "widest_share": coverage.wide_share,
             "widest_pixels": coverage.wide_pixels,
+            "rewards_enclosed": audit.rewards,
         }
     found["agrees"] = not audit.differences and not (coverage and coverage.differences)
     words = ["coverage was left out"] if coverage is None else []

@@ -74,6 +74,7 @@ _LABELS = {
     "numbers_undecided": "numbers whose enclosure is too wide to decide",
     "widest_share": "widest of the other enclosures, as a share",
     "widest_pixels": "widest of the other enclosures (px/m2)",
+    "rewards_enclosed": "J of each plan, by the scene alone",
     "agrees": "the instance is the scene's",
     "accuracy": "latitudes and longitudes may be off by (m)",
 }

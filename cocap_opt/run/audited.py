@@ -55,6 +55,7 @@ def audited(
     if views:
         try:
             audit.coverage = auditor.coverage(plans, views, seed, progress)
+            audit.rewards = [auditor.reward(paths) for paths in plans]
         except UnknownError as error:
             raise UnknownError(f"{error}; --views 0 leaves coverage out") from error
     return audit

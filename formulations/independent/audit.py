@@ -10,20 +10,26 @@ import math
 import random
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import accumulate
-from typing import Any
+from functools import cached_property
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING, Any
 
 from cocap_opt.formulations.independent.differences import of_facts, of_sight, told_state
 from cocap_opt.formulations.independent.instance_facts import Instance, Sight
 from cocap_opt.formulations.independent.scene_facts import Facts, Kind, Place, Turned
 
+if TYPE_CHECKING:
+    from cocap_opt.formulations.independent.enclosures import Enclosures
+
 # An enclosure that is wider than both, a share of its upper end and px/m2, is left undecided. The
 # numbers of cones have other units, and are small.
 NARROW, LITTLE, LITTLE_IN_CONE = 1e-6, 1e-4, 1e-12
 
+_ROUNDED = 1e-14  # share of a weight
 _AT_ONCE = 100  # states, after which progress is told
 Progress = Callable[[int, int], None]
 Key = tuple[int, int, Place, Turned]  # kind of the scene, step, place, orientation
+Interval = tuple[float, float]  # lower and upper end
 Path = Sequence[Sequence[int]]  # states x, y, layer, heading, tilt at the steps 0..T
 
 
@@ -60,6 +66,7 @@ class Audit:
     sights : of these, those that see anything by the instance
     differences : lines, each of which says both values
     coverage : None if it was not asked for
+    rewards : between which numbers J of each plan lies, by the scene alone
     """
 
     places: int
@@ -69,6 +76,7 @@ class Audit:
     sights: int
     differences: list[str]
     coverage: CoverageAudit | None = None
+    rewards: list[Interval] = field(default_factory=list)
 
 
 class Auditor:
@@ -146,9 +154,6 @@ class Auditor:
         UnknownError
             If the scene has something that enclosures do not know.
         """
-        from cocap_opt.formulations.independent.enclosures import Enclosures
-
-        enclosures = Enclosures(self._problem)
         chosen: dict[Key, None] = {
             (self._kind_of[i], t, (x, y, layer), (heading, tilt)): None
             for paths in plans for i, path in enumerate(paths)
@@ -169,8 +174,50 @@ class Auditor:
         for done, state in enumerate(sorted(chosen)):
             if done % _AT_ONCE == 0:
                 progress(done, len(chosen))
-            self._look(audit, enclosures, state, amounts.get(state, {}))
+            self._look(audit, state, amounts.get(state, {}))
         return audit
+
+    @cached_property
+    def _enclosures(self) -> "Enclosures":
+        from cocap_opt.formulations.independent.enclosures import Enclosures
+
+        return Enclosures(self._problem)
+
+    def reward(self, paths: Sequence[Path]) -> Interval:
+        """Returns an enclosure of J of a plan, by the scene alone: no number is the instance's.
+
+        Parameters
+        ----------
+        paths : of all drones
+        """
+        sums: dict[int, Interval] = {}
+        total = (0.0, 0.0)
+        for i, path in enumerate(paths):
+            robot = self._problem["robots"][i]
+            for t, state in enumerate(path):
+                if t >= self._first_step:
+                    for group, ends in self._ends(robot, t, state).items():
+                        sums[group] = _added(sums.get(group, (0.0, 0.0)), ends)
+            for tail, head in pairwise(path):
+                total = _added(total, self._of_move(tail, head))
+        for group, ends in sums.items():
+            weight, cameras = self._scene.weights.get(group, (0.0, 0))
+            low, high = (min(end, cameras) if cameras else math.sqrt(end) for end in ends)
+            # The weight is a product, which may be rounded otherwise; that is more than a root may.
+            total = _added(total, (weight * low * (1 - _ROUNDED), weight * high * (1 + _ROUNDED)))
+        return total
+
+    def _of_move(self, tail: Sequence[int], head: Sequence[int]) -> Interval:
+        """Returns an enclosure of the rewards for a move."""
+        objective, found = self._problem["objective"], (0.0, 0.0)
+        for name, is_earned in (
+            ("stationarity", [*tail] == [*head]), ("keep_cell", [*tail[:3]] == [*head[:3]]),
+            ("keep_heading", tail[3] == head[3]),
+            ("balanced", head[0] - tail[0] + head[1] - tail[1] == 0),
+        ):  # fmt: skip
+            if is_earned:
+                found = _added(found, (objective[name], objective[name]))
+        return found
 
     def _all_states(self) -> Iterable[Key]:
         for k, kind in enumerate(self._scene.kinds):
@@ -211,21 +258,25 @@ class Auditor:
             found.append((k, t, *states[number - ends[at]]))
         return found
 
-    def _look(
-        self, audit: CoverageAudit, enclosures: Any, key: Key, amounts: dict[int, float]
-    ) -> None:
-        """Looks at all numbers of a state at a step."""
-        k, t, place, turned = key
-        kind: Kind = self._scene.kinds[k]
-        robot = self._problem["robots"][kind.drones[0]]
-        seen = enclosures.seen(robot, t, (*place, *turned))
+    def _ends(self, robot: dict[str, Any], t: int, state: Sequence[int]) -> dict[int, Interval]:
+        """Returns enclosures of all that a state adds to groups; others are surely 0."""
         single = self._scene.single
         rows, faces, people = (
             single[name] for name in ("rows of groups", "faces", "people who count")
         )
+        x, y, layer, heading, tilt = state
+        seen = self._enclosures.seen(robot, t, (x, y, layer, heading, tilt))
         first = 0 if rows == 1 else t * faces
         ends = {first + f: end for f, end in seen.faces.items()}
-        ends |= {rows * faces + t * people + j: end for j, end in seen.people.items()}
+        return ends | {rows * faces + t * people + j: end for j, end in seen.people.items()}
+
+    def _look(self, audit: CoverageAudit, key: Key, amounts: dict[int, float]) -> None:
+        """Looks at all numbers of a state at a step."""
+        k, t, place, turned = key
+        kind: Kind = self._scene.kinds[k]
+        robot = self._problem["robots"][kind.drones[0]]
+        ends = self._ends(robot, t, (*place, *turned))
+        pixels = self._scene.single["rows of groups"] * self._scene.single["faces"]
         little = LITTLE_IN_CONE if robot["camera"]["type"] == "cone" else LITTLE
         audit.states += 1
         for group in sorted({*ends} | {*amounts}):
@@ -237,9 +288,21 @@ class Auditor:
                     f"{told_state(t, place, turned)}, group {group}: scene {low!r} to {high!r}, "
                     f"instance {amount!r}"
                 )
-            elif high - low > max(NARROW * high, little if group < rows * faces else 0.0):
+            elif high - low > max(NARROW * high, little if group < pixels else 0.0):
                 audit.undecided += 1
             else:
                 audit.wide_pixels = max(audit.wide_pixels, high - low)
                 if high >= little / NARROW:
                     audit.wide_share = max(audit.wide_share, (high - low) / high)
+
+
+def _added(a: Interval, b: Interval) -> Interval:
+    return _down(a[0] + b[0]), _up(a[1] + b[1])
+
+
+def _down(value: float) -> float:
+    return math.nextafter(value, -math.inf) if value else value
+
+
+def _up(value: float) -> float:
+    return math.nextafter(value, math.inf) if value else value

@@ -31,6 +31,7 @@ from cocap_opt.problem import (
     Cuboid,
     Motion,
     Objective,
+    Plan,
     Problem,
     Robot,
     StartArea,
@@ -38,6 +39,7 @@ from cocap_opt.problem import (
     Views,
 )
 from cocap_opt.problem.motion import Stride
+from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.world.workspace import HeightMap, Mesh
 
@@ -119,6 +121,24 @@ def test_random_instances_are_their_scenes(problem: Problem) -> None:
     with_flint()
     if not problem.meshes:
         require_agreement(problem, 30)
+
+
+@pytest.mark.slow
+@given(either(problems(over_time=True)))
+@examples(40)
+def test_the_referees_rewards_are_enclosed(problem: Problem) -> None:
+    """J of a plan, by the scene alone, is the referee's up to the rounding of a sum."""
+    with_flint()
+    stays = Plan(paths=tuple((state,) * (problem.horizon + 1) for state in problem.first_starts))
+    found = stays if problem.objective.over_time else greedy(problem).plan
+    if found is None or problem.meshes or not check(problem, found).face_reward:
+        return
+    scene = document(problem)
+    auditor = Auditor(scene, facts_of_scene(scene), read_instance(exported(problem)))
+    low, high = auditor.reward(found.paths)
+    reward = check(problem, found).reward
+    assert low * (1 - 1e-12) <= reward <= high * (1 + 1e-12)
+    assert high - low <= 1e-6 * max(high, 1.0)
 
 
 @pytest.mark.slow
@@ -403,9 +423,15 @@ def test_the_command_encloses_the_states_of_a_plan(
     found = greedy(problem).plan
     assert found is not None
     plan = tmp_path / "plan.json"
-    plan.write_bytes(encode(PlanFile.of(problem, found, 0.0, "greedy")))
+    reward = check(problem, found).reward
+    plan.write_bytes(encode(PlanFile.of(problem, found, reward, "greedy")))
     assert run(["audit", "tiny-hover", str(plan), "--views", "1", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["agrees"]
+    ((low, high),) = answer["rewards_enclosed"]
+    assert low <= reward <= high <= low + 1e-6
     assert answer["views_enclosed"] >= problem.horizon
     assert answer["differences"] == []
+    plan.write_bytes(encode(PlanFile.of(problem, found, reward + 1e-5, "greedy")))
+    assert run(["audit", "tiny-hover", str(plan), "--views", "1"]) == 1
+    assert "plan.json: J: scene " in capsys.readouterr().out
