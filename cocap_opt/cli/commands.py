@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from cyclopts import App, CoercionError, CycloptsError, Parameter
 
 from cocap_opt.cli import (
+    audit_command,
     export_command,
     flight_commands,
     front_command,
@@ -59,8 +60,8 @@ app = App(
 )
 for _family in (
     scene_commands, export_command, solver_commands, limits_command, verify_command,
-    quality_command, gap_command, team_command, takes_command, front_command, result_commands,
-    picture_commands, flight_commands,
+    audit_command, quality_command, gap_command, team_command, takes_command, front_command,
+    result_commands, picture_commands, flight_commands,
 ):  # fmt: skip
     for _name, _command in _family.COMMANDS.items():
         app.command(_command, name=_name, help=_help(_command), usage=_usage(_name, _command))

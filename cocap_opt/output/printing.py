@@ -66,6 +66,16 @@ _LABELS = {
     "reward_smooth": "J, smooth, between the steps too",
     "takes": "take by take",
     "smoothing_cost": "J of the smooth flight against that of the straight one",
+    "states_reached": "states at steps that drones reach",
+    "states_that_see": "of these, states that see anything",
+    "near_people_undecided": "places and moves too near to a least distance to be decided",
+    "views_enclosed": "states at steps whose coverage is enclosed",
+    "numbers_enclosed": "numbers of them that are not 0 on both sides",
+    "numbers_undecided": "numbers whose enclosure is too wide to decide",
+    "widest_share": "widest of the other enclosures, as a share",
+    "widest_pixels": "widest of the other enclosures (px/m2)",
+    "rewards_enclosed": "J of each plan, by the scene alone",
+    "agrees": "the instance is the scene's",
     "accuracy": "latitudes and longitudes may be off by (m)",
 }
 # Methods of bounds whose names say little; JSON has the names.

@@ -16,6 +16,10 @@ COMPILED = frozenset(
     f"{UPPER}.{name}"
     for name in ("compiled_search", "kernel_arrays", "relaxation_kernel", "search_kernel")
 )
+AUDIT = tuple(
+    f"cocap_opt.formulations.independent.{name}"
+    for name in ("scene_facts", "instance_facts", "differences", "enclosures", "audit")
+)
 # What the core imports for other things than checking, which never loads it.
 UNUSED = frozenset(
     f"cocap_opt.{name}"
@@ -99,4 +103,5 @@ def _lines(name: str) -> str:
 TRUSTED: dict[str, Callable[[], str]] = {
     "trusted": _table,
     **{f"{name}_lines": partial(_lines, name) for name in ("core", "lower", "upper", "compiled")},
+    "audit_lines": lambda: f"{Trusted.of(AUDIT).lines:,}",
 }

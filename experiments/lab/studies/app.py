@@ -78,6 +78,15 @@ notebook solvers_compared draws what is stored of it.
 
 Example: cocap-opt study steps --steps 1-4 --seeds 0 --out steps
 """),
+    "audit": Study("audit:audit", """\
+Hold the instances of built-in scenes to their scenes, by other code than made them.
+
+Coverage is enclosed by interval arithmetic (the extra `audit`): of all reachable states, and where
+these are too many, of those of a greedy plan, of those with most pixels, and of as many that are
+drawn. It takes a quarter of an hour.
+
+Example: cocap-opt study audit --scene corridor --out audit
+"""),
     "coverage": Study("coverage.coverage:coverage", """\
 Measure the cost of coverage on maps of 120 x 120 cells.
 

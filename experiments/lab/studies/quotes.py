@@ -14,6 +14,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.experiments.lab.results import STORED
+from cocap_opt.experiments.lab.studies.audit import audits_in_markdown, audits_in_words
 from cocap_opt.experiments.lab.studies.browser.browser import browser_in_markdown, size_in_words
 from cocap_opt.experiments.lab.studies.cameras import (
     cost_in_markdown,
@@ -114,6 +115,8 @@ QUOTES: dict[str, Callable[[], str]] = {
     "greedy_perspectives_plans": partial(published_in_markdown, "greedy-perspectives-plans.csv"),
     "hughes_plans": partial(published_in_markdown, "hughes-plans.csv"),
     "hughes_findings": partial(findings_in_markdown, "hughes.md"),
+    "audits": audits_in_markdown,
+    "audits_in_words": audits_in_words,
     "coverage": coverage_in_markdown,
     "growth": growth_in_markdown,
     "starts": starts_in_markdown,

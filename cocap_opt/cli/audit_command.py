@@ -1,0 +1,157 @@
+"""The command `audit`, which holds an instance to its scene by other code than made it."""
+
+import hashlib
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from cocap_opt.cli.options import Json, Scene, Seed, load_planned
+from cocap_opt.console.progress import Watch
+from cocap_opt.files.documents import FileError, problem_digest
+from cocap_opt.formulations.independent import instance_of
+from cocap_opt.formulations.independent.audit import Audit
+from cocap_opt.formulations.independent.instance_facts import FormatError
+from cocap_opt.formulations.independent.scene_facts import UnknownError
+from cocap_opt.model import compiled
+from cocap_opt.output.files import GivenPlan, PlanReader, read_text
+from cocap_opt.output.printing import Record, print_result, print_texts
+from cocap_opt.problem import Problem
+from cocap_opt.run.audited import SOME, WHOLE, audited
+from cocap_opt.run.options import UsageError
+from cocap_opt.text import printable
+
+_SHOWN = 20  # differences that are printed
+_DIFFERS, _UNDECIDED = 1, 3  # exit codes
+_SUM = 1e-9  # share of J by which a sum of doubles may be off
+_WIDTHS = ("widest_share", "widest_pixels")
+_NO_FLINT = (
+    "--views: enclosures need python-flint: pip install 'cocap-opt[audit]'; "
+    "--views 0 leaves coverage out"
+)
+
+
+def _audit(
+    scene: Scene,
+    /,
+    *plan: Annotated[
+        Path, Parameter(help="a plan for it, the coverage of whose states is enclosed, too")
+    ],
+    seed: Seed = 0,
+    instance: Annotated[
+        Path | None,
+        Parameter(help="the instance, of `export`; if not given, what `export` would write"),
+    ] = None,
+    views: Annotated[
+        float | None,
+        Parameter(
+            help="so many of the states with most pixels, and as many that are drawn from all, "
+            f"have their coverage enclosed; inf: all states; 0: none, and no plan's either; if not "
+            f"given, all of {WHOLE:,} states or fewer, and {SOME:,} of more"
+        ),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Hold an instance to its scene: exit 0 only if it says of the scene what is true.
+
+    Places, moves, turns, closed places, starts, goals, rewards, rules, weights
+    and reachable states are found again from the scene's JSON, by networkx and
+    code that shares nothing with `export`. Numbers of pixels must be inside of
+    enclosures by interval arithmetic (python-flint), and so must a plan's J.
+    Each difference is a line with both values. Exit 1: there is one. 3: there
+    is none, but something is too near to a limit to be decided. What is not
+    known here, such as meshes of any shape, is refused.
+
+    Example: cocap-opt audit bottleneck plan.json --views 2000
+    """
+    if views is not None and not (views >= 0 and (math.isinf(views) or views.is_integer())):
+        raise UsageError(f"--views: must be a whole number, 0 or more, or inf, not {views}")
+    problem = load_planned(scene, seed)
+    given = PlanReader(scene, problem).plans(plan)
+    if given:
+        problem = given[0].problem
+    paths = [found.plan.paths for found in given]
+    with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
+        text = _text(instance, problem, watch)
+        try:
+            audit = audited(problem, text, paths, views, seed, watch.counter("state enclosed"))
+        except UnknownError as error:
+            raise UsageError(f"SCENE: the audit does not know {error}") from error
+        except FormatError as error:
+            raise FileError(f"{instance}: {error}") from error
+        except ImportError as error:
+            raise UsageError(_NO_FLINT) from error
+    audit.differences += _claims(plan, given, audit)
+    answer = {
+        "scene": problem.name, "seed": seed, "digest": problem_digest(problem),
+        "instance": instance, "sha256": hashlib.sha256(text.encode()).hexdigest(),
+        **_told(audit),
+    }  # fmt: skip
+    differences = [*audit.differences, *(audit.coverage.differences if audit.coverage else ())]
+    if json:
+        print_result({**answer, "differences": differences}, json)
+    else:
+        shown = {key: f"{answer[key]:.1e}" for key in _WIDTHS if key in answer}
+        shown["rewards_enclosed"] = "\n".join(f"{a!r} to {b!r}" for a, b in audit.rewards)
+        print_result(answer | shown, json)
+        if differences:
+            left = len(differences) - _SHOWN
+            more = [f"and {left} more; --json has all"] if left > 0 else []
+            print_texts([], [*differences[:_SHOWN], *more])
+    if differences:
+        return _DIFFERS
+    return _UNDECIDED if _is_open(audit) else 0
+
+
+def _is_open(audit: Audit) -> bool:
+    """Returns True if something is so near to a limit that the audit does not decide it."""
+    return bool(audit.unsure or (audit.coverage and audit.coverage.undecided))
+
+
+def _claims(plans: Sequence[Path], given: Sequence[GivenPlan], audit: Audit) -> Iterator[str]:
+    """Yields lines for plans whose claim of J is outside of the enclosure of it."""
+    for path, found, (low, high) in zip(plans, given, audit.rewards, strict=False):
+        claim = None if found.file is None else found.file.reward
+        if claim is not None and not low - _SUM * low <= claim <= high + _SUM * high:
+            yield f"{printable(str(path))}: J: scene {low!r} to {high!r}, plan {claim!r}"
+
+
+def _text(path: Path | None, problem: Problem, watch: Watch) -> str:
+    """Returns the instance of a file, or the one that is made of a scene now."""
+    if path is not None:
+        return read_text(path)
+    model = compiled(problem)
+    model.prepare_all(progress=watch.counter("coverage"))
+    return instance_of(model)
+
+
+def _told(audit: Audit) -> Record:
+    """Returns the numbers of things compared, and of those that do not agree."""
+    found: dict[str, Any] = {
+        "places": audit.places,
+        "moves": audit.moves,
+        "states_reached": audit.reached,
+        "states_that_see": audit.sights,
+        "near_people_undecided": audit.unsure or None,
+    }
+    if (coverage := audit.coverage) is not None:
+        found |= {
+            "views_enclosed": coverage.states,
+            "numbers_enclosed": coverage.numbers,
+            "numbers_undecided": coverage.undecided,
+            "widest_share": coverage.wide_share,
+            "widest_pixels": coverage.wide_pixels,
+            "rewards_enclosed": audit.rewards,
+        }
+    found["agrees"] = not audit.differences and not (coverage and coverage.differences)
+    words = ["coverage was left out"] if coverage is None else []
+    if _is_open(audit):
+        words.append("of what is undecided nothing is said")
+    if words:
+        found["message"] = "; ".join(words)
+    return found
+
+
+COMMANDS = {"audit": _audit}
