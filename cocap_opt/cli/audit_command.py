@@ -54,7 +54,7 @@ def _audit(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Hold an instance to its scene: exit 0 only if it says of the scene what is true.
+    """Check an exported instance against its scene: exit 0 only if they agree.
 
     Places, moves, turns, closed places, starts, goals, rewards, rules, weights
     and reachable states are found again from the scene's JSON, by networkx and

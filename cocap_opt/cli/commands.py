@@ -6,9 +6,9 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from importlib.util import find_spec
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypedDict
 
-from cyclopts import App, CoercionError, CycloptsError, Parameter
+from cyclopts import App, CoercionError, CycloptsError, Group, Parameter
 
 from cocap_opt.cli import (
     audit_command,
@@ -50,6 +50,30 @@ def _usage(name: str, command: Callable[..., int]) -> str:
     return " ".join(["Usage: cocap-opt", name, *words, "[OPTIONS]"])
 
 
+_NAMES = {
+    "Plan": ("scenes", "recipe", "plan", "team", "takes", "front", "limits"),
+    "Prove": ("bound", "solve", "verify", "export", "audit", "library"),
+    "Look": ("show", "quality", "render", "figure"),
+    "Fly": ("fly", "robustness"),
+    "Measure": ("gap", "table", "report", "columns", "study"),
+    "This program": ("compile", "completion"),
+}
+_GROUPS = {title: Group(title, sort_key=number) for number, title in enumerate(_NAMES)}
+
+
+class _Place(TypedDict):
+    """The place of a command on the help page."""
+
+    group: Group
+    sort_key: int
+
+
+def _place(name: str) -> _Place:
+    """Returns the place that the table of groups gives a command."""
+    title, names = next(found for found in _NAMES.items() if name in found[1])
+    return {"group": _GROUPS[title], "sort_key": names.index(name)}
+
+
 app = App(
     name="cocap-opt",
     help="Plan the views of several camera drones, and prove how good the plans are.",
@@ -58,28 +82,36 @@ app = App(
     version_flags=["--version"],
     suppress_keyboard_interrupt=False,
 )
+for _flag in ("--help", "--version"):
+    app[_flag].group = _GROUPS["This program"]
 for _family in (
     scene_commands, export_command, solver_commands, limits_command, verify_command,
     audit_command, quality_command, gap_command, team_command, takes_command, front_command,
     result_commands, picture_commands, flight_commands,
 ):  # fmt: skip
     for _name, _command in _family.COMMANDS.items():
-        app.command(_command, name=_name, help=_help(_command), usage=_usage(_name, _command))
+        app.command(
+            _command, name=_name, help=_help(_command), usage=_usage(_name, _command),
+            **_place(_name),
+        )  # fmt: skip
 app.command(  # by name: matplotlib is slow to import
     "cocap_opt.cli.figure_commands:app",
     name="figure",
+    **_place("figure"),
     help="Draw charts of results for papers.",
 )
 app.command(
     "cocap_opt.cli.library_command:app",
     name="library",
-    help="Instances with their best plans and bounds, and how to hand in better ones.",
+    **_place("library"),
+    help="List the library's instances with their best plans and bounds; hand in better ones.",
 )
 if find_spec("cocap_opt.experiments.lab"):  # in the repository
     app.command(
         "cocap_opt.experiments.lab.studies.app:app",
         name="study",
-        help="Measure again what the project says of itself.",
+        **_place("study"),
+        help="Measure again the numbers that the documentation quotes.",
     )
 else:
 
@@ -89,11 +121,11 @@ else:
         raise FileError("study: is not in the installed package, but in the project's repository")
 
 
-@app.command(name="completion", usage="Usage: cocap-opt completion SHELL")
+@app.command(name="completion", usage="Usage: cocap-opt completion SHELL", **_place("completion"))
 def _completion(
     shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(help="which shell")], /
 ) -> int:
-    """Print what completes names of commands and options in a shell.
+    """Print a script that completes commands and options in a shell.
 
     Example: cocap-opt completion bash > ~/.local/share/bash-completion/completions/cocap-opt
     """

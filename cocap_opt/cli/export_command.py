@@ -90,7 +90,7 @@ def _export(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Write any scene as a cocap-opt scene file, for other solvers, or for others to read.
+    """Write a scene as a file for this program, other solvers or other programs.
 
     The ending of the file's name says what is written. .json: the scene.
     .mps, .lp: a mixed-integer linear program, with tangents in place of roots.

@@ -415,7 +415,7 @@ def _robustness(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Tell what is left of a plan when people are late or aside, or a drone lags or is lost.
+    """Show what is left of a plan if people are late or elsewhere, or a drone lags or fails.
 
     Nobody reacts: all others fly as planned. J is computed between the steps, too. Distances are
     the least at any moment, and rules are checked at every moment, on the flights' polynomials.

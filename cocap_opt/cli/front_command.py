@@ -63,7 +63,7 @@ def _front(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Enclose the trade-off between J and the drones that see each person.
+    """Show the trade-off between J and how many drones see each person, with bounds.
 
     Views are counted step by step and person by person, each up to --cameras. Plans show what can
     be had, certificates what cannot. Each call with the same folder finds a little more, until

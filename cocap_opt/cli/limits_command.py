@@ -36,7 +36,7 @@ def _limits(
     budget: Budget = USUAL,
     json: Json = False,
 ) -> int:
-    """Say which moves the limits of a recipe's drones leave, and how much J that costs at most.
+    """Show which moves the limits of a recipe's drones leave, and what they cost in J at most.
 
     A recipe with limits plans the moves that drones can fly smoothly in any order. With a plan a
     bound is computed and certified, of all the moves that the recipe has, however fast, from

@@ -98,7 +98,7 @@ def _quality(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Tell how well a plan films people: by how many drones, how accurately, how sharply.
+    """Show how well a plan films people: by how many drones, how accurately, how sharply.
 
     Of all person-steps that count: the shares that two drones see, and three, and two at least 30
     degrees apart; the error of a point that is triangulated from them; blur, where the scene says

@@ -56,7 +56,7 @@ def kernels() -> tuple[Kernel, ...]:
 
 
 def _compile() -> int:
-    """Compile all that is compiled ahead, so that no first run on a machine waits for it.
+    """Compile ahead, so that no later run waits for it.
 
     It is coverage, value iteration, and the searches of the gap.
 

@@ -60,7 +60,7 @@ def _takes(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Tell what a plan for one take loses in another, and what hedging costs.
+    """Show what a plan for one take loses in another, and what a plan for all of them costs.
 
     For each take alone, and for all of them on average, it finds a plan and proves how much J no
     plan exceeds, and shows J of each plan in each take. All plans keep away from the people of all

@@ -192,7 +192,7 @@ Example: cocap-opt study notebooks first_tour
 
 app = App(
     name="study",
-    help="Measure again what the project says of itself.",
+    help="Measure again the numbers that the documentation quotes.",
     help_format="markdown",  # plain text is shown with the line breaks of the source
     version_flags=[],
 )
