@@ -19,7 +19,7 @@ from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.problem import Cone, Plan, Problem
 
 _SCRIPTS = (
-    "colours.js", "numbers.js", "geometry.js", "opening.js", "raster.js", "rays.js", "light.js",
+    "colours.js", "numbers.js", "geometry.js", "blocks.js", "raster.js", "rays.js", "light.js",
     "world.js", "camera.js", "figures.js", "pen.js", "bodies.js", "sights.js", "labels.js",
     "view.js", "eye.js", "chart.js", "strip.js", "panel.js", "steer.js", "keys.js", "legend.js",
     "player.js",

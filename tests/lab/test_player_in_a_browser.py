@@ -77,17 +77,91 @@ def test_two_plans_stand_side_by_side(player: Any) -> None:
         assert value(player, INKED % ("chart", panel)) > 0.05
 
 
-@pytest.mark.slow
-def test_obstacles_beside_the_action_are_shown_wholly(player: Any) -> None:
-    """A house that reaches in is framed with its far corners, but for those very far away."""
-    house, off = (9, 2, 0, 14, 2, 7, 9, 8, 0), (21, 2, 0, 24, 2, 7)
-    wide = 8, 2, 0, 80, 2, 7, 8, 9, 0
-    given = json.dumps([{"vertices": vertices} for vertices in (house, off, wide)])
+def scripts(*names: str) -> str:
+    """Scripts of the page, one after the other."""
     folder = ROOT / "cocap_opt" / "player" / "page"
-    scripts = ((folder / f"{name}.js").read_text("utf-8") for name in ("geometry", "camera"))
-    call = f"return beside({given}, [0, 0, 0], [10, 10, 5])"
-    found = value(player, f"(() => {{ {' '.join(scripts)}\n{call} }})()")
-    assert found == [[9, 2, 0], [14, 2, 7], [9, 8, 0], [8, 2, 0], [20, 2, 7], [8, 9, 0]]
+    return "\n".join((folder / f"{name}.js").read_text("utf-8") for name in names)
+
+
+# Where the camera puts all people and drones at first, as shares of a picture so wide and high.
+FRAMED = """
+const [data, width, height] = arguments, blocks = new Blocks(data);
+const camera = new Camera(data, new Rays(data, blocks));
+camera.fit(width, height);
+camera.update();
+const people = data.people.flatMap(({ poses, height: tall }) =>
+  poses.flatMap(([x, y, z]) => [[x, y, z], [x, y, z + tall]]));
+const drones = data.plans.flatMap(({ paths }) => paths.flat()).map(([x, y, z]) => [x, y, z]);
+return [...people, ...drones].map((point) => {
+  const way = minus(point, camera.centre);
+  const size = camera.focal / (camera.away + dot(way, camera.ahead));
+  const along = size * dot(way, camera.right), up = size * dot(way, camera.up);
+  return [0.5 + along / width, 0.5 - up / height];
+});
+"""
+
+
+@pytest.mark.slow
+def test_people_and_drones_fill_the_opening_picture(player: Any) -> None:
+    """All of them are in it at all steps, and reach its margins along one axis, in any shape."""
+    data = told(player.page_source)
+    script = scripts("geometry", "blocks", "rays", "camera") + FRAMED
+    for wide, tall in ((1400, 500), (600, 600), (370, 700)):
+        places = np.array(player.execute_script(script, data, wide, tall))
+        assert (places > 0).all() and (places < 1).all()
+        assert max(np.ptp(places, axis=0) / (1 - 68 / wide, 1 - 86 / tall)) == pytest.approx(
+            1, abs=0.02
+        )
+
+
+# Numbers of blocks of a scene, where they are cut off, and which of them rays meet.
+BLOCKS = """
+const [scene, rays] = arguments, blocks = new Blocks(scene), all = new Rays(scene, blocks);
+const met = rays.map(([from, way, most]) => {
+  const marked = new Uint8Array(blocks.count);
+  all.mark(from, way, most, marked);
+  return [...marked];
+});
+const numbers = [[...blocks.ofCell], ...blocks.ofTriangle, blocks.ofBox];
+const cuts = [...blocks.cuts].map((cut) => (cut === -Infinity ? null : cut));
+return [blocks.count, numbers, cuts, met];
+"""
+
+
+@pytest.mark.slow
+def test_what_stands_before_the_action_is_cut_off_as_a_whole(player: Any) -> None:
+    """Neighbouring cells with one roof are a block, and so are triangles and boxes that touch.
+
+    A block is cut off above its ground; nothing is left of one that hangs.
+    """
+    scene = {
+        "terrain": {"cell": 1, "cells": [6, 1], "grounds": [0, 0, 1, 0, 0, 0],
+                    "heights": [0, 5, 5.5, 9, 0, 0]},
+        # Two triangles with one edge, whose corners are repeated, and one apart from them.
+        "meshes": [{"vertices": [4, 0, 6, 5, 0, 6, 4, 1, 6, 5, 0, 6, 5, 1, 6, 4, 1, 6,
+                                 5.2, 0, 0, 5.8, 0, 0, 5.8, 0, 3],
+                    "triangles": [0, 1, 2, 3, 4, 5, 6, 7, 8]}],
+        "boxes": [[0, 0, 2, 3], [0, 0, 3, 4], [0, 0, 6, 7]],
+    }  # fmt: skip
+    rays = [
+        ((0.5, 0.5, 0.5), (1, 0, 0), 2),
+        ((0.5, 0.5, 0.5), (1, 0, 0), 0.4),
+        ((0.5, 0.5, 8), (1, 0, 0), 9),
+        ((4.2, 0.2, 1), (0, 0, 1), 9),
+        ((0.5, 0.5, 1), (0, 0, 1), 4),
+    ]
+    script = scripts("geometry", "blocks", "rays")
+    count, numbers, cuts, met = player.execute_script(script + BLOCKS, scene, rays)
+    assert count == 6
+    assert numbers == [[-1, 0, 0, 1, -1, -1], [2, 2, 3], [4, 4, 5]]
+    assert cuts == [1.4, 0.4, None, 0.4, None, None]
+    assert met == [
+        [1, 0, 0, 0, 0, 0],
+        [0] * 6,
+        [0, 1, 0, 0, 0, 0],
+        [0, 0, 1, 0, 0, 0],
+        [0, 0, 0, 0, 1, 0],
+    ]
 
 
 @pytest.mark.slow

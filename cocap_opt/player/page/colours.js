@@ -28,13 +28,13 @@ function shaded(colour, light) {
 
 const DAY = {
   paper: "#eef0f3", ground: "#f6efe1", high: "#cfc5a6", wall: "#b3c0d3", low: "#d8c49a", mesh: "#c08a5c",
-  wallPlan: "#dcd8d2", lowPlan: "#e3d8bd", edge: "#4b5260", skyTop: "#a9c6e8", skyLow: "#e9f1f8",
+  cut: "#8593aa", wallPlan: "#dcd8d2", lowPlan: "#e3d8bd", edge: "#4b5260", skyTop: "#a9c6e8", skyLow: "#e9f1f8",
   shadow: "#b3ac9d", unseen: "#5d636e", legs: "#3a4256", skin: "#e0ac85", hair: "#4a3226",
   rotor: "#ffffff", dark: "#20252d", walk: "#b02a45",
 };
 const NIGHT = {
   paper: "#161a20", ground: "#474b52", high: "#6a6658", wall: "#7488a6", low: "#8d7a52", mesh: "#96683f",
-  wallPlan: "#3b424d", lowPlan: "#5a5342", edge: "#0e1116", skyTop: "#1b2a44", skyLow: "#4a5a73",
+  cut: "#2c3543", wallPlan: "#3b424d", lowPlan: "#5a5342", edge: "#0e1116", skyTop: "#1b2a44", skyLow: "#4a5a73",
   shadow: "#26292e", unseen: "#878d98", legs: "#1f2531", skin: "#d39e78", hair: "#2c1e16",
   rotor: "#dfe6ef", dark: "#0c0f13", walk: "#ff8fa3",
 };

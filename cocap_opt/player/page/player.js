@@ -6,7 +6,8 @@ const SLOW = 34, FAST = 7; // ms, pictures that take longer become coarse while 
 const state = {
   time: data.first, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false, pace: 0, plan: 0,
 };
-const scene = { world: new World(data), rays: new Rays(data) };
+const blocks = new Blocks(data);
+const scene = { blocks, world: new World(data, blocks), rays: new Rays(data, blocks) };
 const camera = new Camera(data, scene.rays);
 const actions = { jump, next, pick, toggle, moved, fit, watch };
 const panels = data.plans.map((plan, index) => {
@@ -194,7 +195,7 @@ function help() {
 function repaint() {
   paint();
   colourScale();
-  scene.world = new World(data);
+  scene.world = new World(data, blocks);
   refresh();
 }
 
