@@ -81,7 +81,8 @@ class Player:
         """Returns all data that the player draws, as one JSON object.
 
         Lengths are in m, angles in rad, positions those of `PlayerScene`; each plan is as
-        `PlayerPlan` has it. Gaps are shares of the bound.
+        `PlayerPlan` has it. Gaps are shares of the bound. `seconds` are those of a step, None where
+        nobody says how long it lasts.
         """
         problem, scene = self._problem, PlayerScene(self._problem)
         plans = [
@@ -100,6 +101,7 @@ class Player:
             "name": problem.name,
             "about": _about(problem),
             "steps": problem.horizon,
+            "seconds": problem.step,
             "first": problem.first_step,
             "layers": len(problem.layers),
             "over": over_datum(problem),

@@ -102,6 +102,7 @@ class PlayerPlan:
                 self._conflict(conflict) for conflict in self._plan.conflicts(self._problem)
             ],
             "near": self._near(),
+            "closest": self._closest(),
             "besidePeople": [*self._beside_people()],
             "gap": None if self._gap is None else _gap(self._problem, self._gap, is_valid),
         } | self._flight()
@@ -187,10 +188,10 @@ class PlayerPlan:
         Close is nearer than half a cell, in scenes whose rules have no separation; who keeps one
         is far enough. Pairs in conflict are not told.
         """
-        rules, cell = self._problem.rules, self._problem.height_map.resolution
-        if not self._pairs or rules.separation:
+        cell = self._problem.height_map.resolution
+        if not self._pairs or self._problem.rules.separation:
             return []
-        shares, distances = rules.closest(self._ways[:, :-1], self._ways[:, 1:])
+        shares, distances = self._nearest
         apart = np.where(self._in_conflict(), np.inf, distances)
         close = cell / 2 * (1 - _ROUNDING)
         return [
@@ -203,6 +204,14 @@ class PlayerPlan:
     def _approach(pair: tuple[int, int], time: float, apart: float) -> Data:
         words = f"drones {pair[0]} and {pair[1]} come within {apart:.2g} m of each other"
         return {"time": round(time, 3), "robots": list(pair), "words": words}
+
+    def _closest(self) -> float | None:
+        return digits(float(self._nearest[1].min())) if self._pairs else None
+
+    @cached_property
+    def _nearest(self) -> tuple[FloatArray, FloatArray]:
+        """When pairs are nearest in each step, as shares of it, and how near (m): [P, T] each."""
+        return self._problem.rules.closest(self._ways[:, :-1], self._ways[:, 1:])
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int]]:

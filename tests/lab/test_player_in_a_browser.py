@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import value
-from players import EVIL, ROOT, hills, planned, run, seen_by, shut_in, told
+from players import EVIL, ROOT, crossing, hills, planned, run, seen_by, shut_in, told
 from players import plans as plans
 from strategies import tiny
 
@@ -15,9 +15,7 @@ from cocap_opt.experiments.lab.studies.pictures import Browser
 from cocap_opt.files.documents import PlanFile, SceneFile, problem_digest
 from cocap_opt.player import player_scene
 from cocap_opt.player.player import Player
-from cocap_opt.problem import (
-    Plan,
-)
+from cocap_opt.problem import Plan, State
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit
@@ -588,6 +586,48 @@ def test_a_plan_that_a_limit_stopped_at_the_starts_says_so(player: Any, tmp_path
         assert value(driver, "document.querySelector('.badge').className") == "badge mild"
         assert value(driver, "document.querySelector('.still').textContent") == "no drone moves"
     assert value(player, "document.querySelector('.still')") is None
+
+
+@pytest.mark.slow
+def test_seconds_stand_beside_steps_where_they_are_known(player: Any, tmp_path: Path) -> None:
+    """In the display, below the slider and for those who hear it; else steps alone."""
+    assert value(player, "document.getElementById('seconds').textContent") == ""
+    ticks = "[...document.querySelectorAll('#times span')].map((tick) => tick.textContent)"
+    assert value(player, ticks) == ["0", "2", "4", "6", "8", "10"]
+    problem, page = load_scene("bottleneck", 0).replace(step=0.5), tmp_path / "page.html"
+    Player(problem, planned(problem, "cocap")).save(page)
+    with Browser.opened(page) as driver:
+        driver.go_to(5)
+        assert value(driver, "document.getElementById('seconds').textContent") == "2.5 s of 5.5 s"
+        assert value(driver, ticks) == ["0 s", "1 s", "2 s", "3 s", "4 s", "5 s"]
+        said = "document.getElementById('slider').getAttribute('aria-valuetext')"
+        assert value(driver, said) == "step 5, 2.5 s"
+
+
+@pytest.mark.slow
+def test_close_approaches_and_hovering_drones_are_told_in_red(tmp_path: Path) -> None:
+    """No page says that there are no conflicts where drones come close; it says how close."""
+    if not Browser.is_installed():
+        pytest.skip("needs chromium and chromedriver")
+    problem, crossed = crossing()
+    stay = Plan(paths=tuple((path[0],) * 2 for path in crossed.paths))
+    one = Plan(paths=((crossed.paths[0][0],) * 2, (crossed.paths[1][0], State(2, 0, 0, 0, 0))))
+    page = tmp_path / "page.html"
+    Player(problem, [("crossed", crossed), ("stay", stay), ("one", one)]).save(page)
+    panels = "[...document.querySelectorAll('.panel')]"
+    with Browser.opened(page) as driver:
+        badges = value(driver, f"{panels}.map((p) => p.querySelector('.badge').textContent)")
+        assert badges[0] == "no rule is broken; drones come within 0 m"
+        assert badges[2] == "no conflicts"
+        still = value(driver, f"{panels}.map((p) => p.querySelector('.still')?.textContent ?? '')")
+        assert still == ["", "no drone moves", "1 drone hovers"]
+        red = value(driver, "getComputedStyle(document.querySelector('.still')).color")
+        for what in (".mark.near", "b.alarm"):
+            (found,) = value(driver, f"[...document.querySelectorAll('{what}')].map((e) => "
+                                     "getComputedStyle(e).color)")  # fmt: skip
+            assert found == red
+        closest = "p.querySelector('.facts').textContent.match(/closest approach ([\\d.]+) m/)[1]"
+        assert value(driver, f"{panels}.map((p) => {closest})") == ["0", "1", "1"]
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from players import EVIL, ROOT, hills, planned, run, seen_by, shut_in, told
+from players import EVIL, ROOT, crossing, hills, planned, run, seen_by, shut_in, told
 from players import plans as plans
 from strategies import examples, tiny
 
@@ -23,18 +23,13 @@ from cocap_opt.problem import (
     Airspace,
     CollisionRules,
     Cone,
-    Motion,
     Objective,
     Plan,
-    Problem,
-    Robot,
-    State,
 )
 from cocap_opt.referee import check
 from cocap_opt.run.explained import gaps_of
 from cocap_opt.scenarios import load_scene
 from cocap_opt.vision.default_weights import with_views
-from cocap_opt.world.workspace import HeightMap
 
 SCENES = ["bottleneck", "bridge", "tiny-give-way", "tiny-hover"]
 # -- data ---------------------------------------------------------------------------------
@@ -101,22 +96,13 @@ def test_means_are_over_all_faces_and_the_steps_that_count() -> None:
     assert np.sum(shown["ownPixels"], axis=0) == pytest.approx(means, rel=1e-4)
 
 
-def crossing() -> tuple[Problem, Plan]:
-    """Two drones that cross in the middle between four cells, which no rule of cells forbids."""
-    motion, faces = Motion(layers=(5.0,), radius=1), [State(x, 0, 0, 0, 0) for x in (0, 1)]
-    robots = tuple(Robot(start=start, motion=motion) for start in faces)
-    problem = tiny().replace(
-        height_map=HeightMap(heights=np.zeros((4, 4))), robots=robots, meshes=(), horizon=1
-    )
-    return problem, Plan(paths=((faces[0], State(1, 1, 0, 0, 0)), (faces[1], State(0, 1, 0, 0, 0))))
-
-
 def test_close_approaches_are_told_and_conflicts_are_not_told_twice() -> None:
     """Drones that cross come to 0 m in the middle of the step; a swap is a conflict only."""
     problem, plan = crossing()
     (shown,) = Player(problem, [("", plan)]).data()["plans"]
     words = "drones 0 and 1 come within 0 m of each other"
     assert shown["near"] == [{"time": 0.5, "robots": [0, 1], "words": words}]
+    assert shown["closest"] == 0
     (one, other) = plan.paths
     (shown,) = Player(problem, [("", Plan(paths=((one[0], other[0]), (other[0], one[0]))))]).data()[
         "plans"
@@ -133,6 +119,10 @@ def test_who_keeps_the_separation_comes_not_close() -> None:
         kept = problem.replace(rules=CollisionRules(separation=separation))
         (shown,) = Player(kept, [("", Plan(paths=apart))]).data()["plans"]
         assert shown["near"] == [] == shown["conflicts"]
+        assert shown["closest"] == 1
+    alone = kept.replace(robots=kept.robots[:1])
+    (shown,) = Player(alone, [("", Plan(paths=apart[:1]))]).data()["plans"]
+    assert shown["closest"] is None
 
 
 def test_cones_are_no_pixels() -> None:

@@ -108,13 +108,15 @@ class Labels {
     for (const [x, y] of [a, b]) circle(context, x, y, 13, colour, thickness);
   }
 
-  // A bar of a round number of metres.
+  // A bar of a round number of metres, as long as they are in the middle of the picture.
   scale(height) {
     const { context } = this, { scale } = this.view.camera, metres = rounded(80 / scale);
     const [x, y, long] = [14, height - 14, metres * scale];
     context.font = `600 11px ${FONT}`;
     this.haloedLine([[x, y - 4], [x, y], [x + long, y], [x + long, y - 4]]);
-    this.haloed(`${metres} m`, x + long / 2, y - 10);
+    context.textAlign = "left";
+    this.haloed(this.view.camera.isAbove ? `${metres} m` : `${metres} m mid-picture`, x, y - 10);
+    context.textAlign = "center";
   }
 
   // Where x and y lead; y is north.

@@ -4,6 +4,8 @@ const MOST_WORDS = 3; // conflicts that are said at once, on a phone one
 const PHONE = 500; // px
 const ASIDE = 20; // px around what is in a corner of the picture
 const NOW = 30; // as much as so many other moments
+const REWARD = "J, the plan's reward: the sum, over steps and people's faces, of the root of the coverage that all drones "
+  + "together have of a face";
 const CORNERS = ["top right", "top left", "bottom right", "bottom left"];
 
 const find = (id) => document.getElementById(id);
@@ -50,14 +52,18 @@ class Panel {
     head.append(title);
     if (plan.planner && plan.planner !== plan.title) head.append(make("span", "file", plan.title));
     head.append(this.verdict());
-    if (!plan.waits) head.append(make("span", "total", `J = ${reward(plan.reward)}${moves}`));
+    if (!plan.waits) {
+      const total = make("span", "total", `reward J = ${reward(plan.reward)}${moves}`);
+      total.title = REWARD;
+      head.append(total);
+    }
     return head;
   }
 
   // What is proved of the plan, by its certificate and the referee; without a plan, what is wrong
   // with drones that wait at their starts.
   verdict() {
-    const { gap, conflicts, waits, besidePeople, cutShort } = this.plan, count = conflicts.length;
+    const { gap, conflicts, near, closest, waits, besidePeople, cutShort } = this.plan, count = conflicts.length;
     const isStopped = cutShort && !gap?.optimal, isNone = !waits && !turns(this.plan) && !gap?.optimal;
     const badge = make("span", "badge");
     if (count) {
@@ -68,7 +74,7 @@ class Panel {
     if (gap) {
       badge.textContent = gap.optimal ? "proved optimal" : `proved within ${percent(gap.total)} of the best`;
       badge.title = "the certificate was verified when this page was made";
-    } else badge.textContent = waits ? "not planned yet" : "no conflicts";
+    } else badge.textContent = waits ? "not planned yet" : near.length ? `no rule is broken; drones come within ${distance(closest)}` : "no conflicts";
     if (besidePeople.length) {
       badge.textContent = `at the start ${several(besidePeople, 1)}`;
       badge.title = besidePeople.join("\n");
@@ -77,8 +83,9 @@ class Panel {
       badge.textContent = gap ? `${badge.textContent}; ${cutShort}` : cutShort;
       badge.title = "it was stopped before its end; more time may give a better plan";
     } else if (isNone) badge.textContent = `no drone moves; ${badge.textContent}`;
-    badge.classList.toggle("mild", besidePeople.length > 0 || Boolean(isStopped) || isNone);
-    badge.classList.toggle("good", gap ? gap.optimal : !waits && !isStopped && !isNone);
+    const isMild = besidePeople.length > 0 || Boolean(isStopped) || isNone || (!gap && !waits && near.length > 0);
+    badge.classList.toggle("mild", isMild);
+    badge.classList.toggle("good", gap ? gap.optimal : !waits && !isMild);
     return badge;
   }
 
@@ -95,16 +102,30 @@ class Panel {
       add("bound", reward(plan.gap.bound), "no plan that obeys the rules has more");
       if (!plan.conflicts.length) add("gap", percent(Math.max(plan.gap.total, 0)), "(bound - J) / bound");
     }
-    if (plan.planner && isStill(plan)) facts.append(make("span", "fact still", "no drone moves"));
-    add("mean", `${density(plan.meanPixels)} ${data.unit}`, "of a face, over all faces and all steps that count");
-    this.now = add("this step", "");
-    this.sum = add("so far", "");
+    if (!plan.waits) facts.append(...this.hovering());
+    add("mean of a face", `${density(plan.meanPixels)} ${data.unit}`, "coverage by all drones, over all faces and all steps that count");
+    this.now = add("reward of this step", "", "what this step adds to J");
+    this.sum = add("so far", "", "the rewards of all steps up to this one");
+    if (plan.closest !== null) {
+      add("closest approach", distance(plan.closest), "the least distance of any two drones at any time")
+        .classList.toggle("alarm", plan.near.length + plan.conflicts.length > 0);
+    }
     if (plan.gap) this.lost = add("lost by leaving it", "");
     this.now.className = "now";
     this.sum.className = "sum";
     facts.append(this.marks());
     facts.hidden = data.drones.every((_, i) => !isThere(plan, i)); // nobody is there to see anything
     return facts;
+  }
+
+  // How many drones never leave their places, if any.
+  hovering() {
+    const { plan } = this, still = plan.paths.flatMap((path, i) => (path.length && isStill({ paths: [path] }) ? [i] : []));
+    if (!still.length) return [];
+    const all = still.length === present(plan).length, one = still.length === 1;
+    const fact = make("span", "fact still", all ? "no drone moves" : `${still.length} drone${one ? "" : "s"} hover${one ? "s" : ""}`);
+    fact.title = `never leave${one ? "s" : ""} the start: drone ${still.join(", ")}`;
+    return [fact];
   }
 
   // How many marks of each kind the chart has; a press goes to the next one.
@@ -116,7 +137,7 @@ class Panel {
       const words = ` ${count} ${count > 1 ? many : one}`;
       const go = () => this.actions.next(kind, this.plan), dot = make("i", "", sign);
       dot.style.color = colour;
-      box.append(button("mark", words, `go to the next ${one} (${key})`, go));
+      box.append(button(`mark ${kind}`, words, `go to the next ${one} (${key})`, go));
       box.lastChild.prepend(dot);
     }
     return box;
@@ -208,6 +229,8 @@ class Panel {
     }
   }
 }
+
+const distance = (metres) => `${Number(metres.toPrecision(2))} m`;
 
 // What drones lose by leaving a step as they do, the one that loses most named.
 function losses(gap, step) {

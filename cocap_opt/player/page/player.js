@@ -65,9 +65,27 @@ function draw(resting) {
   for (const panel of shown) panel.draw(state.time, { ...checked, quality, picked, follow, alone, person });
   if (picked !== undefined) putInsets(shown);
   if (!resting) pace(performance.now() - begin);
-  const step = Math.round(state.time);
-  find("slider").value = String(step);
-  put(find("step"), `step ${step} of ${data.steps}`);
+  tell();
+}
+
+// The step, and where it is known how long one lasts, the seconds.
+function tell() {
+  const step = Math.round(state.time), slider = find("slider"), { seconds, steps } = data;
+  slider.value = String(step);
+  put(find("step"), `step ${step} of ${steps}`);
+  if (seconds === null) return;
+  put(find("seconds"), `${clock(state.time * seconds)} of ${clock(steps * seconds)}`);
+  slider.setAttribute("aria-valuetext", `step ${step}, ${clock(step * seconds)}`);
+}
+
+// Numbers below the slider: seconds, or steps.
+function times() {
+  const unit = data.seconds ?? 1, all = data.steps * unit, every = Math.max(rounded(all / 4), data.seconds ? 0 : 1);
+  for (let k = 0; k * every <= all * (1 + 1e-9); k++) {
+    const at = k * every, tick = make("span", "", data.seconds === null ? String(at) : `${digits(at, 2)} s`);
+    tick.style.setProperty("--at", String(at / all));
+    find("times").append(tick);
+  }
 }
 
 // Into the corner in which least happens in all pictures, while they are as they are.
@@ -121,16 +139,13 @@ function pick(drone) {
 }
 
 function pickNext(way) {
-  const there = drones(), count = there.length, at = there.indexOf(state.picked);
+  const there = present(data.plans[0]), count = there.length, at = there.indexOf(state.picked);
   if (count) pick(there[at < 0 ? (way > 0 ? 0 : count - 1) : (at + way + count) % count]);
 }
 
-// The numbers of the drones that are there, the same in all plans.
-const drones = () => data.drones.map((_, i) => i).filter((i) => isThere(data.plans[0], i));
-
 // Follow the picked drone, or show it alone.
 function toggle(name) {
-  if (state.picked === undefined) [state.picked] = drones();
+  if (state.picked === undefined) [state.picked] = present(data.plans[0]);
   if (state.picked === undefined) return;
   state[name] = !state[name];
   if (name === "follow" && state.follow) camera.scale = Math.max(camera.scale, 1.8 * camera.whole);
@@ -216,6 +231,7 @@ function lay() {
   listKeys(KEYS, find("keys"));
   legend(data);
   colourScale();
+  times();
   tabs();
   choose(0);
 }
