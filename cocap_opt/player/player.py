@@ -21,8 +21,8 @@ from cocap_opt.problem import Cone, Plan, Problem
 _SCRIPTS = (
     "colours.js", "numbers.js", "geometry.js", "blocks.js", "raster.js", "rays.js", "light.js",
     "world.js", "camera.js", "figures.js", "pen.js", "bodies.js", "sights.js", "labels.js",
-    "view.js", "eye.js", "chart.js", "strip.js", "panel.js", "steer.js", "keys.js", "legend.js",
-    "player.js",
+    "view.js", "eye.js", "chart.js", "strip.js", "fleet.js", "panel.js", "steer.js", "keys.js",
+    "legend.js", "player.js",
 )  # fmt: skip
 _FRAME_HEIGHT = 680  # px, in a notebook
 
@@ -114,6 +114,7 @@ class Player:
             **scene.meshes(),
             "airspace": scene.airspace(),
             "people": [scene.person(j) for j in range(len(problem.actors))],
+            "kinds": scene.kinds(),
             "drones": [scene.drone(number) for number in range(len(problem.robots))],
             "plans": shown,
         }

@@ -15,7 +15,7 @@ from cocap_opt.experiments.lab.studies.pictures import Browser
 from cocap_opt.files.documents import PlanFile, SceneFile, problem_digest
 from cocap_opt.player import player_scene
 from cocap_opt.player.player import Player
-from cocap_opt.problem import Plan, State
+from cocap_opt.problem import CollisionRules, Plan, State
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
 from cocap_opt.stop import Limit
@@ -586,6 +586,69 @@ def test_a_plan_that_a_limit_stopped_at_the_starts_says_so(player: Any, tmp_path
         assert value(driver, "document.querySelector('.badge').className") == "badge mild"
         assert value(driver, "document.querySelector('.still').textContent") == "no drone moves"
     assert value(player, "document.querySelector('.still')") is None
+
+
+@pytest.mark.slow
+def test_a_crowd_has_the_colours_of_its_kinds_and_numbers_on_demand(
+    player: Any, tmp_path: Path
+) -> None:
+    """Of more than 14 drones; the list says whom each films and what it adds."""
+    problem = load_scene("bottleneck", 0).replace(rules=CollisionRules(vertex=False, swap=False))
+    robots = tuple(problem.robots[k % 4] for k in range(16))
+    problem, page = problem.replace(robots=robots), tmp_path / "page.html"
+    stay = Plan(paths=tuple((robot.start,) * (problem.horizon + 1) for robot in robots))
+    Player(problem, [("stay", stay)]).save(page)
+    before = player.current_url
+    player.get(page.as_uri())
+    player.go_to(3)
+    dots = "[...document.querySelectorAll('.chip i')].map((dot) => dot.style.background)"
+    assert len(value(player, dots)) == 16 and len(set(value(player, dots))) == 1
+    (plan,) = told(player.page_source)["plans"]
+    rows = "[...document.querySelectorAll('.chip')].map((row) => [row.querySelector('.films')"
+    rows += ".textContent, row.querySelector('.adds').textContent])"
+    for (films, adds), whom, added in zip(
+        value(player, rows), plan["films"], plan["adds"], strict=True
+    ):
+        assert films == ("nobody" if whom[3] is None else f"person {whom[3]}")
+        assert float(adds.replace(",", "")) == pytest.approx(added[3], rel=5e-3)
+    plain = value(player, INKED % ("view", 0))
+    press(player, "d")
+    player.go_to(3)
+    assert value(player, INKED % ("view", 0)) != plain
+    player.get(before)
+    named = """const labels = new Labels({ plan: arguments[0] });
+        return [{}, { picked: 3 }, { hovered: { drone: 3 } }, { hovered: { drone: 4 } }]
+          .map((options) => labels.isNamed(3, 0, options))"""
+    crowd = {"paths": [[0]] * 15, "conflicts": [], "near": []}
+    near = crowd | {"near": [{"time": 0, "robots": [3, 5]}]}
+    script = scripts("geometry", "labels") + named
+    assert player.execute_script(script, crowd) == [False, True, True, False]
+    assert player.execute_script(script, near) == [True] * 4
+    assert player.execute_script(script, crowd | {"paths": [[0]] * 14}) == [True] * 4
+
+
+@pytest.mark.slow
+def test_all_drones_pictures_stand_beside_the_scene(player: Any, tmp_path: Path) -> None:
+    """At first where there are few drones and one plan, else by V; they follow the steps."""
+    shown = "document.getElementById('views').checked"
+    assert not value(player, shown)
+    page, before = tmp_path / "page.html", player.current_url
+    problem = load_scene("bottleneck", 0)
+    Player(problem, planned(problem, "cocap")).save(page)
+    player.get(page.as_uri())
+    assert value(player, shown)
+    pictures = (
+        "[...document.querySelectorAll('.chip canvas')].slice(0, 2).map((c) => c.toDataURL())"
+    )
+    seen = []
+    for step in (3, 8):
+        player.go_to(step)
+        seen += value(player, pictures)
+    assert len(set(seen)) == 4
+    press(player, "v")
+    player.go_to(8)
+    assert value(player, "document.querySelector('.chip canvas').offsetWidth") == 0
+    player.get(before)
 
 
 @pytest.mark.slow

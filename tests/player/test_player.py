@@ -19,6 +19,8 @@ from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.pictures.figures import robot_colour
 from cocap_opt.player import player_scene
 from cocap_opt.player.player import Player
+from cocap_opt.player.player_plan import PlayerPlan
+from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.problem import (
     Airspace,
     CollisionRules,
@@ -140,6 +142,40 @@ def test_cones_are_no_pixels() -> None:
         assert [drone["rise"] is None for drone in data["drones"]] == [
             isinstance(robot.camera, Cone) for robot in robots
         ]
+
+
+def test_kinds_of_drones_have_cameras_and_motions() -> None:
+    """Drones of one camera and one motion are of one kind; kinds of the same words have numbers."""
+    problem = tiny()
+    (one, other) = problem.robots
+    slow = one.replace(motion=one.motion.replace(radius=one.motion.radius + 1))
+    for robots, kinds, words in (
+        ((one, other), [0, 0], 1),
+        ((one, other.replace(camera=Cone())), [0, 1], 2),
+        ((slow, other), [0, 1], 2),
+    ):
+        data = Player(problem.replace(robots=robots)).data()
+        assert [drone["kind"] for drone in data["drones"]] == kinds
+        assert len({kind["words"] for kind in data["kinds"]}) == words
+    assert data["kinds"][1]["words"].endswith(", kind 1")
+
+
+def test_it_is_told_whom_each_drone_films() -> None:
+    """The person of whom its camera has most pixels, and nobody where it sees none."""
+    problem = load_scene("bottleneck", 0)
+    ((_, plan),) = planned(problem, "greedy")
+    (shown,) = Player(problem, [("", plan)]).data()["plans"]
+    films: set[int | None] = set()
+    for i in range(len(problem.robots)):
+        pixels = PlayerPlan(PlayerScene(problem), problem, plan, None).own_pixels[i]
+        by_person = pixels.reshape(problem.horizon + 1, len(problem.actors), -1).sum(axis=2)
+        for t, whom in enumerate(shown["films"][i]):
+            films.add(whom)
+            if whom is None:
+                assert not by_person[t].any()
+            else:
+                assert by_person[t, whom] == by_person[t].max() > 0
+    assert None in films and len(films) > 2
 
 
 def test_drones_fly_at_their_altitude() -> None:

@@ -100,7 +100,7 @@ class Chart {
 
   // What a step would lack without the picked drone.
   added(context, y, picked) {
-    context.fillStyle = this.data.drones[picked].colour;
+    context.fillStyle = isCrowd(this.data.drones) ? CHOSEN : this.data.drones[picked].colour;
     (this.plan.adds[picked] ?? []).forEach((reward, step) => {
       context.fillRect(this.x(step) - this.barWidth / 2, y(reward), this.barWidth, y(0) - y(reward));
     });

@@ -28,7 +28,8 @@ function button(cls, text, title, press) {
 }
 
 class Panel {
-  // `actions` are what buttons do: jump(time), pick(drone), toggle(name), watch(step, person).
+  // `actions` are what buttons do: jump(time), pick(drone), toggle(name), watch(step, person),
+  // next(kind, plan), refresh().
   constructor(data, plan, other, scene, camera, actions) {
     Object.assign(this, { data, plan, actions });
     this.root = make("section", "panel");
@@ -41,7 +42,10 @@ class Panel {
     const place = make("div", "place");
     place.append(this.canvas, this.words, this.inset(scene), this.tip);
     this.strip = new Strip(data, plan, actions.watch);
-    this.root.append(this.head(), this.facts(), place, this.fleet(), this.strip.root, bars);
+    this.fleet = new Fleet(data, plan, scene, this.view.bodies, actions);
+    const stage = make("div", "stage");
+    stage.append(place, this.fleet.root);
+    this.root.append(this.head(), this.facts(), stage, this.strip.root, bars);
     this.chart = new Chart(data, plan, other, bars, actions.jump);
   }
 
@@ -170,20 +174,7 @@ class Panel {
       (corner.includes("right") ? width - x : x) < wide && (corner.includes("bottom") ? height - y : y) < tall).length);
   }
 
-  fleet() {
-    const fleet = make("div", "fleet");
-    fleet.classList.toggle("crowd", this.data.drones.length > CROWD);
-    this.chips = this.data.drones.map((drone, i) => {
-      const chip = button("chip", "", `drone ${i}: pick it`, () => this.actions.pick(i));
-      const dot = make("i", "", String(i)), text = make("span");
-      dot.style.background = drone.colour;
-      chip.append(dot, text);
-      if (isThere(this.plan, i)) fleet.append(chip);
-      return { chip, text };
-    });
-    return fleet;
-  }
-
+  // Returns true if nothing is left to be drawn.
   draw(time, options) {
     const { picked } = options;
     this.strip.draw(time, options.person); // its height says how much the picture has
@@ -192,6 +183,7 @@ class Panel {
     if (picked !== undefined) this.eye.draw(time, picked, options.quality);
     this.chart.draw(time, picked);
     this.describe(time, options);
+    return this.fleet.draw(time, options);
   }
 
   describe(time, options) {
@@ -211,16 +203,10 @@ class Panel {
     const { plan, data } = this, stamp = [step, picked, follow, alone].join();
     if (stamp === this.stamp) return;
     this.stamp = stamp;
-    this.chips.forEach(({ chip, text }, i) => {
-      if (!isThere(plan, i)) return;
-      const height = data.layers > 1 ? `${heightOf(plan, i, step)} m  ` : "";
-      chip.title = height ? `${height.trim()} ${data.over}` : "";
-      put(text, height + (plan.adds.length ? short(plan.adds[i][step]) : ""));
-      chip.setAttribute("aria-pressed", String(i === picked));
-    });
+    this.fleet.describe(step, picked);
     if (picked === undefined) return;
     put(this.who, `drone ${picked}`);
-    this.who.style.setProperty("--own", data.drones[picked].colour);
+    this.who.style.setProperty("--own", hex(this.view.bodies.colour(picked, picked)));
     const adds = plan.adds.length && step >= data.first ? `adds ${reward(plan.adds[picked][step])} at this step; ` : "";
     put(this.caption, `${adds}alone it sees a mean of ${density(plan.ownPixels[picked][step])} ${data.unit}`);
     const held = { follow, alone };

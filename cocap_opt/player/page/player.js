@@ -1,15 +1,17 @@
 // The page: a panel for each plan, one time and one camera for all of them.
 
 const data = JSON.parse(find("data").textContent);
-const SHOWN = ["sights", "tracks", "faces", "solid", "closed"]; // check boxes
+const SHOWN = ["sights", "views", "tracks", "faces", "solid", "closed"]; // check boxes
 const SLOW = 34, FAST = 7; // ms, pictures that take longer become coarse while something moves, and back
 const state = {
   time: data.first, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false, pace: 0, plan: 0,
 };
+// Of many drones each has the colour of its kind.
+if (isCrowd(data.drones)) for (const drone of data.drones) drone.colour = data.kinds[drone.kind].colour;
 const blocks = new Blocks(data);
 const scene = { blocks, world: new World(data, blocks), rays: new Rays(data, blocks) };
 const camera = new Camera(data, scene.rays);
-const actions = { jump, next, pick, toggle, moved, fit, watch };
+const actions = { jump, next, pick, toggle, moved, fit, watch, hover, refresh };
 const panels = data.plans.map((plan, index) => {
   const other = data.plans.length === 2 ? data.plans[1 - index] : null;
   return new Panel(data, plan, other, scene, camera, actions);
@@ -60,9 +62,10 @@ function tick(now) {
 function draw(resting) {
   state.quality = resting || !state.slow ? FINE : state.follow ? ROUGH : COARSE;
   const checked = Object.fromEntries(SHOWN.map((name) => [name, find(name).checked]));
-  const { quality, picked, follow, alone, person } = state, begin = performance.now();
+  const { quality, picked, follow, alone, person, hovered } = state, begin = performance.now();
   const shown = panels.filter((panel) => panel.root.offsetParent);
-  for (const panel of shown) panel.draw(state.time, { ...checked, quality, picked, follow, alone, person });
+  const options = { ...checked, quality, picked, follow, alone, person, hovered };
+  if (!shown.map((panel) => panel.draw(state.time, options)).every(Boolean)) refresh();
   if (picked !== undefined) putInsets(shown);
   if (!resting) pace(performance.now() - begin);
   tell();
@@ -135,6 +138,15 @@ function watchNext(way) {
 function pick(drone) {
   state.picked = drone === state.picked ? undefined : drone;
   if (state.picked === undefined) [state.follow, state.alone, state.insets] = [false, false, undefined];
+  else for (const { fleet } of panels) fleet.show(state.picked);
+  refresh();
+}
+
+// What is under the pointer: a drone, a person or neither.
+function hover(what) {
+  const { drone, person } = what ?? {}, { hovered } = state;
+  if (hovered?.drone === drone && hovered?.person === person) return;
+  state.hovered = what;
   refresh();
 }
 
@@ -191,6 +203,7 @@ const KEYS = [
   ["f", "F", "follow the picked drone", () => toggle("follow")],
   ["i", "I", "show it alone", () => toggle("alone")],
   ["Escape", "Esc", "deselect it", () => pick(undefined)],
+  ["v", "V", "what all drones' cameras see", () => find("views").click()],
   ["b", "B", "people as figures, or as the faces that count", () => find("faces").click()],
   ["3", "3", "look from the side", () => look("space")],
   ["t", "T", "look from above", () => look("top")],
@@ -234,6 +247,8 @@ function lay() {
   times();
   tabs();
   choose(0);
+  find("views").checked = data.drones.length <= FEW && data.plans.every((plan) => !plan.waits)
+    && panels.every(({ root }) => root.clientWidth >= ROOM);
 }
 
 function listen() {

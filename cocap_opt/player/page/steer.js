@@ -4,7 +4,7 @@
 const STILL = 5; // px that a press may move
 
 class Steering {
-  // `actions`: moved(), pick(drone), fit(); `now` gives the time that is shown.
+  // `actions`: moved(), pick(drone), hover({ drone, person }), fit(); `now` gives the time that is shown.
   constructor(panel, camera, now, actions) {
     Object.assign(this, { panel, camera, now, actions, canvas: panel.canvas, pointers: new Map(), far: 0 });
     const on = (name, act, how) => this.canvas.addEventListener(name, act, how);
@@ -12,7 +12,10 @@ class Steering {
     on("pointermove", (event) => this.move(event));
     on("pointerup", (event) => this.up(event));
     on("pointercancel", (event) => this.pointers.delete(event.pointerId));
-    on("pointerleave", () => panel.tip.classList.remove("on"));
+    on("pointerleave", () => {
+      panel.tip.classList.remove("on");
+      actions.hover(undefined);
+    });
     on("wheel", (event) => this.wheel(event), { passive: false });
     on("contextmenu", (event) => event.preventDefault());
     on("dblclick", () => actions.fit());
@@ -68,6 +71,7 @@ class Steering {
   // What is known of the drone or the face under the pointer.
   tell({ offsetX: x, offsetY: y }) {
     const { tip, view } = this.panel, words = this.known(x, y);
+    this.actions.hover({ drone: view.labels.droneAt(x, y), person: view.faceAt(x, y, this.now())?.[0] });
     tip.classList.toggle("on", words !== undefined);
     if (words === undefined) return;
     put(tip, words);
@@ -86,7 +90,8 @@ class Steering {
     const drone = view.labels.droneAt(x, y);
     if (drone === undefined) return undefined;
     const adds = plan.adds.length ? `, adds ${reward(plan.adds[drone][step])}` : "";
-    return `drone ${drone}, ${heightOf(plan, drone, step)} m ${data.over}${adds}`;
+    const whom = plan.films[drone][step], films = whom === null ? "" : `, films ${data.people[whom].called}`;
+    return `drone ${drone}${films}, ${heightOf(plan, drone, step)} m ${data.over}${adds}`;
   }
 }
 

@@ -168,7 +168,7 @@ class View {
       if (!this.opened[blocks[i]] || this.isTurnedAway(corners, 12 * i, normals, 3 * i)) continue;
       this.polygon(corners, 12 * i, Infinity, (p, n) => this.raster.tintStill(p, n, colours[i], GLASS));
     }
-    const line = (p) => this.raster.tintStill(p, 4, palette.edge, OUTLINE);
+    const line = (p) => this.raster.tintStill(p, 4, palette.outline, OUTLINE);
     for (const [lines, of] of [[edges, edgeBlocks], [outlines, outlineBlocks]]) {
       for (let i = 0; i < of.length; i++) if (this.opened[of[i]]) this.edge(lines, 6 * i, Infinity, 1, line);
     }
