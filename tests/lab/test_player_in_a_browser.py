@@ -1,5 +1,7 @@
 import json
 import re
+import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -586,6 +588,82 @@ def test_a_plan_that_a_limit_stopped_at_the_starts_says_so(player: Any, tmp_path
         assert value(driver, "document.querySelector('.badge').className") == "badge mild"
         assert value(driver, "document.querySelector('.still').textContent") == "no drone moves"
     assert value(player, "document.querySelector('.still')") is None
+
+
+@pytest.mark.slow
+def test_a_picture_with_the_focus_is_turned_by_arrows(player: Any) -> None:
+    """With shift they move it; + and - zoom from anywhere. The step stays as it is."""
+    from selenium.webdriver.common.keys import Keys
+
+    press(player, "3")
+    player.go_to(6)
+    picture = "document.querySelector('canvas.view').toDataURL()"
+    seen = [value(player, picture)]
+    player.execute_script("document.querySelector('canvas.view').focus()")
+    for keys in (Keys.LEFT, Keys.UP, Keys.SHIFT + Keys.LEFT, "+"):
+        player.switch_to.active_element.send_keys(keys)
+        player.go_to(6)
+        seen.append(value(player, picture))
+    assert len(set(seen)) == 5 and step_of(player) == 6
+    player.execute_script("document.activeElement.blur()")
+    press(player, "3")
+    player.go_to(6)
+    assert value(player, picture) == seen[0]
+
+
+@pytest.mark.slow
+def test_a_tap_tells_what_is_under_the_finger(player: Any) -> None:
+    """As a pointer does, and it stays when the finger is gone."""
+    player.go_to(6)
+    tip = "document.querySelector('.tip')"
+    view = player.execute_script(
+        "const box = document.querySelector('canvas.view').getBoundingClientRect();"
+        "return [box.left, box.top, box.width, box.height]"
+    )
+    for k in range(400):  # somewhere in the picture is a face
+        x, y = view[0] + view[2] * (0.2 + k % 20 / 33), view[1] + view[3] * (0.2 + k // 20 / 33)
+        for kind, points in (("touchStart", [{"x": x, "y": y}]), ("touchEnd", [])):
+            event = {"type": kind, "touchPoints": points}
+            player.execute_cdp_cmd("Input.dispatchTouchEvent", event)
+        if value(player, f"{tip}.classList.contains('on') && {tip}.textContent.includes('person')"):
+            break
+    assert re.match(r"person \d, \w+: |drone \d, films person", value(player, f"{tip}.textContent"))
+    press(player, "\ue00c")
+
+
+def axe() -> str:
+    """The script of axe-core, which npm has installed for all (`npm install -g axe-core`)."""
+    npm = shutil.which("npm")
+    if npm is None:
+        pytest.skip("needs npm, and axe-core by `npm install -g axe-core`")
+    root = subprocess.run([npm, "root", "-g"], capture_output=True, text=True, check=True)
+    script = Path(root.stdout.strip(), "axe-core", "axe.min.js")
+    if not script.exists():
+        pytest.skip("needs axe-core: npm install -g axe-core")
+    return script.read_text("utf-8")
+
+
+@pytest.mark.slow
+def test_axe_finds_nothing_serious(player: Any) -> None:
+    """By day and by night, on wide and on narrow screens; targets are large enough for fingers."""
+    script = axe()
+    audit = """const done = arguments[0], rules = { "target-size": { enabled: true } };
+        axe.run(document, { rules, resultTypes: ["violations"] }).then((found) =>
+          done(found.violations.map(({ id, impact, nodes }) => [id, impact, nodes[0].html])))"""
+    press(player, "d")
+    for size in ((1280, 800), (390, 844)):
+        player.resize(size)
+        for mode in ("dark", "light"):
+            screen = [{"name": "prefers-color-scheme", "value": mode}]
+            player.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": screen})
+            player.go_to(3)
+            player.execute_script(script)
+            found = player.execute_async_script(audit)
+            assert [one for one in found if one[1] in ("serious", "critical")] == []
+    player.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    player.resize((1280, 800))
+    press(player, "\ue00c")
+    player.go_to(3)
 
 
 @pytest.mark.slow

@@ -34,8 +34,12 @@ class Panel {
     Object.assign(this, { data, plan, actions });
     this.root = make("section", "panel");
     this.canvas = make("canvas", "view");
-    this.canvas.setAttribute("aria-label", `Plan ${plan.title} in its scene`);
+    this.canvas.setAttribute("role", "application");
+    this.canvas.setAttribute("aria-label", `Plan ${plan.title} in its scene; arrows turn it, with shift they move it`);
+    this.canvas.tabIndex = 0;
     const bars = make("canvas", "chart");
+    bars.setAttribute("role", "img");
+    bars.setAttribute("aria-label", "reward of each step");
     this.tip = make("div", "tip");
     this.words = make("div", "words");
     this.view = new View(data, plan, scene, camera, this.canvas);

@@ -3,6 +3,7 @@
 const data = JSON.parse(find("data").textContent);
 const SHOWN = ["sights", "views", "tracks", "faces", "solid", "closed"]; // check boxes
 const SLOW = 34, FAST = 7; // ms, pictures that take longer become coarse while something moves, and back
+const ZOOM = 1.25; // by a key
 const state = {
   time: data.first, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false, pace: 0, plan: 0,
 };
@@ -175,6 +176,11 @@ function fit() {
   refresh();
 }
 
+function zoom(factor) {
+  camera.zoom(factor, 0, 0);
+  moved();
+}
+
 // On a phone one plan is shown at a time.
 function choose(plan) {
   state.plan = plan;
@@ -207,6 +213,9 @@ const KEYS = [
   ["b", "B", "people as figures, or as the faces that count", () => find("faces").click()],
   ["3", "3", "look from the side", () => look("space")],
   ["t", "T", "look from above", () => look("top")],
+  ["+", "+", "nearer", () => zoom(ZOOM)],
+  ["-", "-", "farther away", () => zoom(1 / ZOOM)],
+  ["arrows", "↹ ←↑", "on the picture that has the focus: turn it, with shift move it", () => {}],
   ["0", "0", "fit everything into the picture", fit],
   ["x", "X", "the other plan, on a phone", () => choose((state.plan + 1) % panels.length)],
   ["?", "?", "this help", help],

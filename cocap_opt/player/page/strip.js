@@ -19,6 +19,7 @@ class Strip {
     this.root.hidden = !this.rows.length;
     if (this.root.hidden) return;
     this.canvas = make("canvas", "strip");
+    this.canvas.setAttribute("role", "img");
     this.canvas.setAttribute("aria-label", `cameras that see each person: ${plan.filmed.line}`);
     this.told = make("span", "told");
     this.told.setAttribute("aria-live", "polite");
