@@ -22,7 +22,7 @@ _SCRIPTS = (
     "colours.js", "numbers.js", "geometry.js", "blocks.js", "raster.js", "rays.js", "light.js",
     "world.js", "camera.js", "figures.js", "pen.js", "bodies.js", "sights.js", "labels.js",
     "view.js", "eye.js", "chart.js", "strip.js", "fleet.js", "panel.js", "steer.js", "keys.js",
-    "legend.js", "player.js",
+    "legend.js", "video.js", "player.js",
 )  # fmt: skip
 _FRAME_HEIGHT = 680  # px, in a notebook
 

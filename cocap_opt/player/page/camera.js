@@ -73,7 +73,12 @@ class Camera {
       this.elevation = TILTS.map((tilt) => [tilt, scaleAt(tilt)]).reduce((a, b) => (b[1] > a[1] * FAVOUR ? b : a))[0];
     }
     this.frame(width, height);
-    this.fitted = true;
+    Object.assign(this, { fitted: true, isOwn: true, size: [width, height] });
+  }
+
+  // A canvas has this size now: unless somebody has moved the camera, all that happens fits anew.
+  settle(width, height) {
+    if (this.isOwn && (width !== this.size[0] || height !== this.size[1])) this.fitted = false;
   }
 
   frame(width, height) {
@@ -93,7 +98,7 @@ class Camera {
     const centre = [0, 1, 2].map((k) => axes.reduce((sum, axis, n) => sum + middle[n] * axis[k], 0));
     Object.assign(this, { scale, centre, focal: FOCAL * Math.hypot(width, height) });
     for (let round = 0; round < ROUNDS; round++) this.adjust(free);
-    this.pan(0, (PADDING.top - PADDING.bottom) / 2);
+    this.shift(0, (PADDING.top - PADDING.bottom) / 2);
     this.whole = this.scale;
   }
 
@@ -107,7 +112,7 @@ class Camera {
         high[k] = Math.max(high[k], (along * reach) / far);
       });
     }
-    this.pan(-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2);
+    this.shift(-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2);
     this.scale *= Math.min(...free.map((long, k) => long / Math.max(high[k] - low[k], LEAST * scale)));
   }
 
@@ -119,12 +124,17 @@ class Camera {
   }
 
   orbit(dx, dy) {
-    this.isFree = false;
+    [this.isFree, this.isOwn] = [false, false];
     this.azimuth -= dx * 0.4;
     this.elevation = Math.min(Math.max(this.elevation + dy * 0.3, 8), 90);
   }
 
   pan(dx, dy) {
+    this.isOwn = false;
+    this.shift(dx, dy);
+  }
+
+  shift(dx, dy) {
     this.centre = this.centre.map((v, k) => v - (dx * this.right[k] - dy * this.up[k]) / this.scale);
   }
 

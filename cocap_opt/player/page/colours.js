@@ -48,7 +48,7 @@ const PAGE = {
 };
 // Each stands out by 3 to 1 from the page by day and by night.
 const RED = "#e0142d", AMBER = "#c47600", VIOLET = "#9a52dc", OTHER = "#c65d1e";
-const CLOSED = rgb(RED); // to drones
+const CLOSED = rgb("#d0021b"); // to drones, see-through
 const CHOSEN = "#e8590c"; // the picked drone in a crowd, whose drones have the colours of their kinds
 const palette = {}; // of the raster, filled by `paint`
 const words = {}; // of canvases, and the version of all colours

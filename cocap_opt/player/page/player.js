@@ -34,6 +34,22 @@ function play(on) {
   refresh();
 }
 
+// Begin a video of the picture of the chosen plan, or end it before the last step.
+function record() {
+  if (state.recording) {
+    state.recording.stop();
+    state.recording = undefined;
+    play(false);
+  } else if (Recording.kind()) {
+    const { canvas, plan } = panels[state.plan], { speed } = state;
+    jump(data.first);
+    state.recording = new Recording(canvas, `${data.name} ${plan.planner ?? plan.title} ${speed} steps per second.webm`);
+    play(true);
+  }
+  find("film").setAttribute("aria-pressed", String(Boolean(state.recording)));
+  put(find("film"), state.recording ? "stop" : "record");
+}
+
 function refresh() {
   state.dirty = true;
 }
@@ -49,7 +65,10 @@ function tick(now) {
   state.last = now;
   if (state.playing) {
     state.time = Math.min(state.time + seconds * state.speed, data.steps);
-    if (state.time >= data.steps) play(false);
+    if (state.time >= data.steps) {
+      play(false);
+      if (state.recording) record();
+    }
     refresh();
   }
   const resting = now - state.moved > 200 && !state.playing;
@@ -61,10 +80,11 @@ function tick(now) {
 
 // While something moves, a slow machine gets coarser pictures.
 function draw(resting) {
-  state.quality = resting || !state.slow ? FINE : state.follow ? ROUGH : COARSE;
+  state.quality = resting || state.recording || !state.slow ? FINE : state.follow ? ROUGH : COARSE;
   const checked = Object.fromEntries(SHOWN.map((name) => [name, find(name).checked]));
   const { quality, picked, follow, alone, person, hovered } = state, begin = performance.now();
   const shown = panels.filter((panel) => panel.root.offsetParent);
+  if (shown.length) camera.settle(shown[0].canvas.clientWidth, shown[0].canvas.clientHeight);
   const options = { ...checked, quality, picked, follow, alone, person, hovered };
   if (!shown.map((panel) => panel.draw(state.time, options)).every(Boolean)) refresh();
   if (picked !== undefined) putInsets(shown);
@@ -161,7 +181,7 @@ function toggle(name) {
   if (state.picked === undefined) [state.picked] = present(data.plans[0]);
   if (state.picked === undefined) return;
   state[name] = !state[name];
-  if (name === "follow" && state.follow) camera.scale = Math.max(camera.scale, 1.8 * camera.whole);
+  if (name === "follow" && state.follow) camera.zoom(Math.max(1, (1.8 * camera.whole) / camera.scale), 0, 0);
   refresh();
 }
 
@@ -210,6 +230,7 @@ const KEYS = [
   ["i", "I", "show it alone", () => toggle("alone")],
   ["Escape", "Esc", "deselect it", () => pick(undefined)],
   ["v", "V", "what all drones' cameras see", () => find("views").click()],
+  ["r", "R", "record a video of the picture, or end it", record],
   ["b", "B", "people as figures, or as the faces that count", () => find("faces").click()],
   ["3", "3", "look from the side", () => look("space")],
   ["t", "T", "look from above", () => look("top")],
@@ -270,11 +291,15 @@ function listen() {
   speed.addEventListener("change", () => (state.speed = Number(speed.value)));
   for (const name of ["space", "top"]) find(name).addEventListener("click", () => look(name));
   for (const name of SHOWN) find(name).addEventListener("change", refresh);
+  find("film").addEventListener("click", record);
+  find("film").hidden = !Recording.kind();
   find("ask").addEventListener("click", help);
   listenToKeys(KEYS, find("help"));
   window.addEventListener("resize", fit);
   night.addEventListener("change", repaint);
   play(false);
+  const sizes = new ResizeObserver(refresh);
+  for (const { canvas } of panels) sizes.observe(canvas);
   for (const panel of panels) new Steering(panel, camera, () => state.time, actions);
 }
 
