@@ -147,12 +147,12 @@ class Camera {
 }
 
 // Where drones and people are at the steps of all plans, not too far off the map; the whole map,
-// where no drone moves.
-function happenings({ plans, people, terrain, meshes, scope: [low, high] }) {
+// where drones may choose their starts.
+function happenings({ plans, people, terrain, meshes, starts, scope: [low, high] }) {
   const within = (point) => point.map((v, k) => Math.min(Math.max(v, low[k]), k < 2 ? high[k] : Infinity));
   const drones = plans.flatMap((plan) => plan.paths.flat()).map(([x, y, z]) => [x, y, z]);
   const inside = [...drones, ...people.flatMap(walked)].map(within);
-  return plans.every(isStill) ? [...inside, ...wholeMap(terrain, meshes)] : inside;
+  return starts || !inside.length ? [...inside, ...wholeMap(terrain, meshes)] : inside;
 }
 
 // What is the same for all plans of a scene: starts and people.

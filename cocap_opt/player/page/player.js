@@ -2,7 +2,7 @@
 
 const data = JSON.parse(find("data").textContent);
 const SHOWN = ["sights", "views", "tracks", "faces", "solid", "closed"]; // check boxes
-const SLOW = 34, FAST = 7; // ms, pictures that take longer become coarse while something moves, and back
+const SLOW = 20, FAST = 7; // ms, pictures that take longer become coarse while something moves, and back
 const ZOOM = 1.25; // by a key
 const state = {
   time: data.first, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false, pace: 0, plan: 0,
@@ -163,8 +163,9 @@ function pick(drone) {
   refresh();
 }
 
-// What is under the pointer: a drone, a person or neither.
+// What is under the pointer: a drone, a person or neither. A crowd has labels by it.
 function hover(what) {
+  if (!isCrowd(data.drones) && !isCrowd(data.people)) return;
   const { drone, person } = what ?? {}, { hovered } = state;
   if (hovered?.drone === drone && hovered?.person === person) return;
   state.hovered = what;

@@ -57,7 +57,7 @@ class Raster {
       low = Math.min(low, p[i + 1]);
       high = Math.max(high, p[i + 1]);
     }
-    if (!(Math.abs(nw) > 1e-6)) return false;
+    if (!(Math.abs(nw) > 1e-6)) return false; // edge-on, or nothing at all
     const top = Math.max(Math.ceil(low - 0.5), 0);
     const bottom = Math.min(Math.ceil(high - 0.5), this.height) - 1;
     if (top > bottom) return false;

@@ -31,10 +31,11 @@ class View {
   // Put a point of the world as x, y in samples and w, which around the middle is m towards the
   // viewer; tells if it is before the camera.
   put(px, py, pz, into, at) {
-    const { camera: { right, up }, centre: c, away } = this, depth = this.depth(px, py, pz);
-    const x = px - c[0], y = py - c[1], z = pz - c[2], k = (this.pen.metre * away) / depth;
-    into[at] = this.raster.width / 2 + k * (x * right[0] + y * right[1]);
-    into[at + 1] = this.raster.height / 2 - k * (x * up[0] + y * up[1] + z * up[2]);
+    const { camera: { right, up, ahead }, centre: c, away, raster } = this;
+    const x = px - c[0], y = py - c[1], z = pz - c[2], depth = away + x * ahead[0] + y * ahead[1] + z * ahead[2];
+    const k = (this.pen.metre * away) / depth;
+    into[at] = raster.width / 2 + k * (x * right[0] + y * right[1]);
+    into[at + 1] = raster.height / 2 - k * (x * up[0] + y * up[1] + z * up[2]);
     into[at + 2] = (away * (away - depth)) / depth;
     return depth > this.closest;
   }
@@ -128,6 +129,10 @@ class View {
   // Blocks before the action are cut off. While the camera follows a drone they are those
   // that it would see from far away, so that none comes and goes.
   open(follows, solid) {
+    const { azimuth, elevation } = this.camera;
+    const stamp = follows ? [azimuth, elevation, this.away, solid].join() : "";
+    if (follows && stamp === this.openStamp) return;
+    this.openStamp = stamp;
     this.opened.fill(0);
     if (solid) return;
     for (const point of this.lookouts) {
@@ -138,56 +143,61 @@ class View {
   }
 
   isTurnedAway(corners, at, normals, n) {
-    const { eye } = this, towards = (k) => normals[n + k] * (corners[at + k] - eye[k]);
-    return towards(0) + towards(1) + towards(2) > 0;
+    const { eye } = this, [x, y, z] = eye;
+    return normals[n] * (corners[at] - x) + normals[n + 1] * (corners[at + 1] - y) + normals[n + 2] * (corners[at + 2] - z) > 0;
   }
 
   // What stands, and of blocks that are cut off what is left.
   still({ corners, normals, colours, blocks, feet, edges, edgeBlocks }, level) {
+    const { raster } = this;
     for (let i = 0; i < colours.length; i++) {
       if (this.isTurnedAway(corners, 12 * i, normals, 3 * i)) continue;
       const top = this.topOf(blocks[i]), isLevel = normals[3 * i + 2] === 1;
       if (top === -Infinity) continue;
-      const light = isLevel ? level : this.walllight(feet[i]), colour = isLevel && top < Infinity ? palette.cut : colours[i];
-      this.polygon(corners, 12 * i, top, (p, n) => this.raster.fillStill(p, n, colour, light));
+      const light = isLevel ? level : this.walllight(feet[i]), flat = this.polygon(corners, 12 * i, top);
+      raster.fillStill(flat, flat.length / 3, isLevel && top < Infinity ? palette.cut : colours[i], light);
     }
     for (let i = 0; i < edgeBlocks.length; i++) {
-      const top = this.topOf(edgeBlocks[i]);
-      if (top > -Infinity) this.edge(edges, 6 * i, top, 0.9, (p) => this.raster.fillStill(p, 4, palette.edge));
+      const top = this.topOf(edgeBlocks[i]), flat = top === -Infinity ? null : this.edge(edges, 6 * i, top, 0.9);
+      if (flat) raster.fillStill(flat, 4, palette.edge);
     }
   }
 
   // Altitude above which nothing is left of a block.
   topOf(block) {
-    return this.opened[block] ? this.scene.blocks.cuts[block] : Infinity;
+    return block >= 0 && this.opened[block] ? this.scene.blocks.cuts[block] : Infinity;
   }
 
   // Of blocks that are cut off all lines, and a breath of their sides.
   outlines({ corners, normals, colours, blocks, edges, edgeBlocks, outlines, outlineBlocks }) {
+    const { raster, opened } = this;
     for (let i = 0; i < colours.length; i++) {
-      if (!this.opened[blocks[i]] || this.isTurnedAway(corners, 12 * i, normals, 3 * i)) continue;
-      this.polygon(corners, 12 * i, Infinity, (p, n) => this.raster.tintStill(p, n, colours[i], GLASS));
+      if (!opened[blocks[i]] || this.isTurnedAway(corners, 12 * i, normals, 3 * i)) continue;
+      const flat = this.polygon(corners, 12 * i, Infinity);
+      raster.tintStill(flat, flat.length / 3, colours[i], GLASS);
     }
-    const line = (p) => this.raster.tintStill(p, 4, palette.outline, OUTLINE);
     for (const [lines, of] of [[edges, edgeBlocks], [outlines, outlineBlocks]]) {
-      for (let i = 0; i < of.length; i++) if (this.opened[of[i]]) this.edge(lines, 6 * i, Infinity, 1, line);
+      for (let i = 0; i < of.length; i++) {
+        const flat = opened[of[i]] ? this.edge(lines, 6 * i, Infinity, 1) : null;
+        if (flat) raster.tintStill(flat, 4, palette.outline, OUTLINE);
+      }
     }
   }
 
   // Four corners, none higher than `top`, as a flat polygon of the picture; of what is partly
   // behind the camera the rest.
-  polygon(corners, at, top, fill) {
+  polygon(corners, at, top) {
     let isBefore = true;
     for (let k = 0; k < 4; k++) isBefore = this.take(corners, at + 3 * k, k, top) && isBefore;
-    if (isBefore) return fill(this.corners, 4);
+    if (isBefore) return this.corners;
     const points = [0, 3, 6, 9].map((k) => [corners[at + k], corners[at + k + 1], Math.min(corners[at + k + 2], top)]);
-    const flat = this.pen.project(points);
-    if (flat.length) fill(flat, flat.length / 3);
+    return this.pen.project(points);
   }
 
-  edge(edges, at, top, thickness, fill) {
-    if (!this.take(edges, at, 0, top) || !this.take(edges, at + 3, 1, top)) return;
-    fill(this.raster.stroke(this.corners, 0, 3, thickness * this.pen.fine, 0.04));
+  // A line of some thickness (px), nothing if it is partly behind the camera.
+  edge(edges, at, top, thickness) {
+    if (!this.take(edges, at, 0, top) || !this.take(edges, at + 3, 1, top)) return null;
+    return this.raster.stroke(this.corners, 0, 3, thickness * this.pen.fine, 0.04);
   }
 
   take(array, at, k, top) {
