@@ -5,7 +5,8 @@ const MOST_SAMPLES = 3.2e6;
 const THROUGH = 0.3; // how much is seen of what moves through what is solid
 const HATCH = 9; // px from line to line
 const CLOSEST = 0.02; // of the camera's way to the middle, before which nothing is drawn
-const OUTLINE = 0.55, GLASS = 0.07; // how much lines and sides of what is only outlined hide
+const OUTLINE = 0.55; // how much lines of what is cut off hide
+const LAYERS = 256; // of polygons, from near to far
 
 class View {
   constructor(data, plan, scene, camera, canvas) {
@@ -121,8 +122,8 @@ class View {
     this.raster.clear(palette.paper);
     this.open(follows, solid);
     const { ground, things } = world;
-    this.still(ground, this.sunlight());
-    this.still(things, undefined);
+    this.still(things, undefined, nearToFar(things, this.eye, camera.ahead)); // so that less is painted over
+    this.still(ground, this.sunlight(), nearToFar(ground, this.eye, camera.ahead));
     this.outlines(things);
   }
 
@@ -148,9 +149,9 @@ class View {
   }
 
   // What stands, and of blocks that are cut off what is left.
-  still({ corners, normals, colours, blocks, feet, edges, edgeBlocks }, level) {
+  still({ corners, normals, colours, blocks, feet, edges, edgeBlocks }, level, order) {
     const { raster } = this;
-    for (let i = 0; i < colours.length; i++) {
+    for (const i of order) {
       if (this.isTurnedAway(corners, 12 * i, normals, 3 * i)) continue;
       const top = this.topOf(blocks[i]), isLevel = normals[3 * i + 2] === 1;
       if (top === -Infinity) continue;
@@ -168,14 +169,9 @@ class View {
     return block >= 0 && this.opened[block] ? this.scene.blocks.cuts[block] : Infinity;
   }
 
-  // Of blocks that are cut off all lines, and a breath of their sides.
-  outlines({ corners, normals, colours, blocks, edges, edgeBlocks, outlines, outlineBlocks }) {
+  // Of blocks that are cut off all lines.
+  outlines({ edges, edgeBlocks, outlines, outlineBlocks }) {
     const { raster, opened } = this;
-    for (let i = 0; i < colours.length; i++) {
-      if (!opened[blocks[i]] || this.isTurnedAway(corners, 12 * i, normals, 3 * i)) continue;
-      const flat = this.polygon(corners, 12 * i, Infinity);
-      raster.tintStill(flat, flat.length / 3, colours[i], GLASS);
-    }
     for (const [lines, of] of [[edges, edgeBlocks], [outlines, outlineBlocks]]) {
       for (let i = 0; i < of.length; i++) {
         const flat = opened[of[i]] ? this.edge(lines, 6 * i, Infinity, 1) : null;
@@ -239,4 +235,21 @@ class View {
     });
     return best;
   }
+}
+
+// The numbers of polygons, roughly from near to far by their first corners.
+function nearToFar({ corners }, eye, ahead) {
+  const n = corners.length / 12, depths = new Float64Array(n), starts = new Int32Array(LAYERS + 1), order = new Int32Array(n);
+  let least = Infinity, most = -Infinity;
+  for (let i = 0, at = 0; i < n; i++, at += 12) {
+    const depth = (corners[at] - eye[0]) * ahead[0] + (corners[at + 1] - eye[1]) * ahead[1] + (corners[at + 2] - eye[2]) * ahead[2];
+    depths[i] = depth;
+    if (depth < least) least = depth;
+    if (depth > most) most = depth;
+  }
+  const scale = (LAYERS - 1) / (most - least || 1);
+  for (let i = 0; i < n; i++) starts[1 + Math.floor((depths[i] - least) * scale)]++;
+  for (let k = 0; k < LAYERS; k++) starts[k + 1] += starts[k];
+  for (let i = 0; i < n; i++) order[starts[Math.floor((depths[i] - least) * scale)]++] = i;
+  return order;
 }
