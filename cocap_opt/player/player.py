@@ -137,8 +137,9 @@ class Player:
 
     def _repr_html_(self) -> str:
         """Plays inline in a notebook, in a frame that holds the whole page."""
+        page = escape(self.page(), quote=False).replace("'", "&#x27;")  # it has few single quotes
         return (
-            f'<iframe srcdoc="{escape(self.page())}" title="plans of {escape(self._problem.name)}" '
+            f"<iframe srcdoc='{page}' title=\"plans of {escape(self._problem.name)}\" "
             f'width="100%" height="{_FRAME_HEIGHT}" style="border: 0"></iframe>'
         )
 

@@ -341,7 +341,7 @@ def test_a_player_shows_itself_in_a_notebook(tmp_path: Path) -> None:
     problem = load_scene("tiny-give-way", 0)
     player = Player(problem, [(EVIL, plan) for _, plan in planned(problem, "greedy")])
     player.save(tmp_path / "plans.html")
-    frame = re.fullmatch(r'<iframe srcdoc="([^"<>]*)" [^<>]*></iframe>', player._repr_html_())
+    frame = re.fullmatch(r"<iframe srcdoc='([^'<>]*)' [^<>]*></iframe>", player._repr_html_())
     assert frame is not None
     assert html.unescape(frame.group(1)) == (tmp_path / "plans.html").read_text(encoding="utf-8")
     assert problem.name in repr(player)
