@@ -15,7 +15,9 @@ from cocap_opt.experiments.lab.manual.diagrams import write_diagrams
 from cocap_opt.experiments.lab.manual.docstrings import with_meanings
 from cocap_opt.experiments.lab.manual.entries import all_entries
 from cocap_opt.experiments.lab.manual.formats import write_schemas
+from cocap_opt.experiments.lab.studies.browser.files import write_check
 from cocap_opt.experiments.lab.studies.drawings import write_drawings, write_players
+from cocap_opt.player.player_proof import CHECK_PAGE
 
 project = "cocap-opt"
 author = "the authors of cocap-opt"
@@ -53,6 +55,17 @@ def _write_files(app: Sphinx) -> None:
     write_schemas(Path(app.outdir) / "schemas")
     write_drawings(Path(app.srcdir) / "pictures")
     write_diagrams(Path(app.srcdir) / "concepts" / "pictures")
+    if write_check(Path(app.outdir) / "check"):
+        app.tags.add("python_in_pages")
+
+
+def _add_check(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object
+) -> None:
+    """Adds script and style to the page that checks files."""
+    if page == CHECK_PAGE and "python_in_pages" in app.tags:
+        app.add_js_file("check.js", loading_method="defer")
+        app.add_css_file("check.css")
 
 
 def _write_formula(page: HTML5Translator, node: nodes.math) -> None:
@@ -85,4 +98,5 @@ def setup(app: Sphinx) -> None:
     app.add_html_math_renderer("mathml", (_write_formula, None), (_write_formulas, None))
     app.connect("builder-inited", _write_files)
     app.connect("html-page-context", _keep_stops)
+    app.connect("html-page-context", _add_check)
     app.connect("autodoc-process-docstring", _move_meanings, priority=100)

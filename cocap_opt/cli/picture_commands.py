@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -22,7 +22,7 @@ from cocap_opt.cli.options import (
 )
 from cocap_opt.console.progress import Watch
 from cocap_opt.data import LARGEST, MOST_PIXELS
-from cocap_opt.files.documents import FileError, problem_digest
+from cocap_opt.files.documents import FileError, problem_digest, read_bytes
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.explanation import Explanation
 from cocap_opt.output.files import (
@@ -37,6 +37,9 @@ from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import UnsupportedError
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.scenarios import Site, load_site
+
+if TYPE_CHECKING:
+    from cocap_opt.player.player_proof import Proof
 
 _log = logging.getLogger(__name__)
 
@@ -100,14 +103,20 @@ def _show(
         return _show_site(scene, seed, site, output, _heights(heights), json)
     problem = _loaded(scene, seed, site) if not plan else load_planned(scene, seed)
     given = PlanReader(scene, problem).plans(plan, any_objective=True)
-    problem = given[0].problem if given else problem
+    loaded, problem = problem, given[0].problem if given else problem
     plans = [given_plan.plan for given_plan in given]
     if not plan:
         say_strains(scene, seed, problem)
     say_narrow_way(scene, seed, problem)
     if suffix == ".html":
-        gaps = _gaps(problem, plans, certificate) if certificate else []
-        content = _player(problem, given, plan, gaps)
+        gaps, proof = list[Explanation](), None
+        if certificate:
+            gaps = _gaps(problem, plans, certificate)
+            from cocap_opt.player.player_proof import Proof
+
+            typed = (certificate, read_bytes(certificate), scene, seed)
+            proof = Proof.of(*typed, loaded, plan, given)
+        content = _player(problem, given, plan, gaps, proof)
     else:
         chosen = () if steps is None else _steps(problem, steps)
         content = _picture(problem, plans, suffix, chosen)
@@ -225,6 +234,7 @@ def _player(
     given: Sequence[GivenPlan],
     paths: Sequence[Path],
     gaps: Sequence[Explanation],
+    proof: "Proof | None",
 ) -> bytes:
     """Returns the page that plays plans from files."""
     from cocap_opt.player.player import Player
@@ -233,7 +243,7 @@ def _player(
     titled = [(title, given_plan.plan) for title, given_plan in zip(titles, given, strict=True)]
     planners = [given_plan.planner for given_plan in given]
     cut_short = [given_plan.cut_short for given_plan in given]
-    return Player(problem, titled, gaps, planners, cut_short).page().encode()
+    return Player(problem, titled, gaps, planners, cut_short, proof).page().encode()
 
 
 def _picture(problem: Problem, plans: Sequence[Plan], suffix: str, steps: Sequence[int]) -> bytes:

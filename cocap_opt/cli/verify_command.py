@@ -317,7 +317,7 @@ class _Claims(NamedTuple):
         """Yields which files were made with another version of coverage, in words."""
         if self.plan_file and (words := other_coverage(self.plan_file.coverage_version)):
             yield f"the plan: {words}"
-        if words := verified.other_coverage:
+        for words in filter(None, (verified.other_coverage, verified.other_instance)):
             yield f"the bound: {words}"
 
     def answer(self, verified: Verified) -> Record:

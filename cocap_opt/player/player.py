@@ -15,14 +15,15 @@ from cocap_opt.output.heights import over_datum
 from cocap_opt.player.pages import inert, page_text, without_comments
 from cocap_opt.player.player_filmed import filmed
 from cocap_opt.player.player_plan import PlayerPlan, digits
+from cocap_opt.player.player_proof import Proof
 from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.problem import Cone, Plan, Problem
 
 _SCRIPTS = (
     "colours.js", "numbers.js", "geometry.js", "blocks.js", "raster.js", "rays.js", "light.js",
     "world.js", "camera.js", "figures.js", "pen.js", "bodies.js", "sights.js", "labels.js",
-    "view.js", "eye.js", "chart.js", "strip.js", "fleet.js", "panel.js", "steer.js", "keys.js",
-    "legend.js", "video.js", "player.js",
+    "view.js", "eye.js", "chart.js", "strip.js", "fleet.js", "proof.js", "panel.js", "steer.js",
+    "keys.js", "legend.js", "video.js", "player.js",
 )  # fmt: skip
 _FRAME_HEIGHT = 680  # px, in a notebook
 
@@ -40,6 +41,7 @@ class Player:
     gaps : what the gap of each plan is made of, None where it is not known; none if not given
     planners : which planner made each plan, None where it is not known; none if not given
     cut_short : what a limit has left of each plan, in words; none if not given
+    proof : the file that proves the bound of `gaps`, which the page then offers
 
     Examples
     --------
@@ -55,6 +57,7 @@ class Player:
         gaps: Sequence[Explanation | None] = (),
         planners: Sequence[str | None] = (),
         cut_short: Sequence[str] = (),
+        proof: Proof | None = None,
     ) -> None:
         self._problem = problem if plans else _without_goals(problem)
         self._waits = not plans
@@ -66,6 +69,7 @@ class Player:
         self._gaps = gaps or [None] * len(self._plans)
         self._planners = planners or [None] * len(self._plans)
         self._cut_short = cut_short or [""] * len(self._plans)
+        self._proof = proof
         self._judged = problem if plans else _without_distance_to_people(self._problem)
 
     def page(self) -> str:
@@ -117,6 +121,7 @@ class Player:
             "kinds": scene.kinds(),
             "drones": [scene.drone(number) for number in range(len(problem.robots))],
             "plans": shown,
+            "certificate": None if self._proof is None else self._proof.data(),
         }
 
     def save(self, path: Path | str) -> None:

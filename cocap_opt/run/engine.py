@@ -10,8 +10,10 @@ from functools import cache
 from typing import Any
 
 from cocap_opt.console.progress import Watch
+from cocap_opt.files.documents import problem_digest
 from cocap_opt.formulations import BOUNDS, EXACT
 from cocap_opt.formulations.certificates import CertificateError, verify
+from cocap_opt.formulations.independent import instance_digest
 from cocap_opt.formulations.result import OPTIMALITY, CertifiedResult, Report, silent
 from cocap_opt.method import Method
 from cocap_opt.model import Model, compiled
@@ -96,6 +98,8 @@ def run(
         result = replace(result, in_coverage=model.covered_steps <= problem.horizon)
     if known.foreign:
         result = _without_claims(name, problem, result)
+    else:
+        result = _of_instance(model, result)
     result = replace(result, coverage_seconds=model.tables.seconds - before)
     judged = Judged.of(name, problem, result)
     if known.lazy:
@@ -124,6 +128,16 @@ def _without_claims(name: str, problem: Problem, result: Result) -> Result:
         return replace(result, bound=proved_in(problem, file, proved))
     except CertificateError as error:
         raise RefereeError(f"{name}: certificate: {error}") from error
+
+
+def _of_instance(model: Model, result: Any) -> Any:
+    """Returns a result whose certificate names its instance, if all coverage is there."""
+    file = result.certificate if isinstance(result, CertifiedResult) else None
+    if file is None or file.digest != problem_digest(model.problem):
+        return result
+    if model.covered_steps <= model.problem.horizon:
+        return result
+    return replace(result, certificate=file.of_instance(instance_digest(model)))
 
 
 def _cover(model: Model, method: Method[Any], stop: Stop, watch: Watch) -> None:

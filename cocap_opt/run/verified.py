@@ -15,6 +15,7 @@ from cocap_opt.formulations.certificates import (
     verify,
 )
 from cocap_opt.formulations.certificates.checking import Progress
+from cocap_opt.formulations.independent import instance_digest
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.formulations.second_opinion import SecondOpinion, require_small
 from cocap_opt.model import Model
@@ -228,6 +229,18 @@ class Verified:
     def other_coverage(self) -> str:
         """Says that the bound was made with another version of coverage; empty if it was not."""
         return "" if self.proved is None else other_coverage(self.proved.file.coverage_version)
+
+    @cached_property
+    def other_instance(self) -> str:
+        """Says that the bound was made of an instance that is not the scene's; empty if it was."""
+        if self.proved is None or not isinstance(self.proved.file.instance, str):
+            return ""
+        if self.proved.file.instance == instance_digest(self.proved.model):
+            return ""
+        return (
+            "its file names another instance than coverage gives here: it was altered, or "
+            "numbers were rounded otherwise"
+        )
 
     @property
     def gap(self) -> float:

@@ -307,6 +307,7 @@ class _Claim(Document, frozen=True, kw_only=True):
     method: str
     classes: Classes = "alike"
     coverage_version: int | None = None
+    instance: str | UnsetType = UNSET
     objective: Objective | UnsetType = UNSET
     bound: float | None  # None: -infinity, there is no plan
 
@@ -324,6 +325,10 @@ class _Claim(Document, frozen=True, kw_only=True):
             return scene.replace(objective=self.objective)
         except ProblemError as error:
             raise CertificateError(f"objective: does not fit the scene; {error}") from error
+
+    def of_instance(self, digest: str) -> Self:
+        """Returns the file with the digest of the instance that it was made of."""
+        return msgspec.structs.replace(self, instance=digest)
 
     def with_objective(self, objective: Objective) -> Self:
         """Returns the file with the objective that its bound is on written in."""
@@ -347,6 +352,8 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     classes : what numbers of classes count. `alike`: classes of robots that differ only in their
         start, numbered by their first robot; `single`: robots
     coverage_version : of the law by which pixels were computed; null: nobody wrote it
+    instance : SHA-256 of the instance that `export` writes of the problem, whose coverage was used;
+        left out: nobody wrote it, or coverage was not complete
     objective : the objective that the bound is on, complete; left out: the scene's. `digest` is
         that of the scene with this objective
     bound : J that no plan exceeds, as claimed; null: there is no plan
@@ -358,7 +365,7 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
     older = SAMPLED
     kind: ClassVar[str] = "certificate"
     format: Literal["cocap-opt certificate"] = "cocap-opt certificate"
-    version: Literal[4, 5, 6] = 6
+    version: Literal[4, 5, 6, 7] = 7
     coverage: Literal["optimistic"] | UnsetType = UNSET
     certificate: Certificate | Staged
 
@@ -410,6 +417,8 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
     classes : what numbers of classes count. `alike`: classes of robots that differ only in their
         start, numbered by their first robot; `single`: robots
     coverage_version : of the law by which pixels were computed; null: nobody wrote it
+    instance : SHA-256 of the instance that `export` writes of the problem, whose coverage was used;
+        left out: nobody wrote it, or coverage was not complete
     objective : the objective that the bound is on, complete; left out: the scene's. `digest` is
         that of the scene with this objective
     bound : J that no plan exceeds, as claimed; null: there is no plan
@@ -418,7 +427,7 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
 
     older = SAMPLED
     format: Literal["cocap-opt proof"] = "cocap-opt proof"
-    version: Literal[3, 4, 5] = 5
+    version: Literal[3, 4, 5, 6] = 6
     nodes: tuple[Branch | Leaf, ...]
 
     kind: ClassVar[str] = "proof"

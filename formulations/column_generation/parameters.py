@@ -259,6 +259,10 @@ class EnvelopeParameters(Section):
         likewise, not compiled
     few_nodes : nodes
         of such a search at most
+    nodes_of_stage : nodes
+        of searches after which better prices of some steps are a stage of their own
+    least_of_stage : share
+        of the room above the target, that such a stage closes at least
     responses : iterations' worth of responses
         for plans after each bundle
     most_corrections : times
@@ -284,6 +288,8 @@ class EnvelopeParameters(Section):
     few_work: int = 100_000
     few_plain_work: int = 10_000
     few_nodes: int = 2_000
+    nodes_of_stage: int = 2_000
+    least_of_stage: Share = 0.03
     responses: int = 10
     most_corrections: int = 4
     least_round: Share = 0.05

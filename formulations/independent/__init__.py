@@ -6,6 +6,6 @@ says what they prove, by whole numbers alone. It imports nothing but the standar
 nothing of this project either: copy the file, read it, and run it anywhere.
 """
 
-from cocap_opt.formulations.independent.instance import instance_of
+from cocap_opt.formulations.independent.instance import instance_digest, instance_of
 
-__all__ = ["instance_of"]
+__all__ = ["instance_digest", "instance_of"]

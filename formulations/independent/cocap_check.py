@@ -43,8 +43,8 @@ ONE = 1 << BITS
 
 # Of certificates and proofs; those that nothing depends on are let pass.
 FIELDS = {
-    "format", "version", "scene", "digest", "method", "classes", "coverage_version", "objective",
-    "bound", "coverage", "certificate", "nodes",
+    "format", "version", "scene", "digest", "method", "classes", "coverage_version", "instance",
+    "objective", "bound", "coverage", "certificate", "nodes",
 }  # fmt: skip
 PLAN_FIELDS = {
     "format", "version", "scene", "digest", "digest_without_objective", "planner", "limit",
@@ -52,7 +52,8 @@ PLAN_FIELDS = {
     "plan",
 }  # fmt: skip
 VERSIONS = {
-    "cocap-opt certificate": (4, 5, 6), "cocap-opt proof": (3, 4, 5), "cocap-opt plan": (2, 3, 4),
+    "cocap-opt certificate": (4, 5, 6, 7), "cocap-opt proof": (3, 4, 5, 6),
+    "cocap-opt plan": (2, 3, 4),
 }  # fmt: skip
 ROUNDED = 1 - Fraction(1, 10**9)  # of a plan's reward, which is a sum of doubles
 # What reading damaged files may raise.
@@ -150,6 +151,7 @@ class Instance:
     """An instance, read whole or refused."""
 
     def __init__(self, text: str) -> None:
+        self.sha256 = hashlib.sha256(text.encode()).hexdigest()
         lines = [line.split() for line in text.splitlines()]
         require(lines and lines[0] == ["cocap-instance", "1"], "line 1: must be cocap-instance 1")
         require(lines[-1] == ["end"], "the last line must be: end")
@@ -789,7 +791,7 @@ class Search:
                 self.most[g] = max(c, self.most.get(g, 0))
         self.weight = {g: up(instance.weights[g]) for g in self.most}
         self.base = {
-            x: [self._gain(g, c, 0) for g, c in views] for x, views in enumerate(self.views)
+            x: [self._gain(g, c, 0, 0) for g, c in views] for x, views in enumerate(self.views)
         }
         self.gaining: list[bool] = []
         self.pays: list[list[int]] = []
@@ -820,11 +822,16 @@ class Search:
         phi, weight = self.instance.value, self.weight
         return sum((weight[g] * phi(g, c, root_up) >> BITS) + 1 for g, c in seen.items())
 
-    def _gain(self, g: int, c: int, seen: int) -> tuple[int, int, int, float, float]:
-        """Returns a view's group, gain and amount, and the two last as doubles."""
-        phi, weight = self.instance.value, self.weight[g]
-        gain = phi(g, seen + c, root_up) - phi(g, seen, root_down)
-        gain = (weight * gain >> BITS) + 1
+    def _gain(self, g: int, c: int, seen: int, before: int) -> tuple[int, int, int, float, float]:
+        """Returns a view's group, gain and amount, and the two last as doubles.
+
+        What is seen of the group is worth at least `before`, weight left out.
+        """
+        if g in self.instance.caps:
+            gain = self.instance.value(g, seen + c, root_up) - before
+        else:
+            gain = math.isqrt(seen + c << BITS) + 1 - before
+        gain = (self.weight[g] * gain >> BITS) + 1
         return g, gain, c, gain / ONE, c / ONE
 
     def _picks(
@@ -888,11 +895,11 @@ class Search:
             now = dict(seen)
             for g, c in self.views[x]:
                 now[g] = now.get(g, 0) + c
-            fresh = {g for g, _ in self.views[x]}
+            worth = {g: self.instance.value(g, now[g], root_down) for g, _ in self.views[x]}
             fewer = {
                 y: [
-                    self._gain(view[0], view[2], now[view[0]]) if view[0] in fresh else view
-                    for view in gains[y]
+                    self._gain(e[0], e[2], now[e[0]], worth[e[0]]) if e[0] in worth else e
+                    for e in gains[y]
                 ]
                 for y in left
             }
@@ -1410,7 +1417,10 @@ def answer(instance: Instance, document: Spec) -> tuple[str, bool]:
     kind = str(document.get("format"))
     is_known = whole(document.get("version")) in VERSIONS.get(kind, ())
     require(is_known, "no known kind of file, or version")
-    require(document.get("digest") == instance.digest, "digest: the file is of another instance")
+    require(document.get("digest") == instance.digest, "digest: the file is of another scene")
+    made_of = document.get("instance", instance.sha256)
+    is_it = made_of == instance.sha256
+    require(is_it, f"instance: the file is of the one of sha256 {made_of!r:.80}")
     version = document.get("coverage_version")
     require(version in (None, instance.coverage), "coverage_version: the instance has another")
     if kind == "cocap-opt plan":
@@ -1451,7 +1461,7 @@ def main(arguments: list[str]) -> int:
                 content = file.read()
             if instance is None:
                 instance = Instance(content.decode())
-                say(f"instance of sha256 {hashlib.sha256(content).hexdigest()}")
+                say(f"instance of sha256 {instance.sha256}")
                 continue
             document = json.loads(
                 content, parse_constant=no_constant, object_pairs_hook=without_twins

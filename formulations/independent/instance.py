@@ -5,6 +5,7 @@ say each bit of a double: a checker adds and multiplies them without rounding. W
 reach is left out.
 """
 
+import hashlib
 import json
 from collections.abc import Iterator
 
@@ -22,6 +23,11 @@ VERSION = 1
 def instance_of(model: Model) -> str:
     """Returns the instance of a problem as text; its coverage must be there."""
     return "\n".join(_lines(model)) + "\n"
+
+
+def instance_digest(model: Model) -> str:
+    """Returns the SHA-256 of a problem's instance, by which certificates name it."""
+    return hashlib.sha256(instance_of(model).encode()).hexdigest()
 
 
 def _lines(model: Model) -> Iterator[str]:

@@ -859,6 +859,23 @@ def test_verify_says_whether_a_plan_is_optimal(
     assert [answer["optimal"] for answer in answers] == [True, False, None, None]
 
 
+@pytest.mark.parametrize("options", [(), ("--views", "2")])
+def test_certificates_name_the_instance_that_export_writes(
+    options: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is that of the bound's objective; `verify` says where another one is named."""
+    scene, bound = tmp_path / "scene.json", tmp_path / "bound.json"
+    Run(capsys, "export", "tiny-share", "-o", scene, *options)
+    Run(capsys, "bound", scene, "-o", bound)
+    told = Run(capsys, "export", scene, "-o", tmp_path / "x.instance", "--json").json
+    file = json.loads(bound.read_text())
+    assert file["instance"] == told["sha256"]
+    assert "message" not in Run(capsys, "verify", scene, bound, "--json").json
+    bound.write_text(json.dumps(file | {"instance": 64 * "0"}))
+    altered = Run(capsys, "verify", scene, bound, "--json").json
+    assert "names another instance" in altered["message"]
+
+
 def test_verify_keeps_the_lower_of_two_bounds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

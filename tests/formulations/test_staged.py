@@ -1006,7 +1006,7 @@ def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
 
     They are those of the best prices; and where a search finds lower ones, they are kept.
     """
-    run, heights, kept = PriceBundle.run, envelopes._Envelopes._heights, []
+    run, find_height, kept = PriceBundle.run, envelopes._Envelopes._find_height, []
 
     def meant_higher(self: PriceBundle, *arguments: object) -> FloatArray | None:
         prices = run(self, *arguments)
@@ -1017,13 +1017,14 @@ def test_a_stage_of_lists_has_the_constants_that_its_prices_are_meant_for(
         self.constants = {t: constant + 1.0 for t, constant in self.constants.items()}
         return prices
 
-    def noted(self: object, bundle: PriceBundle, prices: FloatArray) -> dict[int, float]:
-        found = heights(self, bundle, prices)
-        kept.extend((found[t], bundle.constants[t]) for t in found)
-        return found
+    def noted(self: object, heights: envelopes._Heights, t: int) -> None:
+        find_height(self, heights, t)
+        found = heights.adopted | heights.waiting
+        if t in found:
+            kept.append((found[t], heights.bundle.constants[t]))
 
     monkeypatch.setattr(PriceBundle, "run", meant_higher)
-    monkeypatch.setattr(envelopes._Envelopes, "_heights", noted)
+    monkeypatch.setattr(envelopes._Envelopes, "_find_height", noted)
     model = compiled(load_scene("bottleneck", 0).replace(horizon=5))
     search = Search(model, parameters=Parameters(envelopes=ONLY_LISTS))
     search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0))))
@@ -1054,6 +1055,20 @@ def test_what_a_search_finds_is_remembered_as_it_is(problem: Problem) -> None:
         search = Search(compiled(problem))
         search.offer(Incumbent.of_plan(search.model, Plan.hovering(problem)))
         stages_of(search, search.alone.duals)
+
+
+@examples(20)
+@given(any_meeting, st.booleans())
+def test_stages_may_be_made_step_by_step(problem: Problem, listed: bool) -> None:
+    """A stage for each height that lowers the bound: what is claimed is verified and true."""
+    each = {"nodes_of_stage": 0, "least_of_stage": 0.0}
+    parts = replace(ONLY_LISTS, **each) if listed else EnvelopeParameters(**each)
+    search = Search(compiled(problem), parameters=Parameters(envelopes=parts))
+    search.offer(search.local_search.from_mixture(Mixture([], np.zeros(0))))
+    stages_of(search, search.alone.duals)
+    if search.spare is not None:
+        pricing = verify(problem, search.spare, model=search.model)
+        assert optimum(problem).value <= pricing.bound == search.spare.proved
 
 
 @pytest.mark.slow

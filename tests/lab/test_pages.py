@@ -13,6 +13,7 @@ from cocap_opt.experiments.lab.manual import entries
 from cocap_opt.experiments.lab.manual.entries import ENTRIES, OF_PROGRAM
 from cocap_opt.experiments.lab.studies.quotes import requote
 from cocap_opt.files.documents import FileError
+from cocap_opt.player.player_proof import CHECK_PAGE
 
 README = ROOT / "README.md"
 LONGEST = 1500  # words of a page
@@ -38,6 +39,14 @@ def test_the_pages_are_built_without_a_warning(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert "bottleneck" in (tmp_path / "results" / "paper.html").read_text(encoding="utf-8")
+    page = (tmp_path / f"{CHECK_PAGE}.html").read_text(encoding="utf-8")
+    beside = set(re.findall(r'"\.\./((?:check/|_static/check)[^"?]*)[?"]', page))
+    has_python = (tmp_path / "check" / "files.json").is_file()
+    scripts = {"_static/check.js", "_static/check.css"} if has_python else set[str]()
+    assert beside == {"check/cocap_check.py", *scripts}
+    assert [name for name in beside if not (tmp_path / name).is_file()] == []
+    assert ('<div id="check"' in page) == has_python
+    assert ("not part of this build" in page) == (not has_python)
 
 
 def test_pages_are_short() -> None:

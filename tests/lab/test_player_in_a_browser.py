@@ -1,3 +1,4 @@
+import hashlib
 import json
 import re
 import shutil
@@ -873,3 +874,47 @@ def test_no_name_is_run_and_nothing_is_asked_for(player: Any, tmp_path: Path) ->
     assert value(player, "performance.getEntriesByType('resource').length") == 0
     assert player.get_log("browser") == []
     player.get(before)
+
+
+@pytest.mark.slow(seconds=9)
+def test_the_badge_offers_the_certificate(tmp_path: Path) -> None:
+    """A press tells its digest and the commands; its link has the file's bytes; keys rest."""
+    from selenium.webdriver.common.keys import Keys
+    from selenium.webdriver.support.wait import WebDriverWait
+
+    if not Browser.is_installed():
+        pytest.skip("needs chromium and chromedriver")
+    plan, proof, page = (tmp_path / name for name in ("plan.json", "proof.json", "film.html"))
+    assert run("plan", "tiny-queue", "-o", plan) == 0
+    assert run("bound", "tiny-queue", "--start", plan, "-o", proof) == 0
+    assert run("show", "tiny-queue", plan, "--certificate", proof, "-o", page) == 0
+    digest = hashlib.sha256(proof.read_bytes()).hexdigest()
+    with Browser.opened(page) as driver:
+        badge = "document.querySelector('.badge')"
+        assert value(driver, f"{badge}.textContent") == "proved optimal ▸"
+        assert value(driver, f"{badge}.className") == "badge next good"
+        value(driver, f"{badge}.click()")
+        box = "document.querySelector('dialog.proof')"
+        assert value(driver, f"{box}.open")
+        text = value(driver, f"{box}.textContent")
+        assert digest in text
+        assert f"cocap-opt verify tiny-queue {plan} {proof}" in text
+        assert "cocap-check tiny-queue.instance" in text
+        assert value(driver, f"{box}.querySelector('a[download]').download") == "proof.json"
+        behaviour = {"behavior": "allow", "downloadPath": str(tmp_path / "loaded")}
+        driver.execute_cdp_cmd("Browser.setDownloadBehavior", behaviour)
+        value(driver, f"{box}.querySelector('a[download]').click()")
+        loaded = tmp_path / "loaded" / "proof.json"
+        WebDriverWait(driver, 20).until(lambda _: loaded.is_file())
+        assert loaded.read_bytes() == proof.read_bytes()
+        before = step_of(driver)
+        focused = driver.switch_to.active_element
+        focused.send_keys(Keys.END)
+        assert step_of(driver) == before
+        focused.send_keys(Keys.ESCAPE)
+        assert not value(driver, f"{box}.open")
+        press(driver, Keys.END)
+        wait_until(
+            driver, f"!document.getElementById('step').textContent.includes('step {before} ')"
+        )
+        assert driver.get_log("browser") == []

@@ -73,7 +73,9 @@ class Panel {
   verdict() {
     const { gap, conflicts, near, closest, waits, besidePeople, cutShort } = this.plan, count = conflicts.length;
     const isStopped = cutShort && !gap?.optimal, isNone = !waits && !turns(this.plan) && !gap?.optimal;
-    const badge = make("span", "badge");
+    const proof = gap && !count && this.data.certificate ? proofBox(this.data, this.plan) : null;
+    const open = () => proof.showModal();
+    const badge = proof ? button("badge next", "", "", open) : make("span", "badge");
     if (count) {
       const words = `${count} conflict${count > 1 ? "s" : ""} ▸`;
       const go = () => this.actions.next("conflict", this.plan);
@@ -81,7 +83,7 @@ class Panel {
     }
     if (gap) {
       badge.textContent = gap.optimal ? "proved optimal" : `proved within ${percent(gap.total)} of the best`;
-      badge.title = "the certificate was verified when this page was made";
+      badge.title = `the certificate was verified when this page was made${proof ? "; press for its file" : ""}`;
     } else badge.textContent = waits ? "not planned yet" : near.length ? `no rule is broken; drones come within ${distance(closest)}` : "no conflicts";
     if (besidePeople.length) {
       badge.textContent = `at the start ${several(besidePeople, 1)}`;
@@ -94,6 +96,10 @@ class Panel {
     const isMild = besidePeople.length > 0 || Boolean(isStopped) || isNone || (!gap && !waits && near.length > 0);
     badge.classList.toggle("mild", isMild);
     badge.classList.toggle("good", gap ? gap.optimal : !waits && !isMild);
+    if (proof) {
+      badge.append(" ▸");
+      this.root.append(proof);
+    }
     return badge;
   }
 

@@ -10,6 +10,7 @@ from cocap_opt.experiments.lab.manual.formats import DOCUMENTS, example, fields_
 from cocap_opt.experiments.lab.manual.lists import LISTS
 from cocap_opt.experiments.lab.manual.trusted import TRUSTED
 from cocap_opt.experiments.lab.manual.worked_words import WORKED
+from cocap_opt.experiments.lab.studies.browser.files import copied_in_words
 from cocap_opt.experiments.lab.studies.drawings import gallery_in_markdown
 from cocap_opt.experiments.lab.studies.quotes import QUOTES
 
@@ -25,6 +26,7 @@ ENTRIES: dict[str, Callable[[], str]] = {
     **WORKED,
     **TRUSTED,
     "gallery": gallery_in_markdown,
+    "checker_copied": copied_in_words,
     **{f"{name}_fields": partial(fields_in_markdown, name) for name in DOCUMENTS},
     **{f"{name}_example": partial(_json, name) for name in ("scene", "plan", "certificate")},
 }

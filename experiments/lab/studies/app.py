@@ -152,6 +152,11 @@ Measure the speed of coverage, planners and the command line.
 
 Example: cocap-opt study speed --out speed
 """),
+    "browser": Study("browser.browser:browser", """\
+Measure how fast cocap-check is in a browser, beside the command; needs Chromium and npm.
+
+Example: cocap-opt study browser --scene corridor --out browser
+"""),
     "memory": Study("memory:memory", """\
 Measure the memory of coverage tables while they are made, and of planning with them.
 

@@ -12,6 +12,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.experiments.lab.results import STORED
+from cocap_opt.experiments.lab.studies.browser.files import EXAMPLE, certified
 from cocap_opt.experiments.lab.studies.flight.figure import flight_figure
 from cocap_opt.experiments.lab.studies.flight.flight import stored_flights
 from cocap_opt.experiments.lab.studies.growth.figure import growth_figure
@@ -40,8 +41,10 @@ from cocap_opt.pictures.figures import picture, plan_picture
 from cocap_opt.pictures.rendering import drone_view
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.player.player import Player
+from cocap_opt.player.player_proof import CHECK_PAGE, Proof
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.run.engine import run
+from cocap_opt.run.explained import gaps_of
 from cocap_opt.scenarios import SCENES, load_scene
 
 _SUFFIX = ".png"
@@ -171,8 +174,28 @@ def _scene_part(name: str) -> str:
 
 
 def write_players(folder: Path) -> None:
-    """Plans each scene of the gallery, and writes its player into a folder."""
+    """Plans each scene of the gallery, and writes its player into a folder.
+
+    That of corridor has the certificate which the page that checks files has as an example.
+    """
     make_folder(folder)
     for name in GALLERY:
-        problem, plan = _recommended(name)
-        Player(problem, [(RECOMMENDED, plan)]).save(folder / f"{name}.html")
+        if name == EXAMPLE:
+            player = _proved_player()
+        else:
+            problem, plan = _recommended(name)
+            player = Player(problem, [(RECOMMENDED, plan)])
+        player.save(folder / f"{name}.html")
+
+
+def _proved_player() -> Player:
+    """Returns the player of the example, with its certificate."""
+    found, name = certified(EXAMPLE), f"{EXAMPLE}.json"
+    verify = f"cocap-opt verify {EXAMPLE} {name}"
+    check = (
+        f"cocap-opt export {EXAMPLE} -o {EXAMPLE}.instance",
+        f"cocap-check {EXAMPLE}.instance {name}",
+    )
+    proof = Proof(name, found.content, [verify], [check], f"../{CHECK_PAGE}.html")
+    gaps = gaps_of(found.problem, [found.plan], found.certificate)
+    return Player(found.problem, [(RECOMMENDED, found.plan)], gaps, [RECOMMENDED], proof=proof)

@@ -34,7 +34,7 @@ _OPTIONS = (
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--no-first-run", "--hide-scrollbars",
-    "--host-resolver-rules=MAP * ~NOTFOUND",  # no network
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # no network
 )  # fmt: skip
 
 
@@ -88,12 +88,13 @@ class Browser(webdriver.Chrome):
     @classmethod
     @contextmanager
     def opened(
-        cls, page: Path, size: tuple[int, int] = _SIZE, ready: str = PLAYER_IS_READY
+        cls, page: Path | str, size: tuple[int, int] = _SIZE, ready: str = PLAYER_IS_READY
     ) -> Iterator[Self]:
         """Opens a page in a browser of its own.
 
         Parameters
         ----------
+        page : its file, or its address on this machine
         size : px
         ready : an expression that is true in the page once it is loaded
 
@@ -114,7 +115,7 @@ class Browser(webdriver.Chrome):
             browser = cls(options=options, service=Service(found.driver))
             try:
                 browser.resize(size)
-                browser.get(page.absolute().as_uri())
+                browser.get(page if isinstance(page, str) else page.absolute().as_uri())
                 loaded = WebDriverWait(browser, _PATIENCE)
                 loaded.until(lambda driver: driver.execute_script(f"return {ready}"))
                 yield browser

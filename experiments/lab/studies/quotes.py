@@ -14,6 +14,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from cocap_opt.experiments.lab.results import STORED
+from cocap_opt.experiments.lab.studies.browser.browser import browser_in_markdown, size_in_words
 from cocap_opt.experiments.lab.studies.cameras import (
     cost_in_markdown,
     directions_in_words,
@@ -122,6 +123,8 @@ QUOTES: dict[str, Callable[[], str]] = {
     "solver_figures": solvers_in_markdown,
     "speed": speed_in_markdown,
     "compiled_gain": gain_in_words,
+    "browser_speed": browser_in_markdown,
+    "python_size": size_in_words,
     "cameras_cost": cost_in_markdown,
     "cameras_proofs": proofs_in_markdown,
     "cameras_directions": directions_in_words,

@@ -25,7 +25,7 @@ above higher targets are tried.
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import NamedTuple
 
@@ -145,6 +145,30 @@ class Stages(NamedTuple):
             tell()
             found = found.then(stage)
         return found
+
+
+@dataclass
+class _Heights:
+    """The heights of steps at new prices, which no joint state exceeds.
+
+    Attributes
+    ----------
+    bundle, prices : that they are of
+    nodes : of all searches when a stage was made or thought of last
+    adopted : by step, those that are part of a stage
+    waiting : by step, those that are not yet
+    """
+
+    bundle: PriceBundle
+    prices: FloatArray
+    nodes: int
+    adopted: dict[int, float] = field(default_factory=dict)
+    waiting: dict[int, float] = field(default_factory=dict)
+
+    def adopt(self) -> None:
+        """Notes that all are part of a stage now."""
+        self.adopted |= self.waiting
+        self.waiting = {}
 
 
 @dataclass
@@ -342,7 +366,7 @@ class _Envelopes:
             prices = bundle.run(cutoff, self.report)
             if ceilings and bundle.flow:
                 self._look_for_plans(bundle.flow)
-            if prices is None or self._adopt(bundle, prices, self._heights(bundle, prices)):
+            if prices is None or self._adopt(bundle, prices):
                 return
 
     def _look_for_plans(self, flow: Mapping[Arc, float]) -> None:
@@ -362,24 +386,6 @@ class _Envelopes:
             if self.search.value > before
             else max(self.responses // 2, 1)
         )
-
-    def _heights(self, bundle: PriceBundle, prices: FloatArray) -> dict[int, float]:
-        """Returns the height that no joint state exceeds, of each step whose search ends."""
-        heights = {}
-        for t, joint in sorted(bundle.joints.items(), key=lambda item: len(item[1].states)):
-            self.report()
-            paid = _repriced(joint, prices[bundle.span(t)], self.narrowing.ceiling(t))
-            least = self.known.highest(paid)
-            if bundle.has_lists:
-                least = max(least, bundle.constants[t])
-            found = self._searched(paid, least, self._many_nodes())
-            self.lengths.note(t, len(joint.states), None if found is None else found.nodes)
-            if found is None:
-                continue
-            if found.positions:
-                bundle.remember(t, found.positions)
-            heights[t] = found.profit
-        return heights
 
     def _joints(
         self, cutoff: Callable[[], float]
@@ -432,22 +438,77 @@ class _Envelopes:
         is_compiled = is_there()
         return parameters.many_nodes if is_compiled else parameters.many_plain_nodes
 
-    def _adopt(self, bundle: PriceBundle, prices: FloatArray, heights: dict[int, float]) -> bool:
-        """Makes prices a stage if they are better; steps without a height keep theirs."""
-        chosen = bundle.centre.copy()
-        for t in heights:
-            chosen[bundle.span(t)] = prices[bundle.span(t)]
-        constants = self.narrowing.constants
-        total = exact_sum(heights.get(t, float(constants[t])) for t in self.steps)
-        total += bundle.rest + bundle.best_paths(chosen, heights)[0]
-        if not heights or total >= self.narrowing.bound:
-            bundle.correct(total)
-            return False
-        written = (bundle.written(t, prices[bundle.span(t)], heights[t]) for t in heights)
-        constants_now = tuple(StepConstant(t, height) for t, height in heights.items())
-        self.proved = self.proved.then(Stage(tuple(chain.from_iterable(written)), constants_now))
+    def _adopt(self, bundle: PriceBundle, prices: FloatArray) -> bool:
+        """Makes prices a stage or several if they are better; steps without a height keep theirs.
+
+        A step has a height if the search ends for one that no joint state exceeds. Once heights
+        lower the bound they are a stage, so that fewer states are left to the searches after it.
+        """
+        heights = _Heights(bundle, prices, self.nodes)
+        for t in sorted(bundle.joints, key=lambda t: len(bundle.joints[t].states)):
+            self._find_height(heights, t)
+        if heights.waiting or not heights.adopted:
+            total = self._total(heights)
+            if heights.waiting and total < self.narrowing.bound:
+                self._add(heights)
+            elif not heights.adopted:
+                bundle.correct(total)
+        return bool(heights.adopted)
+
+    def _find_height(self, heights: "_Heights", t: int) -> None:
+        """Looks for the height of a step, and makes a stage of all that wait where it is time."""
         self.report()
-        return True
+        bundle = heights.bundle
+        joint, paid = bundle.joints[t], heights.prices[bundle.span(t)]
+        if heights.adopted:
+            joint, paid = self._still_left(joint, paid)
+        joint = _repriced(joint, paid, self.narrowing.ceiling(t))
+        least = self.known.highest(joint)
+        if bundle.has_lists:
+            least = max(least, bundle.constants[t])
+        found = self._searched(joint, least, self._many_nodes())
+        nodes = None if found is None else found.nodes
+        self.lengths.note(t, len(bundle.joints[t].states), nodes)
+        if found is None:
+            return
+        if found.positions and not heights.adopted:
+            bundle.remember(t, found.positions)
+        heights.waiting[t] = found.profit
+        if self.nodes - heights.nodes >= self._parameters.nodes_of_stage:
+            heights.nodes = self.nodes
+            room = self.narrowing.bound - self.narrowing.target
+            least_gain = self._parameters.least_of_stage * room
+            if self.narrowing.bound - self._total(heights) >= least_gain:
+                self._add(heights)
+
+    def _still_left(self, joint: JointStates, prices: FloatArray) -> tuple[JointStates, FloatArray]:
+        """Returns the joint states of a step that are still left, and their states' prices."""
+        left = np.zeros(len(joint.states), dtype=np.bool_)
+        states = []
+        for number, of_class in enumerate(self.narrowing.left):
+            mine = joint.class_of == number
+            left[mine] = of_class[joint.t, joint.states[mine]]
+            states.append(joint.states[mine & left])
+        return self.narrowing.joint_states_of(joint.t, states), prices[left]
+
+    def _total(self, heights: "_Heights") -> float:
+        """Returns the bound at new prices of the steps that have a height."""
+        bundle, known = heights.bundle, heights.adopted | heights.waiting
+        chosen = bundle.centre.copy()
+        for t in known:
+            chosen[bundle.span(t)] = heights.prices[bundle.span(t)]
+        constants = self.narrowing.constants
+        total = exact_sum(known.get(t, float(constants[t])) for t in self.steps)
+        return total + bundle.rest + bundle.best_paths(chosen, known)[0]
+
+    def _add(self, heights: "_Heights") -> None:
+        """Adds a stage of the new prices of the steps whose heights wait for one."""
+        bundle, waiting = heights.bundle, heights.waiting
+        written = (bundle.written(t, heights.prices[bundle.span(t)], waiting[t]) for t in waiting)
+        constants = tuple(StepConstant(t, height) for t, height in waiting.items())
+        self.proved = self.proved.then(Stage(tuple(chain.from_iterable(written)), constants))
+        heights.adopt()
+        self.report()
 
 
 def _repriced(joint: JointStates, price: FloatArray, constant: float) -> JointStates:
