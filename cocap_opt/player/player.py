@@ -20,10 +20,10 @@ from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.problem import Cone, Plan, Problem
 
 _SCRIPTS = (
-    "colours.js", "numbers.js", "geometry.js", "opening.js", "raster.js", "rays.js", "light.js",
+    "colours.js", "numbers.js", "geometry.js", "blocks.js", "raster.js", "rays.js", "light.js",
     "world.js", "camera.js", "figures.js", "pen.js", "bodies.js", "sights.js", "labels.js",
-    "view.js", "eye.js", "chart.js", "strip.js", "proof.js", "panel.js", "steer.js", "keys.js",
-    "legend.js", "player.js",
+    "view.js", "eye.js", "chart.js", "strip.js", "fleet.js", "proof.js", "panel.js", "steer.js",
+    "keys.js", "legend.js", "video.js", "player.js",
 )  # fmt: skip
 _FRAME_HEIGHT = 680  # px, in a notebook
 
@@ -85,7 +85,8 @@ class Player:
         """Returns all data that the player draws, as one JSON object.
 
         Lengths are in m, angles in rad, positions those of `PlayerScene`; each plan is as
-        `PlayerPlan` has it. Gaps are shares of the bound.
+        `PlayerPlan` has it. Gaps are shares of the bound. `seconds` are those of a step, None where
+        nobody says how long it lasts.
         """
         problem, scene = self._problem, PlayerScene(self._problem)
         plans = [
@@ -104,6 +105,7 @@ class Player:
             "name": problem.name,
             "about": _about(problem),
             "steps": problem.horizon,
+            "seconds": problem.step,
             "first": problem.first_step,
             "layers": len(problem.layers),
             "over": over_datum(problem),
@@ -116,6 +118,7 @@ class Player:
             **scene.meshes(),
             "airspace": scene.airspace(),
             "people": [scene.person(j) for j in range(len(problem.actors))],
+            "kinds": scene.kinds(),
             "drones": [scene.drone(number) for number in range(len(problem.robots))],
             "plans": shown,
             "certificate": None if self._proof is None else self._proof.data(),
@@ -139,8 +142,9 @@ class Player:
 
     def _repr_html_(self) -> str:
         """Plays inline in a notebook, in a frame that holds the whole page."""
+        page = escape(self.page(), quote=False).replace("'", "&#x27;")  # it has few single quotes
         return (
-            f'<iframe srcdoc="{escape(self.page())}" title="plans of {escape(self._problem.name)}" '
+            f"<iframe srcdoc='{page}' title=\"plans of {escape(self._problem.name)}\" "
             f'width="100%" height="{_FRAME_HEIGHT}" style="border: 0"></iframe>'
         )
 

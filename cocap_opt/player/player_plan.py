@@ -81,7 +81,8 @@ class PlayerPlan:
 
         `rewards[t]` is the referee's view reward of a step, `seen[t][f]` the coverage of each face
         (px/m2) by all drones together, `meanPixels` its mean over faces and the steps that count,
-        and `ownPixels[i][t]` the mean coverage of a face by one drone. `adds[i][t]` is what a
+        and `ownPixels[i][t]` the mean coverage of a face by one drone. `films[i][t]` is the person
+        of whom a drone has most pixels, None where it sees nobody. `adds[i][t]` is what a
         step's reward would be less without a drone, empty where pixels add up over time.
         `heights[i]` are flight heights (m), one if it is the same at all steps. `near` are moments
         at which two drones come close, `besidePeople` says where one comes too near to somebody.
@@ -97,11 +98,13 @@ class PlayerPlan:
             "ownPixels": [
                 [digits(value) for value in _means(pixels).tolist()] for pixels in self.own_pixels
             ],
+            "films": self._films(),
             "adds": [[digits(value) for value in row] for row in self._adds().tolist()],
             "conflicts": [
                 self._conflict(conflict) for conflict in self._plan.conflicts(self._problem)
             ],
             "near": self._near(),
+            "closest": self._closest(),
             "besidePeople": [*self._beside_people()],
             "gap": None if self._gap is None else _gap(self._problem, self._gap, is_valid),
         } | self._flight()
@@ -156,6 +159,19 @@ class PlayerPlan:
             "heights": [_heights(robot, path) for robot, path in zip(robots, flown, strict=True)],
         }
 
+    def _films(self) -> list[list[int | None]]:
+        """Returns whom each drone sees best at each step, None where it sees nobody."""
+        problem = self._problem
+        if not problem.actors:
+            return [[None] * (problem.horizon + 1) for _ in problem.robots]
+        is_of = problem.face_owner[:, None] == np.arange(len(problem.actors))
+        seen = self.own_pixels @ is_of.astype(np.float64)
+        best, most = seen.argmax(axis=2).tolist(), seen.max(axis=2).tolist()
+        return [
+            [j if pixels > 0 else None for j, pixels in zip(people, row, strict=True)]
+            for people, row in zip(best, most, strict=True)
+        ]
+
     def _adds(self) -> FloatArray:
         """Returns the part of each step's reward [R, T+1] that would be lost without each drone."""
         problem = self._problem
@@ -187,10 +203,10 @@ class PlayerPlan:
         Close is nearer than half a cell, in scenes whose rules have no separation; who keeps one
         is far enough. Pairs in conflict are not told.
         """
-        rules, cell = self._problem.rules, self._problem.height_map.resolution
-        if not self._pairs or rules.separation:
+        cell = self._problem.height_map.resolution
+        if not self._pairs or self._problem.rules.separation:
             return []
-        shares, distances = rules.closest(self._ways[:, :-1], self._ways[:, 1:])
+        shares, distances = self._nearest
         apart = np.where(self._in_conflict(), np.inf, distances)
         close = cell / 2 * (1 - _ROUNDING)
         return [
@@ -203,6 +219,14 @@ class PlayerPlan:
     def _approach(pair: tuple[int, int], time: float, apart: float) -> Data:
         words = f"drones {pair[0]} and {pair[1]} come within {apart:.2g} m of each other"
         return {"time": round(time, 3), "robots": list(pair), "words": words}
+
+    def _closest(self) -> float | None:
+        return digits(float(self._nearest[1].min())) if self._pairs else None
+
+    @cached_property
+    def _nearest(self) -> tuple[FloatArray, FloatArray]:
+        """When pairs are nearest in each step, as shares of it, and how near (m): [P, T] each."""
+        return self._problem.rules.closest(self._ways[:, :-1], self._ways[:, 1:])
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int]]:

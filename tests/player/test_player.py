@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from players import EVIL, ROOT, hills, planned, run, seen_by, shut_in, told
+from players import EVIL, ROOT, crossing, hills, planned, run, seen_by, shut_in, told
 from players import plans as plans
 from strategies import examples, tiny
 
@@ -19,22 +19,19 @@ from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.pictures.figures import robot_colour
 from cocap_opt.player import player_scene
 from cocap_opt.player.player import Player
+from cocap_opt.player.player_plan import PlayerPlan
+from cocap_opt.player.player_scene import PlayerScene
 from cocap_opt.problem import (
     Airspace,
     CollisionRules,
     Cone,
-    Motion,
     Objective,
     Plan,
-    Problem,
-    Robot,
-    State,
 )
 from cocap_opt.referee import check
 from cocap_opt.run.explained import gaps_of
 from cocap_opt.scenarios import load_scene
 from cocap_opt.vision.default_weights import with_views
-from cocap_opt.world.workspace import HeightMap
 
 SCENES = ["bottleneck", "bridge", "tiny-give-way", "tiny-hover"]
 # -- data ---------------------------------------------------------------------------------
@@ -101,22 +98,13 @@ def test_means_are_over_all_faces_and_the_steps_that_count() -> None:
     assert np.sum(shown["ownPixels"], axis=0) == pytest.approx(means, rel=1e-4)
 
 
-def crossing() -> tuple[Problem, Plan]:
-    """Two drones that cross in the middle between four cells, which no rule of cells forbids."""
-    motion, faces = Motion(layers=(5.0,), radius=1), [State(x, 0, 0, 0, 0) for x in (0, 1)]
-    robots = tuple(Robot(start=start, motion=motion) for start in faces)
-    problem = tiny().replace(
-        height_map=HeightMap(heights=np.zeros((4, 4))), robots=robots, meshes=(), horizon=1
-    )
-    return problem, Plan(paths=((faces[0], State(1, 1, 0, 0, 0)), (faces[1], State(0, 1, 0, 0, 0))))
-
-
 def test_close_approaches_are_told_and_conflicts_are_not_told_twice() -> None:
     """Drones that cross come to 0 m in the middle of the step; a swap is a conflict only."""
     problem, plan = crossing()
     (shown,) = Player(problem, [("", plan)]).data()["plans"]
     words = "drones 0 and 1 come within 0 m of each other"
     assert shown["near"] == [{"time": 0.5, "robots": [0, 1], "words": words}]
+    assert shown["closest"] == 0
     (one, other) = plan.paths
     (shown,) = Player(problem, [("", Plan(paths=((one[0], other[0]), (other[0], one[0]))))]).data()[
         "plans"
@@ -133,6 +121,10 @@ def test_who_keeps_the_separation_comes_not_close() -> None:
         kept = problem.replace(rules=CollisionRules(separation=separation))
         (shown,) = Player(kept, [("", Plan(paths=apart))]).data()["plans"]
         assert shown["near"] == [] == shown["conflicts"]
+        assert shown["closest"] == 1
+    alone = kept.replace(robots=kept.robots[:1])
+    (shown,) = Player(alone, [("", Plan(paths=apart[:1]))]).data()["plans"]
+    assert shown["closest"] is None
 
 
 def test_cones_are_no_pixels() -> None:
@@ -150,6 +142,40 @@ def test_cones_are_no_pixels() -> None:
         assert [drone["rise"] is None for drone in data["drones"]] == [
             isinstance(robot.camera, Cone) for robot in robots
         ]
+
+
+def test_kinds_of_drones_have_cameras_and_motions() -> None:
+    """Drones of one camera and one motion are of one kind; kinds of the same words have numbers."""
+    problem = tiny()
+    (one, other) = problem.robots
+    slow = one.replace(motion=one.motion.replace(radius=one.motion.radius + 1))
+    for robots, kinds, words in (
+        ((one, other), [0, 0], 1),
+        ((one, other.replace(camera=Cone())), [0, 1], 2),
+        ((slow, other), [0, 1], 2),
+    ):
+        data = Player(problem.replace(robots=robots)).data()
+        assert [drone["kind"] for drone in data["drones"]] == kinds
+        assert len({kind["words"] for kind in data["kinds"]}) == words
+    assert data["kinds"][1]["words"].endswith(", kind 1")
+
+
+def test_it_is_told_whom_each_drone_films() -> None:
+    """The person of whom its camera has most pixels, and nobody where it sees none."""
+    problem = load_scene("bottleneck", 0)
+    ((_, plan),) = planned(problem, "greedy")
+    (shown,) = Player(problem, [("", plan)]).data()["plans"]
+    films: set[int | None] = set()
+    for i in range(len(problem.robots)):
+        pixels = PlayerPlan(PlayerScene(problem), problem, plan, None).own_pixels[i]
+        by_person = pixels.reshape(problem.horizon + 1, len(problem.actors), -1).sum(axis=2)
+        for t, whom in enumerate(shown["films"][i]):
+            films.add(whom)
+            if whom is None:
+                assert not by_person[t].any()
+            else:
+                assert by_person[t, whom] == by_person[t].max() > 0
+    assert None in films and len(films) > 2
 
 
 def test_drones_fly_at_their_altitude() -> None:
@@ -315,7 +341,7 @@ def test_a_player_shows_itself_in_a_notebook(tmp_path: Path) -> None:
     problem = load_scene("tiny-give-way", 0)
     player = Player(problem, [(EVIL, plan) for _, plan in planned(problem, "greedy")])
     player.save(tmp_path / "plans.html")
-    frame = re.fullmatch(r'<iframe srcdoc="([^"<>]*)" [^<>]*></iframe>', player._repr_html_())
+    frame = re.fullmatch(r"<iframe srcdoc='([^'<>]*)' [^<>]*></iframe>", player._repr_html_())
     assert frame is not None
     assert html.unescape(frame.group(1)) == (tmp_path / "plans.html").read_text(encoding="utf-8")
     assert problem.name in repr(player)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from strategies import plate
+from strategies import plate, tiny
 
 from cocap_opt.cli.main import main
 from cocap_opt.planners import PLANNERS
@@ -50,6 +50,16 @@ def told(page: str) -> dict[str, Any]:
     assert found is not None
     data: dict[str, Any] = json.loads(found.group(1))
     return data
+
+
+def crossing() -> tuple[Problem, Plan]:
+    """Two drones that cross in the middle between four cells, which no rule of cells forbids."""
+    motion, faces = Motion(layers=(5.0,), radius=1), [State(x, 0, 0, 0, 0) for x in (0, 1)]
+    robots = tuple(Robot(start=start, motion=motion) for start in faces)
+    problem = tiny().replace(
+        height_map=HeightMap(heights=np.zeros((4, 4))), robots=robots, meshes=(), horizon=1
+    )
+    return problem, Plan(paths=((faces[0], State(1, 1, 0, 0, 0)), (faces[1], State(0, 1, 0, 0, 0))))
 
 
 def hills() -> Problem:

@@ -2,8 +2,7 @@
 
 const SIDES = 28; // of a cylinder
 const SMALLEST = 17; // px, height of a person as it is drawn
-const CROWD = 14; // drones; of more only the last steps of tracks are drawn
-const TRAIL = 5; // steps
+const TRAIL = 5; // steps of tracks that are drawn in a crowd
 const FINE_BODY = 38; // px, size from which bodies are fine
 
 // Draws one plan at one time.
@@ -17,6 +16,7 @@ class Bodies {
       return poses.map(([x, y], t) => (sum += t ? Math.hypot(x - poses[t - 1][0], y - poses[t - 1][1]) : 0));
     });
     this.colours = data.drones.map((drone) => rgb(drone.colour));
+    this.chosen = rgb(CHOSEN);
     this.towards = data.people.map(facesTowards);
   }
 
@@ -102,7 +102,11 @@ class Bodies {
   }
 
   get isCrowd() {
-    return this.plan.paths.length > CROWD;
+    return isCrowd(this.plan.paths);
+  }
+
+  colour(i, picked) {
+    return this.isCrowd && i === picked ? this.chosen : this.colours[i];
   }
 
   // Where drones have flown, and thinner, where they will; in a crowd only of late.
@@ -110,7 +114,7 @@ class Bodies {
     this.plan.paths.forEach((path, i) => {
       if (!path.length || (alone && i !== picked)) return;
       const some = this.isCrowd && i !== picked, now = this.drone(i, time), done = Math.floor(time);
-      const faint = mixed(palette.ground, this.colours[i], 0.5), colour = this.colours[i];
+      const colour = this.colour(i, picked), faint = mixed(palette.ground, colour, 0.5);
       const [begin, end] = some ? [Math.max(done - TRAIL, 0), Math.min(done + 1, path.length - 1)] : [0, path.length - 1];
       for (let t = begin; t < end; t++) {
         if (t < done) pen.line(path[t], path[t + 1], colour, 2);
@@ -128,7 +132,7 @@ class Bodies {
     this.plan.paths.forEach((_, i) => {
       if (!isThere(this.plan, i) || (own && i === picked)) return; // it does not see itself
       const pose = this.drone(i, time);
-      const colour = alone && i !== picked ? mixed(palette.ground, palette.unseen, 0.6) : this.colours[i];
+      const colour = alone && i !== picked ? mixed(palette.ground, palette.unseen, 0.6) : this.colour(i, picked);
       if (!own) this.thread(pen, pose, size);
       this.quadrotor(pen, pose, size, colour);
     });

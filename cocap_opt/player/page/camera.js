@@ -1,34 +1,45 @@
-// The camera that looks at the scene from outside, in parallel projection: as far away as one likes.
+// The camera that looks at the scene from outside, in perspective; straight from above the picture
+// is a map, as it is from very far away.
 
 const AROUND = [62, 118]; // degrees, directions that it may look along: north is far away
 const FAVOUR = 1.06; // how much better another direction must be than those before it
+const TILTS = [46, 38, 32, 54]; // degrees, how steeply it may look down at first
 const MOST_RAYS = 300, LOOK = 60; // m, and how many, to tell how much is hidden
-const MOST_AROUND = 1.7; // times the area where things happen, of a map that is shown as a whole
+const FOCAL = 1.3; // focal length, of the picture's diagonal
+const STEEP = 60, FLAT = 60; // degrees, from which on it moves away, and how many times as far
 const LEAST = 5; // m, that are in the picture along each axis
 const PADDING = { side: 34, top: 46, bottom: 40 }; // px around all that happens
+const ROUNDS = 8; // of moving and zooming until all that happens just fits
 
 class Camera {
   constructor(data, rays) {
     this.points = happenings(data);
     this.rays = rays;
+    this.focal = 1; // px
     this.way = this.leastHidden(surroundings(data));
     this.fitted = false;
     this.space();
   }
 
   space() {
-    this.elevation = 46;
+    [this.elevation] = TILTS;
     this.azimuth = this.way;
-    this.fitted = false;
+    [this.fitted, this.isFree] = [false, true];
   }
 
   top() {
     [this.azimuth, this.elevation] = [90, 90];
-    this.fitted = false;
+    [this.fitted, this.isFree] = [false, false];
   }
 
   get isAbove() {
     return this.elevation > 80;
+  }
+
+  // How far it is (m) from the middle of the picture, where `scale` px are a metre.
+  get away() {
+    const steep = Math.max(this.elevation - STEEP, 0) / (90 - STEEP);
+    return ((1 + (FLAT - 1) * steep ** 3) * this.focal) / this.scale;
   }
 
   update() {
@@ -41,7 +52,7 @@ class Camera {
 
   // The direction in which least is hidden; pages of one scene look at it from the same side.
   leastHidden(points) {
-    this.elevation = 46;
+    [this.elevation] = TILTS;
     const seen = (azimuth) => {
       this.azimuth = azimuth;
       this.update();
@@ -50,8 +61,27 @@ class Camera {
     return AROUND.map((azimuth) => [azimuth, seen(azimuth)]).reduce((a, b) => (b[1] > a[1] * FAVOUR ? b : a))[0];
   }
 
-  // Put all that happens into a canvas of this size.
+  // Put all that happens into a canvas of this size; unless somebody has turned the camera, by the
+  // tilt that makes it largest there.
   fit(width, height) {
+    const scaleAt = (tilt) => {
+      this.elevation = tilt;
+      this.frame(width, height);
+      return this.scale;
+    };
+    if (this.isFree) {
+      this.elevation = TILTS.map((tilt) => [tilt, scaleAt(tilt)]).reduce((a, b) => (b[1] > a[1] * FAVOUR ? b : a))[0];
+    }
+    this.frame(width, height);
+    Object.assign(this, { fitted: true, isOwn: true, size: [width, height] });
+  }
+
+  // A canvas has this size now: unless somebody has moved the camera, all that happens fits anew.
+  settle(width, height) {
+    if (this.isOwn && (width !== this.size[0] || height !== this.size[1])) this.fitted = false;
+  }
+
+  frame(width, height) {
     this.update();
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     const axes = [this.right, this.up, this.ahead];
@@ -64,11 +94,26 @@ class Camera {
     }
     const wide = Math.max(high[0] - low[0], LEAST), tall = Math.max(high[1] - low[1], LEAST);
     const free = [Math.max(width - 2 * PADDING.side, 50), Math.max(height - PADDING.top - PADDING.bottom, 50)];
-    const scale = Math.min(free[0] / wide, free[1] / tall);
-    const middle = low.map((v, k) => (v + high[k]) / 2);
-    middle[1] += (PADDING.top - PADDING.bottom) / 2 / scale;
+    const scale = Math.min(free[0] / wide, free[1] / tall), middle = low.map((v, k) => (v + high[k]) / 2);
     const centre = [0, 1, 2].map((k) => axes.reduce((sum, axis, n) => sum + middle[n] * axis[k], 0));
-    Object.assign(this, { scale, centre, whole: scale, fitted: true });
+    Object.assign(this, { scale, centre, focal: FOCAL * Math.hypot(width, height) });
+    for (let round = 0; round < ROUNDS; round++) this.adjust(free);
+    this.shift(0, (PADDING.top - PADDING.bottom) / 2);
+    this.whole = this.scale;
+  }
+
+  // Move and zoom so that the projections of all that happens come closer to the free part (px).
+  adjust(free) {
+    const low = [Infinity, Infinity], high = [-Infinity, -Infinity], { away, focal, scale } = this, reach = away * scale;
+    for (const point of this.points) {
+      const way = minus(point, this.centre), far = Math.max(away + dot(way, this.ahead), away / 4);
+      [dot(way, this.right), -dot(way, this.up)].forEach((along, k) => {
+        low[k] = Math.min(low[k], (along * reach) / far);
+        high[k] = Math.max(high[k], (along * reach) / far);
+      });
+    }
+    this.shift(-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2);
+    this.scale *= Math.min(...free.map((long, k) => long / Math.max(high[k] - low[k], LEAST * scale)));
   }
 
   // Share of points before which no obstacle stands.
@@ -79,11 +124,17 @@ class Camera {
   }
 
   orbit(dx, dy) {
+    [this.isFree, this.isOwn] = [false, false];
     this.azimuth -= dx * 0.4;
     this.elevation = Math.min(Math.max(this.elevation + dy * 0.3, 8), 90);
   }
 
   pan(dx, dy) {
+    this.isOwn = false;
+    this.shift(dx, dy);
+  }
+
+  shift(dx, dy) {
     this.centre = this.centre.map((v, k) => v - (dx * this.right[k] - dy * this.up[k]) / this.scale);
   }
 
@@ -95,23 +146,13 @@ class Camera {
   }
 }
 
-// Where drones, the ground below them and people are at the steps of all plans, not too far off
-// the map, and the obstacles beside them, wholly; the whole map, too, where no drone moves or it is
-// not much larger than that.
-function happenings({ plans, people, terrain, meshes, scope: [low, high] }) {
+// Where drones and people are at the steps of all plans, not too far off the map; the whole map,
+// where drones may choose their starts.
+function happenings({ plans, people, terrain, meshes, starts, scope: [low, high] }) {
   const within = (point) => point.map((v, k) => Math.min(Math.max(v, low[k]), k < 2 ? high[k] : Infinity));
-  const drones = plans.flatMap((plan) => plan.paths.flat()).flatMap((place) => aboveGround(terrain, place));
-  const inside = [...drones, ...people.flatMap(walked)].map(within), [width, depth] = terrain.size;
-  const isSmall = width * depth < MOST_AROUND * (high[0] - low[0]) * (high[1] - low[1]);
-  return isSmall || plans.every(isStill) ? [...inside, ...wholeMap(terrain, meshes)] : [...inside, ...beside(meshes, low, high)];
-}
-
-// The corners of meshes that reach into the area where things happen, no farther off than it is wide.
-function beside(meshes, low, high) {
-  const edge = [0, 1].map((k) => high[k] - low[k]), axes = [0, 1];
-  const near = (points) => axes.every((k) => points.some((p) => p[k] > low[k]) && points.some((p) => p[k] < high[k]));
-  const clamped = (point) => point.map((v, k) => (k < 2 ? Math.min(Math.max(v, low[k] - edge[k]), high[k] + edge[k]) : v));
-  return meshes.map(({ vertices }) => triples(vertices)).filter(near).flat().map(clamped);
+  const drones = plans.flatMap((plan) => plan.paths.flat()).map(([x, y, z]) => [x, y, z]);
+  const inside = [...drones, ...people.flatMap(walked)].map(within);
+  return starts || !inside.length ? [...inside, ...wholeMap(terrain, meshes)] : inside;
 }
 
 // What is the same for all plans of a scene: starts and people.

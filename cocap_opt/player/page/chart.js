@@ -78,6 +78,7 @@ class Chart {
       context.fillStyle = words.soft;
       context.fillText(short(value), MARGIN.left - 6, y(value));
     }
+    context.fillText("reward", MARGIN.left - 6, 9);
     context.textAlign = "center";
     context.textBaseline = "top";
     const every = Math.max(1, rounded(Math.max(1, (34 * this.data.steps) / this.width) * 1.99));
@@ -99,7 +100,7 @@ class Chart {
 
   // What a step would lack without the picked drone.
   added(context, y, picked) {
-    context.fillStyle = this.data.drones[picked].colour;
+    context.fillStyle = isCrowd(this.data.drones) ? CHOSEN : this.data.drones[picked].colour;
     (this.plan.adds[picked] ?? []).forEach((reward, step) => {
       context.fillRect(this.x(step) - this.barWidth / 2, y(reward), this.barWidth, y(0) - y(reward));
     });

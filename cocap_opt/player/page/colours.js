@@ -28,13 +28,13 @@ function shaded(colour, light) {
 
 const DAY = {
   paper: "#eef0f3", ground: "#f6efe1", high: "#cfc5a6", wall: "#b3c0d3", low: "#d8c49a", mesh: "#c08a5c",
-  wallPlan: "#dcd8d2", lowPlan: "#e3d8bd", edge: "#4b5260", skyTop: "#a9c6e8", skyLow: "#e9f1f8",
+  cut: "#8593aa", wallPlan: "#dcd8d2", lowPlan: "#e3d8bd", edge: "#4b5260", outline: "#4b5260", skyTop: "#a9c6e8", skyLow: "#e9f1f8",
   shadow: "#b3ac9d", unseen: "#5d636e", legs: "#3a4256", skin: "#e0ac85", hair: "#4a3226",
   rotor: "#ffffff", dark: "#20252d", walk: "#b02a45",
 };
 const NIGHT = {
   paper: "#161a20", ground: "#474b52", high: "#6a6658", wall: "#7488a6", low: "#8d7a52", mesh: "#96683f",
-  wallPlan: "#3b424d", lowPlan: "#5a5342", edge: "#0e1116", skyTop: "#1b2a44", skyLow: "#4a5a73",
+  cut: "#2c3543", wallPlan: "#3b424d", lowPlan: "#5a5342", edge: "#0e1116", outline: "#a9b6ca", skyTop: "#1b2a44", skyLow: "#4a5a73",
   shadow: "#26292e", unseen: "#878d98", legs: "#1f2531", skin: "#d39e78", hair: "#2c1e16",
   rotor: "#dfe6ef", dark: "#0c0f13", walk: "#ff8fa3",
 };
@@ -46,14 +46,17 @@ const PAGE = {
     ink: "#e8ebef", soft: "#a2a9b4", line: "#333a45", halo: "rgba(16,20,26,.9)", ahead: "#3d4b5a", done: "#6ba6d6",
   },
 };
-const RED = "#d0021b", AMBER = "#e08a00", VIOLET = "#8b3fd1", OTHER = "#c65d1e";
-const CLOSED = rgb(RED); // to drones
+// Each stands out by 3 to 1 from the page by day and by night.
+const RED = "#e0142d", AMBER = "#c47600", VIOLET = "#9a52dc", OTHER = "#c65d1e";
+const CLOSED = rgb("#d0021b"); // to drones, see-through
+const CHOSEN = "#e8590c"; // the picked drone in a crowd, whose drones have the colours of their kinds
 const palette = {}; // of the raster, filled by `paint`
-const words = {}; // of canvases
+const words = {}; // of canvases, and the version of all colours
 
 const night = window.matchMedia("(prefers-color-scheme: dark)");
 
 function paint() {
+  words.version = (words.version ?? 0) + 1; // of these colours, for pictures that are kept
   for (const [name, value] of Object.entries(night.matches ? NIGHT : DAY)) palette[name] = rgb(value);
   Object.assign(words, night.matches ? PAGE.night : PAGE.day);
 }
@@ -67,4 +70,11 @@ function seenColour(pixels, most) {
   const at = Math.min(Math.sqrt(pixels / most), 1) * (SCALE.length - 1);
   const k = Math.min(Math.floor(at), SCALE.length - 2);
   return mixed(SCALE[k], SCALE[k + 1], at - k);
+}
+
+// Black or white, which can be read better on a colour.
+function inkOn(colour) {
+  const n = rgb(colour), linear = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+  const [r, g, b] = [0, 8, 16].map((shift) => linear(((n >> shift) & 255) / 255));
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b > 0.179 ? "#000000" : "#ffffff";
 }

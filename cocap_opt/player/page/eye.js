@@ -86,7 +86,6 @@ class Eye {
     this.sky();
     this.polygons(this.scene.world.ground, this.sunlight());
     this.polygons(this.scene.world.things);
-    this.raster.settle();
   }
 
   // The light on the ground.
@@ -94,14 +93,14 @@ class Eye {
     const { from, ahead, right, up, focal, raster: { width, height } } = this, { light } = this.scene.world;
     const slopes = (axis) => {
       const [a, b] = [right[axis] / focal, -up[axis] / focal], begin = ahead[axis] - (a * width + b * height) / 2;
-      return [a, b, 0, begin, from[axis] - light.from[axis]].map((v) => v / light.texel);
+      return [a, b, begin, from[axis] - light.from[axis]].map((v) => v / light.texel);
     };
-    return new Shade(light, slopes(0), slopes(1), true);
+    return new Shade(light, slopes(0), slopes(1), 0);
   }
 
   // The sky down to the horizon, and below it land without end.
   sky() {
-    const { width, height, ground: { colour } } = this.raster;
+    const { width, height, still: { colour } } = this.raster;
     const horizon = height / 2 - this.focal * Math.tan(this.down);
     for (let y = 0; y < height; y++) {
       const above = mixed(palette.skyLow, palette.skyTop, Math.min(Math.max((horizon - y) / height, 0), 1));
@@ -120,7 +119,7 @@ class Eye {
       if (this.isTurnedAway(corners, 12 * i, normals, 3 * i)) continue;
       const points = [0, 3, 6, 9].map((k) => corners.subarray(12 * i + k, 12 * i + k + 3));
       const flat = this.pen.project(points);
-      if (flat.length) this.raster.fillGround(flat, flat.length / 3, colours[i], normals[3 * i + 2] === 1 ? level : undefined);
+      if (flat.length) this.raster.fillStill(flat, flat.length / 3, colours[i], normals[3 * i + 2] === 1 ? level : undefined);
     }
   }
 }

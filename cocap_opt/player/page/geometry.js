@@ -31,6 +31,13 @@ const isStill = ({ paths }) => paths.every(([start, ...rest]) =>
 // True if a drone is there: one whose start is still to be chosen has no path.
 const isThere = ({ paths }, drone) => paths[drone].length > 0;
 
+// True of so many drones, or people, that they cannot all have a colour and a number in pictures.
+const CROWD = 14;
+const isCrowd = (some) => some.length > CROWD;
+
+// The numbers of the drones that are there.
+const present = (plan) => plan.paths.map((_, i) => i).filter((i) => isThere(plan, i));
+
 // True if some drone moves, or turns its camera.
 const turns = ({ paths }) => paths.some(([start, ...rest]) => rest.some((pose) => pose.some((value, k) => value !== start[k])));
 

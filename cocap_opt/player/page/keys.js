@@ -2,6 +2,7 @@
 
 const OWN_KEYS = {
   select: /./,
+  "canvas.view": /^Arrow/,
   "input[type=range]": /^(Arrow|Page|Home|End)/,
   "input[type=checkbox], button": /^( |Enter)$/,
 };

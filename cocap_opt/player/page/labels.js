@@ -17,7 +17,7 @@ class Labels {
     context.textBaseline = "middle";
     this.scale(height);
     this.axes(width, height);
-    this.people(time);
+    this.people(time, options);
     this.near(time);
     this.drones(time, options);
     this.conflicts(time);
@@ -26,11 +26,12 @@ class Labels {
   // Above each person the name, the number and the take, where they cover nobody else's; else the
   // number alone, a little higher where there is room, and under the names. The border has the
   // colour of the person's take.
-  people(time) {
+  people(time, options) {
     const { context, view } = this;
     context.font = `600 10px ${FONT}`;
     this.tags = [];
     view.data.people.forEach((person, j) => {
+      if (isCrowd(view.data.people) && !this.isAskedFor(j, time, options)) return;
       const [x, y, z] = view.bodies.person(j, time), [px, py] = view.at([x, y, z + person.height]);
       const tagOf = (label, up = 0) =>
         ({ label, person, x: px, y: py - 12.5 - up, wide: context.measureText(label).width + 7, high: 13 });
@@ -39,6 +40,21 @@ class Labels {
       this.tags.push(isClear(full, this.tags) ? full : higher.find((tag) => isClear(tag, this.tags)) ?? tagOf(short));
     });
     for (const isFull of [undefined, true]) this.tags.filter((tag) => tag.isFull === isFull).forEach((tag) => this.tag(tag));
+  }
+
+  // In a crowd only some people have labels: whom the pointer or the strip picks, and whom the
+  // picked drone films.
+  isAskedFor(j, time, { hovered, person, picked }) {
+    const { films, filmed } = this.view.plan;
+    return hovered?.person === j || (person !== undefined && filmed?.rows[person]?.person === j)
+      || (picked !== undefined && films[picked][Math.round(time)] === j);
+  }
+
+  // And so with drones: whom the pointer or a press picks, and those in conflict or close to others.
+  isNamed(i, time, { hovered, picked }) {
+    const { plan } = this.view;
+    return !isCrowd(plan.paths) || i === picked || hovered?.drone === i
+      || [...conflictsAt(plan, time), ...nearAt(plan, time)].some(({ robots }) => robots.includes(i));
   }
 
   tag({ label, person, x, y, wide }) {
@@ -56,15 +72,15 @@ class Labels {
 
   // Numbers in discs above the drones, or near there, where there is room for them. They cover
   // people's labels only where there is no room elsewhere.
-  drones(time, { picked, alone }) {
-    const { context, view } = this, put = [];
+  drones(time, options) {
+    const { context, view } = this, put = [], { picked, alone } = options;
     const order = view.plan.paths.map((_, i) => i).filter((i) => isThere(view.plan, i)).sort((a, b) => (b === picked) - (a === picked));
     this.places = [];
     for (const i of order) {
-      const [x, y, hidden] = view.at(view.bodies.drone(i, time)), { colour } = view.data.drones[i];
+      const [x, y, hidden] = view.at(view.bodies.drone(i, time)), colour = hex(view.bodies.colour(i, picked));
       this.places.push([i, x, y]);
       if (i === picked) circle(context, x, y, 15, words.ink, 1.6);
-      if ((alone && i !== picked) || !this.isInside(x, y)) continue;
+      if ((alone && i !== picked) || !this.isInside(x, y) || !this.isNamed(i, time, options)) continue;
       const place = freePlace(x, y - 18, put, this.tags) ?? freePlace(x, y - 18, put, []);
       if (!place) continue;
       put.push(place);
@@ -85,7 +101,7 @@ class Labels {
     const { context } = this;
     disc(context, x, y, isPicked ? 10 : DISC, colour, isPicked ? words.ink : "#fff");
     context.font = `600 ${isPicked ? 12 : 10}px ${FONT}`;
-    context.fillStyle = "#fff";
+    context.fillStyle = inkOn(colour);
     context.fillText(String(i), x, y + 0.5);
   }
 
@@ -108,13 +124,15 @@ class Labels {
     for (const [x, y] of [a, b]) circle(context, x, y, 13, colour, thickness);
   }
 
-  // A bar of a round number of metres.
+  // A bar of a round number of metres, as long as they are in the middle of the picture.
   scale(height) {
     const { context } = this, { scale } = this.view.camera, metres = rounded(80 / scale);
     const [x, y, long] = [14, height - 14, metres * scale];
     context.font = `600 11px ${FONT}`;
     this.haloedLine([[x, y - 4], [x, y], [x + long, y], [x + long, y - 4]]);
-    this.haloed(`${metres} m`, x + long / 2, y - 10);
+    context.textAlign = "left";
+    this.haloed(this.view.camera.isAbove ? `${metres} m` : `${metres} m mid-picture`, x, y - 10);
+    context.textAlign = "center";
   }
 
   // Where x and y lead; y is north.

@@ -5,6 +5,12 @@ function legend(data) {
   if (data.airspace) find("limits").textContent = data.airspace.words;
   find("starting").hidden = !data.starts;
   if (data.starts) find("choosers").textContent = data.starts.words;
+  find("kinds").hidden = !isCrowd(data.drones) || data.kinds.length < 2;
+  for (const { colour, words } of data.kinds) {
+    const swatch = make("span", "swatch");
+    swatch.style.background = colour;
+    find("kinds").append(swatch, ` ${words} `);
+  }
   find("other").hidden = data.plans.length !== 2;
   if (!data.plans.some((plan) => plan.seen.flat().some((pixels) => pixels > 0))) {
     find("scales").hidden = true; // nothing is seen at any step

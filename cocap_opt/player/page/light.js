@@ -4,7 +4,7 @@
 const SUN = unit([0.42, -0.5, 0.85]); // where it is
 const MOST_TEXELS = 700; // along an edge of the part of the map that is lit
 const BEYOND = 0.8; // how far it goes beyond what happens, of its size
-const SHADE = 0.17, CORNER = 0.32, GRID = 0.07; // how much light they take
+const SHADE = 0.07, CORNER = 0.32, GRID = 0.07; // how much light they take
 const FADE = 0.06; // of the lit part, along its edges
 const NOOK = 0.8; // m, how far from walls corners are dark
 
@@ -14,19 +14,18 @@ const WALL = {
 };
 
 // The light at samples of a polygon: a map of light (of 256), and where in it a sample x, y, w is,
-// u = (a x + b y + c w + d) / (w in perspective) + e, and so is v. One class for all, so that
-// browsers make one fast loop of it.
+// u = (a x + b y + c) / (w + shift) + d, and so is v.
 class Shade {
-  constructor({ map, columns, rows }, u, v, isPerspective) {
-    Object.assign(this, { map, columns, rows, isPerspective });
-    [this.ua, this.ub, this.uc, this.ud, this.ue] = u;
-    [this.va, this.vb, this.vc, this.vd, this.ve] = v;
+  constructor({ map, columns, rows }, u, v, shift) {
+    Object.assign(this, { map, columns, rows, shift });
+    [this.ua, this.ub, this.uc, this.ud] = u;
+    [this.va, this.vb, this.vc, this.vd] = v;
   }
 
   at(x, y, w) {
-    const scale = this.isPerspective ? 1 / w : 1;
-    const u = ((this.ua * x + this.ub * y + this.uc * w + this.ud) * scale + this.ue) | 0;
-    const v = ((this.va * x + this.vb * y + this.vc * w + this.vd) * scale + this.ve) | 0;
+    const scale = 1 / (w + this.shift);
+    const u = ((this.ua * x + this.ub * y + this.uc) * scale + this.ud) | 0;
+    const v = ((this.va * x + this.vb * y + this.vc) * scale + this.vd) | 0;
     const column = u < 0 ? 0 : u < this.columns ? u : this.columns - 1;
     const row = v < 0 ? 0 : v < this.rows ? v : this.rows - 1;
     return this.map[row * this.columns + column];

@@ -14,6 +14,8 @@ const density = (value) => (value >= 100 ? digits(Math.round(value), 0) : String
 
 const percent = (share) => `${digits(100 * share, 3)} %`;
 
+const clock = (seconds) => `${digits(seconds, 1, 1)} s`;
+
 // The largest of 1, 2, 5, 10, .. and 0.5, 0.2, .. that is not larger.
 function rounded(value) {
   if (!(value > 0)) return 0;

@@ -4,6 +4,8 @@ const MOST_WORDS = 3; // conflicts that are said at once, on a phone one
 const PHONE = 500; // px
 const ASIDE = 20; // px around what is in a corner of the picture
 const NOW = 30; // as much as so many other moments
+const REWARD = "J, the plan's reward: the sum, over steps and people's faces, of the root of the coverage that all drones "
+  + "together have of a face";
 const CORNERS = ["top right", "top left", "bottom right", "bottom left"];
 
 const find = (id) => document.getElementById(id);
@@ -26,20 +28,28 @@ function button(cls, text, title, press) {
 }
 
 class Panel {
-  // `actions` are what buttons do: jump(time), pick(drone), toggle(name), watch(step, person).
+  // `actions` are what buttons do: jump(time), pick(drone), toggle(name), watch(step, person),
+  // next(kind, plan), refresh().
   constructor(data, plan, other, scene, camera, actions) {
     Object.assign(this, { data, plan, actions });
     this.root = make("section", "panel");
     this.canvas = make("canvas", "view");
-    this.canvas.setAttribute("aria-label", `Plan ${plan.title} in its scene`);
+    this.canvas.setAttribute("role", "application");
+    this.canvas.setAttribute("aria-label", `Plan ${plan.title} in its scene; arrows turn it, with shift they move it`);
+    this.canvas.tabIndex = 0;
     const bars = make("canvas", "chart");
+    bars.setAttribute("role", "img");
+    bars.setAttribute("aria-label", "reward of each step");
     this.tip = make("div", "tip");
     this.words = make("div", "words");
     this.view = new View(data, plan, scene, camera, this.canvas);
     const place = make("div", "place");
     place.append(this.canvas, this.words, this.inset(scene), this.tip);
     this.strip = new Strip(data, plan, actions.watch);
-    this.root.append(this.head(), this.facts(), place, this.fleet(), this.strip.root, bars);
+    this.fleet = new Fleet(data, plan, scene, this.view.bodies, actions);
+    const stage = make("div", "stage");
+    stage.append(place, this.fleet.root);
+    this.root.append(this.head(), this.facts(), stage, this.strip.root, bars);
     this.chart = new Chart(data, plan, other, bars, actions.jump);
   }
 
@@ -50,14 +60,18 @@ class Panel {
     head.append(title);
     if (plan.planner && plan.planner !== plan.title) head.append(make("span", "file", plan.title));
     head.append(this.verdict());
-    if (!plan.waits) head.append(make("span", "total", `J = ${reward(plan.reward)}${moves}`));
+    if (!plan.waits) {
+      const total = make("span", "total", `reward J = ${reward(plan.reward)}${moves}`);
+      total.title = REWARD;
+      head.append(total);
+    }
     return head;
   }
 
   // What is proved of the plan, by its certificate and the referee; without a plan, what is wrong
   // with drones that wait at their starts.
   verdict() {
-    const { gap, conflicts, waits, besidePeople, cutShort } = this.plan, count = conflicts.length;
+    const { gap, conflicts, near, closest, waits, besidePeople, cutShort } = this.plan, count = conflicts.length;
     const isStopped = cutShort && !gap?.optimal, isNone = !waits && !turns(this.plan) && !gap?.optimal;
     const proof = gap && !count && this.data.certificate ? proofBox(this.data, this.plan) : null;
     const open = () => proof.showModal();
@@ -70,7 +84,7 @@ class Panel {
     if (gap) {
       badge.textContent = gap.optimal ? "proved optimal" : `proved within ${percent(gap.total)} of the best`;
       badge.title = `the certificate was verified when this page was made${proof ? "; press for its file" : ""}`;
-    } else badge.textContent = waits ? "not planned yet" : "no conflicts";
+    } else badge.textContent = waits ? "not planned yet" : near.length ? `no rule is broken; drones come within ${distance(closest)}` : "no conflicts";
     if (besidePeople.length) {
       badge.textContent = `at the start ${several(besidePeople, 1)}`;
       badge.title = besidePeople.join("\n");
@@ -79,8 +93,9 @@ class Panel {
       badge.textContent = gap ? `${badge.textContent}; ${cutShort}` : cutShort;
       badge.title = "it was stopped before its end; more time may give a better plan";
     } else if (isNone) badge.textContent = `no drone moves; ${badge.textContent}`;
-    badge.classList.toggle("mild", besidePeople.length > 0 || Boolean(isStopped) || isNone);
-    badge.classList.toggle("good", gap ? gap.optimal : !waits && !isStopped && !isNone);
+    const isMild = besidePeople.length > 0 || Boolean(isStopped) || isNone || (!gap && !waits && near.length > 0);
+    badge.classList.toggle("mild", isMild);
+    badge.classList.toggle("good", gap ? gap.optimal : !waits && !isMild);
     if (proof) {
       badge.append(" ▸");
       this.root.append(proof);
@@ -101,16 +116,30 @@ class Panel {
       add("bound", reward(plan.gap.bound), "no plan that obeys the rules has more");
       if (!plan.conflicts.length) add("gap", percent(Math.max(plan.gap.total, 0)), "(bound - J) / bound");
     }
-    if (plan.planner && isStill(plan)) facts.append(make("span", "fact still", "no drone moves"));
-    add("mean", `${density(plan.meanPixels)} ${data.unit}`, "of a face, over all faces and all steps that count");
-    this.now = add("this step", "");
-    this.sum = add("so far", "");
+    if (!plan.waits) facts.append(...this.hovering());
+    add("mean of a face", `${density(plan.meanPixels)} ${data.unit}`, "coverage by all drones, over all faces and all steps that count");
+    this.now = add("reward of this step", "", "what this step adds to J");
+    this.sum = add("so far", "", "the rewards of all steps up to this one");
+    if (plan.closest !== null) {
+      add("closest approach", distance(plan.closest), "the least distance of any two drones at any time")
+        .classList.toggle("alarm", plan.near.length + plan.conflicts.length > 0);
+    }
     if (plan.gap) this.lost = add("lost by leaving it", "");
     this.now.className = "now";
     this.sum.className = "sum";
     facts.append(this.marks());
     facts.hidden = data.drones.every((_, i) => !isThere(plan, i)); // nobody is there to see anything
     return facts;
+  }
+
+  // How many drones never leave their places, if any.
+  hovering() {
+    const { plan } = this, still = plan.paths.flatMap((path, i) => (path.length && isStill({ paths: [path] }) ? [i] : []));
+    if (!still.length) return [];
+    const all = still.length === present(plan).length, one = still.length === 1;
+    const fact = make("span", "fact still", all ? "no drone moves" : `${still.length} drone${one ? "" : "s"} hover${one ? "s" : ""}`);
+    fact.title = `never leave${one ? "s" : ""} the start: drone ${still.join(", ")}`;
+    return [fact];
   }
 
   // How many marks of each kind the chart has; a press goes to the next one.
@@ -122,7 +151,7 @@ class Panel {
       const words = ` ${count} ${count > 1 ? many : one}`;
       const go = () => this.actions.next(kind, this.plan), dot = make("i", "", sign);
       dot.style.color = colour;
-      box.append(button("mark", words, `go to the next ${one} (${key})`, go));
+      box.append(button(`mark ${kind}`, words, `go to the next ${one} (${key})`, go));
       box.lastChild.prepend(dot);
     }
     return box;
@@ -155,20 +184,7 @@ class Panel {
       (corner.includes("right") ? width - x : x) < wide && (corner.includes("bottom") ? height - y : y) < tall).length);
   }
 
-  fleet() {
-    const fleet = make("div", "fleet");
-    fleet.classList.toggle("crowd", this.data.drones.length > CROWD);
-    this.chips = this.data.drones.map((drone, i) => {
-      const chip = button("chip", "", `drone ${i}: pick it`, () => this.actions.pick(i));
-      const dot = make("i", "", String(i)), text = make("span");
-      dot.style.background = drone.colour;
-      chip.append(dot, text);
-      if (isThere(this.plan, i)) fleet.append(chip);
-      return { chip, text };
-    });
-    return fleet;
-  }
-
+  // Returns true if nothing is left to be drawn.
   draw(time, options) {
     const { picked } = options;
     this.strip.draw(time, options.person); // its height says how much the picture has
@@ -177,6 +193,7 @@ class Panel {
     if (picked !== undefined) this.eye.draw(time, picked, options.quality);
     this.chart.draw(time, picked);
     this.describe(time, options);
+    return this.fleet.draw(time, options);
   }
 
   describe(time, options) {
@@ -196,16 +213,10 @@ class Panel {
     const { plan, data } = this, stamp = [step, picked, follow, alone].join();
     if (stamp === this.stamp) return;
     this.stamp = stamp;
-    this.chips.forEach(({ chip, text }, i) => {
-      if (!isThere(plan, i)) return;
-      const height = data.layers > 1 ? `${heightOf(plan, i, step)} m  ` : "";
-      chip.title = height ? `${height.trim()} ${data.over}` : "";
-      put(text, height + (plan.adds.length ? short(plan.adds[i][step]) : ""));
-      chip.setAttribute("aria-pressed", String(i === picked));
-    });
+    this.fleet.describe(step, picked);
     if (picked === undefined) return;
     put(this.who, `drone ${picked}`);
-    this.who.style.setProperty("--own", data.drones[picked].colour);
+    this.who.style.setProperty("--own", hex(this.view.bodies.colour(picked, picked)));
     const adds = plan.adds.length && step >= data.first ? `adds ${reward(plan.adds[picked][step])} at this step; ` : "";
     put(this.caption, `${adds}alone it sees a mean of ${density(plan.ownPixels[picked][step])} ${data.unit}`);
     const held = { follow, alone };
@@ -214,6 +225,8 @@ class Panel {
     }
   }
 }
+
+const distance = (metres) => `${Number(metres.toPrecision(2))} m`;
 
 // What drones lose by leaving a step as they do, the one that loses most named.
 function losses(gap, step) {

@@ -1,14 +1,18 @@
 // The page: a panel for each plan, one time and one camera for all of them.
 
 const data = JSON.parse(find("data").textContent);
-const SHOWN = ["sights", "tracks", "faces", "solid", "closed"]; // check boxes
-const SLOW = 34, FAST = 7; // ms, pictures that take longer become coarse while something moves, and back
+const SHOWN = ["sights", "views", "tracks", "faces", "solid", "closed"]; // check boxes
+const SLOW = 20, FAST = 7; // ms, pictures that take longer become coarse while something moves, and back
+const ZOOM = 1.25; // by a key
 const state = {
   time: data.first, playing: false, speed: 2, last: 0, dirty: true, moved: -Infinity, slow: false, pace: 0, plan: 0,
 };
-const scene = { world: new World(data), rays: new Rays(data) };
+// Of many drones each has the colour of its kind.
+if (isCrowd(data.drones)) for (const drone of data.drones) drone.colour = data.kinds[drone.kind].colour;
+const blocks = new Blocks(data);
+const scene = { blocks, world: new World(data, blocks), rays: new Rays(data, blocks) };
 const camera = new Camera(data, scene.rays);
-const actions = { jump, next, pick, toggle, moved, fit, watch };
+const actions = { jump, next, pick, toggle, moved, fit, watch, hover, refresh };
 const panels = data.plans.map((plan, index) => {
   const other = data.plans.length === 2 ? data.plans[1 - index] : null;
   return new Panel(data, plan, other, scene, camera, actions);
@@ -30,6 +34,22 @@ function play(on) {
   refresh();
 }
 
+// Begin a video of the picture of the chosen plan, or end it before the last step.
+function record() {
+  if (state.recording) {
+    state.recording.stop();
+    state.recording = undefined;
+    play(false);
+  } else if (Recording.kind()) {
+    const { canvas, plan } = panels[state.plan], { speed } = state;
+    jump(data.first);
+    state.recording = new Recording(canvas, `${data.name} ${plan.planner ?? plan.title} ${speed} steps per second.webm`);
+    play(true);
+  }
+  find("film").setAttribute("aria-pressed", String(Boolean(state.recording)));
+  put(find("film"), state.recording ? "stop" : "record");
+}
+
 function refresh() {
   state.dirty = true;
 }
@@ -45,7 +65,10 @@ function tick(now) {
   state.last = now;
   if (state.playing) {
     state.time = Math.min(state.time + seconds * state.speed, data.steps);
-    if (state.time >= data.steps) play(false);
+    if (state.time >= data.steps) {
+      play(false);
+      if (state.recording) record();
+    }
     refresh();
   }
   const resting = now - state.moved > 200 && !state.playing;
@@ -57,16 +80,36 @@ function tick(now) {
 
 // While something moves, a slow machine gets coarser pictures.
 function draw(resting) {
-  state.quality = resting || !state.slow ? FINE : state.follow ? ROUGH : COARSE;
+  state.quality = resting || state.recording || !state.slow ? FINE : state.follow ? ROUGH : COARSE;
   const checked = Object.fromEntries(SHOWN.map((name) => [name, find(name).checked]));
-  const { quality, picked, follow, alone, person } = state, begin = performance.now();
+  const { quality, picked, follow, alone, person, hovered } = state, begin = performance.now();
   const shown = panels.filter((panel) => panel.root.offsetParent);
-  for (const panel of shown) panel.draw(state.time, { ...checked, quality, picked, follow, alone, person });
+  if (shown.length) camera.settle(shown[0].canvas.clientWidth, shown[0].canvas.clientHeight);
+  const options = { ...checked, quality, picked, follow, alone, person, hovered };
+  if (!shown.map((panel) => panel.draw(state.time, options)).every(Boolean)) refresh();
   if (picked !== undefined) putInsets(shown);
   if (!resting) pace(performance.now() - begin);
-  const step = Math.round(state.time);
-  find("slider").value = String(step);
-  put(find("step"), `step ${step} of ${data.steps}`);
+  tell();
+}
+
+// The step, and where it is known how long one lasts, the seconds.
+function tell() {
+  const step = Math.round(state.time), slider = find("slider"), { seconds, steps } = data;
+  slider.value = String(step);
+  put(find("step"), `step ${step} of ${steps}`);
+  if (seconds === null) return;
+  put(find("seconds"), `${clock(state.time * seconds)} of ${clock(steps * seconds)}`);
+  slider.setAttribute("aria-valuetext", `step ${step}, ${clock(step * seconds)}`);
+}
+
+// Numbers below the slider: seconds, or steps.
+function times() {
+  const unit = data.seconds ?? 1, all = data.steps * unit, every = Math.max(rounded(all / 4), data.seconds ? 0 : 1);
+  for (let k = 0; k * every <= all * (1 + 1e-9); k++) {
+    const at = k * every, tick = make("span", "", data.seconds === null ? String(at) : `${digits(at, 2)} s`);
+    tick.style.setProperty("--at", String(at / all));
+    find("times").append(tick);
+  }
 }
 
 // Into the corner in which least happens in all pictures, while they are as they are.
@@ -116,23 +159,30 @@ function watchNext(way) {
 function pick(drone) {
   state.picked = drone === state.picked ? undefined : drone;
   if (state.picked === undefined) [state.follow, state.alone, state.insets] = [false, false, undefined];
+  else for (const { fleet } of panels) fleet.show(state.picked);
+  refresh();
+}
+
+// What is under the pointer: a drone, a person or neither. A crowd has labels by it.
+function hover(what) {
+  if (!isCrowd(data.drones) && !isCrowd(data.people)) return;
+  const { drone, person } = what ?? {}, { hovered } = state;
+  if (hovered?.drone === drone && hovered?.person === person) return;
+  state.hovered = what;
   refresh();
 }
 
 function pickNext(way) {
-  const there = drones(), count = there.length, at = there.indexOf(state.picked);
+  const there = present(data.plans[0]), count = there.length, at = there.indexOf(state.picked);
   if (count) pick(there[at < 0 ? (way > 0 ? 0 : count - 1) : (at + way + count) % count]);
 }
 
-// The numbers of the drones that are there, the same in all plans.
-const drones = () => data.drones.map((_, i) => i).filter((i) => isThere(data.plans[0], i));
-
 // Follow the picked drone, or show it alone.
 function toggle(name) {
-  if (state.picked === undefined) [state.picked] = drones();
+  if (state.picked === undefined) [state.picked] = present(data.plans[0]);
   if (state.picked === undefined) return;
   state[name] = !state[name];
-  if (name === "follow" && state.follow) camera.scale = Math.max(camera.scale, 1.8 * camera.whole);
+  if (name === "follow" && state.follow) camera.zoom(Math.max(1, (1.8 * camera.whole) / camera.scale), 0, 0);
   refresh();
 }
 
@@ -145,6 +195,11 @@ function look(how) {
 function fit() {
   camera.fitted = false;
   refresh();
+}
+
+function zoom(factor) {
+  camera.zoom(factor, 0, 0);
+  moved();
 }
 
 // On a phone one plan is shown at a time.
@@ -175,9 +230,14 @@ const KEYS = [
   ["f", "F", "follow the picked drone", () => toggle("follow")],
   ["i", "I", "show it alone", () => toggle("alone")],
   ["Escape", "Esc", "deselect it", () => pick(undefined)],
+  ["v", "V", "what all drones' cameras see", () => find("views").click()],
+  ["r", "R", "record a video of the picture, or end it", record],
   ["b", "B", "people as figures, or as the faces that count", () => find("faces").click()],
   ["3", "3", "look from the side", () => look("space")],
   ["t", "T", "look from above", () => look("top")],
+  ["+", "+", "nearer", () => zoom(ZOOM)],
+  ["-", "-", "farther away", () => zoom(1 / ZOOM)],
+  ["arrows", "↹ ←↑", "on the picture that has the focus: turn it, with shift move it", () => {}],
   ["0", "0", "fit everything into the picture", fit],
   ["x", "X", "the other plan, on a phone", () => choose((state.plan + 1) % panels.length)],
   ["?", "?", "this help", help],
@@ -194,7 +254,7 @@ function help() {
 function repaint() {
   paint();
   colourScale();
-  scene.world = new World(data);
+  scene.world = new World(data, blocks);
   refresh();
 }
 
@@ -215,8 +275,11 @@ function lay() {
   listKeys(KEYS, find("keys"));
   legend(data);
   colourScale();
+  times();
   tabs();
   choose(0);
+  find("views").checked = data.drones.length <= FEW && data.plans.every((plan) => !plan.waits)
+    && panels.every(({ root }) => root.clientWidth >= ROOM);
 }
 
 function listen() {
@@ -229,11 +292,15 @@ function listen() {
   speed.addEventListener("change", () => (state.speed = Number(speed.value)));
   for (const name of ["space", "top"]) find(name).addEventListener("click", () => look(name));
   for (const name of SHOWN) find(name).addEventListener("change", refresh);
+  find("film").addEventListener("click", record);
+  find("film").hidden = !Recording.kind();
   find("ask").addEventListener("click", help);
   listenToKeys(KEYS, find("help"));
   window.addEventListener("resize", fit);
   night.addEventListener("change", repaint);
   play(false);
+  const sizes = new ResizeObserver(refresh);
+  for (const { canvas } of panels) sizes.observe(canvas);
   for (const panel of panels) new Steering(panel, camera, () => state.time, actions);
 }
 

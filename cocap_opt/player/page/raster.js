@@ -2,12 +2,11 @@
 // It needs no graphics card, and what hides what is right for every pixel.
 //
 // Points are triples x, y (samples, y downwards) and w, flat in an array. What is nearer to the
-// viewer has the larger w, and w is linear on the picture: the way towards the viewer (m) in
-// parallel projection, 1 / depth in perspective.
+// viewer has the larger w, and w is linear on the picture: 1 / depth, or that times a factor and
+// plus a number, so that it is metres towards the viewer around the middle of the picture.
 
 const NOWHERE = Math.fround(-1e30); // depth where nothing is
 const LINE = 0.25; // of what is hatched is lines
-const CLEAR = 0.93; // how much is seen through glass
 
 class Raster {
   // `through`: how much is seen of what moves through what is solid.
@@ -26,10 +25,7 @@ class Raster {
     this.out = new Uint32Array(this.image.data.buffer);
     const size = width * height;
     const layer = () => ({ colour: new Uint32Array(size), depth: new Float32Array(size).fill(NOWHERE) });
-    [this.ground, this.glass, this.moving] = [layer(), layer(), layer()];
-    this.still = new Uint32Array(size); // ground and glass together
-    this.veil = new Uint8Array(size); // of 255, how much glass hides
-    this.opening = new Opening(width, height);
+    [this.still, this.moving] = [layer(), layer()];
     this.touched = new Int32Array(size); // samples at which something moving is
     this.count = 0;
     this.left = new Float64Array(height);
@@ -39,18 +35,8 @@ class Raster {
 
   // Forget what stands still.
   clear(colour) {
-    this.ground.colour.fill(colour);
-    for (const layer of [this.ground, this.glass]) layer.depth.fill(NOWHERE);
-    this.opening.clear();
-  }
-
-  // All that stands still is there.
-  settle() {
-    const { ground, glass, still, veil } = this;
-    still.set(ground.colour);
-    for (let at = 0; at < still.length; at++) {
-      if (glass.depth[at] > ground.depth[at]) still[at] = mixed(still[at], glass.colour[at], veil[at] / 255);
-    }
+    this.still.colour.fill(colour);
+    this.still.depth.fill(NOWHERE);
   }
 
   // Begin a picture: what stands still, and nothing else.
@@ -71,7 +57,7 @@ class Raster {
       low = Math.min(low, p[i + 1]);
       high = Math.max(high, p[i + 1]);
     }
-    if (!(Math.abs(nw) > 1e-6)) return false;
+    if (!(Math.abs(nw) > 1e-6)) return false; // edge-on, or nothing at all
     const top = Math.max(Math.ceil(low - 0.5), 0);
     const bottom = Math.min(Math.ceil(high - 0.5), this.height) - 1;
     if (top > bottom) return false;
@@ -108,10 +94,10 @@ class Raster {
     return Math.min(Math.ceil(this.right[y] - 0.5), this.width);
   }
 
-  // Ground, which hides what is below, in a shade, if there is one.
-  fillGround(p, n, colour, shade) {
+  // Something that stands still, in a shade, if there is one.
+  fillStill(p, n, colour, shade) {
     if (!this.scan(p, n)) return;
-    const { colour: colours, depth: depths } = this.ground;
+    const { colour: colours, depth: depths } = this.still;
     for (let y = this.top; y <= this.bottom; y++) {
       let x = this.begins(y);
       const end = y * this.width + this.ends(y);
@@ -124,20 +110,20 @@ class Raster {
     }
   }
 
-  // An obstacle, which is glass where the opening says so.
-  fillObstacle(p, n, colour, shade) {
+  // Something translucent that stands still, before what is there already; it hides nothing.
+  tintStill(p, n, colour, share) {
     if (!this.scan(p, n)) return;
-    const { ground, glass, veil, opening } = this;
+    const { colour: colours, depth: depths } = this.still, k = Math.round(share * 256);
+    const redBlue = colour & 0xff00ff, green = (colour >> 8) & 0xff;
     for (let y = this.top; y <= this.bottom; y++) {
-      let x = this.begins(y);
-      const end = y * this.width + this.ends(y), row = (y >> BLOCK) * opening.columns;
+      const x = this.begins(y), end = y * this.width + this.ends(y);
       let w = this.atOrigin + this.alongX * (x + 0.5) + this.alongY * (y + 0.5);
-      for (let at = y * this.width + x; at < end; at++, x++, w += this.alongX) {
-        const open = opening.at(row + (x >> BLOCK), w), layer = open > LEAST_OPEN ? glass : ground;
-        if (w <= layer.depth[at]) continue;
-        layer.depth[at] = w;
-        layer.colour[at] = shade ? shaded(colour, shade.at(x, y, w)) : colour;
-        if (layer === glass) veil[at] = 255 - CLEAR * open;
+      for (let at = y * this.width + x; at < end; at++, w += this.alongX) {
+        if (w <= depths[at]) continue;
+        const under = colours[at];
+        const rb = (((under & 0xff00ff) * (256 - k) + redBlue * k) >>> 8) & 0xff00ff;
+        const g = (((under >> 8) & 0xff) * (256 - k) + green * k) & 0xff00;
+        colours[at] = (0xff000000 | rb | g) >>> 0;
       }
     }
   }
@@ -161,13 +147,11 @@ class Raster {
 
   // Put what moves in front of what stands still; behind it, it shines through.
   compose() {
-    const { ground, glass, moving, still, veil, out, touched, through } = this;
-    out.set(still);
+    const { still, moving, out, touched, through } = this;
+    out.set(still.colour);
     for (let i = 0; i < this.count; i++) {
-      const at = touched[i], depth = moving.depth[at], colour = moving.colour[at];
-      if (depth < ground.depth[at]) out[at] = mixed(still[at], colour, through);
-      else if (depth < glass.depth[at]) out[at] = mixed(colour, glass.colour[at], veil[at] / 255);
-      else out[at] = colour;
+      const at = touched[i], colour = moving.colour[at];
+      out[at] = moving.depth[at] < still.depth[at] ? mixed(out[at], colour, through) : colour;
     }
   }
 
@@ -176,15 +160,15 @@ class Raster {
   // many samples, and little in between.
   blend(p, n, colour, share, { aside = false, hatch = 0 } = {}) {
     if (!this.scan(p, n)) return;
-    const { out, ground, glass, moving, veil } = this;
+    const { out, still, moving } = this;
     const front = Math.round(share * 256), line = hatch * LINE;
     const redBlue = colour & 0xff00ff, green = (colour >> 8) & 0xff;
     for (let y = this.top; y <= this.bottom; y++) {
       const x = this.begins(y), end = y * this.width + this.ends(y);
       let w = this.atOrigin + this.alongX * (x + 0.5) + this.alongY * (y + 0.5);
       for (let at = y * this.width + x; at < end; at++, w += this.alongX) {
-        if (w <= ground.depth[at] || w <= moving.depth[at] || (aside && moving.depth[at] > NOWHERE)) continue;
-        let k = w > glass.depth[at] ? front : (front * (255 - veil[at])) >> 8;
+        if (w <= still.depth[at] || w <= moving.depth[at] || (aside && moving.depth[at] > NOWHERE)) continue;
+        let k = front;
         if (hatch && (at - y * this.width + y) % hatch >= line) k >>= 2;
         const under = out[at];
         const rb = (((under & 0xff00ff) * (256 - k) + redBlue * k) >>> 8) & 0xff00ff;
@@ -209,15 +193,15 @@ class Raster {
   hides(x, y, w) {
     const at = Math.floor(y) * this.width + Math.floor(x);
     if (x < 0 || x >= this.width || y < 0 || y >= this.height) return false;
-    return this.ground.depth[at] > w;
+    return this.still.depth[at] > w;
   }
 
-  // A part (x, y, width, height) into a canvas, of its or another size.
-  finish(context, [x, y, wide, high] = [0, 0, this.width, this.height]) {
+  // Into a canvas, of its or another size.
+  finish(context) {
     const { width, height } = context.canvas;
-    if (width === wide && height === high) return context.putImageData(this.image, -x, -y, x, y, wide, high);
-    this.context.putImageData(this.image, 0, 0, x, y, wide, high);
+    if (width === this.width && height === this.height) return context.putImageData(this.image, 0, 0);
+    this.context.putImageData(this.image, 0, 0);
     context.setTransform(1, 0, 0, 1, 0, 0);
-    context.drawImage(this.canvas, x, y, wide, high, 0, 0, width, height);
+    context.drawImage(this.canvas, 0, 0, width, height);
   }
 }

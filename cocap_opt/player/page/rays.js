@@ -1,5 +1,7 @@
 // How far one can see along a ray: to the ground, to a wall or to a mesh.
 
+const NOTHING = [];
+
 // Height at a point of what is below in the height map, in m; 0 beyond it.
 function groundAt(terrain, x, y, heights = terrain.heights) {
   const i = Math.floor(x / terrain.cell), j = Math.floor(y / terrain.cell);
@@ -8,12 +10,12 @@ function groundAt(terrain, x, y, heights = terrain.heights) {
 }
 
 class Rays {
-  constructor({ terrain, meshes, boxes }) {
-    this.terrain = terrain;
+  constructor({ terrain, meshes, boxes }, blocks = null) {
+    Object.assign(this, { terrain, blocks });
     this.triangles = new Map(); // by the number of a cell
     this.boxes = new Map();
-    for (const mesh of meshes) this.takeMesh(mesh);
-    for (const [i, j, low, high] of boxes) this.keep(this.boxes, i, j, [low, high]);
+    meshes.forEach((mesh, k) => this.takeMesh(mesh, blocks?.ofTriangle[k]));
+    boxes.forEach(([i, j, low, high], k) => this.keep(this.boxes, i, j, { low, high, block: blocks?.ofBox[k] }));
   }
 
   keep(kind, i, j, what) {
@@ -22,7 +24,7 @@ class Rays {
     kind.get(key).push(what);
   }
 
-  takeMesh({ vertices, triangles }) {
+  takeMesh({ vertices, triangles }, blocks = []) {
     const at = (k) => vertices.slice(3 * k, 3 * k + 3), { cell, cells } = this.terrain;
     for (let t = 0; t < triangles.length; t += 3) {
       const corners = triangles.slice(t, t + 3).map(at);
@@ -30,25 +32,52 @@ class Rays {
         const along = corners.map((p) => Math.floor(p[axis] / cell));
         return [Math.max(Math.min(...along), 0), Math.min(Math.max(...along), cells[axis] - 1)];
       });
-      for (let i = i0; i <= i1; i++) for (let j = j0; j <= j1; j++) this.keep(this.triangles, i, j, corners);
+      for (let i = i0; i <= i1; i++) for (let j = j0; j <= j1; j++) {
+        this.keep(this.triangles, i, j, { corners, block: blocks[t / 3] });
+      }
     }
   }
 
   // Length (m) of a ray from a point along a unit vector until it meets something, or `most`.
   length(from, way, most) {
+    let met = most;
+    this.walk(from, way, most, (cell, begin, end) => {
+      const here = this.meets(cell, from, way, begin, end);
+      if (here < end) met = here;
+      return here < end;
+    });
+    return met;
+  }
+
+  // Cells that a ray passes (-1: beyond the map), with the lengths at which it enters and leaves
+  // them, until `visit` returns true.
+  walk(from, way, most, visit) {
     const { terrain: { cell, cells } } = this;
     const at = [0, 1].map((k) => Math.floor(from[k] / cell)), step = way.map(Math.sign);
     const next = [0, 1].map((k) => (way[k] ? ((at[k] + (step[k] > 0)) * cell - from[k]) / way[k] : Infinity));
     for (let begin = 0; begin < most; ) {
       const axis = next[0] < next[1] ? 0 : 1, end = Math.min(next[axis], most);
       const inside = at[0] >= 0 && at[1] >= 0 && at[0] < cells[0] && at[1] < cells[1];
-      const met = this.meets(inside ? at[0] * cells[1] + at[1] : -1, from, way, begin, end);
-      if (met < end) return met;
+      if (visit(inside ? at[0] * cells[1] + at[1] : -1, begin, end)) return;
       at[axis] += step[axis];
       next[axis] += cell / Math.abs(way[axis]);
       begin = end;
     }
-    return most;
+  }
+
+  // Marks, in an array, the blocks that a ray meets on so many metres.
+  mark(from, way, most, marked) {
+    const { terrain: { heights, grounds }, blocks: { ofCell } } = this, height = (far) => from[2] + far * way[2];
+    this.walk(from, way, most, (cell, begin, end) => {
+      if (cell < 0) return false;
+      const a = height(begin), b = height(end), low = Math.min(a, b), high = Math.max(a, b);
+      if (ofCell[cell] >= 0 && low < heights[cell] && high > grounds[cell]) marked[ofCell[cell]] = 1;
+      for (const box of this.boxes.get(cell) ?? NOTHING) if (low < box.high && high > box.low) marked[box.block] = 1;
+      for (const { corners, block } of this.triangles.get(cell) ?? NOTHING) {
+        if (!marked[block] && crossing(from, way, corners) < most) marked[block] = 1;
+      }
+      return false;
+    });
   }
 
   // Where a ray meets something in a cell (-1: beyond the map) between two lengths, or Infinity.
@@ -57,11 +86,11 @@ class Rays {
     let met = Infinity;
     if (height(begin) < top - 1e-6) met = begin;
     else if (height(end) < top) met = (top - from[2]) / way[2];
-    for (const [low, high] of this.boxes.get(cell) ?? []) {
+    for (const { low, high } of this.boxes.get(cell) ?? []) {
       const far = height(begin) > high ? (high - from[2]) / way[2] : height(begin) < low ? (low - from[2]) / way[2] : begin;
       if (far >= begin && far <= end) met = Math.min(met, far);
     }
-    for (const corners of this.triangles.get(cell) ?? []) met = Math.min(met, crossing(from, way, corners));
+    for (const { corners } of this.triangles.get(cell) ?? []) met = Math.min(met, crossing(from, way, corners));
     return met;
   }
 }

@@ -28,12 +28,12 @@ class Sights {
   // Cones of all drones at a time, those beside the picked one pale; in a crowd not quite so far,
   // and of the picked drone only, if there is one.
   draw(pen, time, reach, { picked, alone }) {
-    const { data, bodies } = this, { isCrowd, colours } = bodies, pale = picked === undefined ? 0.085 : 0.03;
+    const { data, bodies } = this, { isCrowd } = bodies, pale = picked === undefined ? 0.085 : 0.03;
     data.drones.forEach((drone, i) => {
       if (!isThere(bodies.plan, i) || ((alone || (isCrowd && picked !== undefined)) && i !== picked)) return;
       const how = i === picked ? { reach, share: 0.1, perSide: 6 }
         : isCrowd ? { reach: CLOSER * reach, share: 0.06, perSide: 2 } : { reach, share: pale, perSide: 6 };
-      this.cone(pen, bodies.drone(i, time), drone, colours[i], how);
+      this.cone(pen, bodies.drone(i, time), drone, bodies.colour(i, picked), how);
     });
   }
 

@@ -1,10 +1,13 @@
 // Pointers on a picture: one turns it (moves it, with shift or another button), two zoom and move,
-// and so does the wheel; a press picks a drone, and what is under the pointer is told.
+// and so does the wheel; a press picks a drone, and what is under the pointer is told. Arrows turn
+// a picture that has the focus, and move it with shift.
 
 const STILL = 5; // px that a press may move
+const KEYED = 24; // px, as far as an arrow turns or moves
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 class Steering {
-  // `actions`: moved(), pick(drone), fit(); `now` gives the time that is shown.
+  // `actions`: moved(), pick(drone), hover({ drone, person }), fit(); `now` gives the time that is shown.
   constructor(panel, camera, now, actions) {
     Object.assign(this, { panel, camera, now, actions, canvas: panel.canvas, pointers: new Map(), far: 0 });
     const on = (name, act, how) => this.canvas.addEventListener(name, act, how);
@@ -12,8 +15,14 @@ class Steering {
     on("pointermove", (event) => this.move(event));
     on("pointerup", (event) => this.up(event));
     on("pointercancel", (event) => this.pointers.delete(event.pointerId));
-    on("pointerleave", () => panel.tip.classList.remove("on"));
+    on("pointerleave", ({ pointerType }) => {
+      if (pointerType === "touch") return; // what a press has told stays until the next one
+      panel.tip.classList.remove("on");
+      actions.hover(undefined);
+    });
     on("wheel", (event) => this.wheel(event), { passive: false });
+    on("keydown", (event) => this.key(event));
+    on("mousedown", (event) => event.preventDefault()); // who turns by pointer keeps arrows for steps
     on("contextmenu", (event) => event.preventDefault());
     on("dblclick", () => actions.fit());
   }
@@ -36,6 +45,15 @@ class Steering {
     if (this.far > STILL) return;
     const drone = this.panel.view.labels.droneAt(event.offsetX, event.offsetY);
     if (drone !== undefined) this.actions.pick(drone);
+    if (event.pointerType === "touch") this.tell(event);
+  }
+
+  key(event) {
+    const way = ARROWS[event.key];
+    if (!way || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    this.camera[event.shiftKey ? "pan" : "orbit"](...way.map((v) => v * KEYED));
+    this.actions.moved();
   }
 
   move(event) {
@@ -68,6 +86,7 @@ class Steering {
   // What is known of the drone or the face under the pointer.
   tell({ offsetX: x, offsetY: y }) {
     const { tip, view } = this.panel, words = this.known(x, y);
+    this.actions.hover({ drone: view.labels.droneAt(x, y), person: view.faceAt(x, y, this.now())?.[0] });
     tip.classList.toggle("on", words !== undefined);
     if (words === undefined) return;
     put(tip, words);
@@ -86,7 +105,8 @@ class Steering {
     const drone = view.labels.droneAt(x, y);
     if (drone === undefined) return undefined;
     const adds = plan.adds.length ? `, adds ${reward(plan.adds[drone][step])}` : "";
-    return `drone ${drone}, ${heightOf(plan, drone, step)} m ${data.over}${adds}`;
+    const whom = plan.films[drone][step], films = whom === null ? "" : `, films ${data.people[whom].called}`;
+    return `drone ${drone}${films}, ${heightOf(plan, drone, step)} m ${data.over}${adds}`;
   }
 }
 

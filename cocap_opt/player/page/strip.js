@@ -19,6 +19,7 @@ class Strip {
     this.root.hidden = !this.rows.length;
     if (this.root.hidden) return;
     this.canvas = make("canvas", "strip");
+    this.canvas.setAttribute("role", "img");
     this.canvas.setAttribute("aria-label", `cameras that see each person: ${plan.filmed.line}`);
     this.told = make("span", "told");
     this.told.setAttribute("aria-live", "polite");
@@ -78,7 +79,7 @@ class Strip {
   draw(time, picked) {
     if (this.root.hidden) return;
     Object.assign(this, { step: Math.round(time), picked: Math.min(picked ?? 0, this.rows.length - 1) });
-    const tall = this.high * this.rows.length, stamp = [this.step, this.picked, this.width, tall, night.matches].join();
+    const tall = this.high * this.rows.length, stamp = [this.step, this.picked, this.width, tall, words.version].join();
     if (stamp !== this.stamp) this.paint(tall);
     this.stamp = stamp;
     this.tell();

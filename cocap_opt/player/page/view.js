@@ -4,9 +4,9 @@ const FINE = 2, COARSE = 1, ROUGH = 0.7; // samples per pixel of the page along 
 const MOST_SAMPLES = 3.2e6;
 const THROUGH = 0.3; // how much is seen of what moves through what is solid
 const HATCH = 9; // px from line to line
-const AROUND_PEOPLE = 2.4, AROUND_DRONES = 1.5; // m, in which obstacles before them are glass
-const SPARE = 0.15; // of a picture that follows a drone, drawn beyond each of its sides
-const MOST_OPEN = 110; // px, radius of such a disc
+const CLOSEST = 0.02; // of the camera's way to the middle, before which nothing is drawn
+const OUTLINE = 0.55; // how much lines of what is cut off hide
+const LAYERS = 256; // of polygons, from near to far
 
 class View {
   constructor(data, plan, scene, camera, canvas) {
@@ -15,26 +15,43 @@ class View {
     this.bodies = new Bodies(data, plan);
     this.sights = new Sights(data, scene.rays, this.bodies);
     this.labels = new Labels(this);
-    this.pen = new Pen(this.raster, (x, y, z, into, at) => this.put(x, y, z, into, at));
+    this.pen = new Pen(this.raster, (x, y, z, into, at) => this.put(x, y, z, into, at), {
+      cut: (points) => this.cut(points), metreAt: (w) => this.pen.metre * (1 + w / this.away),
+    });
+    this.lookouts = lookouts(data.people, plan.paths);
+    this.opened = new Uint8Array(scene.blocks.count); // blocks that are only outlined
     this.corners = new Float64Array(12);
     this.stamp = "";
   }
 
-  // Put a point of the world as x, y in samples and w in m towards the viewer.
-  put(px, py, pz, into, at) {
-    const { right, up, ahead } = this.camera, k = this.pen.metre, c = this.centre;
-    const x = px - c[0], y = py - c[1], z = pz - c[2];
-    into[at] = this.raster.width / 2 + k * (x * right[0] + y * right[1]);
-    into[at + 1] = this.raster.height / 2 - k * (x * up[0] + y * up[1] + z * up[2]);
-    into[at + 2] = -(x * ahead[0] + y * ahead[1] + z * ahead[2]);
-    return true;
+  depth(x, y, z) {
+    const { away, centre: c, camera: { ahead } } = this;
+    return away + (x - c[0]) * ahead[0] + (y - c[1]) * ahead[1] + (z - c[2]) * ahead[2];
   }
 
-  // How a coordinate (0: x) of a point, in units of a size (m), grows along x, y and w of a sample.
+  // Put a point of the world as x, y in samples and w, which around the middle is m towards the
+  // viewer; tells if it is before the camera.
+  put(px, py, pz, into, at) {
+    const { camera: { right, up, ahead }, centre: c, away, raster } = this;
+    const x = px - c[0], y = py - c[1], z = pz - c[2], depth = away + x * ahead[0] + y * ahead[1] + z * ahead[2];
+    const k = (this.pen.metre * away) / depth;
+    into[at] = raster.width / 2 + k * (x * right[0] + y * right[1]);
+    into[at + 1] = raster.height / 2 - k * (x * up[0] + y * up[1] + z * up[2]);
+    into[at + 2] = (away * (away - depth)) / depth;
+    return depth > this.closest;
+  }
+
+  cut(points) {
+    const depths = points.map(([x, y, z]) => this.depth(x, y, z));
+    return depths.every((depth) => depth > this.closest) ? points : clipped(points, depths, this.closest);
+  }
+
+  // How a coordinate (0: x) of a point, in units of a size (m), grows along x and y of a sample,
+  // each times the depth, which is away² / (w + away).
   slopes(axis, size, from = 0) {
-    const { right, up, ahead } = this.camera, { width, height } = this.raster, k = this.pen.metre;
-    const [a, b] = [right[axis] / k, -up[axis] / k], begin = this.centre[axis] - (a * width + b * height) / 2;
-    return [a / size, b / size, -ahead[axis] / size, (begin - from) / size, 0];
+    const { away, camera: { right, up, ahead } } = this, { width, height } = this.raster, k = this.pen.metre * away;
+    const [a, b] = [right[axis] / k, -up[axis] / k], begin = ahead[axis] - (a * width + b * height) / 2;
+    return [...[a, b, begin].map((v) => (v * away ** 2) / size), (this.eye[axis] - from) / size];
   }
 
   // Radius of a drone (m): its own, but never so small that nobody sees it.
@@ -49,10 +66,10 @@ class View {
     this.camera.update();
     const follows = options.follow && options.picked !== undefined;
     const middle = follows ? this.bodies.drone(options.picked, time).slice(0, 3) : this.camera.centre;
-    this.prepare(middle, follows ? SPARE : 0, width, height, options);
+    this.prepare(middle, follows, width, height, options);
     this.paint(time, options);
     const context = this.canvas.getContext("2d");
-    this.raster.finish(context, this.window);
+    this.raster.finish(context);
     context.setTransform(this.canvas.width / width, 0, 0, this.canvas.height / height, 0, 0);
     this.labels.write(context, time, width, height, options);
   }
@@ -89,96 +106,125 @@ class View {
     for (let i = 0; i < edges.length; i += 6) this.pen.ray(at(edges, i), at(edges, i + 3), CLOSED, 0.5, { aside: true });
   }
 
-  // What stands still is drawn again only where the camera has turned, or moved beyond the margin.
-  prepare(middle, margin, width, height, { quality, solid }) {
-    const pixels = window.devicePixelRatio || 1, whole = 1 + 2 * margin;
-    this.pen.fine = Math.max(Math.min(quality, Math.sqrt(MOST_SAMPLES / (width * height)) / whole), 0.5);
-    this.pen.metre = this.camera.scale * this.pen.fine;
+  // What stands still is drawn again only where the camera has moved.
+  prepare(middle, follows, width, height, { quality, solid }) {
+    const pixels = window.devicePixelRatio || 1, { camera } = this, { azimuth, elevation, scale, away } = camera;
+    this.pen.fine = Math.max(Math.min(quality, Math.sqrt(MOST_SAMPLES / (width * height))), 0.5);
+    this.pen.metre = scale * this.pen.fine;
     const size = [Math.round(width * pixels), Math.round(height * pixels)];
     if (this.canvas.width !== size[0] || this.canvas.height !== size[1]) [this.canvas.width, this.canvas.height] = size;
-    const { azimuth, elevation } = this.camera;
-    const stamp = [margin, width, height, azimuth, elevation, this.pen.metre, solid, night.matches].join();
-    if (stamp === this.stamp && this.isWithin(middle)) return;
-    [this.stamp, this.centre] = [stamp, middle];
-    const samples = [width, height].map((long) => Math.round(long * this.pen.fine));
-    this.edge = samples.map((long) => Math.round(long * margin));
-    this.window = [...this.edge, ...samples];
-    this.raster.resize(...samples.map((long, k) => long + 2 * this.edge[k]));
+    const stamp = [...middle, width, height, azimuth, elevation, away, this.pen.metre, solid].join();
+    const { world } = this.scene;
+    if (stamp === this.stamp && world === this.world) return;
+    Object.assign(this, { stamp, world, centre: middle, away, closest: Math.max(NEAR, CLOSEST * away) });
+    this.eye = middle.map((v, k) => v - away * camera.ahead[k]);
+    this.raster.resize(...[width, height].map((long) => Math.round(long * this.pen.fine)));
     this.raster.clear(palette.paper);
-    if (!solid) this.open();
-    const { ground, things } = this.scene.world, { raster, corners } = this;
-    this.still(ground, this.sunlight(), (colour, shade) => raster.fillGround(corners, 4, colour, shade));
-    this.still(things, undefined, (colour, shade) => raster.fillObstacle(corners, 4, colour, shade));
-    this.raster.settle();
+    this.open(follows, solid);
+    const { ground, things } = world;
+    this.still(things, undefined, nearToFar(things, this.eye, camera.ahead)); // so that less is painted over
+    this.still(ground, this.sunlight(), nearToFar(ground, this.eye, camera.ahead));
+    this.outlines(things);
   }
 
-  // Move what is shown of the raster to a middle, if it is all drawn.
-  isWithin(middle) {
-    const way = minus(middle, this.centre), { right, up } = this.camera, { metre } = this.pen;
-    const moved = [dot(way, right), -dot(way, up)].map((far) => Math.round(far * metre));
-    moved.forEach((far, k) => (this.window[k] = this.edge[k] + far));
-    return moved.every((far, k) => Math.abs(far) <= this.edge[k]);
-  }
-
-  // Make obstacles glass before people, and unless there are very many, before drones.
-  open() {
-    const p = new Float64Array(3), { pen, raster: { opening } } = this;
-    const add = ([x, y, z], up, around) => {
-      this.put(x, y, z + up, p, 0);
-      opening.add(p[0], p[1], p[2], Math.min(around * pen.metre, MOST_OPEN * pen.fine));
-    };
-    const along = (rows, up, around) => {
-      for (let t = 0; t < rows.length; t += this.bodies.isCrowd ? 1 : 0.25) add(between(rows, t), up, around);
-    };
-    for (const { poses, height } of this.data.people) along(poses, height / 2, AROUND_PEOPLE);
-    if (!this.bodies.isCrowd) for (const path of this.plan.paths) along(path, 0, AROUND_DRONES);
-  }
-
-  still({ corners, normals, colours, feet, edges }, level, fill) {
-    const { camera: { ahead } } = this, p = this.corners;
-    for (let i = 0; i < colours.length; i++) {
-      const towards = normals[3 * i] * ahead[0] + normals[3 * i + 1] * ahead[1] + normals[3 * i + 2] * ahead[2];
-      if (towards > 0) continue; // turned away
-      for (let k = 0; k < 4; k++) this.take(corners, 12 * i + 3 * k, k);
-      fill(colours[i], normals[3 * i + 2] === 1 ? level : this.walllight(feet[i]));
-    }
-    for (let i = 0; i < edges.length; i += 6) {
-      this.take(edges, i, 0);
-      this.take(edges, i + 3, 1);
-      this.corners.set(this.raster.stroke(p, 0, 3, 0.9 * this.pen.fine, 0.04));
-      fill(palette.edge);
+  // Blocks before the action are cut off. While the camera follows a drone they are those
+  // that it would see from far away, so that none comes and goes.
+  open(follows, solid) {
+    const { azimuth, elevation } = this.camera;
+    const stamp = follows ? [azimuth, elevation, this.away, solid].join() : "";
+    if (follows && stamp === this.openStamp) return;
+    this.openStamp = stamp;
+    this.opened.fill(0);
+    if (solid) return;
+    for (const point of this.lookouts) {
+      const way = follows ? this.camera.ahead.map((v) => -v) : minus(this.eye, point);
+      const far = follows ? this.away : Math.hypot(...way);
+      this.scene.rays.mark(point, follows ? way : way.map((v) => v / far), far, this.opened);
     }
   }
 
-  take(array, at, k) {
-    this.put(array[at], array[at + 1], array[at + 2], this.corners, 3 * k);
+  isTurnedAway(corners, at, normals, n) {
+    const { eye } = this, [x, y, z] = eye;
+    return normals[n] * (corners[at] - x) + normals[n + 1] * (corners[at + 1] - y) + normals[n + 2] * (corners[at + 2] - z) > 0;
+  }
+
+  // What stands, and of blocks that are cut off what is left.
+  still({ corners, normals, colours, blocks, feet, edges, edgeBlocks }, level, order) {
+    const { raster } = this;
+    for (const i of order) {
+      if (this.isTurnedAway(corners, 12 * i, normals, 3 * i)) continue;
+      const top = this.topOf(blocks[i]), isLevel = normals[3 * i + 2] === 1;
+      if (top === -Infinity) continue;
+      const light = isLevel ? level : this.walllight(feet[i]), flat = this.polygon(corners, 12 * i, top);
+      raster.fillStill(flat, flat.length / 3, isLevel && top < Infinity ? palette.cut : colours[i], light);
+    }
+    for (let i = 0; i < edgeBlocks.length; i++) {
+      const top = this.topOf(edgeBlocks[i]), flat = top === -Infinity ? null : this.edge(edges, 6 * i, top, 0.9);
+      if (flat) raster.fillStill(flat, 4, palette.edge);
+    }
+  }
+
+  // Altitude above which nothing is left of a block.
+  topOf(block) {
+    return block >= 0 && this.opened[block] ? this.scene.blocks.cuts[block] : Infinity;
+  }
+
+  // Of blocks that are cut off all lines.
+  outlines({ edges, edgeBlocks, outlines, outlineBlocks }) {
+    const { raster, opened } = this;
+    for (const [lines, of] of [[edges, edgeBlocks], [outlines, outlineBlocks]]) {
+      for (let i = 0; i < of.length; i++) {
+        const flat = opened[of[i]] ? this.edge(lines, 6 * i, Infinity, 1) : null;
+        if (flat) raster.tintStill(flat, 4, palette.outline, OUTLINE);
+      }
+    }
+  }
+
+  // Four corners, none higher than `top`, as a flat polygon of the picture; of what is partly
+  // behind the camera the rest.
+  polygon(corners, at, top) {
+    let isBefore = true;
+    for (let k = 0; k < 4; k++) isBefore = this.take(corners, at + 3 * k, k, top) && isBefore;
+    if (isBefore) return this.corners;
+    const points = [0, 3, 6, 9].map((k) => [corners[at + k], corners[at + k + 1], Math.min(corners[at + k + 2], top)]);
+    return this.pen.project(points);
+  }
+
+  // A line of some thickness (px), nothing if it is partly behind the camera.
+  edge(edges, at, top, thickness) {
+    if (!this.take(edges, at, 0, top) || !this.take(edges, at + 3, 1, top)) return null;
+    return this.raster.stroke(this.corners, 0, 3, thickness * this.pen.fine, 0.04);
+  }
+
+  take(array, at, k, top) {
+    return this.put(array[at], array[at + 1], Math.min(array[at + 2], top), this.corners, 3 * k);
   }
 
   // The light on the ground.
   sunlight() {
     const { light } = this.scene.world;
     const [u, v] = [0, 1].map((axis) => this.slopes(axis, light.texel, light.from[axis]));
-    return new Shade(light, u, v, false);
+    return new Shade(light, u, v, this.away);
   }
 
   // The light on a wall between two altitudes; on other polygons it is even.
   walllight([foot, top]) {
     if (!(top > foot)) return undefined;
-    return new Shade(WALL, [0, 0, 0, 0, 0], this.slopes(2, (top - foot) / WALL_STEPS, foot), false);
+    return new Shade(WALL, [0, 0, 0, 0], this.slopes(2, (top - foot) / WALL_STEPS, foot), this.away);
   }
 
-  // Point of the world in pixels of the page, and whether something stands before it.
+  // Point of the world in pixels of the page, and whether something stands before it; far off the
+  // picture, if it is behind the camera.
   at([x, y, z]) {
-    const q = new Float64Array(3);
-    this.put(x, y, z, q, 0);
-    const hidden = this.raster.hides(q[0], q[1], q[2] + 0.1);
-    return [(q[0] - this.window[0]) / this.pen.fine, (q[1] - this.window[1]) / this.pen.fine, hidden];
+    const q = new Float64Array(3), { fine } = this.pen;
+    if (!this.put(x, y, z, q, 0)) return [-1e6, -1e6, true];
+    return [q[0] / fine, q[1] / fine, this.raster.hides(q[0], q[1], q[2] + 0.1)];
   }
 
   // The face under a point of the canvas: [person, face, number over all], or nothing.
   faceAt(x, y, time) {
     let best, nearest = -Infinity;
-    const [px, py] = [x, y].map((v, k) => v * this.pen.fine + this.window[k]);
+    const [px, py] = [x, y].map((v) => v * this.pen.fine);
     this.bodies.owners.forEach(([j, f], face) => {
       const pose = this.bodies.person(j, time);
       const flat = this.pen.project(this.data.people[j].faces[f].map((p) => placed(p, pose)));
@@ -189,4 +235,21 @@ class View {
     });
     return best;
   }
+}
+
+// The numbers of polygons, roughly from near to far by their first corners.
+function nearToFar({ corners }, eye, ahead) {
+  const n = corners.length / 12, depths = new Float64Array(n), starts = new Int32Array(LAYERS + 1), order = new Int32Array(n);
+  let least = Infinity, most = -Infinity;
+  for (let i = 0, at = 0; i < n; i++, at += 12) {
+    const depth = (corners[at] - eye[0]) * ahead[0] + (corners[at + 1] - eye[1]) * ahead[1] + (corners[at + 2] - eye[2]) * ahead[2];
+    depths[i] = depth;
+    if (depth < least) least = depth;
+    if (depth > most) most = depth;
+  }
+  const scale = (LAYERS - 1) / (most - least || 1);
+  for (let i = 0; i < n; i++) starts[1 + Math.floor((depths[i] - least) * scale)]++;
+  for (let k = 0; k < LAYERS; k++) starts[k + 1] += starts[k];
+  for (let i = 0; i < n; i++) order[starts[Math.floor((depths[i] - least) * scale)]++] = i;
+  return order;
 }

@@ -1,39 +1,55 @@
 // What stands still, as polygons: the terrain's columns, merged where they are alike, and meshes.
 
-const LEAST_EDGE = 0.8; // of a cell, steps in the terrain that get an outline
+const LEAST_EDGE = 0.8; // of a cell, steps in the terrain that get a line
 const SLOPE = 1.2; // how much of the light from above the sides of the ground's steps take
 const MOST_EDGES = 6000;
 const STRAIGHT = Math.cos(Math.PI / 7); // of triangles that bend less
 
 const lit = (colour, normal) => shaded(colour, 256 * brightness(dot(normal, SUN)));
 
-// Polygons of 4 corners (triangles repeat one) with colour and normal, and edges to be outlined.
+// Polygons of 4 corners (triangles repeat one) with colour, normal and block, and lines: edges, and
+// those that only outlines have. Outlines of a block consist of both.
 class Polygons {
   constructor() {
     this.corners = []; // 12 numbers each
     this.normals = []; // 3 numbers each; all 0: seen from both sides
     this.colours = [];
     this.feet = []; // altitudes of the foot and the top of a wall; NaN: it is none
+    this.blocks = []; // -1: of none
     this.edges = []; // 6 numbers each
+    this.outlines = []; // and of these
+    [this.edgeBlocks, this.outlineBlocks] = [[], []];
   }
 
-  add(points, normal, colour, foot = NaN, top = NaN) {
+  add(points, normal, colour, block = -1, foot = NaN, top = NaN) {
     for (const point of points) this.corners.push(...point);
     this.normals.push(...normal);
     this.colours.push(colour);
+    this.blocks.push(block);
     this.feet.push([foot, top]);
   }
 
+  edge(p, q, block = -1) {
+    this.edges.push(...p, ...q);
+    this.edgeBlocks.push(block);
+  }
+
+  outline(p, q, block) {
+    this.outlines.push(...p, ...q);
+    this.outlineBlocks.push(block);
+  }
+
   done() {
-    if (this.edges.length > 6 * MOST_EDGES) this.edges.length = 0;
+    for (const lines of [this.edges, this.outlines]) if (lines.length > 6 * MOST_EDGES) lines.length = 0;
     this.corners = new Float64Array(this.corners);
     this.edges = new Float64Array(this.edges);
+    this.outlines = new Float64Array(this.outlines);
   }
 }
 
 // The bare ground, with the plans of what stands on it, and what stands there.
 class World {
-  constructor(data) {
+  constructor(data, blocks) {
     const { terrain } = data, { heights, grounds, kinds } = terrain;
     const highest = grounds.reduce((a, b) => Math.max(a, b), 0);
     const ground = (k) => mixed(palette.ground, palette.high, highest > 1 ? grounds[k] / highest : 0);
@@ -43,8 +59,8 @@ class World {
     const isOpen = (k) => data.starts?.cells[k] === "1";
     new Columns(terrain, grounds, null, (k) => (isOpen(k) ? startable(plan(k), data.starts) : plan(k)), this.ground);
     this.things = new Polygons();
-    new Columns(terrain, heights, grounds, (k) => colours[kinds[k]]?.[1] ?? ground(k), this.things);
-    addSolids(this.things, terrain, data, palette.mesh);
+    new Columns(terrain, heights, grounds, (k) => colours[kinds[k]]?.[1] ?? ground(k), this.things, blocks.ofCell);
+    addSolids(this.things, terrain, data, palette.mesh, blocks);
     // What is closed to drones: no-fly zones, and the ceiling.
     this.zones = new Polygons();
     this.lid = new Polygons();
@@ -55,25 +71,30 @@ class World {
   }
 }
 
-function addSolids(into, terrain, { meshes, boxes }, colour) {
-  for (const mesh of meshes) addMesh(into, mesh, colour);
-  for (const box of boxes) addBox(into, terrain, box, colour);
+// With the numbers of their blocks, if there are any.
+function addSolids(into, terrain, { meshes, boxes }, colour, blocks) {
+  meshes.forEach((mesh, k) => addMesh(into, mesh, colour, blocks?.ofTriangle[k]));
+  boxes.forEach((box, k) => addBox(into, terrain, box, colour, blocks?.ofBox[k]));
 }
 
 // Edges of cells along an axis, in m; the last cell may be cut.
 const edgeOf = (terrain, axis, k) => Math.min(k * terrain.cell, terrain.size[axis]);
 
-// Adds columns with these tops; only what rises above `floors`, if there are any.
+// Adds columns with these tops; only what rises above `floors`, if there are any, and each block of
+// it (numbers by cells) with walls all around.
 class Columns {
-  constructor(terrain, heights, floors, colour, into) {
-    Object.assign(this, { terrain, heights, floors, colour, into });
+  constructor(terrain, heights, floors, colour, into, blocks = null) {
+    Object.assign(this, { terrain, heights, floors, colour, into, blocks });
     this.tops();
     this.sides();
   }
 
   sides() {
-    this.walls(0);
-    this.walls(1);
+    for (const axis of [0, 1]) for (const side of [1, -1]) this.walls(axis, side);
+  }
+
+  block(cell) {
+    return this.blocks && cell >= 0 ? this.blocks[cell] : -1;
   }
 
   rises(cell) {
@@ -83,7 +104,8 @@ class Columns {
   tops() {
     const { heights, terrain: { cells: [X, Y] } } = this;
     const done = new Uint8Array(X * Y), colours = Array.from({ length: X * Y }, (_, k) => this.colour(k));
-    const alike = (a, b) => !done[b] && this.rises(b) && heights[a] === heights[b] && colours[a] === colours[b];
+    const alike = (a, b) => !done[b] && this.rises(b) && heights[a] === heights[b] && colours[a] === colours[b]
+      && this.block(a) === this.block(b);
     for (let i = 0; i < X; i++) {
       for (let j = 0; j < Y; j++) {
         const cell = i * Y + j;
@@ -96,14 +118,14 @@ class Columns {
         };
         while (x < X && row()) x++;
         for (let k = i; k < x; k++) done.fill(1, k * Y + j, k * Y + y);
-        this.top([i, x], [j, y], heights[cell], colours[cell]);
+        this.top([i, x], [j, y], heights[cell], colours[cell], this.block(cell));
       }
     }
   }
 
-  top(xs, ys, z, colour) {
+  top(xs, ys, z, colour, block) {
     const [a, b] = xs.map((k) => edgeOf(this.terrain, 0, k)), [c, d] = ys.map((k) => edgeOf(this.terrain, 1, k));
-    this.into.add([[a, c, z], [b, c, z], [b, d, z], [a, d, z]], [0, 0, 1], lit(colour, [0, 0, 1]));
+    this.into.add([[a, c, z], [b, c, z], [b, d, z], [a, d, z]], [0, 0, 1], lit(colour, [0, 0, 1]), block);
   }
 
   // Height of a cell; beyond the map, that of the foot of the slab on which all stands.
@@ -111,50 +133,66 @@ class Columns {
     return cell < 0 ? -this.terrain.slab : this.heights[cell];
   }
 
-  // Where the wall of a cell towards a lower neighbour begins.
+  // Where the wall of a cell towards a neighbour begins; blocks go down to their floors.
   foot(cell, neighbour) {
-    return this.floors ? Math.max(this.height(neighbour), this.floors[cell]) : this.height(neighbour);
+    if (!this.floors) return this.height(neighbour);
+    const isApart = neighbour >= 0 && this.block(neighbour) !== this.block(cell) && this.rises(neighbour);
+    return Math.max(isApart ? this.floors[neighbour] : this.height(neighbour), this.floors[cell]);
   }
 
-  // Walls between neighbours along an axis (0: x), runs of equal ones merged.
-  walls(axis) {
+  // Walls of cells towards their next (side 1) or last (-1) neighbours along an axis (0: x), runs of
+  // equal ones merged, and the outlines of blocks there.
+  walls(axis, side) {
     const { cells } = this.terrain, [N, M] = [cells[axis], cells[1 - axis]];
     const number = (n, m) => (n < 0 || n >= N ? -1 : axis === 0 ? n * cells[1] + m : m * cells[1] + n);
-    for (let n = 0; n <= N; n++) {
-      let last = null;
-      for (let m = 0; m < M; m++) {
-        const wall = this.between(number(n - 1, m), number(n, m));
-        const same = wall && last && wall.every((value, k) => value === last.wall[k]);
-        if (same) last.end = m + 1;
-        else {
-          if (last) this.wall(axis, n, last);
-          last = wall && { wall, begin: m, end: m + 1 };
+    for (let n = 0; n < N; n++) {
+      let last = null, rim = null;
+      for (let m = 0; m <= M; m++) {
+        const cell = m < M ? number(n, m) : -1, next = number(n + side, m);
+        const wall = cell < 0 ? null : this.wallOf(cell, next);
+        if (!wall || !last || wall.some((value, k) => value !== last.wall[k])) {
+          if (last) this.wall(axis, side, n, last);
+          last = wall && { wall, begin: m };
         }
+        if (last) last.end = m + 1;
+        const around = wall && this.blocks && this.block(next) !== wall[3] ? wall[3] : -1;
+        if (around === (rim?.block ?? -1)) {
+          if (rim) rim.wall = wall;
+          continue;
+        }
+        if (rim) this.upright(axis, side, n, m, rim.wall);
+        rim = around < 0 ? null : { block: around, wall };
+        if (rim) this.upright(axis, side, n, m, wall);
       }
-      if (last) this.wall(axis, n, last);
     }
   }
 
-  // Foot, top, colour and side of the wall between two cells, if there is one.
-  between(before, after) {
-    const [a, b] = [this.height(before), this.height(after)];
-    if (a === b) return null;
-    const [upper, lower, side] = a > b ? [before, after, 1] : [after, before, -1];
-    const foot = this.foot(upper, lower), top = Math.max(a, b);
-    return foot < top ? [foot, top, this.colour(upper), side] : null;
+  // Foot, top, colour and block of the wall of a cell towards a neighbour, if there is one.
+  wallOf(cell, neighbour) {
+    const foot = this.foot(cell, neighbour), top = this.height(cell);
+    return foot < top ? [foot, top, this.colour(cell), this.block(cell)] : null;
   }
 
-  wall(axis, n, { wall: [low, high, colour, side], begin, end }) {
-    const at = (k, z) => {
-      const [u, v] = [edgeOf(this.terrain, axis, n), edgeOf(this.terrain, 1 - axis, k)];
-      return axis === 0 ? [u, v, z] : [v, u, z];
-    };
-    const normal = [0, 0, 0];
+  // A point of the side of row n, at the edge k across.
+  corner(axis, side, n, k, z) {
+    const [u, v] = [edgeOf(this.terrain, axis, side > 0 ? n + 1 : n), edgeOf(this.terrain, 1 - axis, k)];
+    return axis === 0 ? [u, v, z] : [v, u, z];
+  }
+
+  upright(axis, side, n, k, [low, high, , block]) {
+    const at = (z) => this.corner(axis, side, n, k, z);
+    this.into.outline(at(low), at(high), block);
+  }
+
+  wall(axis, side, n, { wall: [low, high, colour, block], begin, end }) {
+    const at = (k, z) => this.corner(axis, side, n, k, z), normal = [0, 0, 0];
     normal[axis] = side;
     // A slope is a staircase here: as one of sharp edges it would look like a building.
     const soft = normal.map((v, k) => (this.floors ? v : (v + (k === 2 ? SLOPE : 0)) / Math.hypot(1, SLOPE)));
-    this.into.add([at(begin, low), at(end, low), at(end, high), at(begin, high)], normal, lit(colour, soft), low, high);
-    if (high - low > LEAST_EDGE * this.terrain.cell) this.into.edges.push(...at(begin, high), ...at(end, high));
+    const points = [at(begin, low), at(end, low), at(end, high), at(begin, high)];
+    this.into.add(points, normal, lit(colour, soft), block, low, high);
+    if (high - low > LEAST_EDGE * this.terrain.cell) this.into.edge(at(begin, high), at(end, high), block);
+    if (block >= 0) this.into.outline(at(begin, low), at(end, low), block);
   }
 }
 
@@ -165,36 +203,37 @@ class Lid extends Columns {
   top(xs, ys, z, colour) {
     super.top(xs, ys, z, colour);
     const { cells } = this.terrain, at = (i, j) => [edgeOf(this.terrain, 0, i), edgeOf(this.terrain, 1, j), z];
-    const edge = (p, q) => this.into.edges.push(...p, ...q);
+    const edge = (p, q) => this.into.edge(p, q);
     for (const i of xs) if (i === 0 || i === cells[0]) edge(at(i, ys[0]), at(i, ys[1]));
     for (const j of ys) if (j === 0 || j === cells[1]) edge(at(xs[0], j), at(xs[1], j));
   }
 }
 
 // Triangles, and the edges at which they bend or end.
-function addMesh(into, { vertices, triangles }, colour) {
+function addMesh(into, { vertices, triangles }, colour, blocks = []) {
   const at = (k) => vertices.slice(3 * k, 3 * k + 3), sides = new Map();
   for (let t = 0; t < triangles.length; t += 3) {
     const numbers = triangles.slice(t, t + 3), [a, b, c] = numbers.map(at);
     const u = b.map((v, i) => v - a[i]), v = c.map((w, i) => w - a[i]);
     const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
     const length = Math.hypot(...n) || 1, normal = n.map((w) => w / length);
-    into.add([a, b, c, c], [0, 0, 0], lit(colour, normal));
+    into.add([a, b, c, c], [0, 0, 0], lit(colour, normal), blocks[t / 3]);
     numbers.forEach((k, i) => {
       const key = [k, numbers[(i + 1) % 3]].sort((p, q) => p - q).join();
-      sides.set(key, [...(sides.get(key) ?? []), normal]);
+      if (!sides.has(key)) sides.set(key, { block: blocks[t / 3], normals: [] });
+      sides.get(key).normals.push(normal);
     });
   }
-  for (const [key, normals] of sides) {
+  for (const [key, { block, normals }] of sides) {
     const flat = normals.length === 2 && normals[0].reduce((sum, w, i) => sum + w * normals[1][i], 0) > STRAIGHT;
-    if (!flat) into.edges.push(...key.split(",").flatMap((k) => at(Number(k))));
+    if (!flat) into.edge(...key.split(",").map((k) => at(Number(k))), block);
   }
 }
 
 // A part of a column: what a mesh too fine to be drawn fills of a cell.
-function addBox(into, terrain, [i, j, low, high], colour) {
+function addBox(into, terrain, [i, j, low, high], colour, block = -1) {
   const [a, b] = [i, i + 1].map((k) => edgeOf(terrain, 0, k)), [c, d] = [j, j + 1].map((k) => edgeOf(terrain, 1, k));
-  const side = (normal, ...points) => into.add(points, normal, lit(colour, normal));
+  const side = (normal, ...points) => into.add(points, normal, lit(colour, normal), block);
   side([0, 0, 1], [a, c, high], [b, c, high], [b, d, high], [a, d, high]);
   side([0, 0, -1], [a, c, low], [b, c, low], [b, d, low], [a, d, low]);
   side([-1, 0, 0], [a, c, low], [a, d, low], [a, d, high], [a, c, high]);

@@ -1,4 +1,4 @@
-"""The speed of the player: pictures a second while it plays, and what each of them costs.
+"""The speed of the player: pictures a second while it plays or turns, and what each costs.
 
 The cost is the processor time of the page's main thread, as a share of what there is for 30
 pictures a second, so that a busy machine hardly changes it. It needs Chromium, as `pictures` does.
@@ -20,16 +20,37 @@ from cocap_opt.scenarios import load_scene
 _SIZE = 1400, 900  # px
 _WARM, _MEASURED = 3.0, 6.0  # s, before and while pictures are counted
 _WANTED = 30.0  # pictures a second
-_KEYS = {"play": "", "with a drone's picture": "d", "following a drone": "df"}
+_COUNT = """
+window.pictures = 0;
+const count = () => { window.pictures += 1; requestAnimationFrame(count); };
+count();
+"""
 _PLAY = """
 const speed = document.getElementById("speed");
 speed.value = "2";
 speed.dispatchEvent(new Event("change"));
 document.getElementById("play").click();
-window.pictures = 0;
-const count = () => { window.pictures += 1; requestAnimationFrame(count); };
-count();
 """
+_TURN = """
+const view = document.querySelector("canvas.view"), box = view.getBoundingClientRect();
+const drag = (kind, x) => view.dispatchEvent(new PointerEvent(kind, {
+  pointerId: 1, clientX: box.left + 300 + x, clientY: box.top + 200, buttons: 1,
+}));
+view.setPointerCapture = () => {};
+drag("pointerdown", 0);
+let at = 0;
+const turn = () => {
+  at += 1;
+  drag("pointermove", 250 * Math.sin(at / 80));
+  requestAnimationFrame(turn);
+};
+turn();
+"""
+# Names, keys that are pressed first, and what moves then.
+_ROWS = (
+    ("play", "", _PLAY), ("with a drone's picture", "d", _PLAY), ("following a drone", "df", _PLAY),
+    ("turning it", "", _TURN),
+)  # fmt: skip
 
 
 def frames(
@@ -37,25 +58,25 @@ def frames(
     *,
     planner: Annotated[str, Parameter(help="of the plan that is played")] = "greedy",
 ) -> None:
-    """Prints how fast a scene's plan is drawn while it plays, row by row for what is looked at."""
+    """Prints how fast a scene's plan is drawn while it plays or turns, row by row."""
     problem = load_scene(scene, 0)
     plan = run(problem, planner).result.plan
     assert plan is not None
     with chromium("frames"), TemporaryDirectory() as folder:
         page = Path(folder) / "player.html"
         Player(problem, [(planner, plan)]).save(page)
-        rows = [_measured(page, name, keys) for name, keys in _KEYS.items()]
+        rows = [_measured(page, *row) for row in _ROWS]
     title = f"{problem.name}, {len(problem.robots)} drones: {_SIZE[0]} x {_SIZE[1]} px"
     Listing(title, rows).print()
 
 
-def _measured(page: Path, name: str, keys: str) -> Record:
+def _measured(page: Path, name: str, keys: str, moving: str) -> Record:
     from cocap_opt.experiments.lab.studies.pictures import Browser
 
     with Browser.opened(page, _SIZE) as browser:
         browser.execute_cdp_cmd("Performance.enable", {"timeDomain": "threadTicks"})
         browser.press(keys)
-        browser.execute_script(_PLAY)
+        browser.execute_script(_COUNT + moving)
         time.sleep(_WARM)
         begin, pictures, busy = time.perf_counter(), *_spent(browser)
         time.sleep(_MEASURED)

@@ -1,0 +1,85 @@
+// The drones of a plan in a list: whom each films and what it adds, and if that is asked for, what
+// its camera sees. A press picks a drone.
+
+const SPENT = 9; // ms of a picture of the page that pictures of drones may take while something moves
+const FEW = 8, ROOM = 900; // drones, and px of a panel, up to which and from which on all pictures are shown at first
+
+class Fleet {
+  // `actions`: pick(drone), refresh().
+  constructor(data, plan, scene, bodies, { pick, refresh }) {
+    Object.assign(this, { data, plan });
+    this.root = make("div", "fleet");
+    this.root.setAttribute("role", "group");
+    this.root.setAttribute("aria-label", "drones");
+    this.root.classList.toggle("crowd", isCrowd(data.drones));
+    const head = make("div", "listed");
+    head.append(make("span", "", "drone films"), make("span", "", plan.adds.length ? "adds" : ""));
+    head.title = "whom the drone's camera sees best now, and what the reward of this step would lack without the drone";
+    this.root.append(head);
+    this.rows = data.drones.map((_, i) => this.row(i, pick));
+    this.root.append(...present(plan).map((i) => this.rows[i].chip));
+    this.root.hidden = !present(plan).length;
+    this.eye = new Eye(data, plan, scene, bodies, null);
+    this.visible = new Set();
+    this.watcher = new IntersectionObserver((changes) => {
+      for (const { target, isIntersecting } of changes) this.visible[isIntersecting ? "add" : "delete"](Number(target.dataset.drone));
+      refresh();
+    });
+    this.rows.forEach(({ canvas }) => this.watcher.observe(canvas));
+  }
+
+  row(i, pick) {
+    const chip = button("chip", "", `drone ${i}: pick it`, () => pick(i)), dot = make("i", "", String(i));
+    const { colour } = this.data.drones[i], canvas = make("canvas");
+    dot.style.cssText = `background: ${colour}; color: ${inkOn(colour)}`;
+    canvas.dataset.drone = String(i);
+    canvas.setAttribute("aria-hidden", "true");
+    const films = make("span", "films"), adds = make("span", "adds");
+    chip.append(dot, films, adds, canvas);
+    return { chip, films, adds, canvas, stamp: "" };
+  }
+
+  describe(step, picked) {
+    const { plan, data } = this;
+    this.rows.forEach(({ chip, films, adds }, i) => {
+      if (!isThere(plan, i)) return;
+      const whom = plan.films[i][step], height = data.layers > 1 ? `${heightOf(plan, i, step)} m` : "";
+      const [who, more] = [whom === null ? "nobody" : data.people[whom].called, plan.adds.length ? short(plan.adds[i][step]) : ""];
+      put(films, height ? `${who}, ${height}` : who);
+      put(adds, more);
+      chip.title = `drone ${i}${data.kinds.length > 1 ? `, ${data.kinds[data.drones[i].kind].words}` : ""}: films ${who}`
+        + `${height ? `, ${height} ${data.over}` : ""}${more ? `, adds ${more}` : ""}`;
+      chip.setAttribute("aria-pressed", String(i === picked));
+    });
+  }
+
+  // Bring a drone into view, if the list is longer than its box.
+  show(i) {
+    const { chip } = this.rows[i], { root } = this, inner = root.getBoundingClientRect(), outer = chip.getBoundingClientRect();
+    if (outer.top < inner.top || outer.bottom > inner.bottom) root.scrollTop += outer.top - inner.top - inner.height / 3;
+    if (outer.left < inner.left || outer.right > inner.right) root.scrollLeft += outer.left - inner.left - inner.width / 3;
+  }
+
+  // Pictures of the drones that are in view; while something moves as many as there is time for, in
+  // turns. Returns true if all are as they should be.
+  draw(time, { views, quality }) {
+    this.root.classList.toggle("views", views);
+    if (!views) return true;
+    const begin = performance.now(), fine = quality === FINE;
+    const stale = [...this.visible].filter((i) => isThere(this.plan, i) && this.rows[i].stamp !== this.stampOf(i, time));
+    stale.sort((a, b) => (a > (this.last ?? -1) ? a : a + 1e6) - (b > (this.last ?? -1) ? b : b + 1e6));
+    for (const [k, i] of stale.entries()) {
+      if (!fine && k && performance.now() - begin > SPENT) return false;
+      const row = this.rows[i];
+      Object.assign(this.eye, { canvas: row.canvas, stamp: "" });
+      this.eye.draw(time, i, COARSE);
+      row.stamp = this.stampOf(i, time);
+      this.last = i;
+    }
+    return true;
+  }
+
+  stampOf(i, time) {
+    return [time, this.rows[i].canvas.clientWidth, words.version].join();
+  }
+}

@@ -1,0 +1,33 @@
+// A plan's picture as a video, recorded by the browser while it plays from its first step to its last.
+
+const VIDEOS = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm"]; // best first
+const RATE = 30, BITS = 8e6; // pictures and bits a second
+const LAST = 500; // ms, for which the last picture stands
+
+class Recording {
+  // Records a canvas; `stop` has it saved under a name.
+  constructor(canvas, name) {
+    const parts = [], mimeType = Recording.kind();
+    this.recorder = new MediaRecorder(canvas.captureStream(RATE), { mimeType, videoBitsPerSecond: BITS });
+    this.recorder.addEventListener("dataavailable", ({ data: part }) => parts.push(part));
+    this.recorder.addEventListener("stop", () => saveAs(new Blob(parts, { type: "video/webm" }), name));
+    this.recorder.start();
+  }
+
+  stop() {
+    setTimeout(() => this.recorder.stop(), LAST);
+  }
+
+  // The best kind of video that the browser writes, if it writes any.
+  static kind() {
+    return typeof MediaRecorder === "undefined" ? undefined : VIDEOS.find((kind) => MediaRecorder.isTypeSupported(kind));
+  }
+}
+
+function saveAs(blob, name) {
+  const link = make("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+}
