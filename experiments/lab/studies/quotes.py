@@ -138,7 +138,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "paper_lines": lines,
     "paper_for": partial(_side, "For CoCap"),
     "paper_against": partial(_side, "Against it"),
-    "paper_left_open": partial(_side, "Left open"),
+    "paper_left_open": partial(_side, "Inconclusive"),
     "paper_prices": partial(_answers, "What do collisions cost at all?"),
     "paper_cameras": partial(_answers, "How many cameras see people?"),
     "paper_parts": partial(_answers, "What does each part add?"),

@@ -8,7 +8,13 @@ from collections.abc import Sequence
 from statistics import geometric_mean
 from typing import NamedTuple, Self
 
-from cocap_opt.experiments.lab.studies.paper.answers import FAILS, HOLDS, OPEN, ClaimAnswer
+from cocap_opt.experiments.lab.studies.paper.answers import (
+    FAILS,
+    HOLDS,
+    OPEN,
+    ClaimAnswer,
+    turned,
+)
 from cocap_opt.experiments.lab.studies.paper.measured import POLISHED
 from cocap_opt.experiments.lab.studies.paper.stopped import StoppedRuns
 from cocap_opt.experiments.tables.rows import GapRow
@@ -16,6 +22,7 @@ from cocap_opt.experiments.tables.statistics import NONE, Mean
 from cocap_opt.experiments.tables.tables import Table
 
 ALL = "all scenes alike"
+_INSTEAD = "in place of "  # begins the companion of a part that replaces it
 _ALIKE = 0.1  # % of the bound within which two planners are called as good as each other
 
 
@@ -29,8 +36,10 @@ class Contrast(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The part's companions in words."""
-        return self.beside if self.beside.startswith("in place of") else f"beside {self.beside}"
+        """The change in words: a part is added to something, or replaces something."""
+        if self.beside.startswith(_INSTEAD):
+            return f"replacing {self.beside.removeprefix(_INSTEAD)} with {self.part}"
+        return f"adding {self.part} to {self.beside}"
 
 
 TREE_ALONE = Contrast("the tree", "in place of sequential planning", "cocap", "sequential")
@@ -39,12 +48,13 @@ ORDERS = Contrast("ten orders", "sequential planning", "best-of-orders", "sequen
 TREE_OR_ROUNDS = Contrast("the tree", "in place of rounds", "cocap", "sequential-rounds")
 TREE = Contrast("the tree", "rounds", POLISHED, "sequential-rounds")
 TREE_FROM_ROUNDS = Contrast(
-    "the tree with a focal list from a root in rounds", "rounds", "cocap-focal", "sequential-rounds"
+    "the focal tree (its root in rounds)", "rounds", "cocap-focal", "sequential-rounds"
 )
 SEARCH = Contrast("neighbourhood search", "rounds", "cocap-lns", "sequential-rounds")
 SEARCH_OR_TREE = Contrast(
     "neighbourhood search", "in place of the tree and rounds", "cocap-lns", POLISHED
 )
+_PLURAL = {ROUNDS.part, ORDERS.part}
 CONTRASTS = (
     TREE_ALONE, ROUNDS, ORDERS, TREE_OR_ROUNDS, TREE, TREE_FROM_ROUNDS, SEARCH, SEARCH_OR_TREE,
 )  # fmt: skip
@@ -124,24 +134,25 @@ class Effect(NamedTuple):
     def answer(self) -> ClaimAnswer:
         """Answers if the part adds anything; if it takes away, or adds next to nothing, says so."""
         found, contrast = self.mean, self.contrast
-        what = f"{contrast.part} {contrast.words}"
+        change = _capital(contrast.words)
         if found is None:
-            return ClaimAnswer(
-                f"{_capital(what)}: there is no seed on which both have a plan.", OPEN
-            )
+            return ClaimAnswer(f"{change}: there is no seed on which both have a plan.", OPEN)
         verdict = ClaimAnswer.above(found, 0.0)
-        words = f"That it adds anything {verdict}"
+        claim = f"{contrast.part} {'raise' if contrast.part in _PLURAL else 'raises'} J"
+        words = ClaimAnswer.judged(verdict, found.size, claim)
         if verdict == OPEN and max(-found.low, found.high) < _ALIKE:
-            words = f"That is less than {_ALIKE:g} % either way: without it planning is as good"
+            words = f"That is less than {_ALIKE:g} % either way: planning is as good without it."
             verdict = FAILS
         elif verdict == HOLDS and found.value < _ALIKE:
-            words += f", but on average it is less than {_ALIKE:g} %: planning without it is nearly"
-            words += " as good"
+            words += f" But the gain is below {_ALIKE:g} % on average: planning is nearly as good "
+            words += "without it."
         long = f" in {self.longer} times the time" if self.ratios else ""
+        changes = f"loses {turned(found).text(3, ' %')}"
+        if found.value >= 0:
+            changes = f"gains {found.text(3, ' %')}"
         return ClaimAnswer(
-            f"{_capital(what)} adds {found.text(3, ' %')} of the bound{long} ({contrast.with_it} "
-            f"against {contrast.without}, {self.scene}, {found.size} seeds{self._cut_short()}). "
-            f"{words}.",
+            f"{change} {changes} of the bound{long} ({contrast.with_it} against "
+            f"{contrast.without}, {self.scene}, {found.size} seeds{self._cut_short()}). {words}",
             verdict,
         )
 

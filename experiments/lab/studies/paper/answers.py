@@ -22,7 +22,7 @@ from cocap_opt.run.engine import is_lazy
 from cocap_opt.stop import Limit
 
 SOURCE = "Rauniyar, Corah, Scherer 2024 (arXiv 2412.20695)"
-HOLDS, FAILS, OPEN = "holds", "does not hold", "is left open by so many seeds"
+HOLDS, FAILS, OPEN = "Claim confirmed", "Claim refuted", "Inconclusive"
 _CLOSE = 1.0  # % below the bound without collisions that is called close to it
 _PUBLISHED = {"sequential": 482.0, "cocap": 3981.0, "cocap-vs": 2.7}  # s, their corridor, 8 steps
 
@@ -30,8 +30,8 @@ _PUBLISHED = {"sequential": 482.0, "cocap": 3981.0, "cocap-vs": 2.7}  # s, their
 def lines() -> str:
     """Says where the lines are drawn that claims are judged by."""
     return (
-        f"the paper says close without a number, and here {_CLOSE:g} % is close, to planning "
-        "without collisions and to value iteration alike"
+        f"the paper gives no number for close; here it means within {_CLOSE:g} %, of planning "
+        "without collisions and of value iteration alike"
     )
 
 
@@ -51,8 +51,18 @@ class ClaimAnswer(NamedTuple):
     @staticmethod
     def above(found: Mean, line: float) -> str:
         """Returns HOLDS, FAILS or OPEN for the claim that a mean is above a line."""
-        turned = Mean(-found.value, -found.high, -found.low, found.spread, found.size)
-        return ClaimAnswer.below(turned, -line)
+        return ClaimAnswer.below(turned(found), -line)
+
+    @staticmethod
+    def judged(verdict: str, seeds: int, claim: str, why: str = "") -> str:
+        """Returns the verdict on a claim as a sentence; an open one has the number of seeds."""
+        known = f"{verdict} with {seeds} seeds" if verdict == OPEN and not why else verdict
+        return f"{known}{why}: {claim}."
+
+
+def turned(found: Mean) -> Mean:
+    """Returns the mean and the interval of the negated values."""
+    return Mean(-found.value, -found.high, -found.low, found.spread, found.size)
 
 
 @dataclass(frozen=True)
@@ -94,18 +104,19 @@ class SceneAnswers:
         verdict = ClaimAnswer.below(found, _CLOSE)
         if verdict != HOLDS:
             verdict = FAILS if ClaimAnswer.below(least, _CLOSE) == FAILS else OPEN
-        words = verdict
+        why = ""
         if len(planned) < len(of_cocap):
-            words = (
-                f"{OPEN}, as it has no plan on {len(of_cocap) - len(planned)} of {len(of_cocap)}"
-            )
+            why = f", as it has no plan on {len(of_cocap) - len(planned)} of {len(of_cocap)} seeds"
             verdict = OPEN
+        claim = (
+            f"it comes within {_CLOSE:g} % of unconstrained performance (mean over {found.size} "
+            "seeds)"
+        )
         apart = self._stopped().apart({r.seed: 100 * r.gap_free for r in planned if r.gap_free})
         return ClaimAnswer(
             f"{self.scene}: CoCap is {_text(found)} below the certified bound of planning without "
-            f"collisions, at most {max(GapRow.percent(planned, 'gap_free')):.2f} %.{apart} That it "
-            f"comes within {_CLOSE:g} % of unconstrained performance {words} (mean over "
-            f"{found.size} seeds).",
+            f"collisions, at most {max(GapRow.percent(planned, 'gap_free')):.2f} %.{apart} "
+            f"{ClaimAnswer.judged(verdict, found.size, claim, why)}",
             verdict,
         )
 
@@ -151,8 +162,8 @@ class SceneAnswers:
         return ClaimAnswer(
             f"{self.scene}: {name}'s reward is {_text(found)} above that of sequential planning on "
             f"the same seeds, at most {max(gains.values()):.2f} % (better on {better}, worse on "
-            f"{worse} of {len(pairs)}).{self._stopped(planner).apart(gains)} That it outperforms "
-            f"sequential planning {verdict}.",
+            f"{worse} of {len(pairs)}).{self._stopped(planner).apart(gains)} "
+            f"{ClaimAnswer.judged(verdict, found.size, 'it outperforms sequential planning')}",
             verdict,
         )
 
@@ -190,9 +201,9 @@ class SceneAnswers:
         return ClaimAnswer(
             f"{self.scene}: CoCap takes {ours[0]:.3f} s with value iteration, the coverage of all "
             f"states included, and {ours[1]:.3f} s with view search (medians). The former takes "
-            f"{ratio:.2g}{reach} times as long as the latter (geometric mean); published are "
-            f"{theirs:,.0f} times.{self._cut_short()} That view search is the faster one "
-            f"{verdict} here.",
+            f"{ratio:.2g}{reach} times as long as the latter (geometric mean); the paper "
+            f"reports a factor of {theirs:,.0f}.{self._cut_short()} "
+            f"{ClaimAnswer.judged(verdict, log_ratio.size, 'view search is the faster one')}",
             verdict,
         )
 
@@ -202,8 +213,8 @@ class SceneAnswers:
         if not tables + views:
             return ""
         return (
-            f" A limit stopped the former on {tables} seeds and the latter on {views}, whose times "
-            "are counted as they are."
+            f" A limit stopped the former on {tables} seeds and the latter on {views}; these runs "
+            "count with the time until then."
         )
 
     def views(self) -> str:
@@ -228,8 +239,9 @@ class SceneAnswers:
             return f"{self.scene}: views were not counted."
         explained = ", or ".join(f"{factor:.0f}" for factor in factors)
         return (
-            f"{self.scene}: {'; '.join(parts)}. Where all time goes into views, that makes it "
-            f"{explained} times as fast; published are {theirs:,.0f} times."
+            f"{self.scene}: {'; '.join(parts)}. If computing views took all of the time, view "
+            f"search would be {explained} times as fast; the paper reports a factor of "
+            f"{theirs:,.0f}."
         )
 
     def kept_by_view_search(self) -> ClaimAnswer:
@@ -240,10 +252,11 @@ class SceneAnswers:
         costs = {seed: 100 * (b - a) / b for seed, (a, b) in pairs.items()}
         found = Mean.of(list(costs.values()))
         verdict = ClaimAnswer.below(found, _CLOSE)
+        claim = f"view search costs less than {_CLOSE:g} %"
         return ClaimAnswer(
             f"{self.scene}: with view search CoCap's reward is {_text(found)} below that with "
-            f"value iteration.{self._where_both_end(costs)} That view search costs less than "
-            f"{_CLOSE:g} % {verdict}.",
+            f"value iteration.{self._where_both_end(costs)} "
+            f"{ClaimAnswer.judged(verdict, found.size, claim)}",
             verdict,
         )
 
@@ -263,7 +276,8 @@ class SceneAnswers:
         verdict = FAILS if stopped.seeds else HOLDS
         return ClaimAnswer(
             f"{self.scene}: the limit of {limit:g} s stops CoCap on {len(stopped.seeds) or 'none'} "
-            f"of {len(of_cocap)} seeds{stopped.whose_plan}. That its tree ends in time {verdict}.",
+            f"of {len(of_cocap)} seeds{stopped.whose_plan}. "
+            f"{ClaimAnswer.judged(verdict, len(of_cocap), 'its tree ends in time')}",
             verdict,
         )
 

@@ -50,6 +50,8 @@ _LEVELS: dict[str, tuple[Any, ...]] = {
     "people": (1, 2, 3, 4),
     "steps": (6, 8, 10, 12, 14),
 }
+_LENGTHS = {"width", "length", "height"}  # in m
+_COUNTS = {"drones", "people", "steps"}
 
 
 class Corridor(NamedTuple):
@@ -327,10 +329,11 @@ def _of_the_best(fresh: Sequence[Trial]) -> list[str]:
         return [f"CoCap gains most in a corridor {words}; with fresh seeds there are no plans."]
     verdict = ClaimAnswer.above(Mean.of([trial.gain() for trial in with_both]), PUBLISHED)
     many = sum(trial.gain() >= PUBLISHED for trial in with_both)
+    claim = "the gain there reaches the paper's figure on average"
     return [
         f"CoCap gains most in a corridor {words}: {_gain(with_both, 'cocap')} on average over "
-        f"{len(with_both)} fresh seeds, {PUBLISHED:g} % or more on {many}. That the paper's "
-        f"figure can be had there on average {verdict}.",
+        f"{len(with_both)} fresh seeds, {PUBLISHED:g} % or more on {many}. "
+        f"{ClaimAnswer.judged(verdict, len(with_both), claim)}",
         f"There sequential planning gains {_gain(with_both, 'orders')} if it takes the best of ten "
         f"orders and {_gain(with_both, 'rounds')} if rounds follow it; cocap-lns gains "
         f"{_gain(with_both, 'lns')}, and no planner can gain more than "
@@ -345,21 +348,23 @@ def _gain(trials: Sequence[Trial], planner: str) -> str:
 
 
 def _of_its_neighbours(trials: Sequence[Trial], fresh: Sequence[Trial]) -> list[str]:
-    """Returns for each parameter what becomes of the gain where it alone is another."""
+    """Returns a sentence for each parameter: the gain when only that parameter varies."""
     best = fresh[0].corridor
     said = [
-        "The gains that follow are of other seeds: those by which this corridor was chosen among "
-        "many. They favour it by chance (selection bias), so they say which way a parameter "
-        "works; how much CoCap gains is what the fresh seeds say."
+        "The gains that follow use the seeds by which this corridor was chosen among many. They "
+        "favour it by chance (selection bias): read them for the direction in which a parameter "
+        "works, and the fresh seeds for the size of the gain."
     ]
     for name, levels in _LEVELS.items():
+        unit = " m" if name in _LENGTHS else ""
         parts = []
         for level in levels:
             corridor = best._replace(**{name: level})
             tried = [t for t in trials if t.corridor == corridor and t.stage in (AGAIN, CHANGED)]
             if tried:
                 late = f", stopped on {_stopped(tried)} of {len(tried)}" if _stopped(tried) else ""
-                parts.append(f"{_mean_gain(tried):.1f} % at {level}{late}")
-        words = f"{name}: {'; '.join(parts)}."
-        said.append(f"Its gain where one parameter alone is another, by {words}")
+                parts.append(f"{_mean_gain(tried):.1f} % at {level}{unit}{late}")
+        varies = f"number of {name} varies" if name in _COUNTS else f"{name} varies"
+        varies = "starts vary" if name == "starts" else varies
+        said.append(f"Gain when only the {varies}: {'; '.join(parts)}.")
     return said

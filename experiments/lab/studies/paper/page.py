@@ -19,7 +19,7 @@ from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.experiments.tables.statistics import NONE
 from cocap_opt.experiments.tables.tables import CAMERAS, Table, Tables
 
-_SIDES = {HOLDS: "For CoCap", FAILS: "Against it", OPEN: "Left open"}
+_SIDES = {HOLDS: "For CoCap", FAILS: "Against it", OPEN: "Inconclusive"}
 _FIGURES = {
     "curves.png": "Reward per step",
     "ablation.png": "What each part adds",

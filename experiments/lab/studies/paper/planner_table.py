@@ -126,14 +126,14 @@ def _with_note(table: Table, rows: Sequence[GapRow]) -> str:
     seeds = len({row.seed for row in rows})
     limit = max(GapRow.values(rows, "time_limit"), default=0.0)
     joint = any("`joint`" in row["planner"] for row in table)
-    without = ", or it takes no such teams" if joint else ""
+    without = ", or the planner does not take such teams" if joint else ""
     return (
         f"{markdown_table(table)}\n\n"
-        "Gaps: below the certified bound, in %, means over those seeds on which the planner's plan "
-        f"obeys the rules: {seeds}, or as many as the brackets say; - where there is no such "
-        f"plan{without}; \\* where the limit of {limit:g} s stopped some.{_fallen_back(rows)} "
-        "Time: of the processor, for the search, as a multiple of that of `sequential` on the same "
-        "scenes (geometric mean); coverage is apart, but for planners that take single views.\n"
+        "Gaps: distance below the certified bound in %, averaged over the seeds on which the "
+        f"planner's plan obeys the rules: all {seeds}, or the number in brackets; -: no such "
+        f"plan{without}; \\*: the limit of {limit:g} s stopped some runs.{_fallen_back(rows)} "
+        "Time: CPU time of the search relative to `sequential` on the same scenes (geometric "
+        "mean), excluding coverage except for planners that evaluate views on demand.\n"
     )
 
 
@@ -148,9 +148,10 @@ def _fallen_back(rows: Sequence[GapRow]) -> str:
             for late in (False, True)
         )
         if stopped:
-            others = f"; the others are {fmean(ended):.2f} % below" if ended else ""
+            others = f"; its other plans are {fmean(ended):.2f} % below" if ended else ""
             said += (
-                f" On the {scene} {len(stopped)} of {len(of_cocap)} plans of `cocap`, which was "
-                f"stopped, are those of `sequential`, {fmean(stopped):.2f} % below{others}."
+                f" On the {scene}, {len(stopped)} of {len(of_cocap)} runs of `cocap` were stopped "
+                f"and fell back on the plan of `sequential`, {fmean(stopped):.2f} % below the "
+                f"bound{others}."
             )
     return said
