@@ -81,7 +81,7 @@ def narrow_way(problem: SceneData) -> str:
         for layer, x, y in encounters.graph.coordinates(encounters.near_at_the_end()).T.tolist()
     }
     choke = ChokePoint.of(problem, near)
-    return choke.told(len(problem.robots), "somebody is near") if choke else ""
+    return choke.told(len(problem.robots), _WANTED) if choke else ""
 
 
 def _about_heights(height_map: HeightMap) -> Iterator[str]:

@@ -34,14 +34,14 @@ NO_LIMIT = "none"  # in files and tables, where no limit stopped a method
 
 
 class Reason(StrEnum):
-    """The reason for which a method stopped; the limit, if one stopped it, is another word."""
+    """The reason why a method stopped; `limit` of its result names the limit, if any."""
 
     OPTIMAL = "optimal"  # the value is proved to be the best
     FINISHED = "finished"  # the method ran to its end; it proves nothing
     INFEASIBLE = "infeasible"  # proved: no plan obeys the rules
     FAILED = "failed"  # the method ran to its end without a plan; one may exist
     UNSUPPORTED = "unsupported"  # the method does not take such problems
-    STOPPED = "stopped"  # a limit stopped it; the other word says which
+    STOPPED = "stopped"  # a limit stopped it; `limit` says which
 
 
 class LimitReached(Exception):  # noqa: N818  it is no error

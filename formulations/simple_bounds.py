@@ -70,8 +70,8 @@ def early_bound(problem: Problem, limit: Limit) -> CertifiedResult:
     if best.proved < 0:  # a drone has no path
         return CertifiedResult.bounded(best, {})
     steps = problem.horizon + 1
-    words = f"coverage was there for {model.covered_steps} of {steps} steps; "
-    words += "in the bound nothing hides anybody at the others"
+    words = f"coverage computed for {model.covered_steps} of {steps} steps only; "
+    words += "at the others the bound assumes that nothing hides anybody"
     return CertifiedResult(
         None, -math.inf, Reason.STOPPED, limit, best.proved, certificate=best,
         message=words if model.covered_steps < steps else "",

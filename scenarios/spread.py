@@ -55,7 +55,7 @@ class Spread(NamedTuple):
         require(any(self), "delay", "or aside or speed must be more than 0, or all takes are alike")
         if self.delay and step is None:
             raise ProblemError(
-                "delay: must be 0 s where nobody says how long a step of the scene is"
+                "delay: must be 0 s, as the scene defines no step length"
             )
 
 

@@ -30,13 +30,13 @@ T = TypeVar("T", Problem, Plan, CertificateFile, ProofFile)
 
 
 def load(scene: str | Path, seed: int = 0, **options: str) -> Problem:
-    """Load a built-in scene by its name, or a scene file in any format that is known.
+    """Load a built-in scene by its name, or a scene file in any supported format.
 
     Parameters
     ----------
     scene : a name, such as "bottleneck" (`SCENES` has them all), or a file
-    seed : >= 0; of a built-in scene it chooses where drones start and how people walk (none of
-        this where its name begins with `tiny`); what it chooses in a file depends on the format
+    seed : >= 0; selects start positions and walks of a built-in scene; ignored by `tiny-*`; its
+        meaning for a file depends on the format
     options : conventions of the file's format, such as ``triangles="no"``; a hyphen in the name of
         an option is an underscore here, as in ``start_set="yaml"``
 

@@ -96,7 +96,7 @@ def robustness(
     lag: Sequence[float] = (0.5, 1.0, 2.0),
     lost: Sequence[int] | None = None,
 ) -> "pd.DataFrame":
-    """Tell what is left of a plan when people are late or aside, or a drone lags or is lost.
+    """Evaluate a plan when people deviate from their walks, or a drone is late or lost.
 
     Nobody notices: all others fly as planned. Distances and rules are those of every moment, on
     the flights' polynomials; J is computed between the steps, too. A drone that is lost at a step

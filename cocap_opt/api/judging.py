@@ -57,13 +57,13 @@ def verify(
     networkx: bool = False,
     plain: bool = False,
 ) -> Verified:
-    """Check plans, certificates and proofs, trusting nobody and calling no solver.
+    """Independently verify plans, certificates and proofs, without a solver.
 
     Parameters
     ----------
     problem : that the claims are about
-    claims : a plan, certificates, proofs, or results, of which plan, value, bound and certificate
-        are checked
+    claims : plans, certificates, proofs or results to check, at most one plan among them; of a
+        result its plan, value, bound and certificate
     networkx : price bounds a second time, by networkx alone, which takes seconds
     plain : use no code that is compiled by numba; staged certificates take about twenty times as
         long then, others as long as ever

@@ -33,7 +33,7 @@ def show(
         left out, and without any the drones are shown at their starts, and of those that may choose
         theirs the ground above which they may start
     certificate : a certificate, a proof or a result that has one, by which the player tells the
-        bound, what is proved of each plan, and what is lost by leaving each step
+        bound, what is proved of each plan, and the cost of each move
 
     Returns
     -------

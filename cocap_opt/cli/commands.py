@@ -111,7 +111,7 @@ if find_spec("cocap_opt.experiments.lab"):  # in the repository
         "cocap_opt.experiments.lab.studies.app:app",
         name="study",
         **_place("study"),
-        help="Measure again the numbers that the documentation quotes.",
+        help="Re-run the project's benchmarks.",
     )
 else:
 
@@ -125,7 +125,7 @@ else:
 def _completion(
     shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(help="which shell")], /
 ) -> int:
-    """Print a script that completes commands and options in a shell.
+    """Print a shell-completion script.
 
     Example: cocap-opt completion bash > ~/.local/share/bash-completion/completions/cocap-opt
     """

@@ -49,13 +49,13 @@ _MARGINS = 0.25, 0.5, 1.0  # m, which are tried for a plan that cannot be flown
 Smooth = Annotated[bool, FLAG(name="--smooth", help="fly with continuous speed and acceleration")]
 StepSeconds = Annotated[
     float | None,
-    Parameter(name="--step", help="seconds of a step, if the scene does not say"),
+    Parameter(name="--step", help="seconds of a step, if the scene defines none"),
 ]
 Margin = Annotated[
     float | None,
     Parameter(
-        help="metres by which drones may be nearer to people than the scene says, aside (`people`) "
-        "and over heads (`over_people`)"
+        help="metres by which drones may come nearer to people than the scene's `people` and "
+        "`over_people`"
     ),
 ]
 
@@ -150,19 +150,19 @@ def _fly(
     flown: _FlightOptions = _AS_PLANNED,
     every: Annotated[
         float | None,
-        Parameter(help="seconds between rows; else a row a step, and ten a step with --smooth"),
+        Parameter(help="seconds between rows (default: one row per step, ten with --smooth)"),
     ] = None,
     start: Annotated[
         str | None,
-        Parameter(help="when step 0 is, such as 2026-05-01T10:00:00Z, in files that hold dates"),
+        Parameter(help="time of step 0, such as 2026-05-01T10:00:00Z, for formats with dates"),
     ] = None,
     autopilot: Annotated[
         Autopilot | None,
-        Parameter(help="that missions are for; px4 for .plan, ardupilot for .waypoints"),
+        Parameter(help="autopilot of the missions (default: px4 for .plan, ardupilot for .waypoints)"),
     ] = None,
     items: Annotated[
         Whole | None,
-        Parameter(help="items of a mission that its board holds, if that is not as usual"),
+        Parameter(help="mission items that the board can store (default: that of usual boards)"),
     ] = None,
     local: Annotated[bool, FLAG(name="--local", help="leave out latitudes and longitudes")] = False,
     hovering: Annotated[
@@ -170,7 +170,7 @@ def _fly(
     ] = False,
     json: Json = False,
 ) -> int:
-    """Write where each drone is at every moment, checked against rules, obstacles and limits.
+    """Export a plan as a flight, checked against rules, obstacles and limits.
 
     A .csv file has t (s), x, y, z (m, coordinates of the map), yaw (degrees, 0 along x,
     counter-clockwise) and pitch (degrees, 0 level, below is negative) of each drone, heights above
@@ -179,21 +179,21 @@ def _fly(
     file is an animated scene (glTF) for Blender and viewers in browsers; a .pdf file is a sheet
     for the crew.
 
-    Not checked: wind and errors of drones, which are to fly exactly so, and take-off and landing;
-    notes below the answer say what else the scene leaves open.
+    Not checked: wind, deviations from the planned flight, take-off and landing; notes below the
+    answer list what else was not checked.
 
-    A plan in which no drone moves is refused without --hovering.
+    A plan in which no drone moves is rejected unless you pass --hovering.
 
-    A smooth flight that comes too near to people is refused with the way out: a plan that keeps so
-    much more from them, flown with --margin, keeps what it did before.
+    A smooth flight that comes too near to people is rejected; the message tells you how much extra
+    distance to plan with and which --margin to fly with.
 
     Missions of waypoints, a file per drone: .plan (QGroundControl, for PX4, or for ArduPilot with
-    --autopilot) and .waypoints (for ArduPilot). Each is for the autopilot in its name only. By one
-    clock fly .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).
+    --autopilot) and .waypoints (for ArduPilot). Each is for the autopilot in its name only.
+    Synchronised flights: .skyc (Skybrush) and .crazyflie.csv (polynomials, with --smooth).
 
     Cameras, to triangulate what was filmed: .opencv.json, .colmap.zip and .pose2sim.toml have the
     intrinsics of each drone's camera, and its pose at each row's moment; --every 0.04 gives those
-    of a video of 25 frames a second. Cones, which have no image, are refused.
+    of a video of 25 frames a second. Cones, which have no image, are rejected.
 
     Example: cocap-opt fly corridor plan.json --step 1 --smooth -o flight.csv
     """
@@ -410,16 +410,16 @@ def _robustness(
         Parameter(
             negative="",
             consume_multiple=True,
-            help="steps at which drones are lost, each by itself; else each at its worst step",
+            help="steps at which drones are lost, one at a time (default: each at its worst step)",
         ),
     ] = None,
     json: Json = False,
 ) -> int:
-    """Show what is left of a plan if people are late or elsewhere, or a drone lags or fails.
+    """Evaluate a plan when people deviate from their walks, or a drone is late or lost.
 
     Nobody reacts: all others fly as planned. J is computed between the steps, too. Distances are
     the least at any moment, and rules are checked at every moment, on the flights' polynomials.
-    Behind each distance that is not kept stands the one to ask for in the scene.
+    If a distance is not kept, the table shows the one to plan with.
 
     Example: cocap-opt robustness corridor plan.json --step 2 --smooth --late 1 3 --lag 0.5
     """

@@ -3,7 +3,7 @@
 Results go to standard output, as a table or with --json as one JSON object and nothing
 else; progress and messages go to standard error. Exit codes: 0 done (also when there is no
 plan: that is a result), 1 a claim does not hold (verify) or differs (audit), 2 wrong input, 3 some
-of it is undecided (audit), 130 interrupted before there was anything to give.
+of it is undecided (audit), 130 interrupted before any result was available.
 """
 
 import os
@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         discard(sys.stdout)
         say(f"standard output: cannot be written: {error.strerror}")
         code = 2
-    except KeyboardInterrupt as interrupt:  # a second one, or before there was anything to give
+    except KeyboardInterrupt as interrupt:  # a second one, or before any result was available
         say(", ".join(["interrupted", *map(str, interrupt.args)]))
         code = _INTERRUPTED
     sys.exit(code)

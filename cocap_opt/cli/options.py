@@ -27,24 +27,24 @@ def _whole(kind: object, tokens: Sequence[Token]) -> int:
 
 FLAG = partial(Parameter, negative="", show_default=False)
 Scene = Annotated[
-    str, Parameter(help="name of a built-in scene, or a scene's file in any format that is known")
+    str, Parameter(help="name of a built-in scene, or a scene file in any supported format")
 ]
 PlanPath = Annotated[
     Path,
     Parameter(
-        help="file of a plan for it: of `plan`, in a scene format's own plan format, or a solver's "
-        "solution (.sol) of a program that `export` has written"
+        help="plan file for the scene: from `plan`, in a scene format's own plan format, or a "
+        "solver's solution (.sol) of a program from `export`"
     ),
 ]
-Results = Annotated[Path, Parameter(help="folder that `gap --out` has filled")]
+Results = Annotated[Path, Parameter(help="results folder, written by `gap --out`")]
 Whole = Annotated[int, Parameter(converter=_whole)]
 Seed = Annotated[int, Parameter(converter=_whole, help="seed of the scene, >= 0")]
 Seconds = Annotated[
     float,
     Parameter(
         name="--time-limit",
-        help="seconds for each computation, its coverage included, inf: no limit; in `gap` finite, "
-        "and from when coverage is there",
+        help="seconds for each computation, including its coverage; inf: no limit; in `gap` finite "
+        "and excluding coverage",
     ),
 ]
 Work = Annotated[
@@ -53,24 +53,26 @@ Work = Annotated[
         name="--work-limit",
         converter=_whole,
         help="units of work for each computation: pricing rounds, or nodes of CoCap's tree; "
-        "results then are the same on every machine that needs no more seconds than allowed",
+        "deterministic across machines unless --time-limit is hit first",
     ),
 ]
 Workers = Annotated[
     int | None,
-    Parameter(converter=_whole, help="processes, each on a core of its own; this one if not given"),
+    Parameter(converter=_whole, help="number of worker processes, one per core (default: no workers)"),
 ]
 Json = Annotated[bool, FLAG(name="--json", help="print one JSON object")]
 Free = Annotated[bool, FLAG(help="leave collisions between drones out of the scene")]
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
 OfScenes = Annotated[
     list[str] | None,
-    Parameter(name="--scene", negative="", help="may be repeated; all of the results if not given"),
+    Parameter(name="--scene", negative="", help="may be repeated (default: all scenes of the results)"),
 ]
 OfPlanners = Annotated[
     list[str] | None,
     Parameter(
-        name="--planner", negative="", help="may be repeated; all of the results if not given"
+        name="--planner",
+        negative="",
+        help="may be repeated (default: all planners of the results)",
     ),
 ]
 
@@ -100,7 +102,7 @@ def load_planned(scene: str, seed: int) -> Problem:
 
 
 def say_strains(scene: str, seed: int, problem: Problem) -> None:
-    """Logs which drones smooth flights may ask too much of, where a scene is first looked at."""
+    """Logs which drones' limits a smooth flight would exceed, where a scene is first loaded."""
     for words in strains(problem):
         _say_once(scene, seed, words)
 

@@ -57,19 +57,19 @@ def _show(
     certificate: Annotated[
         Path | None,
         Parameter(
-            help="certificate or proof; the player tells the bound, what is proved of each plan, "
-            "and what is lost by leaving each step"
+            help="certificate or proof; the player then shows the bound, what it proves about each "
+            "plan, and the cost of each move"
         ),
     ] = None,
     steps: Annotated[
         str | None,
-        Parameter(help="such as 5 or 0,4,8, which a picture shows; else the last, a GIF all"),
+        Parameter(help="steps to draw, e.g. 5 or 0,4,8 (default: last step; GIF: all)"),
     ] = None,
     heights: Annotated[
         str | None,
         Parameter(
-            help="m, such as 4,6; without a plan: draw where drones of a recipe may start at these "
-            "flight heights"
+            help="flight heights in m, e.g. 4,6; without a plan: draw where drones of a recipe may "
+            "start at these heights"
         ),
     ] = None,
     json: Json = False,
@@ -77,9 +77,9 @@ def _show(
     """Play plans side by side in an HTML file, or draw one from above.
 
     The HTML file needs no network and no other file. PNG, PDF and SVG show one step, or several
-    side by side, a GIF one after the other. Without a plan the map, the people and the drones at
-    their starts are shown; of drones that choose theirs, and of a recipe that has no drones, or
-    starts that are refused, where they may start. Without -o the file is show.html.
+    side by side, a GIF one after the other. Without a plan they show the map, the people and the
+    drones at their starts. If drones choose their starts, or a recipe has no drones or invalid
+    starts, they show where drones may start. Without -o the file is show.html.
 
     Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
     """

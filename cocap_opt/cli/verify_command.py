@@ -85,7 +85,7 @@ def _verify(
     ] = _USUAL_LIMIT,
     json: Json = False,
 ) -> int:
-    """Check plans, certificates and proofs: exit 0 only if all that they claim holds.
+    """Independently verify plans, certificates and proofs: exit 0 only if all claims hold.
 
     The plan may also be in a scene format's own plan format, or a solver's
     solution (.sol) of a program that `export` has written; a solution of

@@ -181,7 +181,7 @@ class Geodesy:
         grids = sorted(grid.short_name for operation in unavailable[:1] for grid in operation.grids)
         if grids:
             return f"needs {' and '.join(grids)}, not installed here; `pyproj sync` gets such grids"
-        return "has a datum of which nobody says how it lies to that"
+        return "has a datum whose relation to that is unknown"
 
     def _from_earth(self, place: Place) -> tuple[float, float]:
         """Returns the coordinates (m) in the system of a latitude and longitude."""

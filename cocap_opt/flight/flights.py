@@ -204,7 +204,7 @@ class Flight(NamedTuple):
                 nearer += f" or {kept.people_above:g} m over heads"
                 asked += f" and {self.asked.people_above:g}"
             yield (
-                f"--margin lets drones be nearer to people: {nearer}; the scene asks for {asked} m"
+                f"--margin lets drones come nearer to people: {nearer}; the scene asks for {asked} m"
             )
 
     def warnings(self) -> Iterable[str]:
@@ -217,7 +217,9 @@ class Flight(NamedTuple):
                 f"begin; in the mission {numbers}"
             )
         if not self.is_smooth:
-            yield "speeds jump at each step, and no acceleration was checked; --smooth has neither"
+            yield (
+                "speed is discontinuous at each step and acceleration was not checked; use --smooth"
+            )
         least = self.flown.least_distance()
         if not problem.rules.separation and math.isfinite(least):
             yield (
@@ -229,11 +231,11 @@ class Flight(NamedTuple):
         if all(robot.limits is None for robot in problem.robots):
             most = max((d.most for d in self.demands if d.kind == "acceleration"), default=0.0)
             asked = f"; the flight asks for {most:.3g} m/s2" if self.is_smooth else ""
-            yield f"no limits of these drones are known, and none were checked{asked}"
+            yield f"the limits of these drones are unknown and were not checked{asked}"
         if self.geodesy is not None:
             yield self.geodesy_note(self.geodesy)
         if problem.earth is not None and problem.earth.heights is None:
-            yield "nobody says if z is above the sea or the ellipsoid; [earth] of a recipe does"
+            yield "height datum unknown; set `heights` under [earth] of a recipe"
 
     def geodesy_note(self, geodesy: Geodesy) -> str:
         """Says that y goes to the grid's north, and how far that is from the true one."""
@@ -286,8 +288,8 @@ def _way_out(danger: Danger, straight: Trajectory) -> str:
     if airspace.people_above is not None:
         larger += f" and over_people = {_up(airspace.people_above + margin)}"
     return (
-        f"{_EVEN}plan with {larger} in [airspace], and fly that with --margin {_up(margin)}; of "
-        f"this plan {other}"
+        f"{_EVEN}plan with {larger} in [airspace], and fly that plan with --margin {_up(margin)}; "
+        f"for this plan {other}"
     )
 
 

@@ -41,7 +41,7 @@ class Demand(NamedTuple):
 
         Parameters
         ----------
-        is_smooth : False: speeds jump at the steps, where no acceleration is told
+        is_smooth : False: speeds are discontinuous at the steps, and accelerations are left out
         """
         found = []
         for i, robot in enumerate(flown.problem.robots):

@@ -58,10 +58,10 @@ class Trajectory:
         Raises
         ------
         ProblemError
-            If nobody says how long a step lasts.
+            If the problem has no step length.
         """
         if problem.step is None:
-            raise ProblemError("step: must be given, for nobody says how long a step lasts")
+            raise ProblemError("step: must be given, as the scene defines no step length")
         return cls(problem, read_only(evenly(waypoints(problem, plan), 1)))
 
     def with_pieces(self, pieces: FloatArray) -> "Trajectory":

@@ -51,11 +51,11 @@ class Quality:
         or behind whose camera that middle is adds nothing. Nor do sensors without pictures: it is
         nan where it takes them to see the person twice, or no drone has pictures
     blur : [T+1, R, A] px of each person in each picture; nan where the drone does not see the
-        person or has no picture. None where nobody says how long a step lasts
+        person or has no picture. None if the scene defines no step length
     drones_seen : [T+1, R, R] true where the second drone is in the first one's picture, and large
     has_pictures : [R] true for the drones with a pinhole camera
     assumptions : that it was measured with
-    times : [T+1] s since step 0; None where nobody says how long a step lasts
+    times : [T+1] s since step 0; None if the scene defines no step length
     takes : ways in which people may walk; empty where they walk as they do
     take_of : [A] number of the take that each person is in; 0 without takes
     chances : [A] probability of that take; 1 without takes

@@ -30,7 +30,7 @@ def quality_words(
     ----------
     worst : the worst moments in words
     blur : [n, R] px of the person-steps that count; nan where a drone does not see the person or
-        has no picture. None where nobody says how long a step lasts
+        has no picture. None if the scene defines no step length
     has_pictures : [R] true for the drones with a pinhole camera
     takes : names of the ways in which people may walk, and the summary of each
     """
@@ -74,7 +74,7 @@ def _told_errors(found: Summary, has_pictures: BoolArray) -> str:
 def _told_blur(blur: FloatArray | None) -> str:
     """Says how large blur is, over the pictures of all person-steps that count."""
     if blur is None:
-        return "unknown: nobody says how long a step lasts"
+        return "unknown: the scene defines no step length"
     known = blur[~np.isnan(blur)]
     if not len(known):
         return "none: no pictures"

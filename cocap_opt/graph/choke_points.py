@@ -74,25 +74,28 @@ class ChokePoint(NamedTuple):
         return best if best.behind >= _LEAST_SHARE * len(reached) > 0 else None
 
     def __str__(self) -> str:
-        flat = not any(cell.layer for cell in self.cells)
-        names = (str(tuple(cell[:2] if flat else cell)) for cell in self.cells)
-        return f"cell{'s' if len(self.cells) > 1 else ''} {', '.join(names)}"
+        return f"cell{'s' if len(self.cells) > 1 else ''} {', '.join(self._names)}"
 
-    def told(self, team: int, somebody: str) -> str:
+    @property
+    def _names(self) -> list[str]:
+        """The cells in words, without layers where all are in the lowest."""
+        flat = not any(cell.layer for cell in self.cells)
+        return [str(tuple(cell[:2] if flat else cell)) for cell in self.cells]
+
+    def told(self, team: int, wanted: str) -> str:
         """Returns who must pass it, in words.
 
         Parameters
         ----------
         team : number of all drones
-        somebody : what makes cells wanted, such as "somebody is seen"
+        wanted : the wanted cells in words, such as "cells near people at the last step"
         """
         share = "most" if 2 * self.behind > self.wanted else "some"
         of = f"{self.drones} of {team}"
         who = of if self.drones < team else "both" if team == 2 else f"all {team}"
-        return (
-            f"{who} drones must pass through {self} on their way to {share} cells from "
-            f"which {somebody} at the last step"
-        )
+        *others, last = self._names
+        either = f"{', '.join(others)} or {last}" if others else last
+        return f"choke point: {who} drones must pass cell {either} to reach {share} of the {wanted}"
 
 
 class _Routes:

@@ -277,8 +277,8 @@ class _Mission:
 PX4 = Autopilot(
     "px4", "PX4", 12, False, 1.5, "MPC_TKO_SPEED",
     _px4_pace, 0, 500, "since 1.13 and on most boards", "GF_MAX_VER_DIST",
-    "for PX4 with its usual MPC_Z_V_AUTO_UP 3, MPC_Z_V_AUTO_DN 1.5 and MPC_YAWRAUTO_MAX 45; an "
-    "ArduPilot would fly its climbs too fast or too slowly, and refuse to command its gimbal so",
+    "for PX4 with its defaults MPC_Z_V_AUTO_UP 3, MPC_Z_V_AUTO_DN 1.5 and MPC_YAWRAUTO_MAX 45; use "
+    ".waypoints for ArduPilot, which rejects these gimbal commands and would climb at other speeds",
 )  # fmt: skip
 ARDUPILOT = Autopilot(
     "ardupilot", "ArduPilot", 3, True, 2.5, "WPNAV_SPEED_UP",

@@ -165,16 +165,16 @@ def _summary(flight: Flight) -> Iterator[str]:
         yield f"People set out at t = 0. {_signal(flight)}"
     yield from _tracks(problem)
     if flight.is_smooth:
-        yield "Missions of waypoints fly straight: their sheet is made without --smooth."
+        yield "Waypoint missions fly straight: export their sheet without --smooth."
     if flight.geodesy is None:
-        yield "Places: x and y of the map (m); where it is on the Earth is not known, or left out."
+        yield "Places: x and y of the map (m); its location on the Earth is unknown or left out."
     else:
         off = flight.geodesy.accuracy
-        known = "nobody says how far off" if off is None else f"off by {off:g} m at most"
+        known = "accuracy unknown" if off is None else f"off by {off:g} m at most"
         name = flight.geodesy.name
         yield f"Places: x and y in {name}; latitudes and longitudes in WGS 84, {known}."
         yield f"{flight.geodesy_note(flight.geodesy)}."
-    yield f"z is {_altitude(flight)}."
+    yield f"z: {_altitude(flight)}."
 
 
 def _signal(flight: Flight) -> str:
@@ -249,11 +249,11 @@ def _in_the_air(flight: Flight) -> Iterator[str]:
 def _altitude(flight: Flight) -> str:
     earth = flight.flown.problem.earth
     if earth is None or earth.heights is None:
-        return "the map's height (m); nobody says what it is above"
+        return "map height (m), datum unknown"
     above = "the sea" if earth.heights == "sea" else "the ellipsoid"
     if not earth.base:
-        return f"the height above {above} (m)"
-    return f"the map's height (m); z + {earth.base:g} m is the height above {above}"
+        return f"height above {above} (m)"
+    return f"map height (m); z + {earth.base:g} m is the height above {above}"
 
 
 def _distances(flight: Flight) -> Iterator[str]:

@@ -227,16 +227,16 @@ def _asked(flight: Flight) -> CollisionRules:
 
 
 def _clock(flight: Flight, delay: float | None) -> Iterator[str]:
-    """Yields what it means that drones keep no common clock; nothing of one drone alone."""
+    """Yields the consequences of drones without a common clock; nothing for a single drone."""
     if delay is None:
         return
     owner = "the scene's" if flight.flown.problem.rules.separation else "a"
     asked = f"{owner} {_asked(flight)}"
-    yield "waypoint missions keep no common clock after their start: nothing holds drones to times"
+    yield "waypoint missions are not synchronised after take-off: nothing holds drones to their times"
     if math.isinf(delay):
         yield f"between drones, {asked} holds however late any of them is"
     elif delay == 0:
-        yield f"delay tolerance 0: {asked} holds for no difference in time; plan with a larger one"
+        yield f"delay tolerance 0: {asked} tolerates no difference in time; plan with a larger one"
     else:
         held = f"{asked} holds while no drone is {delay:.2f} s or more behind another in its plan"
         yield f"delay tolerance: {held}"

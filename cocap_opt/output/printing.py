@@ -256,8 +256,8 @@ class Listing(NamedTuple):
                 listing = listing._replace(rows=rows)
         if not gone:
             return self
-        words = f"Left out, for want of width: {', '.join(k for k in self.rows[0] if k in gone)}"
-        note = f"{words}; {whole} has all." if whole else f"{words}."
+        words = f"Hidden (terminal too narrow): {', '.join(k for k in self.rows[0] if k in gone)}"
+        note = f"{words}; {whole} shows all columns." if whole else f"{words}."
         return listing._replace(notes=[note, *listing.notes])
 
     @property

@@ -50,12 +50,12 @@ def result_of(
     if early:
         limit = limit or early[0]
         count = f"{len(early)} of {team.size}"
-        messages.append(f"{count} paths are chosen by few views: a limit was near")
+        messages.append(f"{count} paths are based on few views: a limit was near")
     if model.cut_short_by:
         limit = limit or model.cut_short_by
         messages.append(
-            f"coverage was there for {model.covered_steps} of {model.problem.horizon + 1} "
-            "steps; the plan was made without looking at the others"
+            f"coverage computed for {model.covered_steps} of {model.problem.horizon + 1} steps "
+            "only; the rest was ignored"
         )
     return Result(
         plan=model.plan(team.paths),

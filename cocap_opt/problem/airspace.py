@@ -22,8 +22,8 @@ class Airspace(Data, frozen=True):
     no_fly : solids that no drone enters; they hide nobody
     ceiling : m above the datum of the map, as `Motion.layers` are; None: there is none
     people_aside : m, least distance to the middle of a person, seen from above; 0: none
-    people_above : m over a head, or below the feet, from which on that does not count; None: it
-        counts at any height
+    people_above : m above the head, or below the feet, beyond which `people_aside` no longer
+        applies; None: it applies at any height
     people_stray : share of a move, by which drones may be ahead of their even pace or behind it;
         moves keep so much farther from people than is said above
     """

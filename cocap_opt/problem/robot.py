@@ -122,7 +122,7 @@ class Robot(Data, frozen=True):
     motion : the moves that it can make in one step
     camera : what it films with: a `Camera`, or the `Cone` of Hughes et al.
     goal : cell (x, y), any layer and orientation
-    limits : how fast it may move and turn; None: nothing is known of them
+    limits : speed and turn limits; None if unknown
     home : cell (x, y) on whose ground it takes off and lands; None: below its first and last place
     number : that it has in the mission of which the scene is the rest, so that it is in the air
         before step 0; None: it takes off

@@ -22,15 +22,15 @@ from cocap_opt.run.verified import ProvedBound, Verified
 _MOST_STATES = 400_000  # whose coverage is computed for a scene, some seconds
 SHOWN = 5e-6  # of the bound; less is a dot in tables and not worth a sentence
 _PARTS: dict[str, tuple[Kind, ...]] = {
-    "drones leave the best paths that it knows": ("path",),
-    "it pays more for faces than they give": ("face",),
-    "it pays more for views of people than count": ("views",),
-    "rules with a price are not used, or broken": ("row",),
-    "decisions of the plan's leaf have prices": ("decision",),
-    "another leaf of the proof has a larger bound": ("leaves",),
-    "stages, or paths tried, take this off again": ("stages",),
-    "it claims more than its numbers prove": ("claim",),
-    "it covers rounding": ("rounding",),
+    "drones leave the best paths of the bound": ("path",),
+    "face rewards overestimated": ("face",),
+    "views of people overestimated": ("views",),
+    "priced rules unused or broken": ("row",),
+    "priced decisions of the plan's leaf": ("decision",),
+    "larger bound of another leaf of the proof": ("leaves",),
+    "tightened by stages and path search": ("stages",),
+    "stated bound above the proved one": ("claim",),
+    "allowance for rounding": ("rounding",),
 }
 
 

@@ -35,7 +35,7 @@ def _parts(explained: Explained, width: int) -> str:
     rows = list(explained.parts().items())
     rows += [("sum", found.total()), ("bound - J", found.gap)]
     return _table(
-        "The gap, by what the bound has more than the plan",
+        "What the gap is made of",
         ["", "amount", "% of bound"],
         [[words, rounded(amount), _percent(explained, amount)] for words, amount in rows],
         width,
@@ -49,7 +49,7 @@ def _percent(explained: Explained, amount: float) -> str:
 
 def _drones(explained: Explained, width: int) -> list[str]:
     losses = explained.explanation.losses()
-    title = "What drones lose by leaving a step as they do, % of the bound"
+    title = "Cost of each drone's moves, % of the bound"
     names = [str(robot) for robot in range(len(losses))]
     return _grid(explained, title, "drone", names, losses, list(range(losses.shape[1])), width)
 
@@ -65,7 +65,7 @@ def _people(explained: Explained, width: int) -> list[str]:
         assert term.actor is not None
         assert term.face is not None
         paid[first[term.actor] + term.face, term.step or 0] += term.amount
-    title = "What people's sides are paid beyond what the drones get, % of the bound"
+    title = "Overestimated reward of people's sides, % of the bound"
     names = [f"{j} {name}" for j, name in sides]
     return _grid(explained, title, "person", names, paid, steps, width)
 

@@ -12,6 +12,8 @@ from cocap_opt.problem import Cell
 from cocap_opt.run.explained import SHOWN, Explained
 
 _TOLD = 6  # sentences on single terms
+_OVER = "the bound overestimates"
+_WANTED = "cells with a view of somebody at the last step"
 
 
 def explained_sentences(explained: Explained) -> list[str]:
@@ -53,19 +55,17 @@ def _amount(explained: Explained, amount: float) -> str:
 def _told(explained: Explained, term: Term) -> str:
     amount = _amount(explained, term.amount)
     if term.kind == "path":
-        return f"drone {term.robot}, leaving step {term.step}, costs {amount}"
+        return f"drone {term.robot}'s move from step {term.step} costs {amount}"
     if term.actor is not None and term.face is not None:
         name = explained.problem.actors[term.actor].shape.face_names[term.face]
-        when = "over all steps" if term.step is None else f"at step {term.step}"
-        return (
-            f"person {term.actor}'s {name} {when} is paid {amount} more than the drones get for it"
-        )
+        when = "all steps" if term.step is None else f"step {term.step}"
+        return f"{when}, person {term.actor}, {name}: {_OVER} the reward by {amount}"
     if term.kind == "views" and term.actor is not None:
         drones = {0: "no drone", 1: "one drone"}.get(term.robots or 0, f"{term.robots} drones")
-        sees = "sees" if (term.robots or 0) < 2 else "see"
+        person = explained.problem.person(term.actor)
         return (
-            f"{drones} {sees} {explained.problem.person(term.actor)} at step {term.step}, which is "
-            f"paid {amount} more than it counts"
+            f"step {term.step}, {person}, seen by {drones}: {_OVER} the value of the views by "
+            f"{amount}"
         )
     at = "at" if isinstance(term.resource, Cells | Visit) else "from"
     where = f"{explained.named(term.resource)} {at} step {term.step}"
@@ -73,8 +73,8 @@ def _told(explained: Explained, term: Term) -> str:
     if term.is_broken:
         return f"{who} use {where}, which breaks a rule: {amount}"
     return (
-        f"{who} use{'' if len(term.users or ()) > 1 else 's'} {where}, where {term.sense} "
-        f"{term.robots} may at the price {rounded(term.price or 0.0)}: it costs {amount}"
+        f"{who} use{'' if len(term.users or ()) > 1 else 's'} {where} ({term.sense} "
+        f"{term.robots}, price {rounded(term.price or 0.0)}), which costs {amount}"
     )
 
 
@@ -114,7 +114,7 @@ def _told_queue(explained: Explained) -> Iterable[str]:
         rows = explained.explanation.of_kind("row")
         price = sum(t.price or 0.0 for t in rows if _touches(t.resource, choke.cells))
         paid = f"; rules there carry prices of {_amount(explained, price)}" if price else ""
-        yield f"{choke.told(len(problem.robots), 'somebody is seen')}{paid}"
+        yield f"{choke.told(len(problem.robots), _WANTED)}{paid}"
 
 
 def _told_replans(explained: Explained) -> Iterable[str]:
@@ -123,15 +123,14 @@ def _told_replans(explained: Explained) -> Iterable[str]:
     gaining.sort(key=lambda replan: -replan.gain)
     for replan in gaining[:_TOLD]:
         yield (
-            f"planned again past the others, drone {replan.robot} would gain "
-            f"{_amount(explained, replan.gain)}"
+            f"replanning drone {replan.robot} alone would gain {_amount(explained, replan.gain)}"
         )
     if len(gaining) > _TOLD:
         yield f"{counted(len(gaining) - _TOLD, 'more drone')} would gain less, each alone"
     if not gaining:
         # Where pixels add up over time, the path that is found is not always the best.
         can = "was found to" if explained.problem.objective.over_time else "can"
-        yield f"no drone alone {can} gain by another path that obeys the rules"
+        yield f"no single drone {can} gain by replanning within the rules"
 
 
 def _touches(resource: Resource | None, cells: Sequence[Cell]) -> bool:

@@ -450,7 +450,7 @@ def test_narrow_terminals_get_the_columns_that_matter(
     if left is None:
         assert {"seconds", "reason", "gap_free"} <= set(head) and "Left out" not in told
     else:
-        assert f"Left out, for want of width: {left}" in told
+        assert f"Hidden (terminal too narrow): {left}" in told
         assert not set(left.split(";")[0].split(", ")) & set(head)
 
 
@@ -1210,7 +1210,7 @@ def test_narrow_ways_are_said_where_they_help(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Where drones must queue is in `show`, in explanations, and beside plans that do not hold."""
-    said = "must pass through cell (1, 0)"
+    said = "must pass cell (1, 0)"
     plan, bound = tmp_path / "plan.json", tmp_path / "bound.json"
     Run(capsys, "plan", "tiny-queue", "--planner", "sequential", "-o", plan)
     Run(capsys, "bound", "tiny-queue", "--method", "alone", "-o", bound)

@@ -422,7 +422,7 @@ def test_tables_fit_into_a_terminal(results: Path) -> None:
         heads = [line.split() for line in page.splitlines() if line.startswith(" scene")]
         assert {"scene", "planner", "gap", "conflicts"} <= set(heads[0])
         assert all(head[:2] == ["scene", "planner"] or head[0] == "scene" for head in heads)
-        assert "Left out, for want of width" in page or width == "140"
+        assert "Hidden (terminal too narrow)" in page or width == "140"
     assert "&#" not in text and "tiny-share" in text
 
 

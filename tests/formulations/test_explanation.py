@@ -173,7 +173,7 @@ def test_only_rules_at_the_choke_point_are_priced_there() -> None:
     (told,) = (
         words for words in explained_sentences(Explained(model, plan, found)) if "must" in words
     )
-    assert "Both drones must pass through cell (1, 1)" in told
+    assert "both drones must pass cell (1, 1) to reach" in told
     assert re.search(r"; rules there carry prices of .* % of the bound \(7\.00\)\.$", told)
 
 

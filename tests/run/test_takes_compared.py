@@ -169,7 +169,7 @@ def test_takes_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     [
         (["corridor"], "SCENE: has no takes; --delay, --aside or --speed draw some"),
         (["corridor", "--aside", "-1"], "--aside: must be 0..100 m, not -1"),
-        (["corridor", "--delay", "1"], "--delay: must be 0 s where nobody says how long a step"),
+        (["corridor", "--delay", "1"], "--delay: must be 0 s, as the scene defines no step length"),
         (["corridor", "--aside", "1", "--count", "1"], "--count: must be 2..100 takes, not 1"),
         (["corridor", "--aside", "1", "--seconds", "0"], "--seconds: must be more than 0"),
     ],

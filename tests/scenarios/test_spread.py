@@ -141,9 +141,9 @@ def test_what_cannot_be_drawn_is_refused(given: dict[str, object], words: str) -
 
 
 def test_delays_need_seconds() -> None:
-    """Where nobody says how long a step is, shifts are drawn and delays are not."""
+    """Without a step length, shifts are drawn and delays are not."""
     problem = scene(walking()).replace(step=None)
-    with pytest.raises(co.ProblemError, match=r"^delay: must be 0 s where nobody says how long a"):
+    with pytest.raises(co.ProblemError, match=r"^delay: must be 0 s, as the scene defines no"):
         co.takes(problem, delay=1.0)
     assert len(co.takes(problem, aside=1.0).takes) == 3
     with pytest.raises(co.ProblemError, match=r"^problem: must have no takes yet$"):

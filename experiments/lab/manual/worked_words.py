@@ -113,7 +113,7 @@ def _parts_table() -> str:
     rows = list(explained.parts().items())
     rows.append(("**bound - J**", explained.explanation.gap))
     return markdown_table([
-        {"the bound is higher because": words, "amount": number(amount),
+        {"source of the gap": words, "amount": number(amount),
          "% of the bound": f"{100 * explained.explanation.share(amount):.3f}"}
         for words, amount in rows
     ])  # fmt: skip
@@ -123,7 +123,7 @@ def _costliest() -> str:
     losses = worked.explained().explanation.losses()
     robot, step = np.unravel_index(int(losses.argmax()), losses.shape)
     share = 100 * worked.explained().explanation.share(float(losses.max()))
-    return f"drone {robot} leaves step {step} in a way that costs {share:.2f} % of the bound"
+    return f"drone {robot}'s move from step {step} costs {share:.2f} % of the bound"
 
 
 def _second() -> str:
@@ -134,8 +134,8 @@ def _second() -> str:
 def _replan() -> str:
     best = max(worked.explained().replans, key=lambda replan: replan.gain)
     return (
-        f"If drone {best.robot} alone is planned again, given all others, "
-        f"J grows by {number(best.gain)}, which is "
+        f"Replanning drone {best.robot} alone, given all others, raises "
+        f"J by {number(best.gain)}, which is "
         f"{100 * best.gain / worked.explained().explanation.gap:.0f} % of the gap."
     )
 

@@ -192,7 +192,7 @@ Example: cocap-opt study notebooks first_tour
 
 app = App(
     name="study",
-    help="Measure again the numbers that the documentation quotes.",
+    help="Re-run the project's benchmarks.",
     help_format="markdown",  # plain text is shown with the line breaks of the source
     version_flags=[],
 )
