@@ -26,6 +26,7 @@ _TALLEST = 830.0  # m, of buildings
 _USUAL = 150.0  # m, of half of the built-up cells; no town of towers is higher
 _STEEPEST = 2.0  # of half of the land; cliffs are steeper
 _SMALLEST = 0.1  # m, of what hides anybody
+_WANTED = "cells near people at the last step"
 _MOST_YAW = 4 * math.pi  # rad, two whole turns
 _LEVEL = math.pi / 2  # deg; in radians, tilts are at most that
 _FEW = 12  # cells, fewer than a drone needs to choose its view

@@ -54,9 +54,7 @@ class Spread(NamedTuple):
         within(self.speed, 0, 1, "speed")
         require(any(self), "delay", "or aside or speed must be more than 0, or all takes are alike")
         if self.delay and step is None:
-            raise ProblemError(
-                "delay: must be 0 s, as the scene defines no step length"
-            )
+            raise ProblemError("delay: must be 0 s, as the scene defines no step length")
 
 
 class _Walk(NamedTuple):

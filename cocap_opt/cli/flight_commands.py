@@ -158,7 +158,9 @@ def _fly(
     ] = None,
     autopilot: Annotated[
         Autopilot | None,
-        Parameter(help="autopilot of the missions (default: px4 for .plan, ardupilot for .waypoints)"),
+        Parameter(
+            help="autopilot of the missions (default: px4 for .plan, ardupilot for .waypoints)"
+        ),
     ] = None,
     items: Annotated[
         Whole | None,

@@ -58,14 +58,18 @@ Work = Annotated[
 ]
 Workers = Annotated[
     int | None,
-    Parameter(converter=_whole, help="number of worker processes, one per core (default: no workers)"),
+    Parameter(
+        converter=_whole, help="number of worker processes, one per core (default: no workers)"
+    ),
 ]
 Json = Annotated[bool, FLAG(name="--json", help="print one JSON object")]
 Free = Annotated[bool, FLAG(help="leave collisions between drones out of the scene")]
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="file to write")]
 OfScenes = Annotated[
     list[str] | None,
-    Parameter(name="--scene", negative="", help="may be repeated (default: all scenes of the results)"),
+    Parameter(
+        name="--scene", negative="", help="may be repeated (default: all scenes of the results)"
+    ),
 ]
 OfPlanners = Annotated[
     list[str] | None,

@@ -204,7 +204,8 @@ class Flight(NamedTuple):
                 nearer += f" or {kept.people_above:g} m over heads"
                 asked += f" and {self.asked.people_above:g}"
             yield (
-                f"--margin lets drones come nearer to people: {nearer}; the scene asks for {asked} m"
+                f"--margin lets drones come nearer to people: {nearer}; the scene asks for "
+                f"{asked} m"
             )
 
     def warnings(self) -> Iterable[str]:

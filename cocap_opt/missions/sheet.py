@@ -7,9 +7,12 @@ from collections.abc import Iterator
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from cocap_opt.data import FloatArray
@@ -128,15 +131,39 @@ def _draw_map(ax: Axes, flight: Flight) -> None:
         if robot.home is not None:
             _mark(ax, np.array(problem.height_map.centre(*robot.home)), f"H{i}", "white", "black")
     _draw_north(ax, flight)
-    every = flown.seconds / (_MARKS - 1)
-    zoned = "; red: closed to drones" if problem.airspace.no_fly else ""
-    homes = "; H: homes, thin lines: ways there" if has_homes(problem) else ""
-    ax.set_title(
-        f"rings: starts, of people with P; squares: ends; dots: drones every {every:.3g} s{zoned}"
-        f"{homes}",
-        fontsize=_SIZE,
-    )
+    _draw_legend(ax, flight)
     ax.tick_params(labelsize=_SIZE)
+
+
+def _draw_legend(ax: Axes, flight: Flight) -> None:
+    """Draws the marks of the map above it, each with its meaning."""
+    problem = flight.flown.problem
+    every = flight.flown.seconds / (_MARKS - 1)
+
+    def ring(letter: str, fill: str, words: str) -> Line2D:
+        return Line2D([], [], ls="none", marker="o", mfc=fill, mec="black", mew=0.8, ms=9,
+                      label=f"{letter}: {words}")  # fmt: skip
+
+    handles: list[Artist] = [
+        ring("0, 1, ..", "white", "drone, start"),
+        Line2D([], [], color="black", lw=1.6, marker=".", ms=5,
+               label=f"flight, a dot every {every:.3g} s"),
+    ]  # fmt: skip
+    if problem.actors:
+        handles += [
+            ring("P0, P1, ..", PERSON, "person, start"),
+            Line2D([], [], color=PERSON, lw=1, ls=":", label="walk"),
+        ]
+    handles.append(Line2D([], [], ls="none", marker="s", mfc="none", mec="black", label="end"))
+    if problem.airspace.no_fly:
+        handles.append(Patch(fc="none", ec=ZONE, hatch="////", lw=1.2, label="no-fly zone"))
+    if has_homes(problem):
+        handles += [
+            ring("H0, H1, ..", "white", "home"),
+            Line2D([], [], color="black", lw=0.8, alpha=0.7, label="way from or to home"),
+        ]
+    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4,
+              fontsize=_SIZE, frameon=False, borderaxespad=0.2)  # fmt: skip
 
 
 def _mark_end(ax: Axes, at: FloatArray, colour: str) -> None:

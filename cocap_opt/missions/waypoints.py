@@ -232,7 +232,9 @@ def _clock(flight: Flight, delay: float | None) -> Iterator[str]:
         return
     owner = "the scene's" if flight.flown.problem.rules.separation else "a"
     asked = f"{owner} {_asked(flight)}"
-    yield "waypoint missions are not synchronised after take-off: nothing holds drones to their times"
+    yield (
+        "waypoint missions are not synchronised after take-off: nothing holds drones to their times"
+    )
     if math.isinf(delay):
         yield f"between drones, {asked} holds however late any of them is"
     elif delay == 0:

@@ -82,14 +82,18 @@ def test_the_crew_is_told_who_is_filmed_badly() -> None:
 
 
 def test_no_fly_zones_are_told_from_houses_on_the_map() -> None:
-    """They have a colour of their own, which the map's title names."""
+    """They have a colour of their own, which the map's legend names."""
     problem, plan = scene()
     assert problem.airspace.no_fly
     for airspace, count in ((problem.airspace, len(problem.airspace.no_fly)), (co.Airspace(), 0)):
         ax = Figure().add_subplot()
         sheet_module._draw_map(ax, Flight.of(problem.replace(airspace=airspace), plan, False))
         assert len(ax.patches) == count
-        assert ("red: closed to drones" in ax.get_title()) == bool(count)
+        legend = ax.get_legend()
+        assert legend is not None
+        words = [text.get_text() for text in legend.get_texts()]
+        assert ("no-fly zone" in words) == bool(count)
+        assert {"end", "0, 1, ..: drone, start", "P0, P1, ..: person, start"} <= set(words)
 
 
 def test_names_stay_as_they_are() -> None:
