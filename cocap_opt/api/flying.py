@@ -98,7 +98,7 @@ def robustness(
 ) -> "pd.DataFrame":
     """Evaluate a plan when people deviate from their walks, or a drone is late or lost.
 
-    Nobody notices: all others fly as planned. Distances and rules are those of every moment, on
+    Nobody reacts: all others fly as planned. Distances and rules are those of every moment, on
     the flights' polynomials; J is computed between the steps, too. A drone that is lost at a step
     has left the scene: it contributes nothing from there on, and is near nobody.
 

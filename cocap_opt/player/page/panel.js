@@ -124,7 +124,7 @@ class Panel {
       add("closest approach", distance(plan.closest), "the least distance of any two drones at any time")
         .classList.toggle("alarm", plan.near.length + plan.conflicts.length > 0);
     }
-    if (plan.gap) this.lost = add("lost by leaving it", "");
+    if (plan.gap) this.lost = add("cost of this move", "");
     this.now.className = "now";
     this.sum.className = "sum";
     facts.append(this.marks());
@@ -228,12 +228,12 @@ class Panel {
 
 const distance = (metres) => `${Number(metres.toPrecision(2))} m`;
 
-// What drones lose by leaving a step as they do, the one that loses most named.
+// Cost of the drones' moves from a step, in % of the bound, with the costliest drone named.
 function losses(gap, step) {
   const lost = gap.losses.map((row) => row[step] ?? 0), most = Math.max(...lost);
-  if (most < 5e-6) return "nothing";
-  const all = lost.reduce((a, b) => a + b, 0), rest = all - most < 5e-6 ? "" : ` of ${percent(all)}`;
-  return `${percent(most)}${rest} by drone ${lost.indexOf(most)}`;
+  if (most < 5e-6) return "none";
+  const all = lost.reduce((a, b) => a + b, 0);
+  return `${percent(all)} of bound (drone ${lost.indexOf(most)}: ${percent(most)})`;
 }
 
 // Flight height of a drone (m), of which there is only one where it is always the same.

@@ -239,7 +239,7 @@ const KEYS = [
   ["-", "-", "farther away", () => zoom(1 / ZOOM)],
   ["arrows", "↹ ←↑", "on the picture that has the focus: turn it, with shift move it", () => {}],
   ["0", "0", "fit everything into the picture", fit],
-  ["x", "X", "the other plan, on a phone", () => choose((state.plan + 1) % panels.length)],
+  ["x", "X", "switch plan (narrow screens)", () => choose((state.plan + 1) % panels.length)],
   ["?", "?", "this help", help],
 ];
 
