@@ -42,7 +42,7 @@ class Spread(NamedTuple):
     speed: float = 0.0
 
     def require_for(self, step: float | None) -> None:
-        """Checks the spread for a scene whose steps last so many seconds; None: nobody knows.
+        """Checks the spread for a scene whose steps last so many seconds; None if unknown.
 
         Raises
         ------
@@ -108,7 +108,7 @@ def drawn_takes(
     Parameters
     ----------
     actors : at least one
-    step : s of a step; None: nobody knows
+    step : s of a step; None if unknown
     spread : standard deviations
     count : number of takes, the first included
     varied : numbers of the people who may walk otherwise; None: all. The others are in all takes

@@ -495,7 +495,7 @@ def _shown(row: ChangeRow) -> Record:
     if row.people_distance is not None:
         columns["people (m)"] = row.people_distance
     asked = [metres for metres in (row.ask_drones, row.ask_people) if metres is not None]
-    way_out = f"; ask for {' and '.join(f'{metres:g}' for metres in asked)} m" if asked else ""
+    way_out = f"; plan with {' and '.join(f'{metres:g}' for metres in asked)} m" if asked else ""
     return {**columns, "rules": f"{row.rules}{way_out}"}
 
 
@@ -518,12 +518,12 @@ def _notes(flight: Flight, delay: float | None, to_people: float | None) -> Iter
 
 
 def _asking(found: WhatIf) -> Iterator[str]:
-    """Yields a sentence on the distances to ask for, where there are any."""
+    """Yields a sentence on the distances to plan with, where there are any."""
     rows = [*found.changes, *(row.left for row in found.losses)]
     if any(row.ask_drones is not None or row.ask_people is not None for row in rows):
         yield (
-            "distances to ask for are those of the scene and what is missing; a plan made with "
-            "them is another one: look at it again, to people with a --margin larger by as much"
+            "distances to plan with are those of the scene plus the shortfall; they lead to a "
+            "different plan: evaluate it again, with --margin larger by the shortfall to people"
         )
 
 

@@ -59,7 +59,8 @@ Work = Annotated[
 Workers = Annotated[
     int | None,
     Parameter(
-        converter=_whole, help="number of worker processes, one per core (default: no workers)"
+        converter=_whole,
+        help="worker processes, one per core (default: this process only)",
     ),
 ]
 Json = Annotated[bool, FLAG(name="--json", help="print one JSON object")]

@@ -75,13 +75,13 @@ def _plan(
     output: Output = None,
     json: Json = False,
 ) -> int:
-    """Plan a scene, have the plan checked, and write it to a file.
+    """Plan a scene, check the plan, and write it to a file.
 
-    With --from-step the drones have flown the plan of --plan up to a step, and the rest is planned
-    again: with drones lost, or in a scene whose people walk otherwise. The new rest is no worse
-    than the old one, where that still keeps the rules. -o writes a plan of the whole mission, as
-    soon as it is there; then a bound on the rest is computed. A lost drone leaves the scene at that
-    step, so there is no whole plan: --rest-plan writes that of the others.
+    With --from-step the drones have flown the plan of --plan up to that step, and the rest is
+    replanned: without lost drones, or in a scene whose people walk elsewhere. The new rest is no
+    worse than the old one, provided that the old one still keeps the rules. -o writes the plan of
+    the whole mission as soon as it is found; then a bound on the rest is computed. A lost drone
+    leaves the scene at that step, so there is no whole plan: --rest-plan writes that of the others.
 
     Example: cocap-opt plan corridor --seed 0 -o plan.json
     """

@@ -89,10 +89,10 @@ def _verify(
 
     The plan may also be in a scene format's own plan format, or a solver's
     solution (.sol) of a program that `export` has written; a solution of
-    Hughes et al. names its scene, and needs no other. Of several bounds the
-    lowest is shown, and explained; gaps are to what is proved, be it less than
-    what is claimed. A bound that is not checked within the limit counts as not
-    proved, though it may hold.
+    Hughes et al. names its scene, so you need not pass one. Of several bounds
+    the lowest is shown and explained. Gaps are to the bound that is proved,
+    even if the file states another. A bound that is not checked within the
+    limit counts as not proved, though it may hold.
 
     Example: cocap-opt verify corridor plan.json certificate.json --explain
     """

@@ -55,7 +55,7 @@ class Geodesy:
     def is_meant_for(crs: str, place: Place) -> bool | None:
         """Returns True if a place is in the area for which a reference system is made.
 
-        None: nobody says for which it is.
+        None if the system names no area.
 
         Raises
         ------
@@ -123,7 +123,7 @@ class Geodesy:
 
     @property
     def accuracy(self) -> float | None:
-        """Metres by which latitudes and longitudes may be off; None: nobody says."""
+        """Metres by which latitudes and longitudes may be off; None if unknown."""
         metres = float(self._to_earth.accuracy)
         return metres if metres >= 0 else None
 

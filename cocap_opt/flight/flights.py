@@ -50,11 +50,11 @@ class Flight(NamedTuple):
     flown : straight or smooth
     straight : the plan's own
     verdict : the referee's, on the plan
-    geodesy : None where nobody knows where the scene is on the Earth
+    geodesy : None if the scene is not georeferenced
     demands : the largest of each kind on each drone
     slowed : steps of drones at which they pass more slowly than they could
     shortened : steps of drones at which they change speed in less time than they could
-    start : when step 0 is, with its offset from UTC; None: nobody says
+    start : when step 0 is, with its offset from UTC; None if unspecified
     asked : the scene's airspace, where drones fly nearer to people than it says; else None
     cut_short : what a limit has left of the plan, in words; empty where it is whole
     """

@@ -53,7 +53,7 @@ class AirTime(NamedTuple):
     out : its way from home
     filming : s of the plan
     back : its way home
-    endurance : s for which its battery lasts; None: nobody knows
+    endurance : s for which its battery lasts; None if unknown
     """
 
     drone: int
@@ -91,7 +91,7 @@ def records_of(parts: Sequence[Part]) -> list[dict[str, Any]]:
     """Returns plain data: each drone's time in the air in each part, and its ways.
 
     Keys: `first` and `last` (the steps of the part), `drone`, `seconds` (from take-off to landing),
-    `filming` (s), `endurance` (s; None: nobody knows), `out` and `back`, which have the `seconds`
+    `filming` (s), `endurance` (s; None if unknown), `out` and `back`, which have the `seconds`
     of the way, `waits` (s) and `points` (m), where it turns.
     """
     return [

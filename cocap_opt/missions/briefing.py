@@ -37,11 +37,11 @@ _BLANK = "__________"
 _NAME = 24  # characters of a person's name in a table
 _LEGS = "take-off and landing legs, against anything"
 _UNCHECKED = (
-    "wind, and how well drones keep to the flight: distances hold for flights flown exactly",
+    "wind, and deviations of drones: distances hold for flights flown exactly",
     _LEGS,
     "batteries, radio links and satellite reception",
-    "what stands or hangs there and is not on the map; people who are not in the scene, and how "
-    "well those in it keep to their walks",
+    "obstacles that are not on the map, people who are not in the scene, and deviations of people "
+    "from their walks",
     "airspace and its rules, and permission of the owners of the ground",
 )
 
@@ -180,10 +180,10 @@ def _summary(flight: Flight) -> Iterator[str]:
 def _signal(flight: Flight) -> str:
     """Says when people get their signal."""
     if flight.is_smooth or flight.flown.problem.begins_in_the_air:
-        return "Give them a signal then."
+        return "Signal them then."
     return (
-        f"Give them a signal then; with missions of waypoints, {seconds_to_step_0(flight):.3g} s "
-        "after starting these."
+        f"Signal them then; with waypoint missions, {seconds_to_step_0(flight):.3g} s after "
+        "starting the missions."
     )
 
 
@@ -218,25 +218,25 @@ def _drones(flight: Flight) -> Iterator[str]:
         battery = _BLANK if lasts is None else f"{lasts / 60:.1f}"
         airframe = airframe_name(robot.limits) or _BLANK
         yield (f"{i:>5}  {camera_name(robot.camera) or _BLANK:<22}{airframe:<22}{battery} min")
-    yield "Batteries last so long by the maker, in calm air; less in wind and cold."
+    yield "Battery times are the maker's, in calm air; expect less in wind and cold."
     yield from _in_the_air(flight)
 
 
 def _in_the_air(flight: Flight) -> Iterator[str]:
     """Yields how long drones are in the air, and whose battery does not last for it."""
     if flight.flown.problem.begins_in_the_air:
-        yield f"In the air: {flight.flown.seconds:g} s for the rest; the way down comes on top."
+        yield f"In the air: {flight.flown.seconds:g} s for the rest, plus the way down."
         return
     if has_homes(flight.flown.problem):
-        yield "In the air: from home and back, as the table below has it."
+        yield "In the air: from home and back, see the table below."
         return
     seconds = seconds_in_the_air(flight)
     before = seconds - flight.flown.seconds
-    waits = "" if flight.is_smooth else ", where missions of waypoints wait for each other"
+    waits = "" if flight.is_smooth else ", where waypoint missions wait for each other"
     yield (
         f"In the air: {seconds:.4g} s ({seconds / 60:.1f} min) from take-off to the last step, "
-        f"{before:.3g} s of them up to the first place at {RISE:g} m/s or faster{waits}; the way "
-        "down comes on top."
+        f"{before:.3g} s of them up to the first place at {RISE:g} m/s or faster{waits}; plus the "
+        "way down."
     )
     for i, robot in enumerate(flight.flown.problem.robots):
         if robot.limits is not None and robot.limits.outlasted_by(seconds):
@@ -262,7 +262,7 @@ def _distances(flight: Flight) -> Iterator[str]:
     near = Nearest.of_drones(flight.flown)
     rules = str(problem.rules)
     if near is None:
-        yield "Between drones: there is one only."
+        yield "Between drones: there is only one."
     else:
         x, y, z = near.place.tolist()
         yield (
@@ -284,7 +284,7 @@ def _distances(flight: Flight) -> Iterator[str]:
         for zone in zones(flight, flight.geodesy):
             yield f"N{zone.name[1:]}{_corners(zone)}."
     if flight.asked is not None:
-        yield f"The scene asks for {flight.asked.told_people}, and is flown with less, by --margin."
+        yield f"The scene asks for {flight.asked.told_people}; --margin allows less in this flight."
 
 
 def _corners(zone: Zone) -> str:
@@ -297,7 +297,7 @@ def _corners(zone: Zone) -> str:
 
 
 def _delays(flight: Flight) -> Iterator[str]:
-    """Yields what becomes of the distances where somebody is late."""
+    """Yields how late drones or people may be before a distance is lost."""
     rules, delay = flight.flown.problem.rules, tolerated_delay(flight)
     if delay is not None and math.isinf(delay):
         yield f"Between drones: {rules} is kept however late any of them is."

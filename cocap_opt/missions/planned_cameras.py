@@ -90,7 +90,7 @@ class World(NamedTuple):
     crs : name of the reference system, None where nobody knows where the scene is
     place : latitude and longitude of the origin (degrees, WGS 84), and the direction of its x
         (degrees clockwise from true north)
-    base : the name of what heights are above, and that of z = 0 (m); None: nobody says
+    base : the name of what heights are above, and that of z = 0 (m); None if unspecified
     """
 
     origin: FloatArray

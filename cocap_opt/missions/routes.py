@@ -52,7 +52,7 @@ class Route(NamedTuple):
     pitch : [T+1] degrees, of the camera, 0 is level and below the horizon is negative
     lengths : [T] m along the ground
     step : s
-    sea : m above the sea at the take-off; None: nobody knows
+    sea : m above the sea at the take-off; None if unknown
     until : s from the start of the mission to step 0, for which the drone waits in its place
     """
 

@@ -250,8 +250,8 @@ def _ends(flight: Flight, found: list[Route], autopilot: Autopilot) -> Iterator[
     at = f"{seconds_to_step_0(flight):.3g} s"
     yield (
         f"start all missions at once: each waits at its start until {at}, if it rises at "
-        f"{autopilot.rise:g} m/s ({autopilot.rises_by}); at the end it hovers, and the way "
-        "home is not in it"
+        f"{autopilot.rise:g} m/s ({autopilot.rises_by}); at the end it hovers, without a way "
+        "home"
     )
     if flight.flown.problem.actors:
         yield f"give people their signal {at} after starting the missions: that is step 0"
@@ -261,4 +261,4 @@ def _ends(flight: Flight, found: list[Route], autopilot: Autopilot) -> Iterator[
     )
     yield "in these files yaw is clockwise from true north, and altitudes are above the take-off"
     if any(route.sea is None for route in found):
-        yield "the home's height above the sea is not known"
+        yield "the home's height above the sea is unknown"

@@ -113,17 +113,17 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     @property
     def made_for(self) -> str:
-        """Digest of the problem that the plan's file says it is for; empty if nobody says it."""
+        """Digest of the problem that the plan's file names; empty if it names none."""
         return str(vars(self).get("_made_for", ""))
 
     @property
     def scene(self) -> str:
-        """Name of the problem that the plan's file says it is for; empty if nobody says it."""
+        """Name of the problem that the plan's file names; empty if it names none."""
         return str(vars(self).get("_scene", ""))
 
     @property
     def ending(self) -> Ending | None:
-        """The end of the search for it, as the plan's file says; None if nobody says it."""
+        """The end of the search for it, as the plan's file says; None if unspecified."""
         ending: Ending | None = vars(self).get("_ending")
         return ending
 

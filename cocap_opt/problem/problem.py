@@ -49,7 +49,7 @@ class Problem(SceneData, frozen=True, eq=False, dict=True):
     meshes : solid matter besides the height map
     airspace : no-fly zones, a ceiling, and the distance that drones keep from people
     step : seconds from a step to the next; None if unspecified
-    earth : where the scene is on the Earth; None: nobody knows
+    earth : where the scene is on the Earth; None if unknown
     takes : ways in which people may walk, whose probabilities sum to 1; a person who is in none of
         them becomes a copy in each. None: people walk as they do
 

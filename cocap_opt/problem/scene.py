@@ -46,7 +46,7 @@ class Earth(Data, frozen=True):
         WKT
     origin : latitude and longitude (WGS 84, degrees) of the point x = 0, y = 0, from which the
         axes go along those of the system; None: x and y are the system's own
-    heights : what altitudes are above, "sea" or "ellipsoid"; None: nobody knows
+    heights : what altitudes are above, "sea" or "ellipsoid"; None if unknown
     base : m, altitude above that of z = 0
     """
 

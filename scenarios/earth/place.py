@@ -31,7 +31,7 @@ class MapProjection(NamedTuple):
 
     Attributes
     ----------
-    earth : the place of the scene; None: nobody says it
+    earth : the place of the scene; None if unspecified
     point : m, a point of the map
     """
 

@@ -96,7 +96,7 @@ def in_metres(
     elif unit is None and kind == GEOJSON:
         if stated.is_null:
             raise ProblemError(
-                f"crs: is null, so that nobody knows what the coordinates are; {SAYS_LENGTHS}, no "
+                f"crs: is null, so the coordinate system is unknown; {SAYS_LENGTHS}, no "
                 "crs at all that they are degrees"
             )
         _require_degrees(polygons)

@@ -70,7 +70,7 @@ take = "rehearsed"          # or ["rehearsed", "late"]: takes in which they are;
 
 [[walk]]
 points = [[20, 20], [60, 22]]
-name = "Ada"                # as people call the person; left out: nobody says it
+name = "Ada"                # name of the person (optional)
 speed = 1.2
 first = 0.5                 # m of the way that are walked before step 0
 # heading = 90              # where the person looks all the time, from x to y; left out: ahead
@@ -173,7 +173,7 @@ count_start = false         # true: what is seen at step 0 counts too
 over_time = false           # true: pixels add up over the steps before the root is taken
 
 [objective.views]           # drones that see a person count, too; left out: they do not
-cameras = 2                 # from so many on, more add nothing
+cameras = 2                 # more cameras than this add nothing
 # weight = 250.0            # px^0.5/m, of a drone that sees a person at a step; or a list, a number
                             # for each person; left out: half of what a view of the person pays from
                             # where the person fills a third of the image's height; "first": more

@@ -125,7 +125,7 @@ def times_of_numbers(
     ----------
     values : [n] as they stand in the file
     ids : [n] of people, for guessing a unit in words; None: they are words
-    unit : a key of `PER_SECOND`; None: nobody says it, and they are seconds
+    unit : a key of `PER_SECOND`; None if unspecified: seconds
     texts : gives the lines and fields, in which no digit is lost
 
     Raises

@@ -191,7 +191,7 @@ def test_homes_are_above_the_sea_or_unknown() -> None:
         assert [plan["plannedHomePosition"][2] for plan in plans] == homes
         lists = [content.splitlines()[1].split() for content in written(".waypoints", flight)]
         assert [float(row[10]) for row in lists] == [home or 0.0 for home in homes]
-        assert ("above the sea is not known" in said(FORMATS[".plan"].writer()(flight, None))) == (
+        assert ("above the sea is unknown" in said(FORMATS[".plan"].writer()(flight, None))) == (
             heights != "sea"
         )
         assert plans[0]["items"][0]["params"][6] == 5.0
