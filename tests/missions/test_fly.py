@@ -118,7 +118,7 @@ def test_lines_between_rows_are_told(
     assert far == [[], [pytest.approx(off, rel=0.1)]]
     assert off > 0.01
     told = " ".join(Run(capsys, "fly", "--help").out.split())
-    assert "Not checked: wind and errors of drones" in told
+    assert "Not checked: wind, deviations from the planned flight" in told
 
 
 def beside_somebody() -> tuple[co.Problem, co.Plan]:
@@ -171,7 +171,7 @@ def test_a_margin_makes_room_for_a_smooth_flight(
     run = Run(capsys, "fly", scene, file, "--smooth", "-o", out, "--margin", margin, "--json")
     assert run.code == 0
     assert run.json["people_distance"] >= 2.99 - float(margin)
-    note = "--margin lets drones be nearer to people: 2.95 m aside; the scene asks for 2.99 m"
+    note = "--margin lets drones come nearer to people: 2.95 m aside; the scene asks for 2.99 m"
     assert note in run.json["notes"]
     run = Run(capsys, "robustness", scene, file, "--smooth", "--margin", margin, "--json")
     assert run.code == 0 and note in run.json["notes"]

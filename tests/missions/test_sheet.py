@@ -272,7 +272,7 @@ def test_the_sheet_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     page = (tmp_path / "sheet.pdf").read_bytes()
     flight = Flight.of(problem, plan, False)
     start = datetime(2026, 5, 1, 10, tzinfo=timezone(timedelta(hours=2)))
-    for base, words in ((0.0, "z is the height above the sea"), (-7.5, "z + -7.5 m is the height")):
+    for base, words in ((0.0, "z: height above the sea"), (-7.5, "z + -7.5 m is the height")):
         above = problem.replace(earth=co.Earth(crs="EPSG:2154", heights="sea", base=base))
         other = flight._replace(flown=replace(flight.flown, problem=above))
         assert words in text_of(other)["Flight"][-1]
