@@ -232,8 +232,8 @@ const distance = (metres) => `${Number(metres.toPrecision(2))} m`;
 function losses(gap, step) {
   const lost = gap.losses.map((row) => row[step] ?? 0), most = Math.max(...lost);
   if (most < 5e-6) return "none";
-  const all = lost.reduce((a, b) => a + b, 0);
-  return `${percent(all)} of bound (drone ${lost.indexOf(most)}: ${percent(most)})`;
+  const all = lost.reduce((a, b) => a + b, 0), share = all - most < 5e-6 ? "" : `: ${percent(most)}`;
+  return `${percent(all)} of bound (drone ${lost.indexOf(most)}${share})`;
 }
 
 // Flight height of a drone (m), of which there is only one where it is always the same.
