@@ -180,9 +180,9 @@ def _summary(flight: Flight) -> Iterator[str]:
 def _signal(flight: Flight) -> str:
     """Says when people get their signal."""
     if flight.is_smooth or flight.flown.problem.begins_in_the_air:
-        return "Signal them then."
+        return "Give them the signal then."
     return (
-        f"Signal them then; with waypoint missions, {seconds_to_step_0(flight):.3g} s after "
+        f"Give them the signal then; with waypoint missions, {seconds_to_step_0(flight):.3g} s after "
         "starting the missions."
     )
 
