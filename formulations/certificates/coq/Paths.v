@@ -1,7 +1,7 @@
 (** The paths of all drones together: value iteration over the joint states that plans above a target
     may visit.  Of all ways to a joint state the best is kept. *)
 From Coq Require Import ZArith List Bool Reals Lra Lia Psatz Permutation FMapPositive.
-From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Search Staged.
+From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Gains Pools Search Staged.
 Import ListNotations.
 Open Scope Z_scope.
 
@@ -88,6 +88,9 @@ Qed.
 
 Section Paths.
 Variables (I : instance) (C : certificate) (coarse : Z).
+Variable memory : Type.
+Variable advise : list spec -> so_far_of -> list Z -> pool (candidate * Z) -> memory -> option advice * memory.
+Variable mind : memory.
 Notation T := (horizon I).
 Notation M := (numbers C).
 Notation rs := (all_rows C []).
@@ -136,8 +139,8 @@ Definition take_joint (t : nat) (gs : list group) (before threshold : Z) (l : li
 Definition explore_in (gs : list group) (later : Z) (t : nat) (before : Z) (conflict : named -> named -> bool)
   (p : pool candidate) : joints -> joints :=
   let threshold := target - before - later in
-  search I C coarse (fun _ => threshold) (take_joint t gs before threshold) conflict gs (length (team I)) []
-    (nothing (specs_of I C coarse gs)) 0 (- floor (at_ N t)) (step_bases (at_ N t)) p.
+  search I C coarse memory advise (fun _ => threshold) (take_joint t gs before threshold) conflict gs (length (team I)) []
+    (nothing (specs_of I C coarse gs)) 0 (- floor (at_ N t)) (step_bases (at_ N t)) p mind.
 
 Definition explore (t : nat) := explore_in (step_groups I C t) (rest t) t.
 
@@ -374,7 +377,7 @@ Proof.
   assert (HGood : Good ([] ++ concat Ls) (explore t before conflict p m)).
   { apply (node_ok named conflict Hsym (amount_unit I) (weight_unit I) (precision M) coarse Za Zw (precision_pos I C coarse ok) Zc
       (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => threshold) (take_joint t gs before threshold)
-      Sorted.sort sorted_permutes named_dec Good Hlow Hdown Hkeep true ltac:(discriminate) (step_bases st) (floor st)).
+      Sorted.sort sorted_permutes memory (advise (specs_of I C coarse gs)) named_dec Good Hlow Hdown Hkeep true ltac:(discriminate) (step_bases st) (floor st)).
     - exact Hpool.
     - clear - Hpos. induction Hpos as [|nl p E H IH]; constructor; [rewrite E; lia | exact IH].
     - apply Forall2_lengths in Hp. rewrite <- (eq_trans Hp (team_size I plan planned)). clear - Hpos.
@@ -469,20 +472,23 @@ End Paths.
 
 Section Whole.
 Variables (I : instance) (C : certificate) (coarse : Z).
+Variable memory : Type.
+Variable advise : list spec -> so_far_of -> list Z -> pool (candidate * Z) -> memory -> option advice * memory.
+Variable mind : memory.
 Notation M := (numbers C).
 
 (** What no plan is above, by stages, and by the paths of plans above a higher target, if there is
     one; None: the certificate proves nothing. *)
 Definition whole_bound (target : Z) (stages : list stage) (paths_above : option Z) : option Z :=
   match paths_above with
-  | None => staged_bound I C coarse target stages
+  | None => staged_bound I C coarse memory advise mind target stages
   | Some higher =>
       if staged_numbers_ok I C coarse && (target <=? higher) then
-        Some (match narrowed I C coarse target stages with
+        Some (match narrowed I C coarse memory advise mind target stages with
               | None => higher
               | Some N => match close_twice I C higher N with
                           | None => higher
-                          | Some N' => paths_bound I C coarse N' higher (sweep_all I C N')
+                          | Some N' => paths_bound I C coarse memory advise mind N' higher (sweep_all I C N')
                           end
               end)
       else None
@@ -503,19 +509,19 @@ Proof.
     destruct (Z.leb_spec target higher) as [Hle | _]; [|discriminate]. injection Hb as <-.
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|].
     destruct (Rle_dec (J I plan * IZR (precision M)) (IZR higher)) as [L | G0].
-    + eapply Rle_trans; [exact L|]. apply IZR_le. destruct (narrowed _ _ _ _ _) as [N|]; [|lia].
+    + eapply Rle_trans; [exact L|]. apply IZR_le. destruct (narrowed _ _ _ _ _ _ _ _) as [N|]; [|lia].
       destruct (close_twice _ _ _ N) as [N'|]; [|lia]. unfold paths_bound.
-      generalize (listed (reached I C coarse N' higher (sweep_all I C N') (horizon I))) as l. intros l.
+      generalize (listed (reached I C coarse memory advise mind N' higher (sweep_all I C N') (horizon I))) as l. intros l.
       assert (H : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
       { induction l0 as [|x l0 IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
       apply H.
     + apply Rnot_le_lt in G0. assert (G1 : (IZR target < J I plan * IZR (precision M))%R) by (apply IZR_le in Hle; lra).
-      destruct (narrowed_ok I C coarse plan Hok Hp target G1 stages) as [N [EN HN]]. rewrite EN.
+      destruct (narrowed_ok I C coarse memory advise mind plan Hok Hp target G1 stages) as [N [EN HN]]. rewrite EN.
       destruct (close_twice_ok I C coarse plan Hok Hp higher G0 N HN) as [N' [EN' HN']]. rewrite EN'.
-      apply (paths_bound_ok I C coarse N' higher (sweep_all I C N') plan Hok Hp G0 HN' eq_refl).
+      apply (paths_bound_ok I C coarse memory advise mind N' higher (sweep_all I C N') plan Hok Hp G0 HN' eq_refl).
   - pose proof Hb as Hb'. unfold staged_bound in Hb'. destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate].
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|]. pose proof (IZR_pos _ Zp) as Pp.
-    pose proof (staged_bound_sound I C coarse target stages b plan Hb Hp) as H.
+    pose proof (staged_bound_sound I C coarse memory advise mind target stages b plan Hb Hp) as H.
     apply (Rmult_le_compat_r (IZR (precision M))) in H; [|lra]. unfold Rdiv in H.
     rewrite Rmult_assoc, Rinv_l, Rmult_1_r in H by lra. exact H.
 Qed.

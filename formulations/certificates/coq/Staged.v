@@ -3,7 +3,7 @@
     No plan above the target visits a closed state, and at each step its worth is between the bounds
     that are kept of the step.  docs/concepts/step-envelopes.md has the inequalities in words. *)
 From Coq Require Import ZArith List Bool Reals Lra Lia Psatz Permutation FMapPositive Sorting.Mergesort Orders.
-From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Search.
+From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Gains Pools Search.
 Import ListNotations.
 Open Scope Z_scope.
 
@@ -40,6 +40,12 @@ Module Sorted := Sort ByProfit.
 
 Section Staged.
 Variables (I : instance) (C : certificate) (coarse : Z).
+
+(** Who gives advice at a node of a search, and what it thinks at first. *)
+Variable memory : Type.
+Variable advise : list spec -> so_far_of -> list Z -> pool (candidate * Z) -> memory -> option advice * memory.
+Variable mind : memory.
+
 Notation T := (horizon I).
 Notation M := (numbers C).
 Notation rs := (all_rows C []).
@@ -187,7 +193,7 @@ Definition step_candidate (st : step) (gs : list group) (t k : nat) (s : state) 
 
 Definition search {A : Type} (threshold : A -> Z) (take_down : list candidate -> A -> A)
     (conflict : named -> named -> bool) (gs : list group) :=
-  node named conflict coarse (specs_of gs) A threshold take_down Sorted.sort.
+  node named conflict coarse (specs_of gs) A threshold take_down Sorted.sort memory (advise (specs_of gs)).
 
 (** The most that a joint state is worth at new prices, or the constant that is claimed. *)
 Definition most_profit (st : step) (t : nat) (prices : by_state) (claim : Z) : Z :=
@@ -195,7 +201,7 @@ Definition most_profit (st : step) (t : nat) (prices : by_state) (claim : Z) : Z
   search (fun best => best) (highest gs (floor st)) places_meet gs (length (team I)) []
     (nothing (specs_of gs)) 0 (- floor st) (step_bases st)
     (map (fun k => (size I k, map (fun sv => step_candidate st gs t k (fst sv) (snd sv))
-                                  (PM.elements (map_of prices k)))) (classes I)) claim.
+                                  (PM.elements (map_of prices k)))) (classes I)) mind claim.
 
 Definition after_constant (stg : stage) (t : nat) (claim : Z) (st : step) : step :=
   let prices := repriced st t stg in
@@ -934,7 +940,7 @@ Proof.
   { eapply Permutation_Forall; [apply Permutation_sym; exact HLs | exact Hcf]. }
   pose proof (worth_of_none t) as HF0. fold gs in HF0.
   pose proof (node_ok named places_meet places_meet_symmetric (amount_unit I) (weight_unit I) (precision M) coarse Za Zw precision_pos Zc
-    (specs_of gs) (specs_of_ok gs Hgs) Z (fun best => best) (highest gs (floor st)) Sorted.sort sorted_permutes named_dec Good
+    (specs_of gs) (specs_of_ok gs Hgs) Z (fun best => best) (highest gs (floor st)) Sorted.sort sorted_permutes memory (advise (specs_of gs)) named_dec Good
     (fun l a H _ _ => H)
     ltac:(intros l a H1 H2; unfold highest; cbv zeta;
           pose proof (exact_of_ok units_fine gs l Hgs H2) as HE; destruct H1 as [_ [Hfl _]];
@@ -947,7 +953,7 @@ Proof.
             (apply Permutation_app_head; symmetry; apply Permutation_middle);
           unfold profitR; rewrite (F_perm _ _ _ _ _ _ _ Hp), (sum_perm _ (price named) _ _ Hp); apply H;
           [eapply counts_perm; [exact places_meet_symmetric | exact Hp | exact H1] | eapply Permutation_Forall; eassumption])
-    (step_bases st) (floor st) (length (team I)) [] (nothing (specs_of gs)) 0 (- floor st) (step_bases st) pool_ claim Ls Hpool) as HN.
+    (step_bases st) (floor st) (length (team I)) [] (nothing (specs_of gs)) 0 (- floor st) (step_bases st) pool_ mind claim Ls Hpool) as HN.
   assert (HG : Good ([] ++ concat Ls) (most_profit st t prices claim)).
   { apply HN.
     - unfold pool_. apply Forall_forall. intros nl Hnl. apply in_map_iff in Hnl. destruct Hnl as [k [<- Hk]]. simpl.

@@ -6,9 +6,9 @@ set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 folder=${1:-$here/build}
 mkdir -p "$folder"
-cp "$here"/*.v "$here"/driver.ml "$folder"
+cp "$here"/*.v "$here"/advice.ml "$here"/driver.ml "$folder"
 cd "$folder"
-for module in Spec Sums Returns Prices Worth Rows Sweep Checker Search Staged Paths Build Extract; do
+for module in Spec Sums Returns Prices Worth Rows Sweep Checker Gains Tangents Pools Search Staged Paths Build Extract; do
     coqc -q -R . CocapCheck "$module.v"
 done
-ocamlfind ocamlopt -w -a -inline 200 -package zarith -linkpkg checker.mli checker.ml driver.ml -o cocap-check-verified
+ocamlfind ocamlopt -w -a -inline 200 -package zarith -linkpkg checker.mli checker.ml advice.ml driver.ml -o cocap-check-verified

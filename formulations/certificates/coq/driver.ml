@@ -229,7 +229,8 @@ let () =
         let paths_above = match word source with "-" -> None | above -> Some (Z.of_string above) in
         let by = Printf.sprintf "%d stages%s" (List.length stages)
             (if paths_above = None then "" else ", and paths of all drones together") in
-        (check_staged (build single lines) first coarse target stages paths_above numerator denominator, by)
+        let advise = Advice.advise ~coarse ~alone:lines.vertex in
+        (check_staged (build single lines) first coarse advise Advice.nothing target stages paths_above numerator denominator, by)
       | w -> refuse "no tree and no stages: %s" w in
     (holds, numerator, denominator, by)
   with
