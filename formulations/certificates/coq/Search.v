@@ -148,7 +148,7 @@ Fixpoint most_after {B} (f : B -> Z) (l : list B) : list (B * Z) :=
   end.
 
 Definition after (c : cand) (n : nat) (here : list cand) (others : pool cand) : pool cand :=
-  let fits := fun d => negb (conflict (name c) (name d)) in
+  let meets := conflict (name c) in let fits := fun d => negb (meets (name d)) in
   let rest := map (fun nl => (fst nl, filter fits (snd nl))) others in
   match n with O => rest | _ => (n, filter fits here) :: rest end.
 
@@ -162,8 +162,22 @@ Fixpoint each (explore : cand -> Z -> list cand -> A -> A) (so_far others : Z) (
       else each explore so_far others n rest (explore c g (c :: map (fun x => fst (fst x)) rest) found)
   end.
 
-Definition relaxed (a : option advice) (seen : so_far_of) (profit low : Z) (statics : list Z) (p : pool (cand * Z)) : option (pool (cand * Z)) :=
-  match a with None => Some p | Some a => relax a seen profit low statics p end.
+(** Asks for advice until there is none, or nobody is left, or it is enough; also returns the mind. *)
+Fixpoint advised (times : nat) (seen : so_far_of) (profit low : Z) (statics : list Z) (p : pool (cand * Z)) (mind : memory) : option (pool (cand * Z)) * memory :=
+  match times with
+  | O => (Some p, mind)
+  | S times' =>
+      let (told, mind') := advise seen (profit :: low :: statics) p mind in
+      match told with
+      | None => (Some p, mind')
+      | Some a => match relax a seen profit low statics p with
+                  | None => (None, mind')
+                  | Some p' => advised times' seen profit low statics p' mind'
+                  end
+      end
+  end.
+
+Definition most_advice : nat := 100.
 
 Fixpoint node (fuel : nat) (chosen : list cand) (seen : so_far_of) (profit low : Z) (bases : list base)
   (p : pool cand) (mind : memory) (found : A) : A :=
@@ -183,9 +197,8 @@ Fixpoint node (fuel : nat) (chosen : list cand) (seen : so_far_of) (profit low :
           match keep (-1) low low_gain p2 with
           | None => found
           | Some p3 =>
-            let statics := statics_above best bases in
-            let (a, mind') := advise seen (profit - best :: low :: statics) p3 mind in
-            match relaxed a seen (profit - best) low statics p3 with
+            let (p4, mind') := advised most_advice seen (profit - best) low (statics_above best bases) p3 mind in
+            match p4 with
             | None | Some [] => found
             | Some ((n, l) :: others) =>
               match mosts profit_gain others with
@@ -434,10 +447,9 @@ Lemma relax_ok a seen pre profit low best bases first floor (p : pool (cand * Z)
   (F pre - IZR (sum price pre) <= IZR profit)%R ->
   (F pre - IZR (sum charge pre) - IZR floor <= IZR low)%R ->
   bases_ok first bases pre -> counts first floor L -> (IZR best < profitR L)%R ->
-  exists p', relaxed a seen (profit - best) low (statics_above best bases) p = Some p' /\ completes p' Gs /\ within p' p.
+  exists p', relax a seen (profit - best) low (statics_above best bases) p = Some p' /\ completes p' Gs /\ within p' p.
 Proof.
-  intros L Gs Hc Hp Hok Hseen Hprofit Hlow Hbases [Hstatic [Hfloor Hfits]] Hbest. unfold relaxed.
-  destruct a as [a|]; [|exists p; repeat split; [exact Hc | apply within_refl]].
+  intros L Gs Hc Hp Hok Hseen Hprofit Hlow Hbases [Hstatic [Hfloor Hfits]] Hbest.
   unfold relax. cbv zeta. set (ls := lines_of coarse specs seen (touches a)).
   set (more := relaxed_constant specs ls). set (ws := firstn _ (shares a)).
   set (row := fun c : cand => let g := relaxed_gain coarse specs seen ls (amounts_up c) in (g - price c :: g - charge c :: static c)).
@@ -513,6 +525,26 @@ Proof.
     + apply IH, Wk'.
 Qed.
 
+Lemma advised_ok times : forall seen pre profit low best bases first floor (p : pool (cand * Z)) Ls mind,
+  let L := pre ++ concat Ls in
+  let Gs := map (map (with_its_gain seen)) Ls in
+  completes p Gs -> positive_counts p -> Forall cand_ok L -> seen_ok specs seen (together pre) ->
+  (F pre - IZR (sum price pre) <= IZR profit)%R ->
+  (F pre - IZR (sum charge pre) - IZR floor <= IZR low)%R ->
+  bases_ok first bases pre -> counts first floor L -> (IZR best < profitR L)%R ->
+  exists p' mind', advised times seen (profit - best) low (statics_above best bases) p mind = (Some p', mind')
+    /\ completes p' Gs /\ within p' p.
+Proof.
+  induction times as [|times IH]; intros seen pre profit low best bases first floor p Ls mind L Gs Hc Hp Hok Hseen Hprofit Hlow Hbases Hcounts Hbest.
+  - exists p, mind. repeat split; [exact Hc | apply within_refl].
+  - cbn [advised]. destruct (advise _ _ _ _) as [[a|] mind']; [|exists p, mind'; repeat split; [exact Hc | apply within_refl]].
+    destruct (relax_ok a seen pre profit low best bases first floor p Ls Hc Hp Hok Hseen Hprofit Hlow Hbases Hcounts Hbest) as [p1 [E1 [C1 W1]]].
+    rewrite E1.
+    destruct (IH seen pre profit low best bases first floor p1 Ls mind' C1 (within_counts _ _ W1 Hp) Hok Hseen Hprofit Hlow Hbases Hcounts Hbest)
+      as [p2 [mind2 [E2 [C2 W2]]]].
+    exists p2, mind2. repeat split; [exact E2 | exact C2 | eapply within_trans; eassumption].
+Qed.
+
 (** * Soundness: nothing that counts is left out *)
 
 Hypothesis who_dec : forall a b : who, {a = b} + {a <> b}.
@@ -542,10 +574,11 @@ Qed.
 Lemma node_keeps L fuel : forall chosen seen profit low bases p mind a, Good L a ->
   Good L (node fuel chosen seen profit low bases p mind a).
 Proof.
-  induction fuel as [|fuel IH]; intros chosen seen profit low bases p mind a H; destruct p as [|q p]; simpl; try (apply Good_keep, H); try exact H.
+  induction fuel as [|fuel IH]; intros chosen seen profit low bases p mind a H; destruct p as [|q p]; cbn [node]; try (apply Good_keep, H); try exact H.
+  cbv zeta.
   destruct (keep_static _ _ _ _) as [p1|]; [|exact H]. destruct (keep _ _ _ _) as [p2|]; [|exact H].
-  destruct (keep _ _ _ _) as [p3|]; [|exact H]. destruct (advise _ _ _ _) as [told mind'].
-  destruct (relaxed _ _ _ _ _ _) as [[|[n l] others]|]; try exact H.
+  destruct (keep _ _ _ _) as [p3|]; [|exact H].
+  destruct (advised _ _ _ _ _ _ _) as [[[|[n l] others]|] mind']; try exact H.
   destruct (mosts _ _) as [ms|]; [|exact H]. apply each_keeps; [|exact H]. intros. apply IH. assumption.
 Qed.
 
@@ -675,9 +708,8 @@ Proof.
     pose proof (within_counts _ _ W3 P2) as P3.
     unfold p in E1 |- *. cbn [node]. cbv zeta. rewrite E1, E2, E3. fold p.
     (* what advice proves *)
-    destruct (advise seen _ p3 mind) as [told mind'].
-    destruct (relax_ok told seen pre profit low (threshold a) bases first floor p3 Ls C3 P3 Hok Hseen Hprofit Hlow Hbases Hall_counts Hgt)
-      as [p4 [E4 [C4 W4]]].
+    destruct (advised_ok most_advice seen pre profit low (threshold a) bases first floor p3 Ls mind C3 P3 Hok Hseen Hprofit Hlow Hbases Hall_counts Hgt)
+      as [p4 [mind' [E4 [C4 W4]]]].
     pose proof (within_counts _ _ W4 P3) as P4. rewrite E4. fold Gs in C4.
     assert (W34 : within p4 p2) by (eapply within_trans; eassumption).
     clear C3 W3 P3 E4 W4. rename C4 into C3, W34 into W3, P4 into P3, p3 into p3', p4 into p3.

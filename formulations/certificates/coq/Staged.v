@@ -135,8 +135,9 @@ Definition step_groups (t : nat) : list group :=
 Definition specs_of (gs : list group) : list spec :=
   map (fun g => spec_of (weight_unit I) (precision M) coarse (weight I g) (return_by I g)) gs.
 
-Definition places_meet (a b : named) : bool :=
-  let x := fst a in let y := fst b in meet I x y && meet I y x.
+Definition places_meet (a : named) : named -> bool :=
+  let x := fst a in let meet_x := meet I x in
+  fun b => let y := fst b in meet_x y && meet I y x.
 
 Definition candidate_of (gs : list group) (t k : nat) (n : named) (price charge : Z) (static : list Z) (s : state) : candidate :=
   let zs := map (fun g => amount I g k t s) gs in

@@ -8,7 +8,8 @@ module Big = Z
 open Checker
 module Z = Big
 
-let rounds = 40
+let rounds = 60
+let least_dropped = 0.1 (* of a node's states: then prices are proved, and others looked for *)
 let step_offset = 20.   (* a round goes 2 / (20 + round) of the way *)
 let bend = 8.           (* how sharply shares of single gains fall from 1 to 0 *)
 let heat_of_lowest = 0.02
@@ -19,8 +20,8 @@ let whole = 1073741824.
 
 (* What a node's conditions, groups and states are, as floating-point numbers. *)
 type state = {
-  key : int * Z.t;        (* class, state *)
-  spot : int * Z.t;       (* class, place *)
+  key : int;              (* state and class *)
+  spot : int;             (* place and class *)
   of_class : int;         (* its number among the classes left *)
   groups : int array;     (* what it sees, *)
   gains : float array;    (* what that gains alone, *)
@@ -41,10 +42,10 @@ type node = {
 
 type mixture = { share : float array; amount : float array; gain : float array; value : float array }
 
-(* The shares of states, as the nodes below shall find them. *)
-type memory = (int * Z.t, float) Hashtbl.t
+(* The shares of states, as the nodes below shall find them; what was seen at the node, and rounds so far. *)
+type memory = { shares_of : (int, float) Hashtbl.t; node_seen : so_far_of; round : int; heat : float }
 
-let nothing : memory = Hashtbl.create 1
+let nothing = { shares_of = Hashtbl.create 1; node_seen = []; round = 0; heat = 0. }
 
 let returned node j z =
   if node.caps.(j) = infinity then sqrt (z *. node.unit_) else Float.min z node.caps.(j)
@@ -67,7 +68,8 @@ let node_of coarse specs seen constants pool =
     let views = Array.of_list (views 0 cand.amounts_up) in
     Array.iter (fun (j, a) -> if a > most.(j) then most.(j) <- a) views;
     let (k, p), (_, s) = cand.name in
-    { key = (k, s); spot = (k, p); of_class = c; groups = Array.map fst views; amounts = Array.map snd views;
+    let of_class x = (Z.to_int x lsl 12) + k in
+    { key = of_class s; spot = of_class p; of_class = c; groups = Array.map fst views; amounts = Array.map snd views;
       gains = Array.map (fun (j, a) -> factors.(j) *. (returned node j (seen.(j) +. a) -. roots.(j))) views;
       pays = Array.of_list (Z.to_float cand.price0 :: Z.to_float cand.charge
                             :: List.map (fun x -> -. Z.to_float x) cand.static) } in
@@ -96,6 +98,8 @@ let move node m picks step =
   Array.iteri (fun i x -> m.value.(i) <- rest *. x +. step *. node.constants.(i)) m.value;
   List.iter (fun x -> add node m x step) picks
 
+let rec is_in (x : int) = function [] -> false | y :: rest -> x = y || is_in x rest
+
 (* Of each class as many states as there are drones, the best, and no place twice where none may be
    shared; what they add up to, and the least of each class.  None if there are too few. *)
 let picked node alone worth =
@@ -105,7 +109,7 @@ let picked node alone worth =
       while !left > 0 && not !short do
         let best = ref (-1) in
         for x = node.first.(c) to node.first.(c + 1) - 1 do
-          if (!best < 0 || worth.(x) > worth.(!best)) && not (List.mem node.states.(x).spot !taken) then best := x
+          if (!best < 0 || worth.(x) > worth.(!best)) && not (is_in node.states.(x).spot !taken) then best := x
         done;
         if !best < 0 then short := true
         else begin
@@ -170,14 +174,21 @@ let begun node alone memory =
 
 let to_big x = if Float.is_nan x || Float.abs x > 1e300 then Z.zero else Z.of_float (Float.round x)
 
-(* The best numbers that are found; None if there is no use in any. *)
-let found node alone memory =
-  match begun node alone memory with
-  | None -> (None, memory)
+(* States that prices drop, as far as floating-point numbers say. *)
+let dropped node worth bound last =
+  let n = ref 0 in
+  Array.iteri (fun x s -> if bound +. worth.(x) -. last.(s.of_class) <= 0. then incr n) node.states;
+  !n
+
+(* Numbers that end a node, or else drop many states; None if there is no use in any. *)
+let found node alone memory first_round =
+  match begun node alone memory.shares_of with
+  | None -> (None, { memory with round = rounds })
   | Some m ->
-    let best = ref infinity and told = ref None and heat = ref 0. in
+    let heat = ref memory.heat and round = ref first_round and told = ref None in
+    let few = Float.to_int (least_dropped *. float_of_int (Array.length node.states)) and best = ref 0 in
     (try
-       for k = 0 to rounds - 1 do
+       while !round < rounds do
          let share, slope, touched, gained, constant = slopes node m in
          let values = Array.mapi (fun i v -> if i < 2 then v +. gained else v) m.value in
          let lowest = Array.fold_left Float.min infinity values in
@@ -201,12 +212,13 @@ let found node alone memory =
          match picked node alone worth with
          | None -> raise Exit
          | Some (total, last, picks) ->
-           if !base +. total < !best then begin
-             best := !base +. total;
-             told := Some (parts, share, touched, last)
-           end;
-           if !best < 0. then raise Exit;
-           move node m picks (2. /. (step_offset +. float_of_int k))
+           let bound = !base +. total in
+           let n = if bound < 0. then max_int else dropped node worth bound last in
+           if n > !best then begin best := n; told := Some (parts, share, touched, last) end;
+           incr round;
+           if bound < 0. then raise Exit;
+           move node m picks (2. /. (step_offset +. float_of_int !round));
+           if n > few then raise Exit
        done
      with Exit -> ());
     let shares = Hashtbl.create 64 in
@@ -216,9 +228,12 @@ let found node alone memory =
         { shares = list (fun p -> to_big (whole *. p)) parts;
           touches = List.combine (list (fun a -> to_big (whole *. a)) share) (list to_big touched);
           levels = list (fun v -> to_big (whole *. v)) last }) !told in
-    (advice, shares)
+    (advice, { shares_of = shares; node_seen = memory.node_seen; round = !round; heat = !heat })
 
 (* [alone]: no two drones may be at one place. *)
 let advise ~coarse ~alone specs seen constants pool memory =
-  if List.fold_left (fun n (k, _) -> n + k) 0 pool < fewest_drones then (None, memory)
-  else found (node_of coarse specs seen constants pool) alone memory
+  let again = memory.node_seen == seen in
+  let memory = if again then memory else { memory with node_seen = seen; round = 0; heat = 0. } in
+  if memory.round >= rounds || List.fold_left (fun n (k, _) -> n + k) 0 pool < fewest_drones
+     || List.exists (fun (_, l) -> l = []) pool then (None, memory)
+  else found (node_of coarse specs seen constants pool) alone memory memory.round
