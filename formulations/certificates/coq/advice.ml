@@ -9,125 +9,152 @@ open Checker
 module Z = Big
 
 let rounds = 60
-let least_dropped = 0.1 (* of a node's states: then prices are proved, and others looked for *)
 let step_offset = 20.   (* a round goes 2 / (20 + round) of the way *)
 let bend = 8.           (* how sharply shares of single gains fall from 1 to 0 *)
 let heat_of_lowest = 0.02
 let least_mass = 0.3    (* of the mixture of the node above that must be left to begin with it *)
 let least_amount = 1. /. 16.  (* of the most that a state sees of a group: tangents touch no lower *)
+let least_dropped = 0.15      (* of a node's states, for prices that do not end it to be proved *)
 let fewest_drones = 3
 let whole = 1073741824.
 
-(* What a node's conditions, groups and states are, as floating-point numbers. *)
+(* A state for a drone, in floating-point numbers. *)
 type state = {
+  of_cand : named cand;
   key : int;              (* state and class *)
   spot : int;             (* place and class *)
-  of_class : int;         (* its number among the classes left *)
-  groups : int array;     (* what it sees, *)
-  gains : float array;    (* what that gains alone, *)
-  amounts : float array;  (* coarse *)
+  groups : int array;     (* what it sees, and how much, coarse *)
+  amounts : float array;
   pays : float array;     (* of each condition *)
 }
 
+(* What is told of a node, and what its drones, groups and conditions are. *)
 type node = {
   constants : float array;
   counts : int array;        (* drones left of each class *)
   states : state array;
+  gains : float array array; (* of each state, what it gains alone of its groups *)
   first : int array;         (* of each class, its first state; and the number of states *)
   factors : float array; seen : float array; roots : float array;  (* of groups; seen and its return, coarse *)
   caps : float array;        (* infinite where the return is a root *)
   most : float array;
   unit_ : float;
+  alive : bool array;        (* states that no prices have dropped so far *)
 }
 
 type mixture = { share : float array; amount : float array; gain : float array; value : float array }
 
-(* The shares of states, as the nodes below shall find them; what was seen at the node, and rounds so far. *)
-type memory = { shares_of : (int, float) Hashtbl.t; node_seen : so_far_of; round : int; heat : float }
+(* [table]: the states of a search.  [shares_of]: of states in the mixture of the node above.
+   [pending]: what else is to be told of the node at which so much is seen. *)
+type memory = {
+  table : (int, state) Hashtbl.t option;
+  shares_of : (int, float) Hashtbl.t;
+  node_seen : so_far_of;
+  pending : advice list }
 
-let nothing = { shares_of = Hashtbl.create 1; node_seen = []; round = 0; heat = 0. }
+let nothing = { table = None; shares_of = Hashtbl.create 1; node_seen = []; pending = [] }
 
-let returned node j z =
-  if node.caps.(j) = infinity then sqrt (z *. node.unit_) else Float.min z node.caps.(j)
+let state_of (cand : named cand) =
+  let rec views j = function
+    | [] -> []
+    | a :: rest -> if Z.sign a = 0 then views (j + 1) rest else (j, Z.to_float a) :: views (j + 1) rest in
+  let views = Array.of_list (views 0 cand.amounts_up) in
+  let (k, p), (_, s) = cand.name in
+  let of_class x = (Z.to_int x lsl 12) + k in
+  { of_cand = cand; key = of_class s; spot = of_class p; groups = Array.map fst views; amounts = Array.map snd views;
+    pays = Array.of_list (Z.to_float cand.price0 :: Z.to_float cand.charge :: List.map (fun x -> -. Z.to_float x) cand.static) }
 
-let node_of coarse specs seen constants pool =
+let known table (cand : named cand) =
+  let (k, _), (_, s) = cand.name in
+  let key = (Z.to_int s lsl 12) + k in
+  match Hashtbl.find_opt table key with
+  | Some found when found.of_cand == cand -> found
+  | _ -> let made = state_of cand in Hashtbl.replace table key made; made
+
+let node_of coarse specs seen constants pool table =
   let unit_ = Z.to_float coarse in
   let specs = Array.of_list specs in
   let factors = Array.map (fun s -> Z.to_float s.s_factor) specs in
   let caps = Array.map (fun s -> match s.s_return with Root -> infinity | AtMost k -> Z.to_float k *. unit_) specs in
   let seen = Array.of_list seen in
   let roots = Array.map (fun (_, r) -> Z.to_float r) seen and seen = Array.map (fun (z, _) -> Z.to_float z) seen in
-  let n_groups = Array.length specs in
-  let most = Array.make n_groups 0. in
-  let node = { constants = Array.of_list (List.map Z.to_float constants); counts = Array.of_list (List.map fst pool);
-               states = [||]; first = [||]; factors; seen; roots; caps; most; unit_ } in
-  let state c ((cand : named cand), _) =
-    let rec views j = function
-      | [] -> []
-      | a :: rest -> if Z.sign a = 0 then views (j + 1) rest else (j, Z.to_float a) :: views (j + 1) rest in
-    let views = Array.of_list (views 0 cand.amounts_up) in
-    Array.iter (fun (j, a) -> if a > most.(j) then most.(j) <- a) views;
-    let (k, p), (_, s) = cand.name in
-    let of_class x = (Z.to_int x lsl 12) + k in
-    { key = of_class s; spot = of_class p; of_class = c; groups = Array.map fst views; amounts = Array.map snd views;
-      gains = Array.map (fun (j, a) -> factors.(j) *. (returned node j (seen.(j) +. a) -. roots.(j))) views;
-      pays = Array.of_list (Z.to_float cand.price0 :: Z.to_float cand.charge
-                            :: List.map (fun x -> -. Z.to_float x) cand.static) } in
-  let states = Array.of_list (List.concat (List.mapi (fun c (_, l) -> List.map (state c) l) pool)) in
+  let most = Array.make (Array.length specs) 0. in
+  let states = Array.of_list (List.concat_map (fun (_, l) -> List.map (fun (cand, _) -> known table cand) l) pool) in
+  let gains = Array.map (fun s ->
+      let n = Array.length s.groups in
+      let gains = Array.make n 0. in
+      for i = 0 to n - 1 do
+        let j = s.groups.(i) and a = s.amounts.(i) in
+        if a > most.(j) then most.(j) <- a;
+        let z = seen.(j) +. a in
+        let worth = if caps.(j) = infinity then sqrt (z *. unit_) else Float.min z caps.(j) in
+        gains.(i) <- factors.(j) *. (worth -. roots.(j))
+      done;
+      gains) states in
   let first = Array.make (List.length pool + 1) 0 in
   List.iteri (fun c (_, l) -> first.(c + 1) <- first.(c) + List.length l) pool;
-  { node with states; first }
+  { constants = Array.of_list (List.map Z.to_float constants); counts = Array.of_list (List.map fst pool);
+    states; gains; first; factors; seen; roots; caps; most; unit_; alive = Array.make (Array.length states) true }
 
 let empty node =
-  let zeros = Array.make (Array.length node.factors) 0. in
-  { share = Array.make (Array.length node.states) 0.; amount = zeros; gain = Array.copy zeros;
+  let n = Array.length node.factors in
+  { share = Array.make (Array.length node.states) 0.; amount = Array.make n 0.; gain = Array.make n 0.;
     value = Array.copy node.constants }
 
 let add node m x share =
-  let s = node.states.(x) in
+  let s = node.states.(x) and gains = node.gains.(x) in
   m.share.(x) <- m.share.(x) +. share;
-  Array.iteri (fun i j ->
-      m.amount.(j) <- m.amount.(j) +. share *. s.amounts.(i);
-      m.gain.(j) <- m.gain.(j) +. share *. s.gains.(i)) s.groups;
-  Array.iteri (fun i pay -> m.value.(i) <- m.value.(i) -. share *. pay) s.pays
+  for i = 0 to Array.length s.groups - 1 do
+    let j = s.groups.(i) in
+    m.amount.(j) <- m.amount.(j) +. share *. s.amounts.(i);
+    m.gain.(j) <- m.gain.(j) +. share *. gains.(i)
+  done;
+  for i = 0 to Array.length m.value - 1 do m.value.(i) <- m.value.(i) -. share *. s.pays.(i) done
 
 let move node m picks step =
   let rest = 1. -. step in
-  let shrink a = Array.iteri (fun i x -> a.(i) <- rest *. x) a in
+  let shrink a = for i = 0 to Array.length a - 1 do a.(i) <- rest *. a.(i) done in
   shrink m.share; shrink m.amount; shrink m.gain;
-  Array.iteri (fun i x -> m.value.(i) <- rest *. x +. step *. node.constants.(i)) m.value;
+  for i = 0 to Array.length m.value - 1 do m.value.(i) <- rest *. m.value.(i) +. step *. node.constants.(i) done;
   List.iter (fun x -> add node m x step) picks
 
 let rec is_in (x : int) = function [] -> false | y :: rest -> x = y || is_in x rest
 
 (* Of each class as many states as there are drones, the best, and no place twice where none may be
    shared; what they add up to, and the least of each class.  None if there are too few. *)
-let picked node alone worth =
+let picked node alone alive (worth : float array) =
   let total = ref 0. and picks = ref [] and short = ref false in
   let last = Array.mapi (fun c count ->
       let taken = ref [] and least = ref 0. and left = ref count in
       while !left > 0 && not !short do
-        let best = ref (-1) in
+        let best = ref (-1) and most = ref neg_infinity in
         for x = node.first.(c) to node.first.(c + 1) - 1 do
-          if (!best < 0 || worth.(x) > worth.(!best)) && not (is_in node.states.(x).spot !taken) then best := x
+          if worth.(x) > !most && alive.(x) && not (is_in node.states.(x).spot !taken) then begin
+            best := x; most := worth.(x) end
         done;
         if !best < 0 then short := true
         else begin
           let times = if alone then 1 else !left in
           taken := node.states.(!best).spot :: !taken;
           for _ = 1 to times do picks := !best :: !picks done;
-          total := !total +. float_of_int times *. worth.(!best);
-          least := worth.(!best);
+          total := !total +. float_of_int times *. !most;
+          least := !most;
           left := !left - times
         end
       done;
       !least) node.counts in
   if !short then None else Some (!total, last, !picks)
 
-(* Shares of single gains and touching roots of groups; what the mixture gains, and the constant. *)
-let slopes node m =
+(* Prices: shares of single gains and touching roots of groups, of which slopes and a constant follow. *)
+type prices = {
+  parts : float array;  (* of conditions *)
+  single : float array; slope : float array; touched : float array;
+  gained : float;       (* what the mixture gains at most *)
+  constant : float }
+
+let prices_at node m =
   let n = Array.length node.factors in
-  let share = Array.make n 1. and slope = Array.make n 0. and touched = Array.make n 0. in
+  let single = Array.make n 1. and slope = Array.make n 0. and touched = Array.make n 0. in
   let gained = ref 0. and constant = ref 0. in
   for j = 0 to n - 1 do
     let gain = m.gain.(j) and f = node.factors.(j) in
@@ -138,7 +165,7 @@ let slopes node m =
       if together > 0. then begin
         gained := !gained +. Float.min gain together;
         let a = Float.min 1. (Float.max 0. (0.5 -. bend *. (gain -. together) /. together)) in
-        share.(j) <- a;
+        single.(j) <- a;
         if is_root then begin
           let root = sqrt ((node.seen.(j) +. Float.max m.amount.(j) (least_amount *. node.most.(j))) *. node.unit_) in
           touched.(j) <- root;
@@ -150,90 +177,118 @@ let slopes node m =
       end
     end
   done;
-  (share, slope, touched, !gained, !constant)
+  { parts = [||]; single; slope; touched; gained = !gained; constant = !constant }
 
-let begun node alone memory =
-  let mass = Array.make (Array.length node.counts) 0. in
-  let above = Array.map (fun s ->
-      let x = match Hashtbl.find_opt memory s.key with Some x -> x | None -> 0. in
-      mass.(s.of_class) <- mass.(s.of_class) +. x; x) node.states in
+let worths node p =
+  let gaining = p.parts.(0) +. p.parts.(1) in
+  let worth = Array.make (Array.length node.states) 0. in
+  for x = 0 to Array.length worth - 1 do
+    let s = node.states.(x) and gains = node.gains.(x) in
+    let v = ref 0. in
+    for i = 0 to Array.length s.groups - 1 do
+      let j = s.groups.(i) in
+      v := !v +. p.single.(j) *. gains.(i) +. p.slope.(j) *. s.amounts.(i)
+    done;
+    v := gaining *. !v;
+    for i = 0 to Array.length p.parts - 1 do v := !v -. p.parts.(i) *. s.pays.(i) done;
+    worth.(x) <- !v
+  done;
+  worth
+
+(* The mixture of the node above, if enough of it is left; else the states that gain most alone. *)
+let begun node alone shares_of =
+  let classes = Array.length node.counts in
+  let above = Array.map (fun s -> match Hashtbl.find_opt shares_of s.key with Some x -> x | None -> 0.) node.states in
+  let mass = Array.init classes (fun c ->
+      let sum = ref 0. in
+      for x = node.first.(c) to node.first.(c + 1) - 1 do sum := !sum +. above.(x) done;
+      !sum) in
   let enough = ref true in
   Array.iteri (fun c count -> if mass.(c) <= least_mass *. float_of_int count then enough := false) node.counts;
   let m = empty node in
   if !enough then begin
-    Array.iteri (fun x share -> if share > 0. then
-        let c = node.states.(x).of_class in
-        add node m x (share *. float_of_int node.counts.(c) /. mass.(c))) above;
+    Array.iteri (fun c count ->
+        for x = node.first.(c) to node.first.(c + 1) - 1 do
+          if above.(x) > 0. then add node m x (above.(x) *. float_of_int count /. mass.(c))
+        done) node.counts;
     Some m
   end
   else
-    let alone_worth = Array.map (fun s -> Array.fold_left (+.) (-. s.pays.(0)) s.gains) node.states in
-    match picked node alone alone_worth with
+    let worth = Array.mapi (fun x s -> Array.fold_left (+.) (-. s.pays.(0)) node.gains.(x)) node.states in
+    match picked node alone node.alive worth with
     | None -> None
     | Some (_, _, picks) -> List.iter (fun x -> add node m x 1.) picks; Some m
 
 let to_big x = if Float.is_nan x || Float.abs x > 1e300 then Z.zero else Z.of_float (Float.round x)
 
-(* States that prices drop, as far as floating-point numbers say. *)
-let dropped node worth bound last =
-  let n = ref 0 in
-  Array.iteri (fun x s -> if bound +. worth.(x) -. last.(s.of_class) <= 0. then incr n) node.states;
-  !n
+let told p last =
+  let list f a = Array.to_list (Array.map f a) in
+  { shares = list (fun p -> to_big (whole *. p)) p.parts;
+    touches = List.combine (list (fun a -> to_big (whole *. a)) p.single) (list to_big p.touched);
+    levels = list (fun v -> to_big (whole *. v)) last }
 
-(* Numbers that end a node, or else drop many states; None if there is no use in any. *)
-let found node alone memory first_round =
-  match begun node alone memory.shares_of with
-  | None -> (None, { memory with round = rounds })
+let class_of node x = let c = ref 0 in while node.first.(!c + 1) <= x do incr c done; !c
+
+(* All that is to be told of a node, in this order, and its mixture of states. *)
+let found node alone shares_of =
+  match begun node alone shares_of with
+  | None -> ([], shares_of)
   | Some m ->
-    let heat = ref memory.heat and round = ref first_round and told = ref None in
-    let few = Float.to_int (least_dropped *. float_of_int (Array.length node.states)) and best = ref 0 in
+    let heat = ref 0. and sequence = ref [] and n_dropped = ref 0 and ended = ref false in
     (try
-       while !round < rounds do
-         let share, slope, touched, gained, constant = slopes node m in
-         let values = Array.mapi (fun i v -> if i < 2 then v +. gained else v) m.value in
+       for round = 0 to rounds - 1 do
+         let p = prices_at node m in
+         let values = Array.mapi (fun i v -> if i < 2 then v +. p.gained else v) m.value in
          let lowest = Array.fold_left Float.min infinity values in
          if lowest > 0. then raise Exit;
          if !heat = 0. then heat := Float.max (-. heat_of_lowest *. lowest) 1e-6;
          let parts = Array.map (fun v -> exp (Float.max ((lowest -. v) /. !heat) (-40.))) values in
          let sum = Array.fold_left (+.) 0. parts in
-         let parts = Array.map (fun p -> p /. sum) parts in
-         let gaining = parts.(0) +. parts.(1) in
-         let base = ref (gaining *. constant) in
-         Array.iteri (fun i p -> base := !base +. p *. node.constants.(i)) parts;
-         let worth = Array.map (fun s ->
-             let v = ref 0. in
-             for i = 0 to Array.length s.groups - 1 do
-               let j = s.groups.(i) in
-               v := !v +. share.(j) *. s.gains.(i) +. slope.(j) *. s.amounts.(i)
-             done;
-             v := gaining *. !v;
-             for i = 0 to Array.length parts - 1 do v := !v -. parts.(i) *. s.pays.(i) done;
-             !v) node.states in
-         match picked node alone worth with
-         | None -> raise Exit
+         let p = { p with parts = Array.map (fun p -> p /. sum) parts } in
+         let base = ref ((p.parts.(0) +. p.parts.(1)) *. p.constant) in
+         Array.iteri (fun i part -> base := !base +. part *. node.constants.(i)) p.parts;
+         let worth = worths node p in
+         match picked node alone node.alive worth with
+         | None -> ended := true; raise Exit
          | Some (total, last, picks) ->
            let bound = !base +. total in
-           let n = if bound < 0. then max_int else dropped node worth bound last in
-           if n > !best then begin best := n; told := Some (parts, share, touched, last) end;
-           incr round;
-           if bound < 0. then raise Exit;
-           move node m picks (2. /. (step_offset +. float_of_int !round));
-           if n > few then raise Exit
+           if bound < 0. then begin
+             ended := true;
+             (* often it ends the node without those before *)
+             (match !sequence, picked node alone (Array.map (fun _ -> true) node.alive) worth with
+              | _ :: _, Some (total, last, _) when !base +. total < 0. -> sequence := [told p last]
+              | _ -> sequence := told p last :: !sequence);
+             raise Exit
+           end;
+           let n = ref 0 in
+           for c = 0 to Array.length node.counts - 1 do
+             for x = node.first.(c) to node.first.(c + 1) - 1 do
+               if node.alive.(x) && bound +. worth.(x) -. last.(c) <= 0. then begin
+                 node.alive.(x) <- false; incr n end
+             done
+           done;
+           if !n > 0 then begin
+             n_dropped := !n_dropped + !n;
+             sequence := told p last :: !sequence
+           end;
+           move node m picks (2. /. (step_offset +. float_of_int round))
        done
      with Exit -> ());
     let shares = Hashtbl.create 64 in
-    Array.iteri (fun x share -> if share > 0. then Hashtbl.replace shares node.states.(x).key share) m.share;
-    let advice = Option.map (fun (parts, share, touched, last) ->
-        let list f a = Array.to_list (Array.map f a) in
-        { shares = list (fun p -> to_big (whole *. p)) parts;
-          touches = List.combine (list (fun a -> to_big (whole *. a)) share) (list to_big touched);
-          levels = list (fun v -> to_big (whole *. v)) last }) !told in
-    (advice, { shares_of = shares; node_seen = memory.node_seen; round = !round; heat = !heat })
+    Array.iteri (fun x share -> if share > 0. && node.alive.(x) then Hashtbl.replace shares node.states.(x).key share) m.share;
+    let of_use = !ended || float_of_int !n_dropped > least_dropped *. float_of_int (Array.length node.states) in
+    ((if of_use then List.rev !sequence else []), shares)
 
 (* [alone]: no two drones may be at one place. *)
 let advise ~coarse ~alone specs seen constants pool memory =
-  let again = memory.node_seen == seen in
-  let memory = if again then memory else { memory with node_seen = seen; round = 0; heat = 0. } in
-  if memory.round >= rounds || List.fold_left (fun n (k, _) -> n + k) 0 pool < fewest_drones
-     || List.exists (fun (_, l) -> l = []) pool then (None, memory)
-  else found (node_of coarse specs seen constants pool) alone memory memory.round
+  let next memory = match memory.pending with
+    | [] -> (None, memory)
+    | first :: pending -> (Some first, { memory with pending }) in
+  if memory.node_seen == seen then next memory
+  else
+    let memory = { memory with node_seen = seen; pending = [] } in
+    if List.fold_left (fun n (k, _) -> n + k) 0 pool < fewest_drones || List.exists (fun (_, l) -> l = []) pool then (None, memory)
+    else
+      let table = match memory.table with Some table -> table | None -> Hashtbl.create 1000 in
+      let pending, shares_of = found (node_of coarse specs seen constants pool table) alone memory.shares_of in
+      next { memory with table = Some table; shares_of; pending }
