@@ -59,12 +59,19 @@ Fixpoint relaxed_constant (ss : list spec) (ls : list line) : Z :=
   | _, _ => 0
   end.
 
+(** Of a coarse amount of a group, in the units of coarse returns. *)
+Definition relaxed_share (f : return_of) (z r : Z) (l : line) (c : Z) : Z :=
+  cdiv ((if alone l =? 0 then 0 else alone l * (return_up coarse f (z + c) - r)) + slope l * c) whole.
+
+Lemma relaxed_share_eq f z r l c :
+  relaxed_share f z r l c = cdiv (alone l * (return_up coarse f (z + c) - r) + slope l * c) whole.
+Proof. unfold relaxed_share. destruct (Z.eqb_spec (alone l) 0) as [-> | _]; reflexivity. Qed.
+
 Fixpoint relaxed_gain (ss : list spec) (seen : so_far_of) (ls : list line) (cs : list Z) : Z :=
   match ss, seen, ls, cs with
   | s :: ss', (z, r) :: seen', l :: ls', c :: cs' =>
       if c =? 0 then relaxed_gain ss' seen' ls' cs'
-      else s_factor s * cdiv (alone l * (return_up coarse (s_return s) (z + c) - r) + slope l * c) whole
-           + relaxed_gain ss' seen' ls' cs'
+      else s_factor s * relaxed_share (s_return s) z r l c + relaxed_gain ss' seen' ls' cs'
   | _, _, _, _ => 0
   end.
 
@@ -272,7 +279,7 @@ Proof.
         + sumZ (map (fun cs => relaxed_gain ss seen (lines_of ss seen bs) (map coarse_up cs)) (map (fun cs => tl cs) ls))).
     { rewrite !map_map, <- sumZ_scale, <- sumZ_add. apply sumZ_ext. intros cs Hin.
       destruct (Hls cs Hin) as [Hlen _]. destruct cs as [|c cs]; [discriminate|]. cbn [map hd tl relaxed_gain].
-      change (s_return sp) with f. destruct (coarse_up c =? 0); lia. }
+      change (s_return sp) with f. rewrite relaxed_share_eq. destruct (coarse_up c =? 0); lia. }
     rewrite Egain. rewrite ?plus_IZR, ?mult_IZR in *. rewrite ?plus_IZR in *. unfold sp in HG at 1 |- *.
     change (s_weight (spec_of weight_unit precision coarse w f)) with w.
     change (s_return (spec_of weight_unit precision coarse w f)) with f. fold sp in HG |- *. lra.

@@ -15,6 +15,7 @@ let heat_of_lowest = 0.02
 let least_mass = 0.3    (* of the mixture of the node above that must be left to begin with it *)
 let least_amount = 1. /. 16.  (* of the most that a state sees of a group: tangents touch no lower *)
 let least_dropped = 0.15      (* of a node's states, for prices that do not end it to be proved *)
+let nearly = 0.9              (* of what prices drop together, that the last of them shall drop *)
 let fewest_drones = 3
 let whole = 1073741824.
 
@@ -227,7 +228,34 @@ let told p last =
     touches = List.combine (list (fun a -> to_big (whole *. a)) p.single) (list to_big p.touched);
     levels = list (fun v -> to_big (whole *. v)) last }
 
-let class_of node x = let c = ref 0 in while node.first.(!c + 1) <= x do incr c done; !c
+(* What prices drop, one after the other, as far as floating-point numbers say, and the advice. *)
+let dropped_by node alone sequence =
+  let alive = Array.map (fun _ -> true) node.alive and n = ref 0 and ended = ref false in
+  let advice = List.filter_map (fun (p, worth, base) ->
+      if !ended then None
+      else match picked node alone alive worth with
+        | None -> ended := true; None
+        | Some (total, last, _) ->
+          let bound = base +. total in
+          if bound < 0. then ended := true
+          else
+            for c = 0 to Array.length node.counts - 1 do
+              for x = node.first.(c) to node.first.(c + 1) - 1 do
+                if alive.(x) && bound +. worth.(x) -. last.(c) <= 0. then begin alive.(x) <- false; incr n end
+              done
+            done;
+          Some (told p last)) sequence in
+  ((if !ended then Array.length alive else !n), advice)
+
+(* The last of some prices, latest first, that drop nearly as much as all of them. *)
+let few_of node alone most latest_first =
+  let all = List.length latest_first in
+  let rec go count =
+    let last = List.rev (List.filteri (fun i _ -> i < count) latest_first) in
+    let n, advice = dropped_by node alone last in
+    if count >= all || n = most || (most < Array.length node.states && float_of_int n >= nearly *. float_of_int most) then advice
+    else go (min all (count + (count + 1) / 2)) in
+  if all = 0 then [] else go 1
 
 (* All that is to be told of a node, in this order, and its mixture of states. *)
 let found node alone shares_of =
@@ -254,10 +282,7 @@ let found node alone shares_of =
            let bound = !base +. total in
            if bound < 0. then begin
              ended := true;
-             (* often it ends the node without those before *)
-             (match !sequence, picked node alone (Array.map (fun _ -> true) node.alive) worth with
-              | _ :: _, Some (total, last, _) when !base +. total < 0. -> sequence := [told p last]
-              | _ -> sequence := told p last :: !sequence);
+             sequence := (p, worth, !base) :: !sequence;
              raise Exit
            end;
            let n = ref 0 in
@@ -269,15 +294,16 @@ let found node alone shares_of =
            done;
            if !n > 0 then begin
              n_dropped := !n_dropped + !n;
-             sequence := told p last :: !sequence
+             sequence := (p, worth, !base) :: !sequence
            end;
            move node m picks (2. /. (step_offset +. float_of_int round))
        done
      with Exit -> ());
     let shares = Hashtbl.create 64 in
     Array.iteri (fun x share -> if share > 0. && node.alive.(x) then Hashtbl.replace shares node.states.(x).key share) m.share;
+    let most_dropped = if !ended then Array.length node.states else !n_dropped in
     let of_use = !ended || float_of_int !n_dropped > least_dropped *. float_of_int (Array.length node.states) in
-    ((if of_use then List.rev !sequence else []), shares)
+    ((if of_use then few_of node alone most_dropped !sequence else []), shares)
 
 (* [alone]: no two drones may be at one place. *)
 let advise ~coarse ~alone specs seen constants pool memory =
