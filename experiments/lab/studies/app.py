@@ -152,6 +152,13 @@ Measure the speed of coverage, planners and the command line.
 
 Example: cocap-opt study speed --out speed
 """),
+    "verified": Study("verified:verified", """\
+Measure the checker of bounds that is proved in Coq: the time it takes for claims of scenes.
+
+The program is built by formulations/certificates/coq/build.sh. It takes some minutes.
+
+Example: cocap-opt study verified --program build/cocap-check-verified --scene corridor
+"""),
     "memory": Study("memory:memory", """\
 Measure the memory of coverage tables while they are made, and of planning with them.
 

@@ -1,7 +1,7 @@
 (** The paths of all drones together: value iteration over the joint states that plans above a target
     may visit.  Of all ways to a joint state the best is kept; drones of one class may change places. *)
 From Coq Require Import ZArith List Bool Reals Lra Lia Psatz Permutation FMapPositive Sorting.Mergesort Orders.
-From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Gains Pools Search Staged.
+From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Gains Pools Search Narrowing Staged.
 Import ListNotations.
 Open Scope Z_scope.
 
@@ -219,7 +219,7 @@ Proof.
   pose proof (bonuses_R I C [] plan (numbers_fine I C coarse ok)) as HB.
   pose proof (IZR_pos _ (precision_pos I C coarse ok)) as Pp.
   unfold J, G. rewrite Rmult_plus_distr_r. apply Rplus_le_compat.
-  - unfold Staged.FR. rewrite sumR_scale, Rmult_comm. apply Rmult_le_compat_l; [lra | exact HW].
+  - unfold Narrowing.FR. rewrite sumR_scale, Rmult_comm. apply Rmult_le_compat_l; [lra | exact HW].
   - apply (Rmult_le_compat_r (IZR (precision M))) in HB; [|lra].
     unfold Rdiv in HB at 2. rewrite Rmult_assoc, Rinv_l, Rmult_1_r in HB by lra.
     eapply Rle_trans; [exact HB|]. apply Req_le. f_equal. unfold rewards_at. rewrite total_sum. reflexivity.

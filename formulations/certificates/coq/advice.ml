@@ -19,6 +19,8 @@ let nearly = 0.9              (* of what prices drop together, that the last of 
 let fewest_drones = 3
 let whole = 1073741824.
 
+module Table = Hashtbl.Make (struct type t = int let equal (a : int) b = a = b let hash (a : int) = a land max_int end)
+
 (* A state for a drone, in floating-point numbers. *)
 type state = {
   of_cand : named cand;
@@ -48,12 +50,12 @@ type mixture = { share : float array; amount : float array; gain : float array; 
 (* [table]: the states of a search.  [shares_of]: of states in the mixture of the node above.
    [pending]: what else is to be told of the node at which so much is seen. *)
 type memory = {
-  table : (int, state) Hashtbl.t option;
-  shares_of : (int, float) Hashtbl.t;
+  table : state Table.t option;
+  shares_of : float Table.t;
   node_seen : so_far_of;
   pending : advice list }
 
-let nothing = { table = None; shares_of = Hashtbl.create 1; node_seen = []; pending = [] }
+let nothing = { table = None; shares_of = Table.create 1; node_seen = []; pending = [] }
 
 let state_of (cand : named cand) =
   let rec views j = function
@@ -68,9 +70,9 @@ let state_of (cand : named cand) =
 let known table (cand : named cand) =
   let (k, _), (_, s) = cand.name in
   let key = (Z.to_int s lsl 12) + k in
-  match Hashtbl.find_opt table key with
+  match Table.find_opt table key with
   | Some found when found.of_cand == cand -> found
-  | _ -> let made = state_of cand in Hashtbl.replace table key made; made
+  | _ -> let made = state_of cand in Table.replace table key made; made
 
 let node_of coarse specs seen constants pool table =
   let unit_ = Z.to_float coarse in
@@ -199,7 +201,7 @@ let worths node p =
 (* The mixture of the node above, if enough of it is left; else the states that gain most alone. *)
 let begun node alone shares_of =
   let classes = Array.length node.counts in
-  let above = Array.map (fun s -> match Hashtbl.find_opt shares_of s.key with Some x -> x | None -> 0.) node.states in
+  let above = Array.map (fun s -> match Table.find_opt shares_of s.key with Some x -> x | None -> 0.) node.states in
   let mass = Array.init classes (fun c ->
       let sum = ref 0. in
       for x = node.first.(c) to node.first.(c + 1) - 1 do sum := !sum +. above.(x) done;
@@ -299,8 +301,8 @@ let found node alone shares_of =
            move node m picks (2. /. (step_offset +. float_of_int round))
        done
      with Exit -> ());
-    let shares = Hashtbl.create 64 in
-    Array.iteri (fun x share -> if share > 0. && node.alive.(x) then Hashtbl.replace shares node.states.(x).key share) m.share;
+    let shares = Table.create 64 in
+    Array.iteri (fun x share -> if share > 0. && node.alive.(x) then Table.replace shares node.states.(x).key share) m.share;
     let most_dropped = if !ended then Array.length node.states else !n_dropped in
     let of_use = !ended || float_of_int !n_dropped > least_dropped *. float_of_int (Array.length node.states) in
     ((if of_use then few_of node alone most_dropped !sequence else []), shares)
@@ -315,6 +317,6 @@ let advise ~coarse ~alone specs seen constants pool memory =
     let memory = { memory with node_seen = seen; pending = [] } in
     if List.fold_left (fun n (k, _) -> n + k) 0 pool < fewest_drones || List.exists (fun (_, l) -> l = []) pool then (None, memory)
     else
-      let table = match memory.table with Some table -> table | None -> Hashtbl.create 1000 in
+      let table = match memory.table with Some table -> table | None -> Table.create 1000 in
       let pending, shares_of = found (node_of coarse specs seen constants pool table) alone memory.shares_of in
       next { memory with table = Some table; shares_of; pending }
