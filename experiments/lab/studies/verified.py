@@ -27,7 +27,7 @@ from cocap_opt.scenarios import load_scene
 _TABLE = "verified.csv"
 _FOLDER = Path(__file__).parents[3] / "formulations" / "certificates" / "coq"
 _PROOF, _MULTIPLIERS = "proof without a search", "multipliers of a staged certificate"
-_STAGES, _BOUND = "stages only", "certificate of `bound`"
+_STAGES, _BOUND = "stages only", "certificate of bound"
 _CLAIMS = {
     "corridor": (_PROOF, _BOUND),
     "bottleneck": (_PROOF, _STAGES, _BOUND),
@@ -171,9 +171,8 @@ def _parts(run: VerifiedClaim) -> str:
     if run.stages or run.paths:
         parts = [counted(run.stages, "stage")] if run.stages else []
         return " and ".join([*parts, *["paths of all drones together"] * run.paths])
-    each = " each" if run.leaves > 1 else ""
-    numbers = f"{counted(run.rows, 'row')} and {counted(run.cuts, 'cut')}{each}"
-    return f"{counted(run.leaves, 'leaf')}, {numbers}".replace("leafs", "leaves")
+    numbers = f"{counted(run.rows, 'row')} and {counted(run.cuts, 'cut')}"
+    return f"1 leaf, {numbers}" if run.leaves == 1 else f"{run.leaves} leaves, each up to {numbers}"
 
 
 def _shown(seconds: float) -> str:

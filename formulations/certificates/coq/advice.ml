@@ -18,6 +18,7 @@ let least_dropped = 0.15      (* of a node's states, for prices that do not end 
 let nearly = 0.9              (* of what prices drop together, that the last of them shall drop *)
 let fewest_drones = 3
 let whole = 1073741824.
+let shares_in = 1024.         (* conditions have shares of 1 in so many, so that sums stay one word *)
 
 module Table = Hashtbl.Make (struct type t = int let equal (a : int) b = a = b let hash (a : int) = a land max_int end)
 
@@ -226,9 +227,9 @@ let to_big x = if Float.is_nan x || Float.abs x > 1e300 then Z.zero else Z.of_fl
 
 let told p last =
   let list f a = Array.to_list (Array.map f a) in
-  { shares = list (fun p -> to_big (whole *. p)) p.parts;
+  { shares = list (fun p -> to_big (shares_in *. p)) p.parts;
     touches = List.combine (list (fun a -> to_big (whole *. a)) p.single) (list to_big p.touched);
-    levels = list (fun v -> to_big (whole *. v)) last }
+    levels = list (fun v -> to_big (shares_in *. v)) last }
 
 (* What prices drop, one after the other, as far as floating-point numbers say, and the advice. *)
 let dropped_by node alone sequence =
@@ -274,7 +275,7 @@ let found node alone shares_of =
          if !heat = 0. then heat := Float.max (-. heat_of_lowest *. lowest) 1e-6;
          let parts = Array.map (fun v -> exp (Float.max ((lowest -. v) /. !heat) (-40.))) values in
          let sum = Array.fold_left (+.) 0. parts in
-         let p = { p with parts = Array.map (fun p -> p /. sum) parts } in
+         let p = { p with parts = Array.map (fun p -> Float.round (shares_in *. p /. sum) /. shares_in) parts } in
          let base = ref ((p.parts.(0) +. p.parts.(1)) *. p.constant) in
          Array.iteri (fun i part -> base := !base +. part *. node.constants.(i)) p.parts;
          let worth = worths node p in

@@ -63,7 +63,7 @@ class Lowering:
         bits = 16 if bound is None else up(abs(bound)).bit_length()
         self.precision = 1 << max(min(NATIVE_BITS - bits, MOST_BITS), 32)
         self.kinds = [*instance.classes]  # of each class
-        self.number = [*range(len(self.kinds))]  # its number for the checker, by that in the file
+        self.number: list[int] = [*range(len(self.kinds))]  # for the checker, by that in the file
         if single:
             drones = [d for members in instance.members for d in members]
             of = {d: n for n, members in enumerate(instance.members) for d in members}
@@ -251,7 +251,7 @@ class Lowering:
             payments.append([step["t"], number, *listed(listed_prices), others])
         for step in stage.get("constants", ()):
             check.only(step, {"t", "constant"})
-        constants = [
+        constants: list[Words] = [
             [self._step(step), self._rounded(step["constant"])]
             for step in stage.get("constants", ())
         ]
@@ -267,8 +267,9 @@ class Lowering:
     def _class(self, number: object) -> int:
         """Returns the number of a class for the checker."""
         known = range(len(self.number))
-        check.require(check.whole(number) in known, "there is no such class")
-        return self.number[check.whole(number)]
+        named: int = check.whole(number)
+        check.require(named in known, "there is no such class")
+        return self.number[named]
 
     def _rounded(self, value: object) -> int:
         rounded: int = round(check.number_of(value) * self.precision)
