@@ -49,14 +49,14 @@ type node = {
 type mixture = { share : float array; amount : float array; gain : float array; value : float array }
 
 (* [table]: the states of a search.  [shares_of]: of states in the mixture of the node above.
-   [pending]: what else is to be told of the node at which so much is seen. *)
+   [pending]: what else is to be told of the node that was asked for last; None after its last answer,
+   so that the next question is of another node. *)
 type memory = {
   table : state Table.t option;
   shares_of : float Table.t;
-  node_seen : so_far_of;
-  pending : advice list }
+  pending : advice list option }
 
-let nothing = { table = None; shares_of = Table.create 1; node_seen = []; pending = [] }
+let nothing = { table = None; shares_of = Table.create 1; pending = None }
 
 let state_of (cand : named cand) =
   let rec views j = function
@@ -310,14 +310,14 @@ let found node alone shares_of =
 
 (* [alone]: no two drones may be at one place. *)
 let advise ~coarse ~alone specs seen constants pool memory =
-  let next memory = match memory.pending with
-    | [] -> (None, memory)
-    | first :: pending -> (Some first, { memory with pending }) in
-  if memory.node_seen == seen then next memory
-  else
-    let memory = { memory with node_seen = seen; pending = [] } in
+  let answer memory = function
+    | [] -> (None, { memory with pending = None })
+    | first :: rest -> (Some first, { memory with pending = Some rest }) in
+  match memory.pending with
+  | Some rest -> answer memory rest
+  | None ->
     if List.fold_left (fun n (k, _) -> n + k) 0 pool < fewest_drones || List.exists (fun (_, l) -> l = []) pool then (None, memory)
     else
       let table = match memory.table with Some table -> table | None -> Table.create 1000 in
-      let pending, shares_of = found (node_of coarse specs seen constants pool table) alone memory.shares_of in
-      next { memory with table = Some table; shares_of; pending }
+      let told, shares_of = found (node_of coarse specs seen constants pool table) alone memory.shares_of in
+      answer { memory with table = Some table; shares_of } told
