@@ -290,6 +290,8 @@ class _Task(NamedTuple):
         row = PlanRow.certified(self.problem, self.seed, method, judged)
         record = record_of(row) | self.about | _chosen_starts(self.problem, judged.result.plan)
         record |= _take_by_take(self.problem, judged)
+        if (file := judged.result.certificate) is not None:
+            record["proof"] = file.proof
         is_open = OPTIMALITY < judged.result.gap < math.inf
         may_have = method in _WITH_STEP_ENVELOPES and not self.problem.objective.over_time
         if is_open and may_have and find_spec("numba") is None:

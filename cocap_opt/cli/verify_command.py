@@ -168,6 +168,15 @@ def _between_cells(path: Path, problem: Problem) -> tuple[float, ...] | None:
         raise FileError(str(error)) from error
 
 
+def _proof(verified: Verified) -> Record:
+    """Returns the kind of a bound's proof in words, and how many nodes its searches took."""
+    if verified.proved is None:
+        return {}
+    nodes = verified.proved.pricing.nodes
+    words = verified.proved.file.proof
+    return {"proof": f"{words}: {nodes:,} nodes" if nodes else words}
+
+
 def _of_bound(verified: Verified) -> Iterator[str]:
     """Yields in words which plans a bound holds for, and why it may be high."""
     views = verified.problem.objective.views
@@ -340,6 +349,7 @@ class _Claims(NamedTuple):
         if self.bounds:
             proved = math.isfinite(verified.bound)
             found |= {"method": verified.method, "bound": verified.bound if proved else None}
+            found |= _proof(verified)
             if verified.understated:
                 found |= {
                     "bound_proved": verified.proved_bound, "bound_claimed": verified.claimed_bound

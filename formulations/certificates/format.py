@@ -374,6 +374,14 @@ class CertificateFile(_Claim, frozen=True, kw_only=True):
         """The word for the numbers that prove the bound."""
         return "stages" if isinstance(self.certificate, Staged) else "multipliers"
 
+    @property
+    def proof(self) -> str:
+        """The kind of proof in words: numbers alone, or numbers and searches to repeat."""
+        if isinstance(self.certificate, ReferencePixels):
+            return "reference pixels, no search"
+        is_staged = isinstance(self.certificate, Staged)
+        return "searched, in stages" if is_staged else "multipliers, no search"
+
 
 class Branch(_Part, frozen=True, tag="branch"):
     """A node of a proof: at most `robots` robots use the resource, or at least one more.
@@ -432,6 +440,13 @@ class ProofFile(_Claim, frozen=True, kw_only=True):
 
     kind: ClassVar[str] = "proof"
     numbers: ClassVar[str] = "leaves"
+
+    @property
+    def proof(self) -> str:
+        """The kind of proof in words."""
+        leaves = sum(isinstance(node, Leaf) for node in self.nodes)
+        of_tree = "" if leaves == 1 else f" at {leaves:,} leaves of a tree"
+        return f"multipliers{of_tree}, no search"
 
     def leaves(self) -> Iterator[tuple[int, Leaf, tuple[Decision, ...]]]:
         """Yields number and content of each leaf, and the decisions on the way to it.

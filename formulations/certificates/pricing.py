@@ -73,6 +73,7 @@ class Pricing(NamedTuple):
     bound: float  # rigorous upper bound on J, rounding included
     rounding: float  # the part of it that covers rounding errors
     leaves: tuple[float, ...] = ()  # of a proof, the bounds of its leaves, in order
+    nodes: int = 0  # of the searches that it rests on; 0 without any
 
     @classmethod
     def of(

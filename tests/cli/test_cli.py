@@ -876,6 +876,29 @@ def test_certificates_name_the_instance_that_export_writes(
     assert "names another instance" in altered["message"]
 
 
+@pytest.mark.parametrize(
+    ("command", "scene", "method", "proof"),
+    [
+        ("bound", "corridor", "column-generation", "searched, in stages: "),
+        ("bound", "tiny-share", "alone", "reference pixels, no search"),
+        ("solve", "tiny-share", "branch-and-price", "multipliers, no search"),
+        ("solve", "corridor-tight", "searchless", "multipliers at 3 leaves of a tree, no search"),
+    ],
+)
+def test_a_bound_says_if_it_was_searched(
+    command: str, scene: str, method: str, proof: str, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """Numbers alone prove it, or searches that have to be repeated, of so many nodes."""
+    file = tmp_path / "file.json"
+    option = "-o" if command == "bound" else "--certificate"
+    told = Run(capsys, command, scene, "--method", method, option, file, "--json").json["proof"]
+    checked = Run(capsys, "verify", scene, file, "--json").json["proof"]
+    assert proof.startswith(told)
+    assert checked.startswith(proof)
+    assert (checked != told) == ("searched" in told)
+
+
 def test_verify_keeps_the_lower_of_two_bounds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -60,10 +60,57 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 @pytest.fixture(scope="module")
 def ask(built: tuple[Path, str], tmp_path_factory: pytest.TempPathFactory) -> Ask:
     """Lowers files and runs the program on them."""
-    folder = tmp_path_factory.mktemp("lowered")
+    return _asks(built[0], tmp_path_factory.mktemp("lowered"))
 
+
+# Advice in place of advice.ml: as many numbers as it likes, of any size and sign, at every node.
+NONSENSE = """
+module Big = Z
+open Checker
+module Z = Big
+type memory = int
+let nothing = 1
+let advise ~coarse ~alone specs seen constants pool round =
+  let random = Random.State.make [| round; List.length pool; Hashtbl.hash seen |] in
+  let number () =
+    let bits = Random.State.int random 90 in
+    let z = Z.of_int (Random.State.bits random) in
+    let z = Z.add (Z.shift_left z (bits / 2)) (Z.of_int (Random.State.int random 3)) in
+    let z = if bits < 30 then Z.shift_right z 25 else z in
+    if Random.State.int random 4 = 0 then Z.neg z else z in
+  let share () =
+    if Random.State.bool random then Z.of_int (Random.State.bits random) else number () in
+  let some item = List.init (Random.State.int random 9) (fun _ -> item ()) in
+  if Random.State.int random 5 = 0 then (None, round + 1)
+  else
+    let touches = some (fun () -> (share (), number ())) in
+    (Some { shares = some share; touches; levels = some number }, round + 1)
+"""
+
+
+@pytest.fixture(scope="module")
+def ask_misled(built: tuple[Path, str], tmp_path_factory: pytest.TempPathFactory) -> Ask:
+    """The same, with advice that is nonsense."""
+    folder = tmp_path_factory.mktemp("misled")
+    modules = ["checker.mli", "checker.ml", "instance_lines.ml", "advice.ml", "driver.ml"]
+    for name in modules:
+        shutil.copy(built[0].parent / name, folder)
+    (folder / "advice.ml").write_text(NONSENSE)
+    command = ["ocamlfind", "ocamlopt", "-w", "-a", "-package", "unix,zarith", "-linkpkg"]
+    done = subprocess.run(
+        [*command, *modules, "-o", "misled"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return _asks(folder / "misled", folder)
+
+
+def _asks(program: Path, folder: Path) -> Ask:
     def answer(
-        instance: str, file: dict[str, Any], change: Callable[[str], str] = str
+        instance: str, file: dict[str, Any], change: Callable[[str], str] = str, *options: str
     ) -> tuple[int, str]:
         paths = [folder / name for name in ("x.instance", "certificate.json", "lowered.txt")]
         paths[0].write_text(instance)
@@ -74,7 +121,7 @@ def ask(built: tuple[Path, str], tmp_path_factory: pytest.TempPathFactory) -> As
             return 1, done.stderr
         paths[2].write_text(change(paths[2].read_text()))
         done = subprocess.run(
-            [built[0], paths[0], paths[2]], capture_output=True, text=True, check=False
+            [program, *options, paths[0], paths[2]], capture_output=True, text=True, check=False
         )
         return done.returncode, done.stdout
 
@@ -238,3 +285,113 @@ def test_stages_are_searched_again(ask: Ask, tmp_path: Path) -> None:
     assert "paths of all drones" in words
     alone = explored["certificate"] | {"paths_above": None}
     assert ask(text, explored | {"certificate": alone})[0] == 1
+
+
+@examples(30)
+@given(st.one_of(either(drawn_meetings(2)), drawn_meetings(3), drawn_meetings(4)))
+def test_no_advice_makes_a_false_claim_pass(
+    ask: Ask, ask_misled: Ask, tmp_path_factory: pytest.TempPathFactory, problem: Problem
+) -> None:
+    """Constants that are far too low are found to be so, whatever multipliers searches are told."""
+    try:
+        certificate = column_generation(problem, parameters=STAGES).certificate
+    except UnsupportedError:
+        assume(False)
+    assume(certificate is not None)
+    file = document(certificate, tmp_path_factory.mktemp("staged"))
+    best = optimum(problem).value
+    numbers = file["certificate"]
+    assume(best > 0 and numbers["type"] in ("multipliers", "staged"))
+    if numbers["type"] == "multipliers":
+        numbers = {"type": "staged", "multipliers": numbers, "stages": []}
+    text = instance_of(compiled(problem))
+    steps = [{"t": t, "constant": -1e6} for t in range(problem.horizon + 1)]
+    low = {
+        "target": best * 0.9, "paths_above": None,
+        "stages": [*numbers["stages"], {"payments": [], "constants": steps}],
+    }  # fmt: skip
+    for above in (None, best * 0.9):
+        found = file | {"certificate": numbers | low | {"paths_above": above}}
+        for asked in (ask, ask_misled):
+            assert asked(text, found | {"bound": best * (1 - 1e-6)})[0] == 1
+    highest = file | {"certificate": numbers | low, "bound": file["bound"] * (1 + 1e-9)}
+    assert ask(text, highest)[0] == ask_misled(text, highest)[0] == 0
+
+
+def test_misled_searches_prove_the_same(ask_misled: Ask, tmp_path: Path) -> None:
+    """Stages and paths of a scene hold with nonsense for advice, and no less than they claim."""
+    problem = load_scene("bottleneck", 0)
+    text = instance_of(compiled(problem))
+    for parameters in (STAGES, DEFAULTS):
+        file = document(column_generation(problem, parameters=parameters).certificate, tmp_path)
+        code, words = ask_misled(text, file)
+        assert code == 0, words
+        assert ask_misled(text, file | {"bound": file["bound"] * (1 - 1e-7)})[0] == 1
+
+
+def test_limits_end_a_check(ask: Ask, tmp_path: Path) -> None:
+    """At a limit of nodes or time it says so in a line, and claims nothing: exit code 3."""
+    problem = load_scene("bottleneck", 0)
+    text = instance_of(compiled(problem))
+    file = document(column_generation(problem, parameters=STAGES).certificate, tmp_path)
+    for options in (("--most-nodes", "2"), ("--time-limit", "1e-3")):
+        code, words = ask(text, file, str, *options)
+        assert code == 3
+        assert re.fullmatch("not decided: .* more than .*\n", words)
+    assert ask(text, file, str, "--most-nodes", "100000", "--time-limit", "100")[0] == 0
+    for options in (("--most-nodes", "-1"), ("--time-limit", "soon"), ("--most", "1")):
+        assert ask(text, file, str, *options)[0] == 2
+
+
+# Of lines of an instance: the first that fits a pattern, and what stands there instead.
+UNKNOWN = {
+    "an unknown word": (r"(?m)^kind$", "kind\nsort 1"),
+    "a word twice": (r"(?m)^(horizon .*)$", r"\1\n\1"),
+    "no digest": (r"(?m)^digest .*\n", ""),
+    "two digests in a line": (r"(?m)^(digest .*)$", r"\1 0"),
+    "rules of a number": (r"(?m)^rules 1", "rules 2"),
+    "swaps without a vertex rule": (r"(?m)^rules 1 \S+", "rules 0 1"),
+    "a weight twice": (r"(?m)^(weight .*)$", r"\1\n\1"),
+    "k of a root": (r"(?m)^(weight \S+ \S+)$", r"\1 3"),
+    "a group that is not there": (r"(?m)^weight \d+", "weight 1000000"),
+    "a drone twice": (r"(?m)^(drone .*)$", r"\1\n\1"),
+    "a drone that is left out": (r"(?m)^drone 0", "drone 9"),
+    "a start that is not there": (r"(?m)^(drone \d+ :).*$", r"\1 99999,0"),
+    "a class of no kind": (r"(?m)^class 0", "class 7"),
+    "a move twice": (r"(?m)^(place .* )(\S+)$", r"\1\2 \2"),
+    "a move to nowhere": (r"(?m)^(place .*)$", r"\1 99999"),
+    "a cell twice": (r"(?m)^(place .*)$", r"\1\n\1"),
+    "an orientation twice": (r"(?m)^(orientation .*)$", r"\1\n\1"),
+    "a turn to nowhere": (r"(?m)^(orientation .*)$", r"\1 99"),
+    "a closed place that is not there": (r"(?m)^kind$", "kind\nclosed 0 99999"),
+    "a view twice": (r"(?m)^(sees .*)$", r"\1\n\1"),
+    "a group twice": (r"(?m)^(sees .* : )(\S+)", r"\1\2 \2"),
+    "a view of another step": (r"(?m)^(sees )(\d+)( .* : )(\d+)", r"\g<1>1\g<3>0"),
+    "nothing seen of a group": (r"(?m)^(sees .* : \d+):\S+", r"\1:0x0p+0"),
+    "a number below 0": (r"(?m)^(sees .* : \d+):", r"\1:-"),
+    "a decimal number": (r"(?m)^(weight \d+) \S+", r"\1 1.5"),
+    "no end": (r"end\s*$", ""),
+    "words after the end": (r"end\s*$", "end\nkind\n"),
+}
+
+
+@pytest.mark.parametrize("what", UNKNOWN)
+def test_it_reads_instances_as_strictly_as_cocap_check(
+    what: str, built: tuple[Path, str], tmp_path: Path
+) -> None:
+    """What cocap-check does not know of an instance, the program does not know either."""
+    instance, _ = exported("tiny-doorway", tmp_path)
+    changed, count = re.subn(*UNKNOWN[what], instance, count=1)
+    assert count == 1
+    assert changed != instance
+    with pytest.raises((cocap_check.Refused, *cocap_check.DAMAGED)):
+        cocap_check.Instance(changed)
+    paths = [tmp_path / name for name in ("x.instance", "proof.json", "lowered.txt")]
+    lower = [sys.executable, FOLDER / "lower.py", *paths[:2], "-o", paths[2]]
+    subprocess.run(lower, check=True)
+    paths[0].write_text(changed)
+    done = subprocess.run(
+        [built[0], paths[0], paths[2]], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1, done.stdout
+    assert done.stdout.startswith("refused")

@@ -286,3 +286,18 @@ def test_instances_are_read_whole_or_refused(before: str, after: str, told: str)
     assert before in text
     with pytest.raises(Refused, match=re.escape(told)):
         Instance(text.replace(before, after, 1))
+
+
+def test_the_instance_worked_by_hand_has_the_numbers_of_its_page() -> None:
+    """The files beside the page are accepted, with the lines that the page quotes."""
+    pages = Path(__file__).parents[2] / "docs" / "reference"
+    folder = pages / "three-places"
+    text = (folder / "three-places.instance").read_text()
+    known = Instance(text)
+    page = (pages / "instance-by-hand.md").read_text()
+    for name in ("plan.json", "multipliers.json", "stages.json"):
+        words, is_part = cocap_check.answer(known, json.loads((folder / name).read_text()))
+        assert not is_part
+        assert f"\n{name}: {words}\n" in page
+    best = 10 * (2 + 2**0.5)
+    assert best <= json.loads((folder / "stages.json").read_text())["bound"] <= best + 1e-4

@@ -16,6 +16,7 @@ from cocap_opt.files.documents import FileError
 from cocap_opt.player.player_proof import CHECK_PAGE
 
 README = ROOT / "README.md"
+READMES = [README, ROOT / "formulations" / "certificates" / "coq" / "README.md"]
 LONGEST = 1500  # words of a page
 _WIDTH = 88  # characters of a line of code on a page
 
@@ -76,12 +77,13 @@ def test_words_are_spelt_as_in_dictionaries() -> None:
     assert (done.returncode, done.stdout) == (0, "")
 
 
-def test_the_readme_quotes_what_is_stored(tmp_path: Path) -> None:
+@pytest.mark.parametrize("readme", READMES)
+def test_readmes_quote_what_is_stored(readme: Path, tmp_path: Path) -> None:
     """`cocap-opt study quote --into README.md` would change nothing."""
     copy = tmp_path / "README.md"
-    copy.write_bytes(README.read_bytes())
+    copy.write_bytes(readme.read_bytes())
     requote(copy)
-    assert copy.read_text(encoding="utf-8") == README.read_text(encoding="utf-8")
+    assert copy.read_text(encoding="utf-8") == readme.read_text(encoding="utf-8")
 
 
 def test_contributing_says_what_made_the_stored_results() -> None:

@@ -166,6 +166,13 @@ Measure how fast cocap-check is in a browser, beside the command; needs Chromium
 
 Example: cocap-opt study browser --scene corridor --out browser
 """),
+    "verified": Study("verified:verified", """\
+Measure the checker of bounds that is proved in Coq: the time it takes for claims of scenes.
+
+The program is built by formulations/certificates/coq/build.sh. It takes some minutes.
+
+Example: cocap-opt study verified --program build/cocap-check-verified --scene corridor
+"""),
     "memory": Study("memory:memory", """\
 Measure the memory of coverage tables while they are made, and of planning with them.
 

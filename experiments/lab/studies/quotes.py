@@ -52,6 +52,7 @@ from cocap_opt.experiments.lab.studies.tripods.tripods import (
     tripods_in_markdown,
     tripods_in_words,
 )
+from cocap_opt.experiments.lab.studies.verified import verified_in_markdown
 from cocap_opt.experiments.lab.studies.views import views_in_markdown
 from cocap_opt.experiments.library.tables import library_in_markdown, library_in_words
 from cocap_opt.experiments.tables.rows import GapRow
@@ -122,6 +123,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "starts": starts_in_markdown,
     "tripods": tripods_in_markdown,
     "tripods_in_words": tripods_in_words,
+    "verified": verified_in_markdown,
     "views": views_in_markdown,
     "solver_figures": solvers_in_markdown,
     "speed": speed_in_markdown,

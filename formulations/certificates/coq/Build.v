@@ -222,8 +222,9 @@ Definition build (single : bool) (L : lines) : instance :=
            + (if has (get (PM.empty _) (even K) (key p)) (key q) then value (balanced L) else 0)
        else fun _ _ => 0;
      place := fun k s => key (place_in (fst (of_class k)) s);
-     meet := fun a b =>
-       let e := end_at (fst a) (snd a) in let e' := end_at (fst b) (snd b) in conflict R e e e' e';
+     meet := fun a =>
+       let e := end_at (fst a) (snd a) in
+       fun b => let e' := end_at (fst b) (snd b) in conflict R e e e' e';
      clash := fun a b =>
        let '(k, p, q) := a in let '(k', p', q') := b in
        conflict R (end_at k p) (end_at k q) (end_at k' p') (end_at k' q');

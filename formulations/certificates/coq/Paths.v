@@ -1,24 +1,37 @@
 (** The paths of all drones together: value iteration over the joint states that plans above a target
-    may visit.  Of all ways to a joint state the best is kept. *)
-From Coq Require Import ZArith List Bool Reals Lra Lia Psatz Permutation FMapPositive.
-From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Search Staged.
+    may visit.  Of all ways to a joint state the best is kept; drones of one class may change places. *)
+From Coq Require Import ZArith List Bool Reals Lra Lia Psatz Permutation FMapPositive Sorting.Mergesort Orders.
+From CocapCheck Require Import Spec Sums Returns Prices Worth Rows Sweep Checker Gains Pools Search Narrowing Staged.
 Import ListNotations.
 Open Scope Z_scope.
 
 (** * Joint states, and what the best way to each is worth *)
 
-Definition joint : Type := list state.  (* of each drone *)
+Definition joint : Type := list (nat * state).  (* of each drone, class and state, in no order *)
 Definition joints : Type := PM.t (list (joint * Z)).
 
 Fixpoint same_joint (a b : joint) : bool :=
   match a, b with
   | [], [] => true
-  | s :: a', s' :: b' => Pos.eqb s s' && same_joint a' b'
+  | (k, s) :: a', (k', s') :: b' => Nat.eqb k k' && Pos.eqb s s' && same_joint a' b'
   | _, _ => false
   end.
 
+(** An order, so that joint states of the same drones and states are the same; nothing more. *)
+Module ByState <: TotalLeBool.
+  Definition t : Type := nat * state.
+  Definition leb (a b : t) : bool := Nat.ltb (fst a) (fst b) || (Nat.eqb (fst a) (fst b) && Pos.leb (snd a) (snd b)).
+  Lemma leb_total a b : leb a b = true \/ leb b a = true.
+  Proof.
+    unfold leb. destruct (Nat.ltb_spec (fst a) (fst b)), (Nat.ltb_spec (fst b) (fst a)); simpl; auto.
+    assert (E : fst a = fst b) by lia. rewrite E, Nat.eqb_refl. simpl.
+    destruct (Pos.leb_spec (snd a) (snd b)); [auto|]. right. apply Pos.leb_le. lia.
+  Qed.
+End ByState.
+Module Ordered := Sort ByState.
+
 (** Joint states of one key are told apart. *)
-Definition key_of (j : joint) : positive := fold_left (fun k s => (k * 4096 + s)%positive) j xH.
+Definition key_of (j : joint) : positive := fold_left (fun key ks => (key * 4096 + snd ks)%positive) j xH.
 
 Fixpoint put (j : joint) (v : Z) (l : list (joint * Z)) : list (joint * Z) :=
   match l with
@@ -36,8 +49,9 @@ Definition recorded (j : joint) (c : R) (m : joints) : Prop :=
 
 Lemma same_joint_eq a : forall b, same_joint a b = true -> a = b.
 Proof.
-  induction a as [|s a IH]; intros [|s' b] H; simpl in H; try discriminate; [reflexivity|].
-  apply andb_true_iff in H. destruct H as [H1 H2]. apply Pos.eqb_eq in H1. rewrite H1, (IH b H2). reflexivity.
+  induction a as [|[k s] a IH]; intros [|[k' s'] b] H; simpl in H; try discriminate; [reflexivity|].
+  split_andb. match goal with H : Nat.eqb _ _ = true |- _ => apply Nat.eqb_eq in H; subst k' end.
+  match goal with H : Pos.eqb _ _ = true |- _ => apply Pos.eqb_eq in H; subst s' end. f_equal. apply IH. assumption.
 Qed.
 
 Lemma put_new j v l : exists v', In (j, v') (put j v l) /\ v <= v'.
@@ -88,6 +102,9 @@ Qed.
 
 Section Paths.
 Variables (I : instance) (C : certificate) (coarse : Z).
+Variable memory : Type.
+Variable advise : list spec -> so_far_of -> list Z -> pool (candidate * Z) -> memory -> option advice * memory.
+Variable mind : memory.
 Notation T := (horizon I).
 Notation M := (numbers C).
 Notation rs := (all_rows C []).
@@ -106,6 +123,7 @@ Definition rest (t : nat) : Z :=
 Definition moved (k : nat) (from : positive) (s : state) : named := ((k, place I k s), (from, s)).
 Definition state_in (c : candidate) : state := snd (snd (name named c)).
 Definition class_of (c : candidate) : nat := fst (fst (name named c)).
+Definition taken (c : candidate) : nat * state := (class_of c, state_in c).
 
 Definition ways_meet (a b : named) : bool :=
   places_meet I a b
@@ -130,14 +148,14 @@ Definition take_joint (t : nat) (gs : list group) (before threshold : Z) (l : li
   let worth := exact_of I C gs l in
   if (floor (at_ N t) + sum named (charge named) l <=? worth)
      && (threshold <? worth - sum named (price named) l)
-  then insert (map state_in l) (before + worth + sumZ (map (fun c => - price named c - future_in t c) l)) m
+  then insert (Ordered.sort (map taken l)) (before + worth + sumZ (map (fun c => - price named c - future_in t c) l)) m
   else m.
 
 Definition explore_in (gs : list group) (later : Z) (t : nat) (before : Z) (conflict : named -> named -> bool)
   (p : pool candidate) : joints -> joints :=
   let threshold := target - before - later in
-  search I C coarse (fun _ => threshold) (take_joint t gs before threshold) conflict gs (length (team I)) []
-    (nothing (specs_of I C coarse gs)) 0 (- floor (at_ N t)) (step_bases (at_ N t)) p.
+  search I C coarse memory advise (fun _ => threshold) (take_joint t gs before threshold) conflict gs (length (team I)) []
+    (nothing (specs_of I C coarse gs)) 0 (- floor (at_ N t)) (step_bases (at_ N t)) p mind.
 
 Definition explore (t : nat) := explore_in (step_groups I C t) (rest t) t.
 
@@ -145,19 +163,16 @@ Definition first_joints : joints :=
   explore 0 0 (places_meet I)
     (map (fun d => (1%nat, flat_map (choice 0 (fst d) xH (fun _ => 0)) (snd d))) (team I)) (PM.empty _).
 
-Fixpoint pools_in (gs : list group) (t : nat) (drones : list (nat * list state)) (j : joint) : pool candidate :=
-  match drones, j with
-  | (k, _) :: drones', s :: j' =>
-      (1%nat, flat_map (choice_in gs (S t) k (place I k s) (reward I C k s)) (moves I k t s)) :: pools_in gs t drones' j'
-  | _, _ => []
-  end.
+Definition pools_in (gs : list group) (t : nat) (j : joint) : pool candidate :=
+  map (fun ks => let (k, s) := ks : nat * state in
+         (1%nat, flat_map (choice_in gs (S t) k (place I k s) (reward I C k s)) (moves I k t s))) j.
 
 Definition pools_from (t : nat) := pools_in (step_groups I C (S t)) t.
 
 Definition next_joints (t : nat) (m : joints) : joints :=
   let gs := step_groups I C (S t) in
   let later := rest (S t) in
-  fold_left (fun found jv => explore_in gs later (S t) (snd jv) ways_meet (pools_in gs t (team I) (fst jv)) found)
+  fold_left (fun found jv => explore_in gs later (S t) (snd jv) ways_meet (pools_in gs t (fst jv)) found)
             (listed m) (PM.empty _).
 
 Fixpoint reached (t : nat) : joints :=
@@ -204,7 +219,7 @@ Proof.
   pose proof (bonuses_R I C [] plan (numbers_fine I C coarse ok)) as HB.
   pose proof (IZR_pos _ (precision_pos I C coarse ok)) as Pp.
   unfold J, G. rewrite Rmult_plus_distr_r. apply Rplus_le_compat.
-  - unfold Staged.FR. rewrite sumR_scale, Rmult_comm. apply Rmult_le_compat_l; [lra | exact HW].
+  - unfold Narrowing.FR. rewrite sumR_scale, Rmult_comm. apply Rmult_le_compat_l; [lra | exact HW].
   - apply (Rmult_le_compat_r (IZR (precision M))) in HB; [|lra].
     unfold Rdiv in HB at 2. rewrite Rmult_assoc, Rinv_l, Rmult_1_r in HB by lra.
     eapply Rle_trans; [exact HB|]. apply Req_le. f_equal. unfold rewards_at. rewrite total_sum. reflexivity.
@@ -310,7 +325,8 @@ Qed.
 
 (** ** One step *)
 
-Definition joint_at (t : nat) : joint := map (fun f => snd f t) plan.
+(** Where the drones of a plan are, in this order. *)
+Definition joint_of (fs : list flight) (t : nat) : joint := map (fun f => (fst f, snd f t)) fs.
 
 Lemma explore_keeps j c t before conflict p m : recorded j c m -> recorded j c (explore t before conflict p m).
 Proof.
@@ -321,15 +337,15 @@ Proof.
   intros l l' a Ha. unfold keeps, take_joint in *. cbv zeta. destruct (_ && _); [apply insert_old|]; exact Ha.
 Qed.
 
-Lemma explore_ok t before conflict (from : flight -> positive) (rewarded : flight -> Z) (p : pool candidate) m :
-  (t <= T)%nat -> (forall a b, conflict a b = conflict b a) ->
+Lemma explore_ok t before conflict (from : flight -> positive) (rewarded : flight -> Z) plan' (p : pool candidate) m :
+  (t <= T)%nat -> (forall a b, conflict a b = conflict b a) -> Permutation plan plan' ->
   (G t <= IZR before + FR t + IZR (sumZ (map rewarded plan)))%R ->
   (forall pr, fits_together named conflict (map (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (from f) (snd f t)) pr) plan)) ->
   Forall2 (fun nl f => fst nl = 1%nat /\ forall a, future (fst f) t (snd f t) = Some a ->
-     In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (from f) (snd f t)) (fun _ => - a - rewarded f) f) (snd nl)) p plan ->
-  recorded (joint_at t) (G t) (explore t before conflict p m).
+     In (flown_candidate I C coarse (at_ N t) t (fun f => moved (fst f) (from f) (snd f t)) (fun _ => - a - rewarded f) f) (snd nl)) p plan' ->
+  recorded (Ordered.sort (joint_of plan' t)) (G t) (explore t before conflict p m).
 Proof.
-  intros Ht Hsym HG Hfits Hp.
+  intros Ht Hsym Hperm HG Hfits Hp.
   set (fut := fun f : flight => match future (fst f) t (snd f t) with Some a => a | None => 0 end).
   set (pr := fun f => - fut f - rewarded f). set (nm := fun f : flight => moved (fst f) (from f) (snd f t)) in *.
   set (st := at_ N t). set (cf := flown_candidate I C coarse st t nm pr).
@@ -339,12 +355,18 @@ Proof.
   pose proof (flown_candidates_ok I C coarse plan ok planned st t nm pr Ht) as Hcf. fold cf gs in Hcf.
   pose proof (flown_worth I C coarse plan ok planned st t nm pr Ht) as HFL. fold cf gs in HFL.
   pose proof (flown_counts I C coarse plan ok planned conflict st t nm pr Ht Hinv (Hfits pr)) as Hcounts. fold cf gs in Hcounts.
-  set (L := map cf plan) in *. set (Ls := map (fun c => [c]) L).
+  (* the same in the other order *)
+  pose proof (Permutation_map cf Hperm) as HpermL.
+  apply (Permutation_Forall HpermL) in Hcf.
+  rewrite (F_perm _ _ _ _ _ _ _ HpermL) in HFL.
+  apply (counts_perm named conflict Hsym _ _ _ _ _ _ _ _ HpermL) in Hcounts.
+  set (L := map cf plan') in *. set (Ls := map (fun c => [c]) L).
   assert (EL : concat Ls = L).
   { unfold Ls. clear. induction L as [|c l IH]; simpl; [reflexivity | rewrite IH; reflexivity]. }
   assert (Hpool : completes p Ls).
-  { assert (Hp' : Forall2 (fun nl f => fst nl = 1%nat /\ In (cf f) (snd nl)) p plan).
-    { eapply Forall2_weaken; [|apply (Forall2_in _ _ _ Hp)]. intros nl f [[H1 H2] [_ Hf]]. split; [exact H1|].
+  { assert (Hp' : Forall2 (fun nl f => fst nl = 1%nat /\ In (cf f) (snd nl)) p plan').
+    { eapply Forall2_weaken; [|apply (Forall2_in _ _ _ Hp)]. intros nl f [[H1 H2] [_ Hf']]. split; [exact H1|].
+      pose proof (Permutation_in f (Permutation_sym Hperm) Hf') as Hf.
       destruct (future_ok f t Hf Ht) as [a [Ea _]]. specialize (H2 a Ea).
       unfold cf, pr, fut, flown_candidate in *. rewrite Ea. exact H2. }
     unfold Ls, L. clear - Hp'. induction Hp' as [|nl f p fs [H1 H2] H IH]; simpl; constructor; [|exact IH].
@@ -353,7 +375,7 @@ Proof.
     counts named conflict (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) (step_bases st) (floor st) l ->
     Forall (cand_ok named (amount_unit I) coarse (specs_of I C coarse gs)) l ->
     (IZR threshold < profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l)%R ->
-    recorded (map state_in l) (IZR before + F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l
+    recorded (Ordered.sort (map taken l)) (IZR before + F named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l
        + IZR (sumZ (map (fun c => - price named c - future_in t c)%Z l)))%R m).
   destruct (units I M (units_fine I C coarse ok)) as [_ [_ [Za Zw]]]. destruct (staged_parts I C coarse ok) as [_ [_ [Zc _]]].
   assert (Hlow : forall l (a : joints), (profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) l <= IZR threshold)%R -> Good l a).
@@ -374,10 +396,10 @@ Proof.
   assert (HGood : Good ([] ++ concat Ls) (explore t before conflict p m)).
   { apply (node_ok named conflict Hsym (amount_unit I) (weight_unit I) (precision M) coarse Za Zw (precision_pos I C coarse ok) Zc
       (specs_of I C coarse gs) (specs_of_ok I C coarse gs Hgs) joints (fun _ => threshold) (take_joint t gs before threshold)
-      Sorted.sort sorted_permutes named_dec Good Hlow Hdown Hkeep true ltac:(discriminate) (step_bases st) (floor st)).
+      Sorted.sort sorted_permutes memory (advise (specs_of I C coarse gs)) named_dec Good Hlow Hdown Hkeep true ltac:(discriminate) (step_bases st) (floor st)).
     - exact Hpool.
     - clear - Hpos. induction Hpos as [|nl p E H IH]; constructor; [rewrite E; lia | exact IH].
-    - apply Forall2_lengths in Hp. rewrite <- (eq_trans Hp (team_size I plan planned)). clear - Hpos.
+    - apply Forall2_lengths in Hp. rewrite <- (eq_trans Hp (eq_trans (eq_sym (Permutation_length Hperm)) (team_size I plan planned))). clear - Hpos.
       induction Hpos as [|nl p E H IH]; simpl; [lia|]. rewrite E. lia.
     - intros _. exact Hpos.
     - simpl. rewrite EL. exact Hcf.
@@ -388,19 +410,20 @@ Proof.
     - simpl. rewrite EL. exact Hcounts. }
   simpl app in HGood. rewrite EL in HGood. specialize (HGood Hcounts Hcf).
   assert (Hsum : sum named (price named) L = -1 * sumZ (map fut plan) + -1 * sumZ (map rewarded plan)).
-  { unfold sum, L. rewrite map_map, <- !sumZ_scale, <- sumZ_add. apply sumZ_ext. intros f _.
+  { rewrite <- (sum_perm _ (price named) _ _ HpermL). unfold sum. rewrite map_map, <- !sumZ_scale, <- sumZ_add. apply sumZ_ext. intros f _.
     change (- fut f - rewarded f = -1 * fut f + -1 * rewarded f). lia. }
   assert (Hfut : sumZ (map (fun f => to_go (step_price I C N (fst f)) (toll' I C (fst f)) (snd f) (T - t) t - step_price I C N (fst f) t (snd f t)) plan)
       <= sumZ (map fut plan)).
   { apply sumZ_le. intros f Hf. destruct (future_ok f t Hf Ht) as [a [Ea Ha]]. unfold fut. rewrite Ea. exact Ha. }
   assert (Hrew : sumZ (map (fun c => - price named c - future_in t c) L) = sumZ (map rewarded plan)).
-  { unfold L. rewrite map_map. apply sumZ_ext. intros f _.
+  { change (sum named (fun c => - price named c - future_in t c) L = sumZ (map rewarded plan)).
+    rewrite <- (sum_perm _ _ _ _ HpermL). unfold sum. rewrite map_map. apply sumZ_ext. intros f _.
     change (- (- fut f - rewarded f) - fut f = rewarded f). lia. }
   assert (Hthr : (IZR threshold < profitR named (amount_unit I) (weight_unit I) (precision M) (specs_of I C coarse gs) L)%R).
   { unfold profitR. rewrite HFL, Hsum. pose proof (bound_at t Ht) as HB. unfold threshold.
     apply IZR_le in Hfut. rewrite ?plus_IZR, ?minus_IZR, ?mult_IZR in *. lra. }
   specialize (HGood Hthr). rewrite HFL, Hrew in HGood.
-  assert (EJ : map state_in L = joint_at t) by (unfold L, joint_at; rewrite map_map; reflexivity).
+  assert (EJ : map taken L = joint_of plan' t) by (unfold L, joint_of; rewrite map_map; reflexivity).
   rewrite EJ in HGood. eapply recorded_less; [|exact HGood]. exact HG.
 Qed.
 
@@ -409,9 +432,10 @@ Lemma choice_found t f (from : positive) (rewarded : state -> Z) a : future (fst
      (choice t (fst f) from rewarded (snd f t)).
 Proof. intros E. unfold choice, choice_in. rewrite E. left. reflexivity. Qed.
 
-Lemma first_joints_ok : recorded (joint_at 0) (G 0) first_joints.
+Lemma first_joints_ok : recorded (Ordered.sort (joint_of plan 0)) (G 0) first_joints.
 Proof.
-  unfold first_joints. apply (explore_ok 0 0 (places_meet I) (fun _ => xH) (fun _ => 0)); [lia | apply places_meet_symmetric | | |].
+  unfold first_joints. apply (explore_ok 0 0 (places_meet I) (fun _ => xH) (fun _ => 0) plan);
+    [lia | apply places_meet_symmetric | reflexivity | | |].
   - unfold G. simpl. replace (sumZ (map (fun _ : flight => 0) plan)) with 0 by (symmetry; apply sumZ_zero; reflexivity). lra.
   - intros pr. set (cf := flown_candidate I C coarse (at_ N 0) 0 (fun f => moved (fst f) xH (snd f 0%nat)) pr).
     destruct planned as [_ H]. unfold fits_together. clear - H.
@@ -424,15 +448,27 @@ Proof.
     + rewrite <- E1. apply (choice_found 0 f xH (fun _ => 0) a Ea).
 Qed.
 
-Lemma reached_ok t : (t <= T)%nat -> recorded (joint_at t) (G t) (reached t).
+(** What is in order is the plan's joint state, its drones in some order. *)
+Lemma in_order plan' t c m : Permutation plan plan' -> recorded (Ordered.sort (joint_of plan' t)) c m ->
+  exists plan'', Permutation plan plan'' /\ recorded (joint_of plan'' t) c m.
 Proof.
-  induction t as [|t IH]; intros Ht; [apply first_joints_ok|]. specialize (IH ltac:(lia)).
-  destruct (recorded_listed _ _ _ IH) as [v [Hin Hv]]. cbn [reached].
+  intros Hperm H. destruct (Permutation_map_inv (fun f : flight => (fst f, snd f t)) plan' (Permutation_sym (Ordered.Permuted_sort (joint_of plan' t))))
+    as [plan'' [E Hperm']].
+  exists plan''. split; [eapply Permutation_trans; eassumption|]. change (joint_of plan'' t) with (map (fun f : flight => (fst f, snd f t)) plan''). rewrite <- E. exact H.
+Qed.
+
+Lemma reached_ok t : (t <= T)%nat -> exists plan', Permutation plan plan' /\ recorded (joint_of plan' t) (G t) (reached t).
+Proof.
+  induction t as [|t IH]; intros Ht.
+  { apply (in_order plan 0); [reflexivity | apply first_joints_ok]. }
+  destruct (IH ltac:(lia)) as [plan' [Hperm Hrec]]. clear IH.
+  apply (in_order plan' (S t)); [exact Hperm|].
+  destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]]. cbn [reached].
   change (next_joints t (reached t)) with (fold_left (fun found jv => explore (S t) (snd jv) ways_meet
-    (pools_from t (team I) (fst jv)) found) (listed (reached t)) (PM.empty _)).
-  assert (Hnew : forall m, recorded (joint_at (S t)) (G (S t)) (explore (S t) v ways_meet (pools_from t (team I) (joint_at t)) m)).
-  { intros m. apply (explore_ok (S t) v ways_meet (fun f => place I (fst f) (snd f t)) (fun f => reward I C (fst f) (snd f t) (snd f (S t))));
-      [exact Ht | apply ways_meet_symmetric | | |].
+    (pools_from t (fst jv)) found) (listed (reached t)) (PM.empty _)).
+  assert (Hnew : forall m, recorded (Ordered.sort (joint_of plan' (S t))) (G (S t)) (explore (S t) v ways_meet (pools_from t (joint_of plan' t)) m)).
+  { intros m. apply (explore_ok (S t) v ways_meet (fun f => place I (fst f) (snd f t)) (fun f => reward I C (fst f) (snd f t) (snd f (S t))) plan');
+      [exact Ht | apply ways_meet_symmetric | exact Hperm | | |].
     - change (G (S t) <= IZR v + FR (S t) + IZR (rewards_at t))%R.
       unfold G in *. rewrite (seq_S (S t)), map_app, sumR_app. cbn [total map sumR Nat.add]. rewrite plus_IZR. lra.
     - intros pr. destruct planned as [_ H]. unfold fits_together. clear - H Ht.
@@ -440,13 +476,16 @@ Proof.
       rewrite Forall_map. apply Forall_forall. intros g Hg. rewrite Forall_forall in Hf.
       unfold ways_meet, places_meet. simpl. destruct (Hf g Hg) as [Hm Hc].
       rewrite (Hm (S t) ltac:(lia)), (Hc t ltac:(lia)). reflexivity.
-    - destruct planned as [HF _]. unfold joint_at, pools_from. clear - HF Ht. induction HF as [|d f ds fs [E1 E2] H IH]; simpl; [constructor|].
-      destruct d as [k starts]. simpl in E1. constructor; [|exact IH].
+    - assert (Hflown : forall f, In f plan' -> In (snd f (S t)) (moves I (fst f) t (snd f t))).
+      { intros f Hf. apply (Permutation_in f (Permutation_sym Hperm)) in Hf.
+        destruct (of_plan I plan planned f Hf) as [starts [_ [_ [_ Hm]]]]. apply Hm. lia. }
+      unfold joint_of, pools_from, pools_in. rewrite map_map. clear - Hflown.
+      induction plan' as [|f fs IH]; simpl; constructor; [|apply IH; intros; apply Hflown; right; assumption].
       simpl. split; [reflexivity|]. intros a Ea. apply in_flat_map. exists (snd f (S t)). split.
-      + rewrite <- E1. destruct f as [k' q]. destruct E2 as [_ [_ Hm]]. apply Hm. lia.
-      + rewrite <- E1. apply (choice_found (S t) f (place I (fst f) (snd f t)) (reward I C (fst f) (snd f t)) a Ea). }
-  assert (Hold : forall l m, recorded (joint_at (S t)) (G (S t)) m -> recorded (joint_at (S t)) (G (S t))
-     (fold_left (fun found jv => explore (S t) (snd jv) ways_meet (pools_from t (team I) (fst jv)) found) l m)).
+      + apply Hflown. left. reflexivity.
+      + apply (choice_found (S t) f (place I (fst f) (snd f t)) (reward I C (fst f) (snd f t)) a Ea). }
+  assert (Hold : forall l m, recorded (Ordered.sort (joint_of plan' (S t))) (G (S t)) m -> recorded (Ordered.sort (joint_of plan' (S t))) (G (S t))
+     (fold_left (fun found jv => explore (S t) (snd jv) ways_meet (pools_from t (fst jv)) found) l m)).
   { induction l as [|x l IHl]; intros m H; simpl; [exact H|]. apply IHl, explore_keeps, H. }
   generalize (PM.empty (list (joint * Z))). revert Hin. generalize (listed (reached t)) as l.
   induction l as [|x l IHl]; intros Hin m; [contradiction|]. simpl. destruct Hin as [-> | Hin].
@@ -456,7 +495,7 @@ Qed.
 
 Theorem paths_bound_ok : (J I plan * IZR (precision M) <= IZR paths_bound)%R.
 Proof.
-  destruct (recorded_listed _ _ _ (reached_ok T (le_n _))) as [v [Hin Hv]].
+  destruct (reached_ok T (le_n _)) as [plan' [_ Hrec]]. destruct (recorded_listed _ _ _ Hrec) as [v [Hin Hv]].
   eapply Rle_trans; [apply J_below|]. eapply Rle_trans; [exact Hv|]. apply IZR_le. unfold paths_bound.
   assert (Hold : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
   { induction l as [|x l IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
@@ -469,20 +508,23 @@ End Paths.
 
 Section Whole.
 Variables (I : instance) (C : certificate) (coarse : Z).
+Variable memory : Type.
+Variable advise : list spec -> so_far_of -> list Z -> pool (candidate * Z) -> memory -> option advice * memory.
+Variable mind : memory.
 Notation M := (numbers C).
 
 (** What no plan is above, by stages, and by the paths of plans above a higher target, if there is
     one; None: the certificate proves nothing. *)
 Definition whole_bound (target : Z) (stages : list stage) (paths_above : option Z) : option Z :=
   match paths_above with
-  | None => staged_bound I C coarse target stages
+  | None => staged_bound I C coarse memory advise mind target stages
   | Some higher =>
       if staged_numbers_ok I C coarse && (target <=? higher) then
-        Some (match narrowed I C coarse target stages with
+        Some (match narrowed I C coarse memory advise mind target stages with
               | None => higher
               | Some N => match close_twice I C higher N with
                           | None => higher
-                          | Some N' => paths_bound I C coarse N' higher (sweep_all I C N')
+                          | Some N' => paths_bound I C coarse memory advise mind N' higher (sweep_all I C N')
                           end
               end)
       else None
@@ -503,19 +545,19 @@ Proof.
     destruct (Z.leb_spec target higher) as [Hle | _]; [|discriminate]. injection Hb as <-.
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|].
     destruct (Rle_dec (J I plan * IZR (precision M)) (IZR higher)) as [L | G0].
-    + eapply Rle_trans; [exact L|]. apply IZR_le. destruct (narrowed _ _ _ _ _) as [N|]; [|lia].
+    + eapply Rle_trans; [exact L|]. apply IZR_le. destruct (narrowed _ _ _ _ _ _ _ _) as [N|]; [|lia].
       destruct (close_twice _ _ _ N) as [N'|]; [|lia]. unfold paths_bound.
-      generalize (listed (reached I C coarse N' higher (sweep_all I C N') (horizon I))) as l. intros l.
+      generalize (listed (reached I C coarse memory advise mind N' higher (sweep_all I C N') (horizon I))) as l. intros l.
       assert (H : forall l b, b <= fold_left (fun b (jv : joint * Z) => Z.max b (snd jv)) l b).
       { induction l0 as [|x l0 IH]; intros b; simpl; [lia|]. specialize (IH (Z.max b (snd x))). lia. }
       apply H.
     + apply Rnot_le_lt in G0. assert (G1 : (IZR target < J I plan * IZR (precision M))%R) by (apply IZR_le in Hle; lra).
-      destruct (narrowed_ok I C coarse plan Hok Hp target G1 stages) as [N [EN HN]]. rewrite EN.
+      destruct (narrowed_ok I C coarse memory advise mind plan Hok Hp target G1 stages) as [N [EN HN]]. rewrite EN.
       destruct (close_twice_ok I C coarse plan Hok Hp higher G0 N HN) as [N' [EN' HN']]. rewrite EN'.
-      apply (paths_bound_ok I C coarse N' higher (sweep_all I C N') plan Hok Hp G0 HN' eq_refl).
+      apply (paths_bound_ok I C coarse memory advise mind N' higher (sweep_all I C N') plan Hok Hp G0 HN' eq_refl).
   - pose proof Hb as Hb'. unfold staged_bound in Hb'. destruct (staged_numbers_ok I C coarse) eqn:Hok; [|discriminate].
     pose proof (precision_pos I C coarse Hok) as Zp. split; [exact Zp|]. pose proof (IZR_pos _ Zp) as Pp.
-    pose proof (staged_bound_sound I C coarse target stages b plan Hb Hp) as H.
+    pose proof (staged_bound_sound I C coarse memory advise mind target stages b plan Hb Hp) as H.
     apply (Rmult_le_compat_r (IZR (precision M))) in H; [|lra]. unfold Rdiv in H.
     rewrite Rmult_assoc, Rinv_l, Rmult_1_r in H by lra. exact H.
 Qed.

@@ -1,12 +1,17 @@
 (** A search through joint states, drone by drone, that leaves out none that counts.
 
     Gains only shrink as more is seen, so that what the drones left would each gain now bounds what
-    they gain together. Numbers that bound are coarse and rounded up; a joint state that is complete
-    is handed on. *)
+    they gain together. Where that is not enough, numbers from outside say how to bound it better:
+    they may be any, and what they prove is computed here. A joint state that is complete is handed
+    on. *)
 From Coq Require Import ZArith List Bool Reals Lra Lia Psatz Permutation.
-From CocapCheck Require Import Spec Sums Returns Sweep.
+From CocapCheck Require Import Spec Sums Returns Gains Tangents Pools.
 Import ListNotations.
 Open Scope Z_scope.
+
+(** Numbers for a node: of its conditions - profit, worth less charges, static bounds - a share each;
+    of its groups, where tangents touch; of its classes, levels.  Nothing is asked of them. *)
+Record advice := Advice { shares : list Z; touches : list touch; levels : list Z }.
 
 Section Search.
 Variable who : Type.                       (* a drone's class, places and whatever matters *)
@@ -28,99 +33,27 @@ Record cand := Cand {
   static : list Z          (* what it adds to each static bound *)
 }.
 
-(** A group: its weight, the same as a factor of coarse returns, rounded up, and its return. *)
-Record spec := Spec { s_weight : Z; s_factor : Z; s_return : return_of }.
 Variable specs : list spec.
 
-Definition spec_of (w : Z) (r : return_of) : spec := Spec w (cdiv (precision * w) (weight_unit * coarse)) r.
+Notation spec_of := (spec_of weight_unit precision coarse).
+Notation coarse_up := (coarse_up amount_unit coarse).
+Notation gain := (gain coarse).
+Notation see := (see coarse).
+Notation worthR := (worthR amount_unit weight_unit precision).
+Notation seen_ok := (seen_ok amount_unit coarse).
+
 Hypothesis specs_ok : forall s, In s specs ->
   exists w r, s = spec_of w r /\ 0 <= w /\ is_return r.
 
-Definition coarse_up (c : Z) : Z := if c =? 0 then 0 else cdiv (c * coarse) amount_unit.
 Definition cand_ok (c : cand) : Prop :=
   length (amounts c) = length specs /\ Forall (fun x => 0 <= x) (amounts c) /\ amounts_up c = map coarse_up (amounts c).
 
-(** * Coarse returns *)
-
-Definition root_up (n : Z) : Z :=
-  let r := Z.sqrt n + 1 in if (0 <=? r) && (n <=? r * r) then r else n.
-Definition root_down (n : Z) : Z :=
-  let r := Z.sqrt n in if (0 <=? r) && (r * r <=? n) then r else 0.
-
-Definition return_up (r : return_of) (n : Z) : Z :=
-  match r with Root => root_up (n * coarse) | AtMost k => Z.min n (k * coarse) end.
-Definition return_down (r : return_of) (n : Z) : Z :=
-  match r with Root => root_down (n * coarse) | AtMost k => Z.min n (k * coarse) end.
-
-(** What is seen so far of each group: at least so much, and its return, both coarse. *)
-Definition so_far_of : Type := list (Z * Z).
-
 Definition nothing : so_far_of := map (fun _ => (0, 0)) specs.
-
-Fixpoint gain (ss : list spec) (seen : so_far_of) (cs : list Z) : Z :=
-  match ss, seen, cs with
-  | s :: ss', (z, r) :: seen', c :: cs' =>
-      if c =? 0 then gain ss' seen' cs'
-      else s_factor s * (return_up (s_return s) (z + c) - r) + gain ss' seen' cs'
-  | _, _, _ => 0
-  end.
-
-Fixpoint see (ss : list spec) (seen : so_far_of) (cs : list Z) : so_far_of :=
-  match ss, seen, cs with
-  | s :: ss', (z, r) :: seen', c :: cs' =>
-      (if c =? 0 then (z, r) else let z' := z + c - 1 in (z', return_down (s_return s) z')) :: see ss' seen' cs'
-  | _, _, _ => []
-  end.
-
-(** The worth of amounts, in 1/precision; of some states together. *)
-Fixpoint worthR (ss : list spec) (z : nat -> Z) : R :=
-  match ss with
-  | [] => 0%R
-  | s :: ss' =>
-      (IZR precision * (IZR (s_weight s) / IZR weight_unit * return_value (s_return s) (IZR (z O) / IZR amount_unit))
-       + worthR ss' (fun j => z (S j)))%R
-  end.
 
 Definition together (l : list cand) (j : nat) : Z := sumZ (map (fun c => nth j (amounts c) 0) l).
 Definition F (l : list cand) : R := worthR specs (together l).
 Definition sum (f : cand -> Z) (l : list cand) : Z := sumZ (map f l).
 Definition profitR (l : list cand) : R := (F l - IZR (sum price l))%R.
-
-(** * Pools: how many drones of a class are left, and the states that they may take *)
-
-Definition pool (A : Type) : Type := list (nat * list A).
-
-Definition most_of {A} (f : A -> Z) (l : list A) : option Z := largest (fun a => Some (f a)) l None.
-
-Fixpoint mosts {A} (f : A -> Z) (p : pool A) : option (list Z) :=
-  match p with
-  | [] => Some []
-  | (_, l) :: rest => match most_of f l, mosts f rest with
-                      | Some m, Some ms => Some (m :: ms)
-                      | _, _ => None
-                      end
-  end.
-
-Fixpoint most_together {A} (p : pool A) (ms : list Z) : Z :=
-  match p, ms with
-  | (n, _) :: rest, m :: ms' => Z.of_nat n * m + most_together rest ms'
-  | _, _ => 0
-  end.
-
-Fixpoint keep_each {A} (f : A -> Z) (room : Z) (p : pool A) (ms : list Z) : pool A :=
-  match p, ms with
-  | (n, l) :: rest, m :: ms' => let least := m - room in
-      (n, filter (fun a => least <? f a) l) :: keep_each f room rest ms'
-  | _, _ => []
-  end.
-
-(** Drops what is in no completion whose sum of f, and the base, is above a threshold. *)
-Definition keep {A} (threshold base : Z) (f : A -> Z) (p : pool A) : option (pool A) :=
-  match mosts f p with
-  | None => None
-  | Some ms => let room := base + most_together p ms - threshold in
-      if room <=? 0 then None else Some (keep_each f room p ms)
-  end.
 
 (** A static bound: of profits, or a limit that is not to be below 0. *)
 Definition base : Type := bool * Z.
@@ -144,19 +77,65 @@ Fixpoint add_static (bases : list base) (vs : list Z) : list base :=
 
 (** * The search *)
 
-Variable A : Type.                              (* what it brings back *)
-Variable threshold : A -> Z.                    (* joint states of no more profit do not matter *)
-Variable take_down : list cand -> A -> A.       (* the drones' states in the order of the pools *)
-Variable better_first : list (cand * Z) -> list (cand * Z).
-Hypothesis better_first_permutes : forall l, Permutation (better_first l) l.
-
 Definition with_gain (seen : so_far_of) (p : pool cand) : pool (cand * Z) :=
   map (fun nl => (fst nl, map (fun c => (c, gain specs seen (amounts_up c))) (snd nl))) p.
 
 Definition profit_gain (cg : cand * Z) : Z := snd cg - price (fst cg).
 Definition low_gain (cg : cand * Z) : Z := snd cg - charge (fst cg).
 
-Definition without_gain (p : pool (cand * Z)) : pool cand := map (fun nl => (fst nl, map fst (snd nl))) p.
+Definition firsts {B C} (p : pool (B * C)) : pool B := map (fun nl => (fst nl, map fst (snd nl))) p.
+
+(** A sum of numbers with shares; shares below 0 are none. *)
+Fixpoint weigh (ws xs : list Z) : Z :=
+  match ws, xs with
+  | w :: ws', x :: xs' => Z.max 0 w * x + weigh ws' xs'
+  | _, _ => 0
+  end.
+
+Definition meet_1 (a b : cand) : bool := conflict (name a) (name b).
+Definition meet_2 (a b : cand * Z) : bool := meet_1 (fst a) (fst b).
+Definition meet_3 (a b : cand * Z * Z) : bool := meet_2 (fst a) (fst b).
+
+(** Levels for the classes; those that have none are covered by their largest number. *)
+Fixpoint by_levels (ls : list Z) (p : pool (cand * Z * Z)) : list (nat -> list (cand * Z * Z) -> option cover) :=
+  match p with
+  | [] => []
+  | _ :: rest => match ls with
+                 | [] => by_most snd :: by_levels [] rest
+                 | level :: ls' => by_level meet_3 level snd :: by_levels ls' rest
+                 end
+  end.
+
+(** Drops what cannot fulfil a sum of all conditions: each is a constant of the node and a number of
+    each drone left, together not below 0.  What is gained stands in the first two. *)
+Definition relax (a : advice) (seen : so_far_of) (profit low : Z) (statics : list Z) (p : pool (cand * Z)) : option (pool (cand * Z)) :=
+  let ls := lines_of coarse specs seen (touches a) in
+  let more := relaxed_constant specs ls in
+  let ws := firstn (2 + length statics) (shares a) in
+  let number (cg : cand * Z) :=
+    let c := fst cg in
+    let g := relaxed_gain coarse specs seen ls (amounts_up c) in
+    weigh ws (g - price c :: g - charge c :: static c) in
+  let numbered := map (fun nl => (fst nl, map (fun cg => (cg, number cg)) (snd nl))) p in
+  match keep_by (by_levels (levels a) numbered) (-1) (weigh ws (profit + more :: low + more :: statics)) snd numbered with
+  | None => None
+  | Some kept => Some (firsts kept)
+  end.
+
+(** What is left of the static bounds, above what is wanted. *)
+Definition statics_above (best : Z) (bases : list base) : list Z :=
+  map (fun lb : base => if fst lb then snd lb else snd lb - best) bases.
+
+Variable A : Type.                              (* what it brings back *)
+Variable threshold : A -> Z.                    (* joint states of no more profit do not matter *)
+Variable take_down : list cand -> A -> A.       (* the drones' states in the order of the pools *)
+Variable better_first : list (cand * Z) -> list (cand * Z).
+Hypothesis better_first_permutes : forall l, Permutation (better_first l) l.
+
+(** Who gives advice: by what is seen, what the conditions leave, who is left with what states and
+    gains; and by what it has made up its mind about at the node above. *)
+Variable memory : Type.
+Variable advise : so_far_of -> list Z -> pool (cand * Z) -> memory -> option advice * memory.
 
 (** Beside each item, the most of f of it and all that follow. *)
 Fixpoint most_after {B} (f : B -> Z) (l : list B) : list (B * Z) :=
@@ -169,7 +148,7 @@ Fixpoint most_after {B} (f : B -> Z) (l : list B) : list (B * Z) :=
   end.
 
 Definition after (c : cand) (n : nat) (here : list cand) (others : pool cand) : pool cand :=
-  let fits := fun d => negb (conflict (name c) (name d)) in
+  let meets := conflict (name c) in let fits := fun d => negb (meets (name d)) in
   let rest := map (fun nl => (fst nl, filter fits (snd nl))) others in
   match n with O => rest | _ => (n, filter fits here) :: rest end.
 
@@ -183,33 +162,56 @@ Fixpoint each (explore : cand -> Z -> list cand -> A -> A) (so_far others : Z) (
       else each explore so_far others n rest (explore c g (c :: map (fun x => fst (fst x)) rest) found)
   end.
 
+(** Asks for advice until there is none, or nobody is left, or it is enough; also returns the mind. *)
+Fixpoint advised (times : nat) (seen : so_far_of) (profit low : Z) (statics : list Z) (p : pool (cand * Z)) (mind : memory) : option (pool (cand * Z)) * memory :=
+  match times with
+  | O => (Some p, mind)
+  | S times' =>
+      let (told, mind') := advise seen (profit :: low :: statics) p mind in
+      match told with
+      | None => (Some p, mind')
+      | Some a => match relax a seen profit low statics p with
+                  | None => (None, mind')
+                  | Some p' => advised times' seen profit low statics p' mind'
+                  end
+      end
+  end.
+
+Definition most_advice : nat := 100.
+
 Fixpoint node (fuel : nat) (chosen : list cand) (seen : so_far_of) (profit low : Z) (bases : list base)
-  (p : pool cand) (found : A) : A :=
+  (p : pool cand) (mind : memory) (found : A) : A :=
   match p with
   | [] => take_down (rev chosen) found
   | _ =>
     match fuel with
     | O => found
     | S fuel' =>
-      match keep_static (threshold found) 0 bases p with
+      let best := threshold found in
+      match keep_static best 0 bases p with
       | None => found
       | Some p1 =>
-        match keep (threshold found) profit profit_gain (with_gain seen p1) with
+        match keep best profit profit_gain (with_gain seen p1) with
         | None => found
         | Some p2 =>
           match keep (-1) low low_gain p2 with
-          | None | Some [] => found
-          | Some ((n, l) :: others) =>
-            match mosts profit_gain others with
-            | None => found
-            | Some ms =>
-              let plain := without_gain others in
-              each (fun c g here found =>
-                      node fuel' (c :: chosen) (see specs seen (amounts_up c)) (profit + g - price c)
-                        (low + g - charge c) (add_static bases (static c))
-                        (after c (pred n) here plain) found)
-                   profit (most_together others ms) (pred n)
-                   (most_after profit_gain (better_first l)) found
+          | None => found
+          | Some p3 =>
+            let (p4, mind') := advised most_advice seen (profit - best) low (statics_above best bases) p3 mind in
+            match p4 with
+            | None | Some [] => found
+            | Some ((n, l) :: others) =>
+              match mosts profit_gain others with
+              | None => found
+              | Some ms =>
+                let plain := firsts others in
+                each (fun c g here found =>
+                        node fuel' (c :: chosen) (see specs seen (amounts_up c)) (profit + g - price c)
+                          (low + g - charge c) (add_static bases (static c))
+                          (after c (pred n) here plain) mind' found)
+                     profit (most_together others ms) (pred n)
+                     (most_after profit_gain (better_first l)) found
+              end
             end
           end
         end
@@ -219,219 +221,13 @@ Fixpoint node (fuel : nat) (chosen : list cand) (seen : so_far_of) (profit low :
 
 (** * Soundness: what is seen *)
 
-Lemma root_up_ok n : 0 <= n -> 0 <= root_up n /\ (sqrt (IZR n) <= IZR (root_up n))%R.
-Proof.
-  intros Hn. assert (K : forall r, 0 <= r -> n <= r * r -> (sqrt (IZR n) <= IZR r)%R).
-  { intros r Hr H. apply IZR_le in H. rewrite mult_IZR in H. apply IZR_nonneg in Hr.
-    rewrite <- (sqrt_square (IZR r)) by exact Hr. apply sqrt_le_1_alt. exact H. }
-  unfold root_up. cbv zeta. match goal with |- context [if ?b then _ else _] => destruct b eqn:E end.
-  - split_andb. to_Z. split; [assumption | apply K; assumption].
-  - split; [exact Hn | apply K; [exact Hn | nia]].
-Qed.
-
-Lemma root_down_ok n : 0 <= n -> 0 <= root_down n /\ (IZR (root_down n) <= sqrt (IZR n))%R.
-Proof.
-  intros Hn. unfold root_down. cbv zeta. match goal with |- context [if ?b then _ else _] => destruct b eqn:E end.
-  - split_andb. to_Z. split; [assumption|].
-    assert (HS : Z.sqrt n * Z.sqrt n <= n) by assumption. assert (Hr : 0 <= Z.sqrt n) by assumption.
-    apply IZR_le in HS. rewrite mult_IZR in HS. apply IZR_nonneg in Hr.
-    rewrite <- (sqrt_square (IZR (Z.sqrt n))) by exact Hr. apply sqrt_le_1_alt. exact HS.
-  - split; [lia | apply sqrt_pos].
-Qed.
-
-Lemma coarse_root n : 0 <= n -> (sqrt (IZR n / IZR coarse) = sqrt (IZR (n * coarse)) / IZR coarse)%R.
-Proof.
-  intros Hn. apply IZR_nonneg in Hn. pose proof (IZR_pos _ coarse_pos) as P.
-  rewrite mult_IZR.
-  replace (IZR n * IZR coarse)%R with (IZR n / IZR coarse * (IZR coarse * IZR coarse))%R by (field; lra).
-  rewrite sqrt_mult_alt.
-  - rewrite sqrt_square by lra. field. lra.
-  - apply Rmult_le_pos; [exact Hn | apply Rlt_le, Rinv_0_lt_compat, P].
-Qed.
-
-Lemma count_coarse n k : (Rmin (IZR n / IZR coarse) (IZR k) = IZR (Z.min n (k * coarse)) / IZR coarse)%R.
-Proof.
-  pose proof (IZR_pos _ coarse_pos) as P. unfold Rmin. destruct (Rle_dec (IZR n / IZR coarse) (IZR k)) as [L | L].
-  - rewrite Z.min_l; [reflexivity|]. apply le_IZR. rewrite mult_IZR.
-    apply (Rmult_le_compat_r (IZR coarse)) in L; [|lra]. unfold Rdiv in L. rewrite Rmult_assoc, Rinv_l in L by lra. lra.
-  - rewrite Z.min_r.
-    + rewrite mult_IZR. field. lra.
-    + apply Rnot_le_lt in L.
-      apply Z.lt_le_incl, lt_IZR. rewrite mult_IZR.
-      apply (Rmult_lt_compat_r (IZR coarse)) in L; [|lra]. unfold Rdiv in L. rewrite Rmult_assoc, Rinv_l in L by lra. lra.
-Qed.
-
-Lemma return_up_ok r n : 0 <= n -> (return_value r (IZR n / IZR coarse) <= IZR (return_up r n) / IZR coarse)%R.
-Proof.
-  intros Hn. pose proof (IZR_pos _ coarse_pos) as P. destruct r as [|k]; simpl.
-  - rewrite coarse_root by exact Hn. apply Rmult_le_compat_r; [apply Rlt_le, Rinv_0_lt_compat, P|].
-    apply root_up_ok. nia.
-  - rewrite count_coarse. lra.
-Qed.
-
-Lemma return_down_ok r n : 0 <= n -> (IZR (return_down r n) / IZR coarse <= return_value r (IZR n / IZR coarse))%R.
-Proof.
-  intros Hn. pose proof (IZR_pos _ coarse_pos) as P. destruct r as [|k]; simpl.
-  - rewrite coarse_root by exact Hn. apply Rmult_le_compat_r; [apply Rlt_le, Rinv_0_lt_compat, P|].
-    apply root_down_ok. nia.
-  - rewrite count_coarse. lra.
-Qed.
-
-Lemma coarse_up_ok c : 0 <= c -> (IZR c / IZR amount_unit <= IZR (coarse_up c) / IZR coarse)%R
-  /\ (c <> 0 -> 0 < coarse_up c /\ (IZR (coarse_up c - 1) / IZR coarse <= IZR c / IZR amount_unit)%R)
-  /\ 0 <= coarse_up c.
-Proof.
-  intros Hc. pose proof (IZR_pos _ coarse_pos) as P. pose proof (IZR_pos _ amount_unit_pos) as Pa.
-  unfold coarse_up. destruct (Z.eqb_spec c 0) as [-> | Hne].
-  - repeat split; try lia; try contradiction. unfold Rdiv. rewrite !Rmult_0_l. lra.
-  - pose proof (cdiv_ge (c * coarse) amount_unit amount_unit_pos) as H1.
-    assert (H2 : (cdiv (c * coarse) amount_unit - 1) * amount_unit < c * coarse).
-    { unfold cdiv. pose proof (Z.mul_succ_div_gt (- (c * coarse)) amount_unit amount_unit_pos). nia. }
-    set (u := cdiv (c * coarse) amount_unit) in *.
-    assert (Hu : 0 < u) by nia.
-    split; [|split; [intros _; split; [exact Hu|] | lia]].
-    + apply Rmult_le_reg_r with (IZR coarse * IZR amount_unit)%R; [apply Rmult_lt_0_compat; assumption|].
-      apply IZR_le in H1. rewrite !mult_IZR in H1.
-      replace (IZR c / IZR amount_unit * (IZR coarse * IZR amount_unit))%R with (IZR c * IZR coarse)%R by (field; lra).
-      replace (IZR u / IZR coarse * (IZR coarse * IZR amount_unit))%R with (IZR u * IZR amount_unit)%R by (field; lra).
-      exact H1.
-    + apply Rmult_le_reg_r with (IZR coarse * IZR amount_unit)%R; [apply Rmult_lt_0_compat; assumption|].
-      apply Z.lt_le_incl, IZR_le in H2. rewrite !mult_IZR in H2.
-      replace (IZR (u - 1) / IZR coarse * (IZR coarse * IZR amount_unit))%R with (IZR (u - 1) * IZR amount_unit)%R by (field; lra).
-      replace (IZR c / IZR amount_unit * (IZR coarse * IZR amount_unit))%R with (IZR c * IZR coarse)%R by (field; lra).
-      exact H2.
-Qed.
-
-Fixpoint seen_ok (ss : list spec) (seen : so_far_of) (z : nat -> Z) : Prop :=
-  match ss, seen with
-  | [], [] => True
-  | s :: ss', (low, r) :: seen' =>
-      0 <= low /\ (IZR low / IZR coarse <= IZR (z O) / IZR amount_unit)%R
-      /\ (IZR r / IZR coarse <= return_value (s_return s) (IZR low / IZR coarse))%R
-      /\ seen_ok ss' seen' (fun j => z (S j))
-  | _, _ => False
-  end.
-
-Definition spec_ok (s : spec) : Prop := exists w r, s = spec_of w r /\ 0 <= w /\ is_return r.
-
-Lemma nothing_ok ss : Forall spec_ok ss -> seen_ok ss (map (fun _ => (0, 0)) ss) (fun _ => 0).
-Proof.
-  pose proof (IZR_pos _ coarse_pos) as P. induction 1 as [|s ss [w [r [-> [Hw Hr]]]] H IH]; simpl; [exact Logic.I|].
-  unfold Rdiv. rewrite !Rmult_0_l. repeat split; try lia; try lra; [|exact IH].
-  apply return_nonneg; [exact Hr | lra].
-Qed.
-
-Lemma factor_ok w : 0 <= w ->
-  (IZR precision * (IZR w / IZR weight_unit) <= IZR (s_factor (spec_of w Root)) * IZR coarse)%R.
-Proof.
-  intros Hw. simpl. pose proof (IZR_pos _ coarse_pos) as P. pose proof (IZR_pos _ weight_unit_pos) as Pw.
-  pose proof (cdiv_R (precision * w) (weight_unit * coarse) ltac:(nia)) as H. rewrite !mult_IZR in H.
-  apply (Rmult_le_compat_r (IZR coarse)) in H; [|lra].
-  replace (IZR precision * IZR w / (IZR weight_unit * IZR coarse) * IZR coarse)%R
-    with (IZR precision * (IZR w / IZR weight_unit))%R in H by (field; lra). exact H.
-Qed.
-
-Lemma worth_ext ss : forall z z', (forall j, z j = z' j) -> worthR ss z = worthR ss z'.
-Proof. induction ss as [|s ss IH]; intros z z' H; simpl; [reflexivity|]. rewrite H, (IH _ (fun j => z' (S j))); auto. Qed.
-
-(** A gain is no more than the coarse one. *)
-Lemma gain_ok ss : Forall spec_ok ss -> forall seen z cs,
-  seen_ok ss seen z -> (forall j, 0 <= z j) -> Forall (fun x => 0 <= x) cs -> length cs = length ss ->
-  (worthR ss (fun j => z j + nth j cs 0)%Z - worthR ss z <= IZR (gain ss seen (map coarse_up cs)))%R
-  /\ seen_ok ss (see ss seen (map coarse_up cs)) (fun j => z j + nth j cs 0)%Z.
-Proof.
-  pose proof (IZR_pos _ coarse_pos) as P. pose proof (IZR_pos _ amount_unit_pos) as Pa.
-  pose proof (IZR_pos _ precision_pos) as Pp.
-  induction 1 as [|s ss [w [r [-> [Hw Hr]]]] Hss IH]; intros seen z cs Hs Hz Hcs Hlen.
-  - destruct seen; [|contradiction]. simpl. split; [lra | exact Logic.I].
-  - destruct seen as [|[low lr] seen]; [contradiction|]. destruct cs as [|c cs]; [discriminate|].
-    destruct Hs as [Hlow [Hlz [Hlr Hs]]]. apply Forall_cons_iff in Hcs. destruct Hcs as [Hc Hcs].
-    injection Hlen as Hlen.
-    destruct (IH seen (fun j => z (S j)) cs Hs (fun j => Hz (S j)) Hcs Hlen) as [IHg IHs].
-    destruct (coarse_up_ok c Hc) as [Hup [Hdown Hu0]].
-    cbn [map gain see worthR nth].
-    set (RV := return_value r) in *. simpl s_return in *. fold RV in Hlr |- *.
-    set (W := (IZR precision * (IZR w / IZR weight_unit))%R).
-    assert (HW : (0 <= W)%R).
-    { unfold W. apply Rmult_le_pos; [lra | apply frac_nonneg; assumption]. }
-    destruct (Z.eqb_spec c 0) as [-> | Hne].
-    + change (coarse_up 0) with 0. simpl (0 =? 0). cbv iota. rewrite Z.add_0_r. split; [lra|].
-      cbn [seen_ok]. rewrite Z.add_0_r. repeat split; assumption.
-    + destruct (Hdown Hne) as [Hpos Hbelow].
-      destruct (Z.eqb_spec (coarse_up c) 0) as [E0 | _]; [lia|].
-      set (u := coarse_up c) in *.
-      assert (Hzr : (0 <= IZR (z O) / IZR amount_unit)%R) by (apply frac_nonneg; [apply Hz | assumption]).
-      assert (Hcr : (0 <= IZR c / IZR amount_unit)%R) by (apply frac_nonneg; assumption).
-      assert (Hl0 : (0 <= IZR low / IZR coarse)%R) by (apply frac_nonneg; assumption).
-      assert (Esum : (IZR (z O + c) / IZR amount_unit = IZR (z O) / IZR amount_unit + IZR c / IZR amount_unit)%R).
-      { rewrite plus_IZR. field. lra. }
-      split.
-      * rewrite Esum, plus_IZR, mult_IZR, minus_IZR.
-        pose proof (return_shrinks r (IZR low / IZR coarse) (IZR (z O) / IZR amount_unit - IZR low / IZR coarse)
-                      (IZR c / IZR amount_unit) Hl0 ltac:(lra) Hcr) as D.
-        replace (IZR low / IZR coarse + (IZR (z O) / IZR amount_unit - IZR low / IZR coarse))%R
-          with (IZR (z O) / IZR amount_unit)%R in D by ring.
-        pose proof (return_monotone r (IZR low / IZR coarse + IZR c / IZR amount_unit) (IZR (low + u) / IZR coarse)) as Mo.
-        assert (Elow : (IZR (low + u) / IZR coarse = IZR low / IZR coarse + IZR u / IZR coarse)%R).
-        { rewrite plus_IZR. field. lra. }
-        rewrite Elow in Mo. specialize (Mo ltac:(lra)). rewrite <- Elow in Mo.
-        pose proof (return_up_ok r (low + u) ltac:(lia)) as Up. fold RV in D, Mo, Up.
-        set (g := (IZR (return_up r (low + u)) - IZR lr)%R).
-        assert (Hg : (RV (IZR (z O) / IZR amount_unit + IZR c / IZR amount_unit) - RV (IZR (z O) / IZR amount_unit) <= g / IZR coarse)%R).
-        { replace (g / IZR coarse)%R with (IZR (return_up r (low + u)) / IZR coarse - IZR lr / IZR coarse)%R
-            by (unfold g; field; lra). lra. }
-        assert (Hg0 : (0 <= g / IZR coarse)%R).
-        { eapply Rle_trans; [|exact Hg].
-          pose proof (return_monotone r (IZR (z O) / IZR amount_unit) (IZR (z O) / IZR amount_unit + IZR c / IZR amount_unit) ltac:(lra)) as M2.
-          fold RV in M2. lra. }
-        pose proof (factor_ok w Hw) as Hf. fold W in Hf. simpl s_factor in *.
-        set (f := IZR (cdiv (precision * w) (weight_unit * coarse))) in *.
-        assert (Hgc : (W * (g / IZR coarse) <= f * g)%R).
-        { apply (Rmult_le_compat_r (g / IZR coarse)) in Hf; [|exact Hg0].
-          replace (f * IZR coarse * (g / IZR coarse))%R with (f * g)%R in Hf by (field; lra). exact Hf. }
-        apply (Rmult_le_compat_l W) in Hg; [|exact HW].
-        change (s_weight (spec_of w r)) with w. rewrite <- !(Rmult_assoc (IZR precision)). fold W. lra.
-      * cbn [seen_ok]. repeat split.
-        -- lia.
-        -- rewrite Esum. replace (low + u - 1) with (low + (u - 1)) by lia. rewrite plus_IZR.
-           replace ((IZR low + IZR (u - 1)) / IZR coarse)%R with (IZR low / IZR coarse + IZR (u - 1) / IZR coarse)%R by (field; lra).
-           lra.
-        -- apply return_down_ok. lia.
-        -- exact IHs.
-Qed.
-
-(** Gains of some states, one after the other, are no more than those of each alone. *)
-Lemma worth_shrinks ss : Forall spec_ok ss -> forall z e c,
-  (forall j, 0 <= z j) -> (forall j, 0 <= e j) -> (forall j, 0 <= c j) ->
-  (worthR ss (fun j => z j + e j + c j)%Z - worthR ss (fun j => z j + e j)%Z
-   <= worthR ss (fun j => z j + c j)%Z - worthR ss z)%R.
-Proof.
-  induction 1 as [|s ss [w [r [-> [Hw Hr]]]] Hss IH]; intros z e c Hz He Hc; simpl; [lra|].
-  specialize (IH _ _ _ (fun j => Hz (S j)) (fun j => He (S j)) (fun j => Hc (S j))). cbv beta in IH.
-  assert (HW : (0 <= IZR precision * (IZR w / IZR weight_unit))%R).
-  { apply Rmult_le_pos; [apply IZR_nonneg; lia | apply frac_nonneg; assumption]. }
-  pose proof (return_shrinks r (IZR (z O) / IZR amount_unit) (IZR (e O) / IZR amount_unit) (IZR (c O) / IZR amount_unit)
-    (frac_nonneg _ _ (Hz O) amount_unit_pos) (frac_nonneg _ _ (He O) amount_unit_pos)
-    (frac_nonneg _ _ (Hc O) amount_unit_pos)) as D.
-  pose proof (IZR_pos _ amount_unit_pos) as Pa.
-  rewrite !plus_IZR.
-  replace ((IZR (z 0%nat) + IZR (e 0%nat) + IZR (c 0%nat)) / IZR amount_unit)%R
-    with (IZR (z O) / IZR amount_unit + IZR (e O) / IZR amount_unit + IZR (c O) / IZR amount_unit)%R by (field; lra).
-  replace ((IZR (z 0%nat) + IZR (e 0%nat)) / IZR amount_unit)%R
-    with (IZR (z O) / IZR amount_unit + IZR (e O) / IZR amount_unit)%R by (field; lra).
-  replace ((IZR (z 0%nat) + IZR (c 0%nat)) / IZR amount_unit)%R
-    with (IZR (z O) / IZR amount_unit + IZR (c O) / IZR amount_unit)%R by (field; lra).
-  apply (Rmult_le_compat_l _ _ _ HW) in D. rewrite <- !(Rmult_assoc (IZR precision)). lra.
-Qed.
+Notation spec_ok := (spec_ok weight_unit precision coarse).
+Notation worth_ext := (worth_ext amount_unit weight_unit precision).
+Notation worth_shrinks := (worth_shrinks amount_unit weight_unit precision coarse amount_unit_pos weight_unit_pos precision_pos).
+Notation gain_ok := (gain_ok amount_unit weight_unit precision coarse amount_unit_pos weight_unit_pos precision_pos coarse_pos).
 
 Lemma specs_all_ok : Forall spec_ok specs.
 Proof. apply Forall_forall. exact specs_ok. Qed.
-
-Lemma nth_nonneg cs j : Forall (fun x => 0 <= x) cs -> 0 <= nth j cs 0.
-Proof.
-  intros H. destruct (nth_in_or_default j cs 0) as [Hin | ->]; [|lia].
-  rewrite Forall_forall in H. apply H, Hin.
-Qed.
 
 Lemma together_nonneg l j : Forall cand_ok l -> 0 <= together l j.
 Proof.
@@ -482,108 +278,6 @@ Proof.
   intros j. rewrite together_app. unfold together at 3. simpl. lia.
 Qed.
 
-(** * Soundness: pools *)
-
-Definition completes {B} (p : pool B) (Ls : list (list B)) : Prop :=
-  Forall2 (fun nl L => length L = fst nl /\ incl L (snd nl)) p Ls.
-Definition positive_counts {B} (p : pool B) : Prop := Forall (fun nl => (1 <= fst nl)%nat) p.
-Definition drones_left {B} (p : pool B) : nat := fold_right (fun nl n => (fst nl + n)%nat) O p.
-Definition within {B} (p p' : pool B) : Prop := Forall2 (fun a b => fst a = fst b /\ incl (snd a) (snd b)) p p'.
-
-Lemma most_of_ok {B} (f : B -> Z) l a : In a l -> exists m, most_of f l = Some m /\ f a <= m.
-Proof. intros H. exact (largest_in (fun a => Some (f a)) l None a (f a) H eq_refl). Qed.
-
-Lemma most_times {B} (f : B -> Z) (m : Z) L : (forall a, In a L -> f a <= m) -> sumZ (map f L) <= Z.of_nat (length L) * m.
-Proof.
-  induction L as [|a L IH]; intros H; [simpl; lia|]. cbn [map sumZ length]. rewrite Nat2Z.inj_succ.
-  pose proof (H a (or_introl eq_refl)). specialize (IH (fun b Hb => H b (or_intror Hb))). lia.
-Qed.
-
-Lemma mosts_ok {B} (f : B -> Z) (p : pool B) Ls : completes p Ls -> positive_counts p ->
-  exists ms, mosts f p = Some ms
-    /\ Forall2 (fun m L => forall a, In a L -> f a <= m) ms Ls
-    /\ Forall2 (fun (nl : nat * list B) m => True) p ms
-    /\ sumZ (map f (concat Ls)) <= most_together p ms.
-Proof.
-  induction 1 as [|[n l] L p Ls [Hlen Hin] H IH]; intros Hp.
-  - exists []. repeat split; try constructor. simpl. lia.
-  - apply Forall_cons_iff in Hp. destruct Hp as [Hn Hp]. simpl in Hn, Hlen, Hin.
-    destruct (IH Hp) as [ms [Ems [Hms [Hpm Hsum]]]].
-    destruct L as [|a L]; [simpl in Hlen; lia|].
-    destruct (most_of_ok f l a (Hin a (or_introl eq_refl))) as [m [Em _]].
-    assert (Hm : forall b, In b (a :: L) -> f b <= m).
-    { intros b Hb. destruct (most_of_ok f l b (Hin b Hb)) as [m' [Em' Hb']]. congruence. }
-    exists (m :: ms). cbn [mosts]. rewrite Em, Ems. repeat split; try (constructor; assumption || exact Logic.I).
-    cbn [concat]. rewrite map_app, sumZ_app. cbn [most_together].
-    pose proof (most_times f m (a :: L) Hm) as Hmt. rewrite Hlen in Hmt. lia.
-Qed.
-
-(** With one of its members at f a, what a completion adds up to is less than the most by m - f a. *)
-Lemma keep_each_ok {B} (f : B -> Z) room (p : pool B) : forall Ls ms before,
-  completes p Ls -> Forall2 (fun m L => forall a, In a L -> f a <= m) ms Ls ->
-  before + most_together p ms - sumZ (map f (concat Ls)) < room -> 0 <= before ->
-  completes (keep_each f room p ms) Ls.
-Proof.
-  induction p as [|[n l] p IH]; intros Ls ms before Hc Hm Hroom Hb; inversion Hc as [|? L ? Ls' [Hlen Hin] Hc']; subst; inversion Hm as [|m ? ms' ? HmL Hm']; subst.
-  - constructor.
-  - cbn [keep_each]. simpl in Hlen, Hin. cbn [most_together concat] in Hroom. rewrite map_app, sumZ_app in Hroom.
-    assert (Hrest : 0 <= most_together p ms' - sumZ (map f (concat Ls'))).
-    { clear - Hc' Hm'. revert ms' Hm'. induction Hc' as [|[n l] L p Ls [Hlen Hin] H IH]; intros ms Hm; inversion Hm as [|m ? ms' ? HmL Hm']; subst.
-      - simpl. lia.
-      - cbn [most_together concat]. rewrite map_app, sumZ_app. specialize (IH ms' Hm').
-        pose proof (most_times f m L HmL) as Hmt. simpl in Hlen. rewrite Hlen in Hmt. lia. }
-    pose proof (most_times f m L HmL) as Hmt. rewrite Hlen in Hmt.
-    constructor.
-    + split; [exact Hlen|]. simpl. intros a Ha. apply filter_In. split; [apply Hin, Ha|]. apply Z.ltb_lt.
-      (* the others of this class are at most m *)
-      enough (sumZ (map f L) <= (Z.of_nat n - 1) * m + f a) by lia.
-      destruct (in_split a L Ha) as [L1 [L2 EL]]. subst L. rewrite map_app, sumZ_app. simpl.
-      assert (H12 : sumZ (map f (L1 ++ L2)) <= Z.of_nat (length (L1 ++ L2)) * m).
-      { apply most_times. intros b Hb'. apply HmL. apply in_app_iff in Hb'. apply in_app_iff. simpl. tauto. }
-      rewrite map_app, sumZ_app in H12. rewrite app_length in H12, Hlen. simpl in Hlen.
-      replace (Z.of_nat n - 1) with (Z.of_nat (length L1 + length L2)) by lia. lia.
-    + apply (IH Ls' ms' (before + (Z.of_nat n * m - sumZ (map f L)))); try assumption; lia.
-Qed.
-
-Lemma keep_each_within {B} (f : B -> Z) room (p : pool B) : forall ms,
-  Forall2 (fun (nl : nat * list B) (m : Z) => True) p ms -> within (keep_each f room p ms) p.
-Proof.
-  induction p as [|[n l] p IH]; intros ms H; inversion H; subst; cbn [keep_each]; constructor.
-  - split; [reflexivity|]. apply incl_filter.
-  - apply IH. assumption.
-Qed.
-
-Lemma keep_ok {B} threshold' base' (f : B -> Z) (p : pool B) Ls :
-  completes p Ls -> positive_counts p -> threshold' < base' + sumZ (map f (concat Ls)) ->
-  exists p', keep threshold' base' f p = Some p' /\ completes p' Ls /\ within p' p.
-Proof.
-  intros Hc Hp Ht. destruct (mosts_ok f p Ls Hc Hp) as [ms [Ems [Hms [Hpm Hsum]]]].
-  unfold keep. rewrite Ems. cbv zeta.
-  destruct (Z.leb_spec (base' + most_together p ms - threshold') 0) as [L | L]; [lia|].
-  eexists. split; [reflexivity|]. split.
-  - apply (keep_each_ok f _ p Ls ms 0); try assumption; lia.
-  - apply keep_each_within. exact Hpm.
-Qed.
-
-Lemma within_counts {B} (p p' : pool B) : within p p' -> positive_counts p' -> positive_counts p.
-Proof.
-  induction 1 as [|a b p p' [E _] H IH]; intros Hp; [constructor|].
-  apply Forall_cons_iff in Hp. destruct Hp. constructor; [rewrite E; assumption | apply IH; assumption].
-Qed.
-
-Lemma within_left {B} (p p' : pool B) : within p p' -> drones_left p = drones_left p'.
-Proof. induction 1 as [|a b p p' [E _] H IH]; simpl; [reflexivity|]. rewrite E, IH. reflexivity. Qed.
-
-Lemma within_trans {B} (p q r : pool B) : within p q -> within q r -> within p r.
-Proof.
-  intros H. revert r. induction H as [|a b p q [E I0] H IH]; intros r Hr; inversion Hr as [|? c ? r' [E' I'] Hr']; subst; constructor.
-  - split; [congruence | eapply incl_tran; eassumption].
-  - apply IH. assumption.
-Qed.
-
-Lemma within_refl {B} (p : pool B) : within p p.
-Proof. induction p; constructor; [split; [reflexivity | apply incl_refl] | assumption]. Qed.
-
 (** * Soundness: the bounds of a joint state *)
 
 Definition static_sum (j : nat) (l : list cand) : Z := sumZ (map (fun c => nth j (static c) 0) l).
@@ -625,17 +319,37 @@ Proof.
   unfold static_sum. rewrite map_app, sumZ_app. simpl. f_equal. f_equal. lia.
 Qed.
 
+(** Conflicts within the classes of what fits together. *)
+Lemma no_two_map {B C} (meets : C -> C -> bool) (g : B -> C) L :
+  no_two_meet meets (map g L) -> no_two_meet (fun a b => meets (g a) (g b)) L.
+Proof.
+  unfold no_two_meet. induction L as [|a L IH]; simpl; intros H; inversion H as [|? ? Ha H']; subst; constructor; [|apply IH, H'].
+  rewrite Forall_map in Ha. exact Ha.
+Qed.
+
+Lemma fits_app a b : fits_together (a ++ b) -> fits_together a /\ fits_together b.
+Proof.
+  unfold fits_together. induction a as [|x a IH]; simpl; intros H; [split; [constructor | exact H]|].
+  inversion H as [|? ? Hx H']; subst. destruct (IH H') as [H1 H2]. apply Forall_app in Hx. split; [constructor; tauto | exact H2].
+Qed.
+
+Lemma fits_classes Ls : fits_together (concat Ls) -> Forall (no_two_meet meet_1) Ls.
+Proof.
+  induction Ls as [|L Ls IH]; simpl; intros H; constructor; destruct (fits_app _ _ H) as [H1 H2]; [exact H1 | apply IH, H2].
+Qed.
+
 Lemma keep_static_ok best bases : forall j (p : pool cand) Ls, completes p Ls -> positive_counts p ->
+  Forall (no_two_meet meet_1) Ls ->
   (forall i (is_limit : bool) b, nth_error bases i = Some (is_limit, b) ->
      (if is_limit then -1 else best) < b + static_sum (j + i) (concat Ls)) ->
   exists p', keep_static best j bases p = Some p' /\ completes p' Ls /\ within p' p.
 Proof.
-  induction bases as [|[l b] bases IH]; intros j p Ls Hc Hp H.
+  induction bases as [|[l b] bases IH]; intros j p Ls Hc Hp Hfits H.
   - exists p. repeat split; [exact Hc | apply within_refl].
   - pose proof (H O l b eq_refl) as H0. rewrite Nat.add_0_r in H0.
-    destruct (keep_ok (if l then -1 else best) b (fun c => nth j (static c) 0) p Ls Hc Hp H0) as [p1 [E1 [C1 W1]]].
+    destruct (keep_ok meet_1 (if l then -1 else best) b (fun c => nth j (static c) 0) p Ls Hc Hp Hfits H0) as [p1 [E1 [C1 W1]]].
     cbn [keep_static]. rewrite E1.
-    destruct (IH (S j) p1 Ls C1 (within_counts _ _ W1 Hp)) as [p2 [E2 [C2 W2]]].
+    destruct (IH (S j) p1 Ls C1 (within_counts _ _ W1 Hp) Hfits) as [p2 [E2 [C2 W2]]].
     { intros i l' b' Hi. specialize (H (S i) l' b' Hi). replace (S j + i)%nat with (j + S i)%nat by lia. exact H. }
     exists p2. repeat split; [exact E2 | exact C2 | eapply within_trans; eassumption].
 Qed.
@@ -656,8 +370,8 @@ Proof. induction 1; simpl; constructor; assumption. Qed.
 Lemma concat_map_map {B C} (f : B -> C) Ls : concat (map (map f) Ls) = map f (concat Ls).
 Proof. symmetry. apply concat_map. Qed.
 
-Lemma without_gain_completes (p : pool (cand * Z)) Ls :
-  completes p Ls -> completes (without_gain p) (map (map fst) Ls).
+Lemma firsts_completes {B C} (p : pool (B * C)) Ls :
+  completes p Ls -> completes (firsts p) (map (map fst) Ls).
 Proof.
   induction 1 as [|[n l] L p Ls [Hlen Hin] H IH]; simpl; constructor; [|exact IH]. simpl in *.
   rewrite map_length. split; [exact Hlen|]. intros x Hx. apply in_map_iff in Hx. destruct Hx as [c [<- Hc]].
@@ -692,6 +406,145 @@ Proof.
   rewrite Er at 2. rewrite most_after_fst. exact Er.
 Qed.
 
+(** * Soundness: what advice proves *)
+
+Lemma weigh_ok ws : forall consts rows, (length ws <= length consts)%nat ->
+  (forall j, (j < length consts)%nat -> 0 <= nth j consts 0 + sumZ (map (fun row => nth j row 0) rows)) ->
+  0 <= weigh ws consts + sumZ (map (weigh ws) rows).
+Proof.
+  induction ws as [|w ws IH]; intros consts rows Hlen H.
+  - simpl. rewrite sumZ_zero; [lia|]. intros row _. reflexivity.
+  - destruct consts as [|x consts]; [simpl in Hlen; lia|]. simpl in Hlen.
+    specialize (IH consts (map (fun row => tl row) rows) ltac:(lia)).
+    pose proof (H O ltac:(simpl; lia)) as H0. cbn [nth] in H0.
+    assert (E0 : sumZ (map (fun row => nth 0 row 0) rows) = sumZ (map (fun row => hd 0 row) rows)).
+    { apply sumZ_ext. intros row _. destruct row; reflexivity. }
+    assert (IH' : 0 <= weigh ws consts + sumZ (map (weigh ws) (map (fun row => tl row) rows))).
+    { apply IH. intros j Hj. specialize (H (S j) ltac:(simpl; lia)). cbn [nth] in H. rewrite map_map.
+      replace (sumZ (map (fun row => nth j (tl row) 0) rows)) with (sumZ (map (fun row => nth (S j) row 0) rows)); [exact H|].
+      apply sumZ_ext. intros row _. destruct row; [destruct j|]; reflexivity. }
+    assert (E : sumZ (map (weigh (w :: ws)) rows)
+      = Z.max 0 w * sumZ (map (fun row => hd 0 row) rows) + sumZ (map (weigh ws) (map (fun row => tl row) rows))).
+    { rewrite map_map, <- sumZ_scale, <- sumZ_add. apply sumZ_ext. intros row _. destruct row; simpl; [destruct ws; simpl|]; lia. }
+    rewrite E0 in H0. rewrite E. cbn [weigh]. nia.
+Qed.
+
+Lemma by_levels_ok ls (p : pool (cand * Z * Z)) : length (by_levels ls p) = length p
+  /\ Forall (way_ok meet_3 snd) (by_levels ls p).
+Proof.
+  assert (Hsym : forall a b, meet_3 a b = meet_3 b a) by (intros a b; apply conflict_symmetric).
+  revert ls. induction p as [|nl p IH]; intros ls; [split; [reflexivity | constructor]|].
+  destruct ls as [|level ls]; simpl.
+  - destruct (IH []) as [H1 H2]. split; [congruence|]. constructor; [apply by_most_ok | exact H2].
+  - destruct (IH ls) as [H1 H2]. split; [congruence|]. constructor; [apply by_level_ok, Hsym | exact H2].
+Qed.
+
+(** All of a joint state that fulfils the conditions is left. *)
+Lemma relax_ok a seen pre profit low best bases first floor (p : pool (cand * Z)) Ls :
+  let L := pre ++ concat Ls in
+  let Gs := map (map (with_its_gain seen)) Ls in
+  completes p Gs -> positive_counts p -> Forall cand_ok L -> seen_ok specs seen (together pre) ->
+  (F pre - IZR (sum price pre) <= IZR profit)%R ->
+  (F pre - IZR (sum charge pre) - IZR floor <= IZR low)%R ->
+  bases_ok first bases pre -> counts first floor L -> (IZR best < profitR L)%R ->
+  exists p', relax a seen (profit - best) low (statics_above best bases) p = Some p' /\ completes p' Gs /\ within p' p.
+Proof.
+  intros L Gs Hc Hp Hok Hseen Hprofit Hlow Hbases [Hstatic [Hfloor Hfits]] Hbest.
+  unfold relax. cbv zeta. set (ls := lines_of coarse specs seen (touches a)).
+  set (more := relaxed_constant specs ls). set (ws := firstn _ (shares a)).
+  set (row := fun c : cand => let g := relaxed_gain coarse specs seen ls (amounts_up c) in (g - price c :: g - charge c :: static c)).
+  set (number := fun cg : cand * Z => weigh ws (row (fst cg))).
+  change (fun cg : cand * Z => (cg, weigh ws (relaxed_gain coarse specs seen ls (amounts_up (fst cg)) - price (fst cg)
+     :: relaxed_gain coarse specs seen ls (amounts_up (fst cg)) - charge (fst cg) :: static (fst cg)))) with (fun cg => (cg, number cg)).
+  set (numbered := map (fun nl : nat * list (cand * Z) => (fst nl, map (fun cg => (cg, number cg)) (snd nl))) p).
+  set (Ns := map (map (fun cg => (cg, number cg))) Gs).
+  assert (EN : map (map fst) Ns = Gs).
+  { unfold Ns. rewrite map_map. rewrite <- (map_id Gs) at 2. apply map_ext. intros G. rewrite map_map. apply map_id. }
+  assert (HN : completes numbered Ns).
+  { unfold numbered, Ns. clear - Hc. clearbody Gs number. induction Hc as [|[n l] G p Gs [Hlen Hin] H IH]; simpl; constructor; [|exact IH].
+    simpl in *. rewrite map_length. split; [exact Hlen|]. intros x Hx. apply in_map_iff in Hx. destruct Hx as [cg [<- Hx]].
+    apply in_map_iff. exists cg. auto. }
+  assert (Hpos : positive_counts numbered).
+  { unfold numbered. clear - Hp. clearbody number. induction Hp; simpl; constructor; assumption. }
+  destruct (by_levels_ok (levels a) numbered) as [Hlen Hways].
+  assert (Hrest : fits_together (concat Ls)) by (apply (fits_app pre); exact Hfits).
+  assert (Hno : Forall (no_two_meet meet_3) Ns).
+  { pose proof (fits_classes Ls Hrest) as H. apply Forall_forall. intros N HN'. unfold Ns, Gs in HN'. rewrite map_map in HN'.
+    apply in_map_iff in HN'. destruct HN' as [L1 [<- HL1]]. rewrite Forall_forall in H. specialize (H L1 HL1).
+    rewrite map_map. unfold no_two_meet in *. clear - H. induction H as [|c L1 Hc H IH]; simpl; constructor; [|exact IH].
+    rewrite Forall_map. exact Hc. }
+  assert (Hsum : forall f : cand -> Z, sumZ (map f (concat Ls)) = sum f (concat Ls)) by reflexivity.
+  assert (Eprice : forall f, sum f L = sum f pre + sum f (concat Ls)).
+  { intros f. unfold L, sum. rewrite map_app, sumZ_app. reflexivity. }
+  (* what is gained together *)
+  assert (Hgain : (F L - F pre <= IZR (more + sumZ (map (fun c => relaxed_gain coarse specs seen ls (amounts_up c)) (concat Ls))))%R).
+  { apply Forall_app in Hok. destruct Hok as [Hpre Hrest_ok]. rewrite Forall_forall in Hrest_ok.
+    pose proof (relaxed_ok amount_unit weight_unit precision coarse amount_unit_pos weight_unit_pos precision_pos coarse_pos
+      specs specs_all_ok seen (touches a) (together pre) (map amounts (concat Ls)) Hseen (fun j => together_nonneg pre j Hpre)) as HR.
+    fold ls more in HR. rewrite !map_map in HR.
+    assert (Eup : sumZ (map (fun c => relaxed_gain coarse specs seen ls (map coarse_up (amounts c))) (concat Ls))
+        = sumZ (map (fun c => relaxed_gain coarse specs seen ls (amounts_up c)) (concat Ls))).
+    { apply sumZ_ext. intros c Hc'. destruct (Hrest_ok c Hc') as [_ [_ <-]]. reflexivity. }
+    rewrite Eup in HR. unfold F.
+    rewrite (worth_ext specs (together L) (fun j => together pre j + sumZ (map (fun cs => nth j cs 0) (map amounts (concat Ls))))%Z).
+    - apply HR. intros cs Hcs. apply in_map_iff in Hcs. destruct Hcs as [c [<- Hc']]. destruct (Hrest_ok c Hc') as [H1 [H2 _]]. auto.
+    - intros j. unfold L. rewrite together_app. f_equal. unfold together. rewrite map_map. reflexivity. }
+  assert (Hconditions : -1 < weigh ws (profit - best + more :: low + more :: statics_above best bases) + sumZ (map snd (concat Ns))).
+  { assert (ES : sumZ (map snd (concat Ns)) = sumZ (map (weigh ws) (map row (concat Ls)))).
+    { unfold Ns, Gs. rewrite !concat_map_map, !map_map. reflexivity. }
+    rewrite ES. enough (0 <= weigh ws (profit - best + more :: low + more :: statics_above best bases) + sumZ (map (weigh ws) (map row (concat Ls)))) by lia.
+    assert (Estatics : length (statics_above best bases) = length bases) by apply map_length.
+    assert (Hgains : forall f : cand -> Z, sumZ (map (fun c => relaxed_gain coarse specs seen ls (amounts_up c) - f c) (concat Ls))
+       = sumZ (map (fun c => relaxed_gain coarse specs seen ls (amounts_up c)) (concat Ls)) - sum f (concat Ls)).
+    { intros f. unfold sum. clear. induction (concat Ls) as [|c l IH]; [reflexivity|]. cbn [map sumZ]. rewrite IH. lia. }
+    apply weigh_ok.
+    - unfold ws. rewrite firstn_length. cbn [length]. lia.
+    - intros j Hj. rewrite map_map. destruct j as [|[|j]]; cbn [nth row].
+      + rewrite Hgains. apply Z.lt_le_incl, lt_IZR. unfold profitR in Hbest. rewrite (Eprice price) in Hbest.
+        rewrite ?plus_IZR, ?minus_IZR in *. lra.
+      + rewrite Hgains. apply le_IZR. rewrite (Eprice charge) in Hfloor. rewrite ?plus_IZR, ?minus_IZR in *. lra.
+      + cbn [length] in Hj. rewrite Estatics in Hj. unfold statics_above.
+        destruct (nth_error bases j) as [[il b]|] eqn:Ej; [|apply nth_error_None in Ej; lia].
+        pose proof (Hbases j) as Hj'. rewrite Ej in Hj'.
+        destruct (nth_error first j) as [[il' b']|] eqn:Ef; [|discriminate Hj']. injection Hj' as -> ->.
+        rewrite (nth_error_nth (map _ bases) j 0 (map_nth_error _ _ _ Ej)). cbn [fst snd].
+        specialize (Hstatic j il' b' Ef).
+        assert (Es : static_sum j L = static_sum j pre + static_sum j (concat Ls)).
+        { unfold static_sum, L. rewrite map_app, sumZ_app. reflexivity. }
+        change (sumZ (map (fun c => nth j (static c) 0) (concat Ls))) with (static_sum j (concat Ls)).
+        destruct il'.
+        * lia.
+        * enough (best < b' + static_sum j L) by lia. apply lt_IZR. lra. }
+  destruct (keep_by_ok meet_3 (by_levels (levels a) numbered) (-1) (weigh ws (profit - best + more :: low + more :: statics_above best bases))
+     snd numbered Ns HN Hpos Hlen Hways Hno Hconditions) as [kept [Ek [Ck Wk]]].
+  rewrite Ek. exists (firsts kept). split; [reflexivity|]. split.
+  - pose proof (firsts_completes kept Ns Ck) as H. rewrite EN in H. exact H.
+  - unfold numbered in Wk. clear - Wk. clearbody number. revert kept Wk. induction p as [|[n l] p IH]; intros kept Wk; inversion Wk as [|[n' l'] ? kept' ? [E Hin] Wk']; subst; simpl; constructor.
+    + simpl in *. split; [exact E|]. intros x Hx. apply in_map_iff in Hx. destruct Hx as [y [<- Hy]].
+      apply Hin in Hy. apply in_map_iff in Hy. destruct Hy as [z [<- Hz]]. exact Hz.
+    + apply IH, Wk'.
+Qed.
+
+Lemma advised_ok times : forall seen pre profit low best bases first floor (p : pool (cand * Z)) Ls mind,
+  let L := pre ++ concat Ls in
+  let Gs := map (map (with_its_gain seen)) Ls in
+  completes p Gs -> positive_counts p -> Forall cand_ok L -> seen_ok specs seen (together pre) ->
+  (F pre - IZR (sum price pre) <= IZR profit)%R ->
+  (F pre - IZR (sum charge pre) - IZR floor <= IZR low)%R ->
+  bases_ok first bases pre -> counts first floor L -> (IZR best < profitR L)%R ->
+  exists p' mind', advised times seen (profit - best) low (statics_above best bases) p mind = (Some p', mind')
+    /\ completes p' Gs /\ within p' p.
+Proof.
+  induction times as [|times IH]; intros seen pre profit low best bases first floor p Ls mind L Gs Hc Hp Hok Hseen Hprofit Hlow Hbases Hcounts Hbest.
+  - exists p, mind. repeat split; [exact Hc | apply within_refl].
+  - cbn [advised]. destruct (advise _ _ _ _) as [[a|] mind']; [|exists p, mind'; repeat split; [exact Hc | apply within_refl]].
+    destruct (relax_ok a seen pre profit low best bases first floor p Ls Hc Hp Hok Hseen Hprofit Hlow Hbases Hcounts Hbest) as [p1 [E1 [C1 W1]]].
+    rewrite E1.
+    destruct (IH seen pre profit low best bases first floor p1 Ls mind' C1 (within_counts _ _ W1 Hp) Hok Hseen Hprofit Hlow Hbases Hcounts Hbest)
+      as [p2 [mind2 [E2 [C2 W2]]]].
+    exists p2, mind2. repeat split; [exact E2 | exact C2 | eapply within_trans; eassumption].
+Qed.
+
 (** * Soundness: nothing that counts is left out *)
 
 Hypothesis who_dec : forall a b : who, {a = b} + {a <> b}.
@@ -718,12 +571,14 @@ Proof.
   destruct (_ <=? _); [exact H|]. apply IH, He, H.
 Qed.
 
-Lemma node_keeps L fuel : forall chosen seen profit low bases p a, Good L a ->
-  Good L (node fuel chosen seen profit low bases p a).
+Lemma node_keeps L fuel : forall chosen seen profit low bases p mind a, Good L a ->
+  Good L (node fuel chosen seen profit low bases p mind a).
 Proof.
-  induction fuel as [|fuel IH]; intros chosen seen profit low bases p a H; destruct p as [|q p]; simpl; try (apply Good_keep, H); try exact H.
+  induction fuel as [|fuel IH]; intros chosen seen profit low bases p mind a H; destruct p as [|q p]; cbn [node]; try (apply Good_keep, H); try exact H.
+  cbv zeta.
   destruct (keep_static _ _ _ _) as [p1|]; [|exact H]. destruct (keep _ _ _ _) as [p2|]; [|exact H].
-  destruct (keep _ _ _ _) as [[|[n l] others]|]; try exact H.
+  destruct (keep _ _ _ _) as [p3|]; [|exact H].
+  destruct (advised _ _ _ _ _ _ _) as [[[|[n l] others]|] mind']; try exact H.
   destruct (mosts _ _) as [ms|]; [|exact H]. apply each_keeps; [|exact H]. intros. apply IH. assumption.
 Qed.
 
@@ -795,16 +650,16 @@ Qed.
 Variables (first : list base) (floor : Z).
 
 (** All of a joint state that counts, the drones so far among it: it is taken down or bounded. *)
-Theorem node_ok fuel : forall pre seen profit low bases p a Ls,
+Theorem node_ok fuel : forall pre seen profit low bases p mind a Ls,
   completes p Ls -> positive_counts p -> (drones_left p <= fuel)%nat ->
   (singles = true -> Forall (fun nl => fst nl = 1%nat) p) ->
   Forall cand_ok (pre ++ concat Ls) -> seen_ok specs seen (together pre) ->
   (F pre - IZR (sum price pre) <= IZR profit)%R ->
   (F pre - IZR (sum charge pre) - IZR floor <= IZR low)%R ->
   bases_ok first bases pre -> counts first floor (pre ++ concat Ls) ->
-  Good (pre ++ concat Ls) (node fuel (rev pre) seen profit low bases p a).
+  Good (pre ++ concat Ls) (node fuel (rev pre) seen profit low bases p mind a).
 Proof.
-  induction fuel as [|fuel IH]; intros pre seen profit low bases p a Ls Hc Hp Hfuel Hsingle Hok Hseen Hprofit Hlow Hbases Hcounts.
+  induction fuel as [|fuel IH]; intros pre seen profit low bases p mind a Ls Hc Hp Hfuel Hsingle Hok Hseen Hprofit Hlow Hbases Hcounts.
   - destruct p as [|[n l] p].
     + inversion Hc; subst. simpl. rewrite rev_involutive, app_nil_r. apply Good_down.
     + apply Forall_cons_iff in Hp. simpl in *. lia.
@@ -818,9 +673,10 @@ Proof.
     assert (Esum : forall f, sum f L = sum f pre + sum f (concat Ls)).
     { intros f. unfold L, sum. rewrite map_app, sumZ_app. reflexivity. }
     pose proof (Esum price) as Eprice. pose proof (Esum charge) as Echarge.
-    destruct Hcounts as [Hstatic [Hfloor Hfits]].
+    pose proof Hcounts as Hall_counts. destruct Hcounts as [Hstatic [Hfloor Hfits]].
+    pose proof (fits_classes Ls (proj2 (fits_app pre _ Hfits))) as Hclasses.
     (* the static bounds *)
-    destruct (keep_static_ok (threshold a) bases 0 p Ls Hc Hp) as [p1 [E1 [C1 W1]]].
+    destruct (keep_static_ok (threshold a) bases 0 p Ls Hc Hp Hclasses) as [p1 [E1 [C1 W1]]].
     { intros j il b Hj. pose proof (eq_trans (eq_sym Hj) (Hbases j)) as Hj'.
       destruct (nth_error first j) as [[il' b']|] eqn:Ej; [|discriminate Hj'].
       injection Hj' as -> ->. specialize (Hstatic j il' b' Ej).
@@ -836,24 +692,35 @@ Proof.
         = sumZ (map (fun c => gain specs seen (amounts_up c)) (concat Ls)) - sum f (concat Ls)).
     { intros f. unfold Gs. rewrite concat_map_map, map_map. unfold sum. simpl.
       clear. induction (concat Ls) as [|c l IHl]; [reflexivity|]. cbn [map sumZ]. rewrite IHl. lia. }
+    assert (HclassesG : Forall (no_two_meet meet_2) Gs).
+    { apply Forall_forall. intros G HG. unfold Gs in HG. apply in_map_iff in HG. destruct HG as [L1 [<- HL1]].
+      rewrite Forall_forall in Hclasses. specialize (Hclasses L1 HL1). clear - Hclasses. unfold no_two_meet in *.
+      induction Hclasses as [|c l Hc' H IHl]; simpl; constructor; [|exact IHl]. rewrite Forall_map. exact Hc'. }
     (* profits *)
-    destruct (keep_ok (threshold a) profit profit_gain (with_gain seen p1) Gs CG (with_gain_counts seen p1 P1)) as [p2 [E2 [C2 W2]]].
+    destruct (keep_ok meet_2 (threshold a) profit profit_gain (with_gain seen p1) Gs CG (with_gain_counts seen p1 P1) HclassesG) as [p2 [E2 [C2 W2]]].
     { unfold profit_gain. rewrite (Esums price). apply lt_IZR. rewrite plus_IZR, minus_IZR.
       unfold profitR in Hgt. rewrite Eprice, plus_IZR in Hgt. lra. }
     pose proof (within_counts _ _ W2 (with_gain_counts seen p1 P1)) as P2.
     (* worth less charges *)
-    destruct (keep_ok (-1) low low_gain p2 Gs C2 P2) as [p3 [E3 [C3 W3]]].
+    destruct (keep_ok meet_2 (-1) low low_gain p2 Gs C2 P2 HclassesG) as [p3 [E3 [C3 W3]]].
     { unfold low_gain. rewrite (Esums charge). apply lt_IZR. rewrite plus_IZR, minus_IZR.
       rewrite Echarge, plus_IZR in Hfloor. lra. }
     pose proof (within_counts _ _ W3 P2) as P3.
-    unfold p in E1 |- *. cbn [node]. rewrite E1, E2, E3. fold p.
+    unfold p in E1 |- *. cbn [node]. cbv zeta. rewrite E1, E2, E3. fold p.
+    (* what advice proves *)
+    destruct (advised_ok most_advice seen pre profit low (threshold a) bases first floor p3 Ls mind C3 P3 Hok Hseen Hprofit Hlow Hbases Hall_counts Hgt)
+      as [p4 [mind' [E4 [C4 W4]]]].
+    pose proof (within_counts _ _ W4 P3) as P4. rewrite E4. fold Gs in C4.
+    assert (W34 : within p4 p2) by (eapply within_trans; eassumption).
+    clear C3 W3 P3 E4 W4. rename C4 into C3, W34 into W3, P4 into P3, p3 into p3', p4 into p3.
     destruct p3 as [|[n l] others].
     { inversion C3 as [EG|]. exfalso. unfold Gs in *. destruct Ls; [inversion Hc | discriminate]. }
     destruct Gs as [|G1 Gs'] eqn:EGs; [inversion C3|].
     destruct Ls as [|L1 Ls']; [discriminate|]. injection EGs as EG1 EGs'.
     apply Forall2_head in C3. destruct C3 as [[HlenG HinG] C3]. simpl in HlenG, HinG.
     apply Forall_cons_iff in P3. destruct P3 as [Hn P3]. simpl in Hn.
-    destruct (mosts_ok profit_gain others Gs' C3 P3) as [ms [Ems [_ [_ Hmost]]]].
+    apply Forall_cons_iff in HclassesG. destruct HclassesG as [_ HclassesG].
+    destruct (mosts_ok meet_2 profit_gain others Gs' C3 P3 HclassesG) as [ms [Ems Hmost]].
     rewrite Ems.
     assert (Hleft : (n + drones_left others <= S fuel)%nat).
     { pose proof (within_left _ _ W3) as E. rewrite (within_left _ _ W2) in E. simpl in E.
@@ -873,10 +740,10 @@ Proof.
     assert (EL1 : map fst G1 = L1) by (rewrite <- EG1; apply map_fst_gain).
     assert (ELs : map (map fst) Gs' = Ls').
     { rewrite <- EGs', map_map. rewrite <- (map_id Ls') at 2. apply map_ext. intros x. apply map_fst_gain. }
-    pose proof (without_gain_completes others Gs' C3) as Cplain. rewrite ELs in Cplain.
-    assert (Pplain : positive_counts (without_gain others)).
+    pose proof (firsts_completes others Gs' C3) as Cplain. rewrite ELs in Cplain.
+    assert (Pplain : positive_counts (firsts others)).
     { clear - P3. induction P3; simpl; constructor; assumption. }
-    assert (Lplain : drones_left (without_gain others) = drones_left others).
+    assert (Lplain : drones_left (firsts others) = drones_left others).
     { clear. induction others as [|[m q] o IHo]; simpl; [reflexivity | rewrite IHo; reflexivity]. }
     assert (Hgain : forall cg, In cg G1 -> snd cg = gain specs seen (amounts_up (fst cg))).
     { intros cg Hcg. rewrite <- EG1 in Hcg. apply in_map_iff in Hcg. destruct Hcg as [c [<- _]]. reflexivity. }
@@ -905,7 +772,7 @@ Proof.
     { apply Good_low. eapply Rle_trans; [exact Hbound|]. apply IZR_le. lia. }
     assert (Hrec : forall c0 g0 here a0, Good L a0 -> Good L
       ((fun c g here found => node fuel (c :: rev pre) (see specs seen (amounts_up c)) (profit + g - price c)
-          (low + g - charge c) (add_static bases (static c)) (after c (pred n) here (without_gain others)) found) c0 g0 here a0)).
+          (low + g - charge c) (add_static bases (static c)) (after c (pred n) here (firsts others)) mind' found) c0 g0 here a0)).
     { intros. apply node_keeps. assumption. }
     destruct (in_dec cand_dec (c, g) G1) as [Hcin | Hcout].
     + (* it is taken *)
@@ -924,7 +791,7 @@ Proof.
       assert (Hcok : cand_ok c /\ Forall cand_ok pre).
       { rewrite EL' in HokL'. apply Forall_app in HokL'. destruct HokL' as [Hpre' H']. apply Forall_cons_iff in H'. tauto. }
       destruct Hcok as [Hcok Hpreok].
-      destruct (after_completes c (pred n) (c :: map (fun x => fst (fst x)) items) (without_gain others)
+      destruct (after_completes c (pred n) (c :: map (fun x => fst (fst x)) items) (firsts others)
                   (map fst X ++ map fst Y) Ls') as [Ls2 [Ca [Ea [Pa La]]]].
       { intros d Hd. destruct Hcounts' as [_ [_ Hf']]. rewrite EL' in Hf'. apply (fits_later _ _ _ _ Hf' Hd). }
       { rewrite <- map_app, map_length. rewrite EXY in HlenG. rewrite app_length in HlenG |- *. simpl in HlenG. lia. }
@@ -937,7 +804,7 @@ Proof.
       assert (EL2 : L' = (pre ++ [c]) ++ concat Ls2) by (rewrite Ea; reflexivity).
       assert (HG : Good L' (node fuel (c :: rev pre) (see specs seen (amounts_up c)) (profit + g - price c)
           (low + g - charge c) (add_static bases (static c))
-          (after c (pred n) (c :: map (fun x => fst (fst x)) items) (without_gain others)) a)).
+          (after c (pred n) (c :: map (fun x => fst (fst x)) items) (firsts others)) mind' a)).
       { rewrite EL2. replace (c :: rev pre) with (rev (pre ++ [c])) by (rewrite rev_app_distr; reflexivity).
         pose proof (gains_ok seen pre [c] ltac:(apply Forall_app; split; [exact Hpreok | constructor; [exact Hcok | constructor]]) Hseen) as Hone.
         cbn [map sumZ] in Hone. rewrite Z.add_0_r, <- Eg in Hone.
@@ -964,7 +831,7 @@ Proof.
     + (* it is not *)
       destruct (Rle_dec (profitR L) (IZR (threshold (node fuel (c :: rev pre) (see specs seen (amounts_up c)) (profit + g - price c)
           (low + g - charge c) (add_static bases (static c))
-          (after c (pred n) (c :: map (fun x => fst (fst x)) items) (without_gain others)) a)))) as [Hle | Hgt'].
+          (after c (pred n) (c :: map (fun x => fst (fst x)) items) (firsts others)) mind' a)))) as [Hle | Hgt'].
       * apply each_keeps; [exact Hrec | apply Good_low, Hle].
       * apply Rnot_le_lt in Hgt'. apply IHi; [exact Hgt'|].
         exists (map fst items). split.

@@ -6,9 +6,10 @@ set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 folder=${1:-$here/build}
 mkdir -p "$folder"
-cp "$here"/*.v "$here"/driver.ml "$folder"
+cp "$here"/*.v "$here"/*.ml "$folder"
 cd "$folder"
-for module in Spec Sums Returns Prices Worth Rows Sweep Checker Search Staged Paths Build Extract; do
+for module in Spec Sums Returns Prices Worth Rows Sweep Checker Gains Tangents Pools Search Narrowing Staged Paths Build Extract; do
     coqc -q -R . CocapCheck "$module.v"
 done
-ocamlfind ocamlopt -w -a -inline 200 -package zarith -linkpkg checker.mli checker.ml driver.ml -o cocap-check-verified
+ocamlfind ocamlopt -w -a -inline 200 -package unix,zarith -linkpkg checker.mli checker.ml \
+    instance_lines.ml advice.ml driver.ml -o cocap-check-verified

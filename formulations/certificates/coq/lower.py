@@ -31,6 +31,12 @@ NATIVE_BITS = 60  # so that J in 1/precision is a small whole number of Zarith
 Spec = dict[str, Any]
 Words = list[object]
 
+# What is known of each resource, its type and step aside.
+RESOURCES = {
+    "visit": {"state", "robot_class"}, "cells": {"cells", "robot_class"}, "swap": {"cells"},
+    "move": {"cells", "robot_class"}, "moves": {"moves"},
+}  # fmt: skip
+
 
 def up(value: Fraction) -> int:
     """Returns a number rounded up."""
@@ -57,7 +63,7 @@ class Lowering:
         bits = 16 if bound is None else up(abs(bound)).bit_length()
         self.precision = 1 << max(min(NATIVE_BITS - bits, MOST_BITS), 32)
         self.kinds = [*instance.classes]  # of each class
-        self.number = [*range(len(self.kinds))]  # its number for the checker, by that in the file
+        self.number: list[int] = [*range(len(self.kinds))]  # for the checker, by that in the file
         if single:
             drones = [d for members in instance.members for d in members]
             of = {d: n for n, members in enumerate(instance.members) for d in members}
@@ -93,6 +99,9 @@ class Lowering:
         """Returns the words of a set of multipliers."""
         kind = numbers.get("type", "multipliers")
         check.require(kind == "multipliers", f"certificate: {kind} is not covered")
+        check.only(numbers, {"alpha", "beta", "rows", "cuts", "decisions", "views"})
+        for row in numbers.get("rows", ()):
+            check.only(row, {"resource", "multiplier"})
         over_time = int(self.instance.rows == 1)
         return [
             SCALE, self.precision, over_time,
@@ -138,9 +147,12 @@ class Lowering:
 
     def _cut(self, cut: Spec) -> tuple[int, int, Words]:
         """Returns the share of a cut, its constant and the words of its curves."""
+        check.only(cut, {"t", "face", "curves", "share"})
+        for curve in cut["curves"]:
+            check.only(curve, {"robot_class", "roots", "values"})
         share = int(check.number_of(cut["share"]) * SCALE)
         curves = {
-            self.number[curve["robot_class"]]: [
+            self._class(curve["robot_class"]): [
                 (round(check.number_of(r) * SCALE), round(check.number_of(v) * SCALE))
                 for r, v in zip(curve["roots"], curve["values"], strict=True)
             ]
@@ -171,6 +183,9 @@ class Lowering:
     def resource(self, spec: Spec) -> Words:
         """Returns the words of a resource: places and moves of each class that can use it."""
         kind, t, of = spec["type"], check.whole(spec["t"]), spec.get("robot_class")
+        check.require(kind in RESOURCES, f"resource: what is {kind!r}?")
+        check.only(spec, RESOURCES[kind] | {"t"})
+        check.require(0 <= t <= self.instance.horizon, "resource: there is no such step")
         users = [
             (n, self.instance.kinds[k])
             for n, k in enumerate(self.kinds)
@@ -200,6 +215,7 @@ class Lowering:
 
     def staged(self, numbers: Spec) -> Words:
         """Returns the words of a staged certificate."""
+        check.only(numbers, {"multipliers", "target", "stages", "paths_above"})
         target, above = self._target(numbers["target"]), numbers.get("paths_above")
         return [
             target, COARSE,
@@ -214,9 +230,14 @@ class Lowering:
         return lowered_target
 
     def _stage(self, stage: Spec) -> Words:
+        check.only(stage, {"payments", "constants"})
         payments: list[Words] = []
+        priced: set[tuple[int, int]] = set()
         for step in stage.get("payments", ()):
-            number = self.number[step["robot_class"]]
+            check.only(step, {"t", "robot_class", "states", "payments", "others"})
+            number = self._class(step.get("robot_class", 0))
+            check.require((self._step(step), number) not in priced, "stage: a class is twice")
+            priced.add((step["t"], number))
             kind = self.instance.kinds[self.kinds[number]]
             listed_prices = (
                 [place * len(kind.turns) + turn + 1, self._rounded(price)]
@@ -227,12 +248,28 @@ class Lowering:
                 )
             )
             others = self._rounded(step.get("others", 0.0))
-            payments.append([check.whole(step["t"]), number, *listed(listed_prices), others])
-        constants = (
-            [check.whole(step["t"]), self._rounded(step["constant"])]
+            payments.append([step["t"], number, *listed(listed_prices), others])
+        for step in stage.get("constants", ()):
+            check.only(step, {"t", "constant"})
+        constants: list[Words] = [
+            [self._step(step), self._rounded(step["constant"])]
             for step in stage.get("constants", ())
-        )
+        ]
+        without = {t for t, _ in priced} - {step["t"] for step in stage.get("constants", ())}
+        check.require(not without, "stage: a step with payments has no constant")
         return [*listed(payments), *listed(constants)]
+
+    def _step(self, spec: Spec) -> int:
+        t: int = check.whole(spec["t"])
+        check.require(0 <= t <= self.instance.horizon, "stage: there is no such step")
+        return t
+
+    def _class(self, number: object) -> int:
+        """Returns the number of a class for the checker."""
+        known = range(len(self.number))
+        named: int = check.whole(number)
+        check.require(named in known, "there is no such class")
+        return self.number[named]
 
     def _rounded(self, value: object) -> int:
         rounded: int = round(check.number_of(value) * self.precision)
@@ -243,15 +280,36 @@ class Lowering:
     def tree(self, nodes: list[Spec], number: int = 0, decisions: check.Decisions = ()) -> Words:
         """Returns the words of a tree of decisions."""
         check.require(len(decisions) < len(nodes), "nodes: go round in a circle")
+        check.require(0 <= check.whole(number) < len(nodes), "nodes: no such node")
         node = nodes[number]
         if node["type"] == "leaf":
+            check.only(node, {"certificate"})
             return self.leaf(node["certificate"], decisions)
+        check.require(node["type"] == "branch", "nodes: must be branches and leaves")
+        check.only(node, {"resource", "robots", "at_most", "at_least"})
         resource, n = node["resource"], check.whole(node["robots"])
         most, least = (*decisions, (resource, 1, n)), (*decisions, (resource, -1, n + 1))
         return [
             "branch", *self.resource(resource), n,
             *self.tree(nodes, node["at_most"], most), *self.tree(nodes, node["at_least"], least),
         ]  # fmt: skip
+
+
+def require_known(instance: check.Instance, file: Spec) -> None:
+    """Refuses files of another kind, version or instance, and fields that are not known."""
+    check.only(file, check.FIELDS)
+    kind = str(file.get("format"))
+    is_bound = kind in ("cocap-opt certificate", "cocap-opt proof")
+    is_known = is_bound and check.whole(file.get("version")) in check.VERSIONS[kind]
+    check.require(is_known, "no certificate or proof, or of an unknown version")
+    check.require(file.get("digest") == instance.digest, "digest: it is of another instance")
+    version = file.get("coverage_version")
+    check.require(version in (None, instance.coverage), "coverage_version: another is there")
+    classes = file.get("classes", "alike")
+    check.require(classes in ("alike", "single"), "classes: must be alike or single")
+    is_proof = kind == "cocap-opt proof"
+    one_of = ("nodes" in file) == is_proof and ("certificate" in file) != is_proof
+    check.require(one_of, "must hold a certificate or, if it is a proof, nodes")
 
 
 def lowered(instance: check.Instance, file: Spec, multipliers: bool) -> Words:
@@ -261,6 +319,7 @@ def lowered(instance: check.Instance, file: Spec, multipliers: bool) -> Words:
     ----------
     multipliers : of a staged certificate lower the first multipliers alone, and claim what they say
     """
+    require_known(instance, file)
     single = file.get("classes") == "single"
     bound = None if file["bound"] is None else check.number_of(file["bound"])
     numbers = file.get("certificate")

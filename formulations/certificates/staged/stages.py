@@ -58,15 +58,17 @@ def price_staged(
     for n, stage in enumerate(certificate.stages):
         stop.check()
         narrowing = searches.after(stage, narrowing, f"certificate.stages[{n}]")
+    nodes = MOST_NODES - searches.nodes_left
     if certificate.paths_above is None:
-        return narrowing.pricing
+        return narrowing.pricing._replace(nodes=nodes)
     if not may_be_used(model):
         raise CertificateError(
             "certificate.paths_above: moves are rewarded, or views do not count at step 1"
         )
     higher = narrowing.above(certificate.paths_above)
     try:
-        return best_plan(higher, searches.nodes_left, stop, plain).pricing
+        best = best_plan(higher, searches.nodes_left, stop, plain)
+        return best.pricing._replace(nodes=nodes + best.nodes)
     except NotEndedError as error:
         raise UnfinishedError(
             "certificate.paths_above: not verified: too many joint states are left to go through "
