@@ -182,8 +182,8 @@ def _signal(flight: Flight) -> str:
     if flight.is_smooth or flight.flown.problem.begins_in_the_air:
         return "Give them the signal then."
     return (
-        f"Give them the signal then; with waypoint missions, {seconds_to_step_0(flight):.3g} s after "
-        "starting the missions."
+        f"Give them the signal then; with waypoint missions, {seconds_to_step_0(flight):.3g} s "
+        "after starting the missions."
     )
 
 

@@ -176,7 +176,7 @@ def test_the_crew_reads_when_and_where_people_walk(smooth: bool) -> None:
     rows = [numbers(line) for line in sections["Person 0"][1:]]
     assert rows == [pytest.approx([0.5 * t, *walk[t]], abs=0.006) for t in range(4)]
     (signal,) = [line for line in sections["Flight"] if "signal" in line]
-    assert ("15 s after starting these" in signal) == (not smooth)
+    assert ("15 s after starting the missions" in signal) == (not smooth)
     assert any("drones keep 1 m from people" in line for line in sections["Late drones and people"])
 
 
