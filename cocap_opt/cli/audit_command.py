@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+import secrets
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,12 +14,14 @@ from cocap_opt.console.progress import Watch
 from cocap_opt.files.documents import FileError, problem_digest
 from cocap_opt.formulations.independent import instance_of
 from cocap_opt.formulations.independent.audit import Audit
+from cocap_opt.formulations.independent.cocap_check import Instance, Refused
 from cocap_opt.formulations.independent.instance_facts import FormatError
 from cocap_opt.formulations.independent.scene_facts import UnknownError
 from cocap_opt.model import compiled
 from cocap_opt.output.files import GivenPlan, PlanReader, read_text
 from cocap_opt.output.printing import Record, print_result, print_texts
-from cocap_opt.problem import Problem
+from cocap_opt.problem import COVERAGE_VERSION, Problem
+from cocap_opt.referee import check
 from cocap_opt.run.audited import SOME, WHOLE, audited
 from cocap_opt.run.options import UsageError
 from cocap_opt.text import printable
@@ -52,6 +55,10 @@ def _audit(
             f"given, all of {WHOLE:,} states or fewer, and {SOME:,} of more"
         ),
     ] = None,
+    draw: Annotated[
+        int | None,
+        Parameter(help="seed of what is drawn; if not given, one that nobody knows beforehand"),
+    ] = None,
     json: Json = False,
 ) -> int:
     """Check an exported instance against its scene: exit 0 only if they agree.
@@ -68,6 +75,7 @@ def _audit(
     """
     if views is not None and not (views >= 0 and (math.isinf(views) or views.is_integer())):
         raise UsageError(f"--views: must be a whole number, 0 or more, or inf, not {views}")
+    draw = secrets.randbits(32) if draw is None else draw
     problem = load_planned(scene, seed)
     given = PlanReader(scene, problem).plans(plan)
     if given:
@@ -76,7 +84,7 @@ def _audit(
     with Watch.on_terminal(f"{problem.name} seed {seed}") as watch:
         text = _text(instance, problem, watch)
         try:
-            audit = audited(problem, text, paths, views, seed, watch.counter("state enclosed"))
+            audit = audited(problem, text, paths, views, draw, watch.counter("state enclosed"))
         except UnknownError as error:
             raise UsageError(f"SCENE: the audit does not know {error}") from error
         except FormatError as error:
@@ -86,9 +94,11 @@ def _audit(
     audit.differences += _claims(plan, given, audit)
     answer = {
         "scene": problem.name, "seed": seed, "digest": problem_digest(problem),
-        "instance": instance, "sha256": hashlib.sha256(text.encode()).hexdigest(),
+        "instance": instance, "sha256": hashlib.sha256(text.encode()).hexdigest(), "draw": draw,
         **_told(audit),
     }  # fmt: skip
+    if words := "; ".join(_against_rules(problem, plan, given)):
+        answer["message"] = "; ".join(filter(None, (answer.get("message"), words)))
     differences = [*audit.differences, *(audit.coverage.differences if audit.coverage else ())]
     if json:
         print_result({**answer, "differences": differences}, json)
@@ -118,10 +128,27 @@ def _claims(plans: Sequence[Path], given: Sequence[GivenPlan], audit: Audit) -> 
             yield f"{printable(str(path))}: J: scene {low!r} to {high!r}, plan {claim!r}"
 
 
+def _against_rules(
+    problem: Problem, plans: Sequence[Path], given: Sequence[GivenPlan]
+) -> Iterator[str]:
+    """Yields lines for plans that break a rule, of which the audit compares the J alone."""
+    for path, found in zip(plans, given, strict=True):
+        if not check(problem, found.plan).valid:
+            yield f"{printable(str(path))}: breaks a rule, which `verify` names"
+
+
 def _text(path: Path | None, problem: Problem, watch: Watch) -> str:
     """Returns the instance of a file, or the one that is made of a scene now."""
     if path is not None:
-        return read_text(path)
+        text = read_text(path)
+        try:
+            coverage = Instance(text).coverage
+        except Refused as error:
+            raise FileError(f"{path}: {error}") from error
+        if coverage != COVERAGE_VERSION:
+            words = f"must be {COVERAGE_VERSION}, the version that is enclosed, not {coverage}"
+            raise FileError(f"{path}: coverage: {words}")
+        return text
     model = compiled(problem)
     model.prepare_all(progress=watch.counter("coverage"))
     return instance_of(model)

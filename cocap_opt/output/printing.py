@@ -69,6 +69,7 @@ _LABELS = {
     "states_reached": "states at steps that drones reach",
     "states_that_see": "of these, states that see anything",
     "near_people_undecided": "places and moves too near to a least distance to be decided",
+    "draw": "seed of what is drawn (--draw)",
     "views_enclosed": "states at steps whose coverage is enclosed",
     "numbers_enclosed": "numbers of them that are not 0 on both sides",
     "numbers_undecided": "numbers whose enclosure is too wide to decide",

@@ -24,8 +24,15 @@ import msgspec
 from cocap_opt.experiments.library.entries import DATA, Entry, read_list
 from cocap_opt.experiments.library.judge import PLAN, Proved, proved
 from cocap_opt.files.atomic_write import write_atomically
-from cocap_opt.files.documents import FileError, problem_digest, read_bytes
+from cocap_opt.files.documents import (
+    FileError,
+    PlanFile,
+    decode_document,
+    problem_digest,
+    read_bytes,
+)
 from cocap_opt.files.users_folder import users_folder
+from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.independent import instance_of
 from cocap_opt.model import compiled
 from cocap_opt.output.files import read_text
@@ -272,6 +279,8 @@ class Library:
         told = _told(content, path)
         entry = self._of_digest(str(told.get("digest")), path)
         found = proved(self.instance(entry, folder), content, str(path))
+        # Fields on which nothing depends must be readable, too, by those who get the file.
+        decode_document(content, str(path), PlanFile, CertificateFile, ProofFile)
         packed = gzip.compress(content, 9, mtime=0)
         if len(packed) > MOST_BYTES:
             raise FileError(f"{path}: must be at most {MOST_BYTES:,} bytes, compressed")

@@ -1464,7 +1464,7 @@ def main(arguments: list[str]) -> int:
                 say(f"instance of sha256 {instance.sha256}")
                 continue
             document = json.loads(
-                content, parse_constant=no_constant, object_pairs_hook=without_twins
+                content.decode(), parse_constant=no_constant, object_pairs_hook=without_twins
             )
             words, is_part = answer(instance, document)
             say(f"{name}: {words}")

@@ -98,10 +98,22 @@ def test_the_number_is_that_of_the_checker_not_of_the_file(empty: Library) -> No
     assert empty.submit(high).value <= 27.00001
 
 
-@pytest.mark.parametrize("seconds", [10**400, -1, "soon", True, None])
-def test_what_a_file_says_besides_does_no_harm(empty: Library, seconds: object) -> None:
-    """Seconds and names that cannot be so are left out; the records can be read afterwards."""
-    path = forged(empty, GOOD[0], lambda file: file.update(seconds=seconds, planner=["\ud800\n,"]))
+@pytest.mark.parametrize(
+    "field", [{"seconds": 10**400}, {"seconds": -1}, {"seconds": "soon"}, {"planner": ["a"]},
+              {"scene": 5}, {"limit": "x"}]
+)  # fmt: skip
+def test_what_nobody_could_read_is_refused(empty: Library, field: Row) -> None:
+    """Fields on which no proof depends count as well: `get` and `page` read the whole file."""
+    path, before = forged(empty, GOOD[0], lambda file: file.update(field)), content(empty)
+    with pytest.raises(FileError) as caught:
+        empty.submit(path)
+    assert "\n" not in str(caught.value)
+    assert content(empty) == before
+
+
+def test_names_of_programs_stay_in_their_line(empty: Library) -> None:
+    """A file may name any program; the records can be read afterwards."""
+    path = forged(empty, GOOD[0], lambda file: file.update(seconds=None, planner="a\n,b"))
     assert empty.submit(path).value == 27.0
     (record,) = empty.records()
     assert "\n" not in record.program

@@ -402,6 +402,9 @@ def test_the_command_says_what_agrees(
     plan.write_bytes(encode(PlanFile.of(problem.without_rules(), paths, 0.0, "greedy")))
     assert run(["audit", str(scene), str(plan), "--views", "0", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["message"] == "coverage was left out"
+    plan.write_bytes(encode(PlanFile.of(problem, paths, 0.0, "greedy")))
+    assert run(["audit", "tiny-doorway", str(plan), "--views", "0", "--json"]) == 0
+    assert "breaks a rule, which `verify` names" in json.loads(capsys.readouterr().out)["message"]
     assert run(["export", "tiny-doorway", "-o", str(instance)]) == 0
     instance.write_text(instance.read_text().replace("rules 1 1", "rules 1 0"))
     capsys.readouterr()
@@ -412,6 +415,38 @@ def test_the_command_says_what_agrees(
     monkeypatch.delitem(sys.modules, "cocap_opt.formulations.independent.enclosures", raising=False)
     assert run(["audit", "tiny-doorway"]) == 2
     assert "pip install 'cocap-opt[audit]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("coverage 2", "coverage 99"), "coverage: must be 2, the version that is enclosed"),
+        (("cocap-instance 1", "cocap-instance 7"), "line 1: must be cocap-instance 1"),
+        (("sees 1 0 0 :", "sees 1 99 0 :"), "sees: no such state"),
+        (("weight ", "weight 0 "), "no hexadecimal number"),
+    ],
+)
+def test_what_is_no_instance_is_refused_in_a_line(
+    change: tuple[str, str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2 and not 1: nothing was compared."""
+    path = tmp_path / "x.instance"
+    text = exported(load_scene("tiny-doorway"))
+    assert change[0] in text
+    path.write_text(text.replace(change[0], change[1], 1))
+    assert run(["audit", "tiny-doorway", "--instance", str(path), "--views", "0"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+
+
+def test_what_is_drawn_cannot_be_foreseen(capsys: pytest.CaptureFixture[str]) -> None:
+    """Unless it is asked for, the seed of the draw is another each time, and told."""
+    seeds = []
+    for option in ([], [], ["--draw", "5"]):
+        assert run(["audit", "tiny-hover", "--views", "0", "--json", *option]) == 0
+        seeds.append(json.loads(capsys.readouterr().out)["draw"])
+    assert seeds[0] != seeds[1]
+    assert seeds[2] == 5
 
 
 def test_the_command_encloses_the_states_of_a_plan(

@@ -54,7 +54,7 @@ def test_pages_are_short() -> None:
     """Nobody is asked to read more than five minutes at once, and the README is two screens."""
     long = {page.name: words(page.read_text(encoding="utf-8")) for page in pages()}
     assert {name: count for name, count in long.items() if count > LONGEST} == {}
-    assert len(README.read_text(encoding="utf-8").splitlines()) <= 120
+    assert len(README.read_text(encoding="utf-8").splitlines()) <= 100
 
 
 def test_commands_fit_the_width_of_a_page() -> None:

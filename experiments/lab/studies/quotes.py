@@ -39,6 +39,7 @@ from cocap_opt.experiments.lab.studies.paper.page import Page
 from cocap_opt.experiments.lab.studies.paper.planner_table import (
     described_planners_in_markdown,
     measured_planners_in_markdown,
+    numbers_in_markdown,
     short_planners_in_markdown,
 )
 from cocap_opt.experiments.lab.studies.paper.reproduction import SCENES
@@ -104,6 +105,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "planners_described": described_planners_in_markdown,
     "planners_measured": measured_planners_in_markdown,
     "planners_in_short": short_planners_in_markdown,
+    "numbers_in_short": numbers_in_markdown,
     "separation": lambda: separation_in_markdown(SeparationPoint.read(STORED / "separation.csv")),
     "flights": lambda: flights_in_markdown(stored_flights()),
     "flights_in_sentences": lambda: _listed(sentences(stored_flights())),
