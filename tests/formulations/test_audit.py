@@ -469,4 +469,4 @@ def test_the_command_encloses_the_states_of_a_plan(
     assert answer["differences"] == []
     plan.write_bytes(encode(PlanFile.of(problem, found, reward + 1e-5, "greedy")))
     assert run(["audit", "tiny-hover", str(plan), "--views", "1"]) == 1
-    assert "plan.json: J: scene " in capsys.readouterr().out
+    assert ": J: scene " in capsys.readouterr().out
