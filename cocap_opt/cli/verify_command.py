@@ -326,8 +326,10 @@ class _Claims(NamedTuple):
         """Yields which files were made with another version of coverage, in words."""
         if self.plan_file and (words := other_coverage(self.plan_file.coverage_version)):
             yield f"the plan: {words}"
-        for words in filter(None, (verified.other_coverage, verified.other_instance)):
+        if words := verified.other_coverage:
             yield f"the bound: {words}"
+        if words := verified.other_instance:
+            yield words
 
     def answer(self, verified: Verified) -> Record:
         """Returns the record of its findings that `verify` prints."""

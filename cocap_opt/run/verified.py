@@ -104,6 +104,7 @@ class Verified:
     plan : that was checked
     verdict : of the referee on the plan; None without one
     proved : the lowest bound that is proved
+    bounds : all that are proved
     violations : what does not hold, in words
     plain : bounds were checked without any code that is compiled by numba
     """
@@ -112,6 +113,7 @@ class Verified:
     plan: Plan | None = None
     verdict: Verdict | None = None
     proved: ProvedBound | None = None
+    bounds: tuple[ProvedBound, ...] = ()
     violations: tuple[str, ...] = ()
     plain: bool = False
 
@@ -140,7 +142,7 @@ class Verified:
         proved = min(
             bounds, key=lambda b: proved_in(problem, b.file, b.pricing.bound), default=None
         )
-        found = cls(problem, plan, verdict, proved, plain=plain)
+        found = cls(problem, plan, verdict, proved, tuple(bounds), plain=plain)
         violations = [*found._of_plan(claimed, values), *failed]
         return replace(found, violations=tuple(violations or found._of_both()))
 
@@ -232,14 +234,13 @@ class Verified:
 
     @cached_property
     def other_instance(self) -> str:
-        """Says that the bound was made of an instance that is not the scene's; empty if it was."""
-        if self.proved is None or not isinstance(self.proved.file.instance, str):
-            return ""
-        if self.proved.file.instance == instance_digest(self.proved.model):
+        """Says that a bound was made of an instance that is not the scene's; empty if none was."""
+        named = [bound for bound in self.bounds if isinstance(bound.file.instance, str)]
+        if all(bound.file.instance == instance_digest(bound.model) for bound in named):
             return ""
         return (
-            "its file names another instance than coverage gives here: it was altered, or "
-            "numbers were rounded otherwise"
+            "a file names another instance than coverage gives here: it was altered, or numbers "
+            "were rounded otherwise"
         )
 
     @property

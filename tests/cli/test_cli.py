@@ -871,9 +871,11 @@ def test_certificates_name_the_instance_that_export_writes(
     file = json.loads(bound.read_text())
     assert file["instance"] == told["sha256"]
     assert "message" not in Run(capsys, "verify", scene, bound, "--json").json
-    bound.write_text(json.dumps(file | {"instance": 64 * "0"}))
-    altered = Run(capsys, "verify", scene, bound, "--json").json
-    assert "names another instance" in altered["message"]
+    forged = tmp_path / "forged.json"
+    forged.write_text(json.dumps(file | {"instance": 64 * "0"}))
+    for files in ((forged,), (bound, forged)):
+        altered = Run(capsys, "verify", scene, *files, "--json").json
+        assert "names another instance" in altered["message"]
 
 
 @pytest.mark.parametrize(
