@@ -128,7 +128,7 @@ def test_the_wheel_runs_every_command_of_the_readme(wheel: Path, tmp_path: Path)
     for words in commands:
         run([command, *(word.replace("0-9", "0-1") for word in words)], work, 300, **alone)
     made = {path.name for path in work.iterdir()}
-    assert made == {"plan.json", "best.json", "proof.json", "plans.html", "front", "results"}
+    assert made == {"plan.json", "best.json", "proof.json", "plans.html", "results"}
     studied = subprocess.run(
         [str(command), "study", "paper", "--out", "paper"], cwd=work, capture_output=True,
         text=True, timeout=60, check=False, env=os.environ | alone,
