@@ -98,6 +98,8 @@ exception Too_long of string
 
 let every = 15. (* seconds between two lines of progress, on the standard error *)
 
+let watch_no_more () = Sys.set_signal Sys.sigalrm Sys.Signal_ignore
+
 (* Counts the nodes of searches, those that are cheaply left out aside: each asks for advice.  An
    exception ends the program, so that nothing is claimed. *)
 let counted most nodes advise =
@@ -110,13 +112,16 @@ let counted most nodes advise =
     end;
     advise specs seen constants pool memory
 
-(* Looks at the clock once a second. *)
+(* Looks at the clock once a second, until it ends the check: a second end would find nobody who expects it. *)
 let watch seconds nodes =
   let begun = Unix.gettimeofday () in
   let said = ref 0. in
   let look _ =
     let spent = Unix.gettimeofday () -. begun in
-    if spent > seconds then raise (Too_long (Printf.sprintf "it takes more than %g s" seconds));
+    if spent > seconds then begin
+      watch_no_more ();
+      raise (Too_long (Printf.sprintf "it takes more than %g s" seconds))
+    end;
     if spent -. !said > every then begin
       said := spent;
       Printf.eprintf "cocap-check-verified: %.0f s, %d nodes\n%!" spent !nodes
@@ -156,13 +161,14 @@ let checked most seconds instance_file lowered_file =
       let advise = counted most nodes (Advice.advise ~coarse ~alone:lines.vertex) in
       (check_staged (build single lines) first coarse advise Advice.nothing target stages paths_above numerator denominator, by)
     | w -> refuse "no tree and no stages: %s" w in
+  watch_no_more ();
   (holds, numerator, denominator, by)
 
 let usage = "usage: cocap-check-verified [--most-nodes N] [--time-limit SECONDS] INSTANCE LOWERED"
 
 let () =
   Gc.set { (Gc.get ()) with Gc.minor_heap_size = 1 lsl 20; space_overhead = 200 };
-  let exit_with code message = print_endline message; exit code in
+  let exit_with code message = watch_no_more (); print_endline message; exit code in
   let rec parsed most seconds = function
     | "--most-nodes" :: value :: rest -> (match int_of_string_opt value with
         | Some most when most >= 0 -> parsed most seconds rest
