@@ -149,9 +149,7 @@ def _text(path: Path | None, problem: Problem, watch: Watch) -> str:
             words = f"must be {COVERAGE_VERSION}, the version that is enclosed, not {coverage}"
             raise FileError(f"{path}: coverage: {words}")
         return text
-    model = compiled(problem)
-    model.prepare_all(progress=watch.counter("coverage"))
-    return instance_of(model)
+    return instance_of(compiled(problem), watch.counter("coverage"))
 
 
 def _told(audit: Audit) -> Record:

@@ -182,8 +182,7 @@ def _written(
 ) -> Record:
     """Writes what is made of a model and its coverage; returns what is to be said of it."""
     if kind.ending == _INSTANCE:
-        model.prepare_all(progress=progress)
-        text = instance_of(model).encode()
+        text = instance_of(model, progress).encode()
         save_bytes(output, text)
         return {"sha256": hashlib.sha256(text).hexdigest()}
     if kind.table:

@@ -103,8 +103,7 @@ class Verified:
     problem : that the claims are about
     plan : that was checked
     verdict : of the referee on the plan; None without one
-    proved : the lowest bound that is proved
-    bounds : all that are proved
+    bounds : those that are proved
     violations : what does not hold, in words
     plain : bounds were checked without any code that is compiled by numba
     """
@@ -112,7 +111,6 @@ class Verified:
     problem: Problem
     plan: Plan | None = None
     verdict: Verdict | None = None
-    proved: ProvedBound | None = None
     bounds: tuple[ProvedBound, ...] = ()
     violations: tuple[str, ...] = ()
     plain: bool = False
@@ -139,12 +137,18 @@ class Verified:
         plain : bounds were checked without any compiled code
         """
         verdict = None if plan is None else check(problem, plan)
-        proved = min(
-            bounds, key=lambda b: proved_in(problem, b.file, b.pricing.bound), default=None
-        )
-        found = cls(problem, plan, verdict, proved, tuple(bounds), plain=plain)
+        found = cls(problem, plan, verdict, tuple(bounds), plain=plain)
         violations = [*found._of_plan(claimed, values), *failed]
         return replace(found, violations=tuple(violations or found._of_both()))
+
+    @cached_property
+    def proved(self) -> ProvedBound | None:
+        """The lowest bound that is proved; None without one."""
+        return min(
+            self.bounds,
+            key=lambda bound: proved_in(self.problem, bound.file, bound.pricing.bound),
+            default=None,
+        )
 
     @property
     def reward(self) -> float:

@@ -225,9 +225,7 @@ class Library:
     @staticmethod
     def text(problem: Problem) -> bytes:
         """Returns the text of a scene's instance."""
-        model = compiled(problem)
-        model.prepare_all()
-        return instance_of(model).encode()
+        return instance_of(compiled(problem)).encode()
 
     def register(self, entry: Entry, folder: Path | None = None) -> Digest:
         """Makes an instance for the first time and writes down its digests."""

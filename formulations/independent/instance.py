@@ -14,14 +14,22 @@ import numpy as np
 from cocap_opt.data import IntArray
 from cocap_opt.files.documents import problem_digest
 from cocap_opt.model import Model, RobotClass
-from cocap_opt.model.coverage_tables import Sight
+from cocap_opt.model.coverage_tables import Sight, tell_nobody
 from cocap_opt.problem import COVERAGE_VERSION
+from cocap_opt.vision.coverage import Progress
 
 VERSION = 1
 
 
-def instance_of(model: Model) -> str:
-    """Returns the instance of a problem as text; its coverage must be there."""
+def instance_of(model: Model, progress: Progress = tell_nobody) -> str:
+    """Returns the instance of a problem as text.
+
+    Parameters
+    ----------
+    model : of the problem, whose coverage is computed if it is not there
+    progress : told how far that is
+    """
+    model.prepare_all(progress=progress)
     return "\n".join(_lines(model)) + "\n"
 
 

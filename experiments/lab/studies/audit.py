@@ -46,7 +46,6 @@ class AuditedScene(NamedTuple):
         """
         problem = load_scene(name, _SEED)
         model = compiled(problem)
-        model.prepare_all()
         text, plan = instance_of(model), greedy(problem).plan
         plans = [] if plan is None else [plan.paths]
         begin = processor_seconds()

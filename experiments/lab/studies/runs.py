@@ -94,8 +94,13 @@ def _record(method: Measurable) -> Method[Any]:
 
 def processor_seconds() -> float:
     """Returns the processor time of this process, and of those that it has started and awaited."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return process_time() + children.ru_utime + children.ru_stime
+    return process_time() + childrens_seconds()
+
+
+def childrens_seconds() -> float:
+    """Returns the processor time of the processes that this one has started and awaited."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ answer stands on the page. Python is loaded before. Both are measured several ti
 
 import math
 import platform
-import resource
 import statistics
 import subprocess
 import sys
@@ -27,6 +26,7 @@ from cocap_opt.experiments.lab.studies.browser.files import (
     pyodide,
 )
 from cocap_opt.experiments.lab.studies.options import Out, Scenes, chromium
+from cocap_opt.experiments.lab.studies.runs import childrens_seconds
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.independent import cocap_check
 from cocap_opt.output.files import save_files
@@ -95,9 +95,9 @@ def _measured(page: "CheckPage", scene: str, paths: Sequence[Path]) -> BrowserRo
     command, shown = list[float](), list[float]()
     page.check(paths)  # loads Python
     for _ in range(_REPEATS):
-        begin = _of_children()
+        begin = childrens_seconds()
         text = printed(paths)
-        command.append(_of_children() - begin)
+        command.append(childrens_seconds() - begin)
         begin = _of_browser(page)
         answer = page.check(paths)
         shown.append(_of_browser(page) - begin)
@@ -115,12 +115,6 @@ def printed(paths: Sequence[Path]) -> list[str]:
     command = [sys.executable, "-I", cocap_check.__file__, *(path.name for path in paths)]
     done = subprocess.run(command, cwd=paths[0].parent, capture_output=True, text=True, check=False)
     return done.stdout.splitlines()
-
-
-def _of_children() -> float:
-    """Returns the processor time (s) of all processes of ours that have ended."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def _of_browser(page: "CheckPage") -> float:

@@ -77,9 +77,7 @@ def certified(scene: str) -> Certified:
 
 def instance(problem: Problem) -> bytes:
     """Returns the instance of a problem, as `export` writes it."""
-    model = compiled(problem)
-    model.prepare_all()
-    return instance_of(model).encode()
+    return instance_of(compiled(problem)).encode()
 
 
 def examples() -> dict[str, bytes]:
