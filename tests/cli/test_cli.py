@@ -1339,6 +1339,20 @@ def test_standard_error_that_takes_nothing(redirection: str) -> None:
     assert (done.returncode, done.stdout) == (2, b"")
 
 
+def test_a_file_of_the_system_that_is_missing_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where /proc is not mounted, it is not standard output that is to blame."""
+
+    def run(arguments: list[str]) -> int:
+        raise FileNotFoundError(2, "No such file or directory", "/proc/meminfo")
+
+    monkeypatch.setattr(commands, "run", run)
+    with pytest.raises(SystemExit, match="2"):
+        main(["scenes"])
+    assert capsys.readouterr().err == "cocap-opt: /proc/meminfo: No such file or directory\n"
+
+
 HOSTILE = "\x1b[2A\x1b[31mvalid\x9b1A\u202e\r\x07|`<b>"
 
 
