@@ -101,18 +101,15 @@ class Release(NamedTuple):
         return {
             "release": self.version,
             "date": self.date,
-            "coverage": str(self.coverage),
             "optima proved": f"{self.proved} of {self.runs}",
             "recommended": self.planner,
-            "its gap": f"{self.gap:.3f} %",
-            "at worst": f"{self.worst:.2f} %",
+            "gap (at worst)": f"{self.gap:.3f} % ({self.worst:.2f} %)",
             "CoCap's gap": f"{self.cocap:.2f} %",
             "search": in_unit(str(self.search), "s"),
             "proof": in_unit(str(self.proof), "s"),
             "field-long": in_unit(str(self.long), "%"),
             "field-large": in_unit(str(self.large), "%"),
             "CoCap / sequential": f"{self.ratio:.2f}",
-            "gap table": in_unit(str(self.command), "s"),
         }
 
 
