@@ -17,10 +17,12 @@ from PIL import Image
 import cocap_opt as co
 from cocap_opt.cli.commands import app
 from cocap_opt.experiments.lab.manual import entries, written
+from cocap_opt.experiments.lab.manual.diagrams import DIAGRAMS
 from cocap_opt.experiments.lab.manual.entries import ENTRIES, all_entries
 from cocap_opt.experiments.lab.manual.marks import filled, names_in, on_the_site, without_marks
 from cocap_opt.experiments.lab.manual.worked_words import WORKED
 from cocap_opt.experiments.lab.manual.written import DRAWN, PICTURES, SCHEMAS
+from cocap_opt.experiments.lab.studies.drawings import DRAWINGS
 from cocap_opt.files.documents import FileError
 
 GITHUB = MarkdownIt("commonmark").enable(["table", "strikethrough"]).use(dollarmath_plugin)
@@ -180,6 +182,7 @@ def test_pictures_are_committed() -> None:
     """Each has its file, which is small, and each file is on a page."""
     there = {path.name: path.stat().st_size for path in PICTURES.iterdir()}
     assert set(there) == {*DRAWN, *written.PHOTOGRAPHED}
+    assert len(DRAWN) == len(DRAWINGS) + len(DIAGRAMS), "two pictures have one name"
     assert sum(there.values()) < _MOST
     assert {name: size for name, size in there.items() if size > _LARGEST} == {}
     shown = {address.rpartition("/")[2] for page in MARKDOWN for address in links(page)}

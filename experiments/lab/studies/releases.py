@@ -97,8 +97,8 @@ class Release(NamedTuple):
 
     @property
     def record(self) -> dict[str, str]:
-        """Its row of the page."""
-        return {
+        """Its row of the page, in which no line ends between a number and its unit."""
+        cells = {
             "release": self.version,
             "date": self.date,
             "optima proved": f"{self.proved} of {self.runs}",
@@ -109,8 +109,8 @@ class Release(NamedTuple):
             "proof": in_unit(str(self.proof), "s"),
             "field-long": in_unit(str(self.long), "%"),
             "field-large": in_unit(str(self.large), "%"),
-            "CoCap / sequential": f"{self.ratio:.2f}",
         }
+        return {title: cell.replace(" ", "\u00a0") for title, cell in cells.items()}
 
 
 def releases(
