@@ -19,6 +19,9 @@ function mixed(a, b, share) {
 // The colour of ground above which drones may start.
 const startable = (ground, { colour }) => mixed(ground, rgb(colour), night.matches ? 0.25 : 0.6);
 
+// The colour of ground whose land has a colour of its own, as water and streets have; others as it is.
+const landed = (ground, colour) => (colour ? mixed(ground, rgb(colour), night.matches ? 0.3 : 1) : ground);
+
 // A colour in the light k of 256, which is cut to a whole number.
 function shaded(colour, light) {
   const k = Math.min(light, 256) | 0;

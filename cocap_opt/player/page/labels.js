@@ -17,10 +17,21 @@ class Labels {
     context.textBaseline = "middle";
     this.scale(height);
     this.axes(width, height);
+    this.land();
     this.people(time, options);
     this.near(time);
     this.drones(time, options);
     this.conflicts(time);
+  }
+
+  // Names of the land, where nothing hides the ground there.
+  land() {
+    const { context, view } = this;
+    context.font = `italic 600 11px ${FONT}`;
+    for (const { name, at } of view.data.terrain.land?.names ?? []) {
+      const [x, y, hidden] = view.at(at);
+      if (!hidden && this.isInside(x, y)) this.haloed(name, x, y);
+    }
   }
 
   // Above each person the name, the number and the take, where they cover nobody else's; else the

@@ -52,7 +52,8 @@ class World {
   constructor(data, blocks) {
     const { terrain } = data, { heights, grounds, kinds } = terrain;
     const highest = grounds.reduce((a, b) => Math.max(a, b), 0);
-    const ground = (k) => mixed(palette.ground, palette.high, highest > 1 ? grounds[k] / highest : 0);
+    const bare = (k) => mixed(palette.ground, palette.high, highest > 1 ? grounds[k] / highest : 0);
+    const ground = (k) => landed(bare(k), terrain.land?.colours[terrain.land.cells[k]]);
     const colours = { 1: [palette.lowPlan, palette.low], 2: [palette.wallPlan, palette.wall] };
     this.ground = new Polygons();
     const plan = (k) => colours[kinds[k]]?.[0] ?? ground(k);
