@@ -20,6 +20,11 @@ _AHEAD = 3.0  # m, by which a person may be farther than in the recipe
 _FASTER = 0.1  # share, by which a person may be faster or slower
 
 
+def files(name: str) -> dict[str, bytes]:
+    """Returns the files of a place by their names, the recipe `NAME.toml` among them."""
+    return {file.name: file.read_bytes() for file in sorted((FOLDER / name).iterdir())}
+
+
 def _delft(seed: int) -> Problem:
     """Four people meet in a lane of old Delft, and five drones film them above the houses.
 
