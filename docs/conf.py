@@ -10,53 +10,49 @@ from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
 import cocap_opt
-from cocap_opt.cli.commands import app
-from cocap_opt.experiments.lab.manual.diagrams import write_diagrams
-from cocap_opt.experiments.lab.manual.docstrings import with_meanings
-from cocap_opt.experiments.lab.manual.entries import all_entries
-from cocap_opt.experiments.lab.manual.formats import write_schemas
+from cocap_opt.experiments.lab.manual.contents import llms_in_full, llms_in_short, with_menu
+from cocap_opt.experiments.lab.manual.marks import on_the_site
 from cocap_opt.experiments.lab.studies.browser.files import write_check
-from cocap_opt.experiments.lab.studies.drawings import write_drawings, write_players
+from cocap_opt.experiments.lab.studies.drawings import with_players, write_players
 from cocap_opt.player.player_proof import CHECK_PAGE
 
 project = "cocap-opt"
 author = "the authors of cocap-opt"
 project_copyright = author
 version = release = cocap_opt.__version__
-extensions = [
-    "myst_nb",  # Markdown and notebooks
-    "numpydoc",
-    "sphinx.ext.autodoc",
-]
-exclude_patterns = ["notebooks/.ipynb_checkpoints", "notebooks/__init__.py"]
-myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "substitution"]
-myst_heading_anchors = 3
-myst_substitutions = all_entries(app)  # {{ name }}; a name that is missing fails the build
+extensions = ["myst_nb"]  # Markdown and notebooks
+exclude_patterns = ["notebooks/.ipynb_checkpoints"]
+myst_enable_extensions = ["dollarmath"]
+myst_fence_as_directive = ["math"]  # as GitHub has formulas
+myst_heading_anchors = 4
 smartquotes = False  # they would join the hyphens of options
 nb_execution_mode = "off"  # `cocap-opt study notebooks` runs them
-autodoc_member_order = "bysource"
-autodoc_preserve_defaults = True  # names of defaults, not where they are in memory
-autodoc_typehints_format = "short"
-python_use_unqualified_type_names = True
-default_role = "literal"  # docstrings put code between single backquotes
-numpydoc_show_class_members = False
 html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"cocap-opt {release}"
 html_static_path = ["_static"]
 html_css_files = ["pages.css"]
+html_js_files = ["versions.js"]
+html_sourcelink_suffix = ""  # _sources/page.md, which llms.txt names
 html_theme_options = {"navigation_with_keys": True}
 
 _STOPPED = re.compile(r"(<math\b(?:(?!</math>).)*</math>[.,;:)]+)", re.DOTALL)
 
 
 def _write_files(app: Sphinx) -> None:
-    write_players(Path(app.outdir) / "players")
-    write_schemas(Path(app.outdir) / "schemas")
-    write_drawings(Path(app.srcdir) / "pictures")
-    write_diagrams(Path(app.srcdir) / "concepts" / "pictures")
-    if write_check(Path(app.outdir) / "check"):
+    out, source = Path(app.outdir), Path(app.srcdir)
+    write_players(out / "players")
+    index = (source / "index.md").read_text(encoding="utf-8")
+    (out / "llms.txt").write_text(llms_in_short(index), encoding="utf-8")
+    (out / "llms-full.txt").write_text(llms_in_full(source), encoding="utf-8")
+    if write_check(out / "check"):
         app.tags.add("python_in_pages")
+
+
+def _prepare(app: Sphinx, page: str, content: list[str]) -> None:
+    """Takes away the marks, opens what is for the site alone, and makes the menu of the index."""
+    if app.env.doc2path(page).suffix != ".ipynb":
+        content[0] = on_the_site(with_menu(content[0]) if page == "index" else content[0])
 
 
 def _add_check(
@@ -88,15 +84,18 @@ def _keep_stops(
         context["body"] = _STOPPED.sub(r'<span class="formula">\1</span>', body)
 
 
-def _move_meanings(app: Sphinx, kind: str, name: str, thing: object, options: object,
-                   lines: list[str]) -> None:  # fmt: skip
-    lines[:] = with_meanings(lines)
+def _add_players(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object
+) -> None:
+    """Puts players in place of the pictures of the gallery."""
+    if page == "gallery":
+        context["body"] = with_players(context["body"])
 
 
 def setup(app: Sphinx) -> None:
-    """Write players, schemas and pictures, and prepare docstrings before numpydoc reads them."""
+    """Writes players and llms.txt, and prepares each page before it is read."""
     app.add_html_math_renderer("mathml", (_write_formula, None), (_write_formulas, None))
     app.connect("builder-inited", _write_files)
-    app.connect("html-page-context", _keep_stops)
-    app.connect("html-page-context", _add_check)
-    app.connect("autodoc-process-docstring", _move_meanings, priority=100)
+    app.connect("source-read", _prepare)
+    for change in (_keep_stops, _add_check, _add_players):
+        app.connect("html-page-context", change)

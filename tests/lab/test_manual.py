@@ -4,7 +4,6 @@ import re
 import tokenize
 from importlib import import_module
 from itertools import pairwise
-from pathlib import Path
 
 import msgspec
 import pytest
@@ -14,17 +13,18 @@ from sources import sources
 import cocap_opt as co
 from cocap_opt.cli.commands import app
 from cocap_opt.experiments.lab.manual import one_face, worked
-from cocap_opt.experiments.lab.manual.commands import commands_in_markdown, studies_in_markdown
+from cocap_opt.experiments.lab.manual.commands import COMMANDS
+from cocap_opt.experiments.lab.manual.contents import Section, llms_in_full, llms_in_short
 from cocap_opt.experiments.lab.manual.diagrams import DIAGRAMS
-from cocap_opt.experiments.lab.manual.docstrings import with_meanings
 from cocap_opt.experiments.lab.manual.formats import (
     DOCUMENTS,
+    PAGES,
     example,
     fields_in_markdown,
     schema,
-    write_schemas,
 )
 from cocap_opt.experiments.lab.manual.lists import LISTS
+from cocap_opt.experiments.lab.manual.python_reference import NAMES, PYTHON
 from cocap_opt.experiments.lab.manual.recorded_tree import recorded_tree
 from cocap_opt.experiments.lab.manual.trusted import CHECKER, TRUSTED, UPPER, storeys
 from cocap_opt.experiments.lab.manual.worked_words import told_closed
@@ -39,7 +39,7 @@ NO_CODE = (tokenize.COMMENT, tokenize.NL, tokenize.INDENT, tokenize.DEDENT, toke
 
 def test_options_have_their_defaults_on_the_pages() -> None:
     """A default of 0 is one, too; what groups options in the code is none of them."""
-    text = commands_in_markdown(app)
+    text = COMMANDS["commands_plan"](app)
     assert "| `--seed` | seed of the scene, >= 0 | `0` |" in text
     assert (
         "| `--time-limit` | seconds for each computation, including its coverage; inf: no "
@@ -50,7 +50,7 @@ def test_options_have_their_defaults_on_the_pages() -> None:
 
 def test_all_commands_are_on_the_pages() -> None:
     """Each has a part, and each of its options a line."""
-    text = commands_in_markdown(app) + "\n" + studies_in_markdown(app)
+    text = "\n".join(make(app) for make in COMMANDS.values())
     titles = re.findall(r"(?m)^## (.+)$", text)
     families = ("figure", "library", "study")
     plain = [name for name in app if not name.startswith("-") and name not in families]
@@ -64,28 +64,32 @@ def test_all_commands_are_on_the_pages() -> None:
 
 def test_the_face_is_on_the_pages() -> None:
     """Every name of `import cocap_opt as co` has its place in the reference."""
-    pages = [DOCS / "reference" / f"python{part}.md" for part in ("", "-scenes", "-results")]
-    text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
-    told = set(re.findall(r"auto\w+:: (\w+)", text)) | set(re.findall(r"`(?:co\.)?(\w+)`", text))
+    named = {name.partition(".")[0] for names in NAMES.values() for name in names}
+    text = "\n".join(
+        page.read_text(encoding="utf-8") for page in (DOCS / "reference").glob("python*.md")
+    )
+    told = named | set(re.findall(r"`(?:co\.)?(\w+)`", text))
     assert set(co.__all__) - told == set()
 
 
-@pytest.mark.parametrize("name", DOCUMENTS)
-def test_all_fields_of_files_are_on_the_page(name: str) -> None:
-    """Each part of a document that its schema has stands in the text, with each of its fields."""
-    text = fields_in_markdown(name)
-    for title, part in schema(DOCUMENTS[name])["$defs"].items():
-        assert f"**{title}**" in text
-        assert all(f"| `{field}` |" in text for field in part.get("properties", ()))
+def test_the_reference_is_that_of_the_code() -> None:
+    """Signatures have no names of modules; sections of docstrings become lists and examples."""
+    text = PYTHON["python_plans"](co)
+    assert '    planner: str | Planner = "cocap-prices",\n    *,\n' in text
+    assert "- `without`: numbers of the drones that are lost at that step\n" in text
+    assert "- `UnsupportedError`: If the planner takes no such problems.\n" in text
+    assert "```pycon\n>>> result = co.plan(problem, time_limit=10)\n" in text
+    assert "cocap_opt." not in "".join(make(co) for make in PYTHON.values())
+    assert "- `Limit.MEMORY`" in PYTHON["python_stopping"](co)
 
 
-def test_schemas_are_written(tmp_path: Path) -> None:
-    """One file for each document, with all of its parts."""
-    write_schemas(tmp_path)
-    for name, kind in DOCUMENTS.items():
-        written = msgspec.json.decode((tmp_path / f"{name}.json").read_bytes())
-        assert written == msgspec.json.decode(msgspec.json.encode(schema(kind)))
-        assert kind.__name__ in written["$defs"]
+def test_all_fields_of_files_are_on_a_page() -> None:
+    """Each part of a document that its schema has is in a table, with each of its fields."""
+    text = "\n\n".join(map(fields_in_markdown, PAGES))
+    for kind in DOCUMENTS.values():
+        for title, part in schema(kind)["$defs"].items():
+            shown = text.split(f"**{title}**")[1].split("\n\n**")[0]
+            assert all(f"| `{field}` |" in shown for field in part.get("properties", ()))
 
 
 def test_fields_have_types_and_meanings() -> None:
@@ -111,14 +115,23 @@ def test_lists_have_all_that_there_is() -> None:
     assert set(GALLERY) <= set(SCENES)
 
 
-def test_meanings_stand_below_their_names() -> None:
-    """In sections of parameters and attributes only; more lines stay where they are."""
-    lines = ["Words : words.", "", "Parameters", "----------", "a, b : one", "    and two", "",
-             "Returns", "-------", "x : y"]  # fmt: skip
-    assert with_meanings(lines) == [
-        "Words : words.", "", "Parameters", "----------", "a, b", "    one", "    and two", "",
-        "Returns", "-------", "x : y",
-    ]  # fmt: skip
+def test_the_index_has_all_pages() -> None:
+    """Each page is listed once, and llms.txt names it in the order of the index."""
+    index = (DOCS / "index.md").read_text(encoding="utf-8")
+    listed = [f"{e.page}.{e.ending}" for s in Section.all_of(index) for e in s.entries]
+    there = [*DOCS.rglob("*.md"), *DOCS.rglob("*.ipynb")]
+    assert sorted(listed) == sorted(
+        path.relative_to(DOCS).as_posix() for path in there if path != DOCS / "index.md"
+    )
+    short = llms_in_short(index)
+    assert short.startswith("# cocap-opt\n\n> Several camera drones film")
+    assert re.findall(r"\(_sources/(\S+)\)", short) == listed
+    full = llms_in_full(DOCS)
+    titles = [line for line in full.splitlines() if line.startswith("# ")]
+    assert (
+        titles.index("# Why cocap-opt") < titles.index("# Quickstart") < titles.index("# Gallery")
+    )
+    assert "<!-- quote" not in full
 
 
 # -- the concept pages ------------------------------------------------------------------------
@@ -180,10 +193,8 @@ def test_a_shadow_leaves_convex_pieces_of_a_face() -> None:
 def test_each_diagram_is_on_a_page() -> None:
     """Pages show all pictures that are drawn for them, and say what each shows."""
     text = "".join(page.read_text(encoding="utf-8") for page in pages())
-    place = r"(?:\.\./concepts/)?pictures"
-    shown = re.findall(rf"```\{{figure\}} {place}/([\w-]+)\.svg\n:alt: .{{40,}}\n\n\S", text)
-    assert sorted(shown) == sorted(DIAGRAMS)
-    assert text.count("{figure}") == len(shown)
+    shown = re.findall(r"!\[.{40,}\]\(\.\./pictures/([\w-]+)\.svg\)\n\n\*\S", text)
+    assert set(DIAGRAMS) <= set(shown)
 
 
 @pytest.mark.slow

@@ -9,14 +9,10 @@ import pytest
 from pages import DOCS, ROOT, blocks, pages, words
 
 from cocap_opt.cli.commands import app
-from cocap_opt.experiments.lab.manual import entries
-from cocap_opt.experiments.lab.manual.entries import ENTRIES, OF_PROGRAM
-from cocap_opt.experiments.lab.studies.quotes import requote
-from cocap_opt.files.documents import FileError
+from cocap_opt.experiments.lab.studies.drawings import GALLERY
 from cocap_opt.player.player_proof import CHECK_PAGE
 
 README = ROOT / "README.md"
-READMES = [README, ROOT / "formulations" / "certificates" / "coq" / "README.md"]
 LONGEST = 1500  # words of a page
 _WIDTH = 88  # characters of a line of code on a page
 
@@ -40,6 +36,11 @@ def test_the_pages_are_built_without_a_warning(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert "bottleneck" in (tmp_path / "results" / "paper.html").read_text(encoding="utf-8")
+    gallery = (tmp_path / "gallery.html").read_text(encoding="utf-8")
+    players = re.findall(r'<iframe class="player" src="([^"]+)"', gallery)
+    assert len(players) == len(GALLERY) and "gallery-" not in gallery
+    named = re.findall(r"\]\((\S+)\)", (tmp_path / "llms.txt").read_text(encoding="utf-8"))
+    assert [name for name in (*players, *named) if not (tmp_path / name).is_file()] == []
     page = (tmp_path / f"{CHECK_PAGE}.html").read_text(encoding="utf-8")
     beside = set(re.findall(r'"\.\./((?:check/|_static/check)[^"?]*)[?"]', page))
     has_python = (tmp_path / "check" / "files.json").is_file()
@@ -77,52 +78,12 @@ def test_words_are_spelt_as_in_dictionaries() -> None:
     assert (done.returncode, done.stdout) == (0, "")
 
 
-@pytest.mark.parametrize("readme", READMES)
-def test_readmes_quote_what_is_stored(readme: Path, tmp_path: Path) -> None:
-    """`cocap-opt study quote --into README.md` would change nothing."""
-    copy = tmp_path / "README.md"
-    copy.write_bytes(readme.read_bytes())
-    requote(copy)
-    assert copy.read_text(encoding="utf-8") == readme.read_text(encoding="utf-8")
-
-
 def test_contributing_says_what_made_the_stored_results() -> None:
     """Every stored file has a command that makes it again."""
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     table = text.partition("| file | made by |")[2].partition("\n\n")[0]
     stored = {path.name for path in (ROOT / "experiments" / "lab" / "stored").iterdir()}
     assert {name for name in stored if f"`{name}`" not in table} == set()
-
-
-def test_what_is_inserted_has_a_name() -> None:
-    """Pages insert by names that exist."""
-    texts = [page.read_text(encoding="utf-8") for page in pages()]
-    inserted = {name for text in texts for name in re.findall(r"\{\{ *(\w*) *\}\}", text)}
-    assert len(inserted) > 20
-    assert inserted <= {*ENTRIES, *OF_PROGRAM}
-
-
-def test_what_is_inserted_says_something(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A name that stands for nothing fails the build of the pages, which asks for all names."""
-    monkeypatch.setattr(entries, "ENTRIES", {"some": lambda: "words", "none": lambda: " \n"})
-    with pytest.raises(ValueError, match="none: stands for nothing"):
-        entries.all_entries(app)
-
-
-def test_a_document_is_quoted_into_between_its_marks(tmp_path: Path) -> None:
-    """What stands around the marks stays; unknown names and files without marks are refused."""
-    page = tmp_path / "page.md"
-    page.write_text("a\n<!-- quote: planners_measured -->\nold\n<!-- end of quote -->\nb\n")
-    requote(page)
-    again = page.read_text(encoding="utf-8")
-    assert again.startswith("a\n<!-- quote: planners_measured -->\n\n| planner ")
-    assert "old" not in again
-    assert again.endswith("\n\n<!-- end of quote -->\nb\n")
-    for text, message in (("none", "must hold"), (again.replace("planners_", "plans_"), "one of")):
-        page.write_text(text)
-        with pytest.raises(FileError, match=message):
-            requote(page)
-        assert page.read_text() == text
 
 
 def told() -> list[Path]:

@@ -61,7 +61,7 @@ def commands_of_readme() -> list[list[str]]:
 
 # Endings of files that are code or data; the last four are of the library.
 SHIPPED = (
-    ".py", ".js", ".css", ".html", ".ipynb", ".csv", ".gz", ".toml", ".asc", ".md",
+    ".py", ".js", ".css", ".html", ".csv", ".gz", ".toml", ".asc", ".md",
 )  # fmt: skip
 
 
@@ -105,7 +105,7 @@ def test_the_wheel_works_without_the_repository(wheel: Path, tmp_path: Path) -> 
     assert "</html>" in (tmp_path / "plan.html").read_text(encoding="utf-8")
     run([command, "gap", "tiny-turn", "--planner", "greedy", "--out", "sweep"], tmp_path, **alone)
     assert "study" not in run([command, "--help"], tmp_path, **alone)
-    notebooks = sorted((ROOT / "experiments" / "lab" / "notebooks").glob("*.ipynb"))
+    notebooks = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
     lines = [line for path in notebooks for line in modules(path.read_text(encoding="utf-8"))]
     assert len(lines) > 5
     lines = [line for line in lines if "experiments.lab" not in line]
@@ -186,3 +186,30 @@ def test_the_workflow_runs_what_is_run_here() -> None:
     assert ".ci/run" in test
     assert any("sphinx -W" in line for line in docs)
     assert min(jobs["test"]["strategy"]["matrix"]["python"]) == "3.11"
+
+
+def test_the_workflow_publishes_each_version() -> None:
+    """Pages of main and of tags are built without warnings, and put beside those of before."""
+    text = (ROOT / ".github" / "workflows" / "site.yml").read_text(encoding="utf-8")
+    workflow = yaml.safe_load(text)
+    assert workflow[True]["push"] == {"branches": ["main"], "tags": ["v*"]}  # `on` is a truth value
+    steps = "\n".join(step.get("run", "") for step in workflow["jobs"]["site"]["steps"])
+    for words in ("sphinx -W", ".ci/add_version.py build/docs site", "HEAD:gh-pages"):
+        assert words in steps
+
+
+def test_versions_stand_beside_each_other(tmp_path: Path) -> None:
+    """A new version leaves the others; the newest release is first for whoever comes."""
+    built, site = tmp_path / "built", tmp_path / "site"
+    (built / ".doctrees").mkdir(parents=True)
+    site.mkdir()
+    for name in ("latest", "v0.9.0", "v0.10.0", "latest"):
+        (built / "llms.txt").write_text(f"- [{name}](_sources/index.md)")
+        run([sys.executable, ROOT / ".ci" / "add_version.py", built, site, name], tmp_path)
+    assert msgspec.json.decode((site / "versions.json").read_bytes()) == [
+        "latest", "0.10.0", "0.9.0",
+    ]  # fmt: skip
+    assert 'url=0.10.0/"' in (site / "index.html").read_text()
+    assert (site / "llms.txt").read_text() == "- [v0.10.0](0.10.0/_sources/index.md)"
+    assert not (site / "latest" / ".doctrees").exists()
+    assert (site / "0.9.0" / "llms.txt").read_text().startswith("- [v0.9.0]")

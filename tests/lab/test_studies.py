@@ -1,3 +1,4 @@
+import hashlib
 import inspect
 import re
 import subprocess
@@ -11,12 +12,14 @@ from cyclopts import CycloptsError
 from pages import pages
 from studies import rows_of, study
 
-from cocap_opt.experiments.lab.results import STORED
+import cocap_opt as co
+from cocap_opt.experiments.lab.results import STORED, load_csv
 from cocap_opt.experiments.lab.studies import app as app_module
 from cocap_opt.experiments.lab.studies import runs
 from cocap_opt.experiments.lab.studies.app import app
 from cocap_opt.experiments.lab.studies.gamma import discounted_runs, gammas_in_markdown
 from cocap_opt.experiments.lab.studies.lazy import ALL, lazy_in_markdown, means, measured_lazily
+from cocap_opt.experiments.lab.studies.releases import DEVELOPMENT, Release
 from cocap_opt.experiments.lab.studies.runs import Build, Measurable, Run
 from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
 from cocap_opt.experiments.lab.studies.separation.separation import built
@@ -24,7 +27,7 @@ from cocap_opt.experiments.lab.studies.separation.tables import separation_in_ma
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.column_generation.branch_and_price import branch_and_price
 from cocap_opt.output.files import save_csv
-from cocap_opt.planners import view_search
+from cocap_opt.planners import RECOMMENDED, view_search
 from cocap_opt.result import Reason
 
 ROOT = Path(__file__).parents[2]
@@ -66,7 +69,12 @@ def test_studies_are_told_and_shown() -> None:
     """Pages or CONTRIBUTING tell of each study, and each has an example in its help."""
     texts = [page.read_text(encoding="utf-8") for page in (*pages(), ROOT / "CONTRIBUTING.md")]
     described, shown = (
-        {call.split("[")[0].strip() for text in some for call in re.findall(CALL, text)}
+        {
+            call.split("[")[0].strip()
+            for text in some
+            for call in re.findall(CALL, text)
+            if "[OPTIONS]" not in call  # which pages have above all options
+        }
         for some in (texts, [inspect.getsource(app_module)])
     )
     commands = set(app) - {"--help", "-h"}
@@ -136,16 +144,6 @@ def test_views_are_measured(tmp_path: Path) -> None:
     assert study("views", "--scene", "corridor", "--poses", 4, "--out", tmp_path) == 0
     (row,) = rows_of(tmp_path / "views.csv")
     assert row["scene"] == "corridor" and float(row["clear, 99 % error (%)"]) < 5
-
-
-def test_pictures_say_where_they_cannot_be_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A file in place of the folder is one line that names it."""
-    path = tmp_path / "file"
-    path.write_text("")
-    assert study("pictures", path) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 # -- lazy value iteration ---------------------------------------------------------------------
@@ -260,3 +258,35 @@ def test_separations_are_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert done == 0
     assert [row["separation"] for row in rows_of(tmp_path / "separation.csv")] == ["0.0", "1.0"]
     assert (tmp_path / "separation.png").stat().st_size > 10_000
+
+
+# -- releases -------------------------------------------------------------------------------
+
+# The rows of releases, as they were stored first. Nobody changes one, not when a number got worse.
+KEPT = {"0.2.0": "1250b802a903"}
+
+
+def test_rows_of_releases_are_kept() -> None:
+    """Each release has the row that it had, in the order of their dates, the newest first."""
+    text = (STORED / "releases.csv").read_text(encoding="utf-8").splitlines()[1:]
+    rows = {line.split(",")[0]: hashlib.sha256(line.encode()).hexdigest()[:12] for line in text}
+    assert {version: rows.get(version) for version in KEPT} == KEPT
+    assert set(rows) - set(KEPT) <= {DEVELOPMENT, Release.stored()[0].version}
+    dates = [release.date for release in Release.stored()]
+    assert dates == sorted(dates, reverse=True)
+
+
+def test_the_first_row_follows_what_is_stored() -> None:
+    """It is made from the stored results, which `study releases` does."""
+    first = Release.stored()[0]
+    again = Release.of(first.version, first.date, co.COVERAGE_VERSION, STORED, RECOMMENDED)
+    assert first == again, "run cocap-opt study releases"
+
+
+def test_a_release_takes_the_place_of_its_development(tmp_path: Path) -> None:
+    """Rows of other releases stay; a version that is there is made anew."""
+    assert study("releases", "9.0.0", "2030-01-01", "--out", tmp_path) == 0
+    rows = load_csv(tmp_path / "releases.csv", Release, "releases")
+    kept = [release for release in Release.stored() if release.version != DEVELOPMENT]
+    assert [row.version for row in rows] == ["9.0.0", *(release.version for release in kept)]
+    assert rows[1:] == kept

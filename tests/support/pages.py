@@ -21,6 +21,9 @@ def blocks(page: str) -> Iterator[tuple[str, str]]:
 
 
 def words(page: str) -> int:
-    """Returns how many words of a page are to be read, code and directives aside."""
-    prose = re.sub(r"(?ms)^(```|:::).*?^\1$", "", page)
-    return len(prose.split())
+    """Returns how many words and numbers of a page are to be read.
+
+    Code, comments and the alternative texts of pictures are left out.
+    """
+    prose = re.sub(r"(?ms)^```.*?^```$|<!--.*?-->|!\[.*?\]", "", page)
+    return sum(any(map(str.isalnum, word)) for word in prose.split())

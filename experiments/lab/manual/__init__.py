@@ -1,3 +1,3 @@
 """The parts of the documentation that are made from the code: commands, files, worked examples."""
 
-__all__ = ["diagrams", "docstrings", "entries", "formats"]
+__all__ = ["contents", "entries", "marks", "written"]

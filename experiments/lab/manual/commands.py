@@ -1,23 +1,57 @@
 """The pages of the command line, made from the commands themselves."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 
-from cyclopts import App
+from cyclopts import App, Group
 from cyclopts.argument import Argument
 
 _FAMILIES = ("figure", "library", "study")  # commands that hold others
 
 
-def commands_in_markdown(app: App) -> str:
-    """Returns a part for each command but studies: how it is called, what it does, its options."""
-    plain = [_command(f"cocap-opt {name}", app[name]) for name in _names(app, _FAMILIES)]
-    return "\n\n".join([*plain, _family(app, "figure"), _family(app, "library")])
+def _group(title: str, program: App) -> str:
+    """Returns a part for each command of a group of the help page, but for studies."""
+    return "\n\n".join(_parts(title, program))
 
 
-def studies_in_markdown(app: App) -> str:
-    """Returns a part for each command of `cocap-opt study`."""
-    return _family(app, "study")
+def _parts(title: str, program: App) -> Iterator[str]:
+    for name in _names(program):
+        command = program[name]
+        if name == "study" or title not in _titles(command):
+            continue
+        if name in _FAMILIES:
+            yield _family(program, name)
+        else:
+            yield _command(f"cocap-opt {name}", command)
+
+
+def _titles(command: App) -> list[str]:
+    """Returns the groups of the help page that a command is in."""
+    groups = command.group if isinstance(command.group, tuple) else (command.group,)
+    return [group.name for group in groups if isinstance(group, Group)]
+
+
+def _studies(chosen: slice, program: App) -> str:
+    """Returns a part for some of the commands of `cocap-opt study`."""
+    family = program["study"]
+    return "\n\n".join(
+        _command(f"cocap-opt study {name}", family[name]) for name in _names(family)[chosen]
+    )
+
+
+_HALF = 14  # studies of the first page
+COMMANDS: Mapping[str, Callable[[App], str]] = {
+    **{
+        f"commands_{name}": partial(_group, title)
+        for name, title in (
+            ("plan", "Plan"), ("prove", "Prove"), ("look", "Look"), ("fly", "Fly"),
+            ("measure", "Measure"), ("program", "This program"),
+        )
+    },
+    "studies_first": partial(_studies, slice(_HALF)),
+    "studies_second": partial(_studies, slice(_HALF, None)),
+}  # fmt: skip
 
 
 def _family(app: App, name: str) -> str:
@@ -27,8 +61,8 @@ def _family(app: App, name: str) -> str:
     )
 
 
-def _names(family: App, but: Sequence[str] = ()) -> list[str]:
-    return [name for name in family if not name.startswith("-") and name not in but]
+def _names(family: App) -> Sequence[str]:
+    return [name for name in family if not name.startswith("-")]
 
 
 def _command(called: str, command: App) -> str:

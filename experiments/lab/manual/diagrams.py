@@ -1,14 +1,12 @@
-"""Pictures of the concept pages, drawn from the worked examples when the pages are built.
+"""Pictures of the concept pages, drawn from the worked examples.
 
-To add one: a function that returns a figure, and a line in `DIAGRAMS`. Concept pages refer to
+To add one: a function that returns a figure, and a line in `DIAGRAMS`. Pages show
 `pictures/NAME.svg`.
 """
 
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
-import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from cocap_opt.experiments.lab.manual.bound_pictures import (
@@ -30,8 +28,6 @@ from cocap_opt.experiments.lab.manual.scene_pictures import (
     draw_trap,
 )
 from cocap_opt.experiments.lab.manual.tree_pictures import draw_overview, draw_proof_tree, draw_tree
-from cocap_opt.output.files import save_bytes
-from cocap_opt.pictures.figures import picture
 
 DIAGRAMS: dict[str, Callable[[], Figure]] = {
     "overview": draw_overview,
@@ -52,11 +48,3 @@ DIAGRAMS: dict[str, Callable[[], Figure]] = {
     "losses": draw_losses,
     "trade-off": draw_trade_off,
 }
-
-
-def write_diagrams(folder: Path) -> None:
-    """Draws all pictures of the concept pages into a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with mpl.rc_context({"svg.hashsalt": "cocap-opt"}):
-        for name, draw in DIAGRAMS.items():
-            save_bytes(folder / f"{name}.svg", picture(draw(), ".svg"))

@@ -1,54 +1,61 @@
-"""All that pages of `docs` insert by a name, `{{ name }}`: quotes, and lists made from the code."""
+"""Everything that pages hold between marks, by name: quotes, and lists made from the code."""
 
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Mapping
+from functools import cache, partial
+from types import ModuleType
 
 from cyclopts import App
 
-from cocap_opt.experiments.lab.manual.commands import commands_in_markdown, studies_in_markdown
-from cocap_opt.experiments.lab.manual.formats import DOCUMENTS, example, fields_in_markdown
+from cocap_opt.experiments.lab.manual.commands import COMMANDS
+from cocap_opt.experiments.lab.manual.formats import FORMATS
 from cocap_opt.experiments.lab.manual.lists import LISTS
+from cocap_opt.experiments.lab.manual.python_reference import PYTHON
 from cocap_opt.experiments.lab.manual.trusted import TRUSTED
 from cocap_opt.experiments.lab.manual.worked_words import WORKED
 from cocap_opt.experiments.lab.studies.browser.files import copied_in_words
 from cocap_opt.experiments.lab.studies.drawings import gallery_in_markdown
 from cocap_opt.experiments.lab.studies.quotes import QUOTES
-
-
-def _json(name: str) -> str:
-    return f"```json\n{example(name).strip()}\n```"
-
+from cocap_opt.files.documents import FileError
 
 # Made from stored results and from the code; functions that return Markdown.
-ENTRIES: dict[str, Callable[[], str]] = {
+ENTRIES: Mapping[str, Callable[[], str]] = {
     **QUOTES,
     **LISTS,
     **WORKED,
     **TRUSTED,
+    **FORMATS,
     "gallery": gallery_in_markdown,
     "checker_copied": copied_in_words,
-    **{f"{name}_fields": partial(fields_in_markdown, name) for name in DOCUMENTS},
-    **{f"{name}_example": partial(_json, name) for name in ("scene", "plan", "certificate")},
 }
 
 
-# Made from the program `cocap-opt`, which is above this room.
-OF_PROGRAM: dict[str, Callable[[App], str]] = {
-    "commands": commands_in_markdown,
-    "studies": studies_in_markdown,
-}
+def all_entries(program: App, face: ModuleType) -> Callable[[str], str]:
+    """Returns the function that makes the Markdown of a name, once.
 
-
-def all_entries(program: App) -> dict[str, str]:
-    """Returns the Markdown of each name; what is said of commands is made from the program.
+    Parameters
+    ----------
+    program : cocap-opt, which is above this room
+    face : `cocap_opt`, likewise
 
     Raises
     ------
-    ValueError
-        If a name stands for nothing, which a page would show as a gap in a sentence.
+    FileError
+        By the function, if there is no such name, or if it stands for nothing, which a page would
+        show as a gap in a sentence.
     """
-    made = {name: make().strip() for name, make in ENTRIES.items()}
-    made |= {name: make(program) for name, make in OF_PROGRAM.items()}
-    if empty := [name for name, text in made.items() if not text]:
-        raise ValueError(f"{empty[0]}: stands for nothing")
-    return made
+    made: dict[str, Callable[[], str]] = {
+        **ENTRIES,
+        **{name: partial(make, program) for name, make in COMMANDS.items()},
+        **{name: partial(make, face) for name, make in PYTHON.items()},
+    }
+
+    @cache
+    def entry(name: str) -> str:
+        if name not in made:
+            raise FileError(f"{name}: is no name that a page can hold; it must be in {__name__}")
+        text = made[name]().strip()
+        if not text:
+            raise FileError(f"{name}: stands for nothing")
+        return text
+
+    return entry

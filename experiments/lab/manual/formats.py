@@ -1,15 +1,17 @@
 """The page of file formats: each document's fields, its JSON Schema, and an example."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
 from cocap_opt.experiments.sweeps.results import RunFile
 from cocap_opt.files.documents import Document, PlanFile, SceneFile, encode, problem_digest
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
+from cocap_opt.output.files import read_text
 from cocap_opt.run.engine import run
 from cocap_opt.scenarios import load_scene
 
@@ -17,8 +19,52 @@ DOCUMENTS: Mapping[str, type[Document]] = {
     "scene": SceneFile, "plan": PlanFile, "certificate": CertificateFile, "proof": ProofFile,
     "run": RunFile,
 }  # fmt: skip
+
+
+class _Page(NamedTuple):
+    """The parts of a document that a page shows: those of its document from one to another.
+
+    Attributes
+    ----------
+    first, last : the ends of the list of parts; None: of the document's own
+    beside : documents whose pages have what is not shown again
+    """
+
+    document: str
+    first: str | None = None
+    last: str | None = None
+    beside: tuple[str, ...] = ()
+
+    def parts(self) -> dict[str, Mapping[str, Any]]:
+        """Returns the name and schema of each part."""
+        every = schema(DOCUMENTS[self.document])["$defs"]
+        names = list(every)
+        first = 0 if self.first is None else names.index(self.first)
+        last = len(names) if self.last is None else names.index(self.last) + 1
+        shown = {title for name in self.beside for title in schema(DOCUMENTS[name])["$defs"]}
+        return {title: every[title] for title in names[first:last] if title not in shown}
+
+
+PAGES: Mapping[str, _Page] = {
+    "scene": _Page("scene", last="Limits"),
+    "scene_people": _Page("scene", first="Actor"),
+    "plan": _Page("plan", beside=("scene",)),
+    "certificate": _Page("certificate", beside=("scene",)),
+    "proof": _Page("proof", beside=("scene", "certificate")),
+    "run": _Page("run"),
+}
+_THREE_PLACES = Path(__file__).resolve().parents[3] / "docs" / "reference" / "three-places"
 _EXAMPLE = "tiny-approach"  # the smallest scene
 _ARRAY = {"type": "array", "items": {"type": "array", "items": {"type": "number"}}}
+
+
+def _json(name: str) -> str:
+    return f"```json\n{example(name).strip()}\n```"
+
+
+def _three_places(name: str, language: str) -> str:
+    """Returns a file of the instance that is worked by hand, as a block of code."""
+    return f"```{language}\n{read_text(_THREE_PLACES / name).strip()}\n```"
 
 
 def schema(kind: type[Document]) -> dict[str, Any]:
@@ -26,18 +72,17 @@ def schema(kind: type[Document]) -> dict[str, Any]:
     return msgspec.json.schema(kind, schema_hook=lambda _: _ARRAY)
 
 
-def write_schemas(folder: Path) -> None:
-    """Writes the JSON Schema of each document into a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, kind in DOCUMENTS.items():
-        text = msgspec.json.format(msgspec.json.encode(schema(kind)))
-        (folder / f"{name}.json").write_bytes(text)
+def schemas() -> dict[str, str]:
+    """Returns the JSON Schema of each document, by the name of its file."""
+    texts = {name: msgspec.json.encode(schema(kind)) for name, kind in DOCUMENTS.items()}
+    return {
+        f"{name}.json": msgspec.json.format(text).decode() + "\n" for name, text in texts.items()
+    }
 
 
 def fields_in_markdown(name: str) -> str:
-    """Returns a table of the fields of each part of a document."""
-    parts = schema(DOCUMENTS[name])["$defs"]
-    return "\n\n".join(_part(title, part) for title, part in parts.items())
+    """Returns a table of the fields of each part of a document that a page shows."""
+    return "\n\n".join(_part(title, part) for title, part in PAGES[name].parts().items())
 
 
 def _part(title: str, part: Mapping[str, Any]) -> str:
@@ -120,3 +165,14 @@ def _example(name: str) -> msgspec.Struct:
         scene=problem.name, digest=problem_digest(problem), planner="greedy", reward=result.value,
         plan=result.plan,
     )  # fmt: skip
+
+
+FORMATS: Mapping[str, Callable[[], str]] = {
+    **{f"{name}_fields": partial(fields_in_markdown, name) for name in PAGES},
+    **{f"{name}_example": partial(_json, name) for name in ("scene", "plan", "certificate")},
+    "three_places_instance": partial(_three_places, "three-places.instance", "text"),
+    **{
+        f"three_places_{name}": partial(_three_places, f"{name}.json", "json")
+        for name in ("plan", "multipliers", "stages")
+    },
+}

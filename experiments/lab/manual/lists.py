@@ -21,6 +21,10 @@ from cocap_opt.scenarios.recipe import EXAMPLE
 
 _WIDEST = 78  # characters of a line of code that a page shows without scrolling
 
+_OF_ROOT = (
+    "root", "large_root", "bundle", "ascent", "ruled_ascent", "relaxation", "alike_cuts",
+)  # fmt: skip
+
 
 def _columns(columns: Mapping[str, TableColumn]) -> str:
     rows = [
@@ -40,10 +44,12 @@ def _methods(registry: Mapping[str, Method[CertifiedResult]]) -> str:
     return markdown(rows)
 
 
-def _search_parameters() -> str:
+def _search_parameters(of_root: bool) -> str:
+    """Returns the parameters of the relaxation at the root, or all others."""
     rows = [
         {"parameter": name, "default": value, "unit": unit, "meaning": meaning}
         for name, value, unit, meaning in DEFAULTS.rows()
+        if (name.split(".")[0] in _OF_ROOT) == of_root
     ]
     return markdown(rows)
 
@@ -95,7 +101,8 @@ LISTS: dict[str, Callable[[], str]] = {
     "team_columns": partial(_columns, TEAM_COLUMNS),
     "bounds_described": partial(_methods, BOUNDS),
     "exact_described": partial(_methods, EXACT),
-    "search_parameters": _search_parameters,
+    "root_parameters": partial(_search_parameters, True),
+    "search_parameters": partial(_search_parameters, False),
     "recipe": _recipe,
     "long_tables": _long_tables,
     "tangents": _tangents,

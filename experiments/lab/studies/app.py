@@ -39,9 +39,7 @@ Example: cocap-opt study planners --paper paper
     "quote": Study("quotes:quote", """\
 Print a number, a sentence or a table of the stored results, as the documentation quotes it.
 
-With --into it writes them between the marks of a file.
-
-Example: cocap-opt study quote --into README.md
+Example: cocap-opt study quote planners_in_short
 """),
     "others": Study("others.others:others", """\
 Set published plans of other projects against ours, with certified bounds.
@@ -178,10 +176,12 @@ Measure the memory of coverage tables while they are made, and of planning with 
 
 Example: cocap-opt study memory --scene field-large --out memory
 """),
-    "pictures": Study("drawings:pictures", """\
-Draw all pictures of README and pages; those of the player need Chromium.
+    "releases": Study("releases:releases", """\
+Make the row of a release for the page of benchmarks, from stored results.
 
-Example: cocap-opt study pictures pictures
+It takes the place of the row of the development since the last release; all other rows are kept.
+
+Example: cocap-opt study releases 0.2.0 2026-11-26 --out experiments/lab/stored
 """),
     "frames": Study("frames:frames", """\
 Measure how fast the player draws a plan; needs Chromium.

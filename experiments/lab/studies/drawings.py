@@ -1,15 +1,13 @@
-"""The drawings of the pages, each made anew from stored results or from plans made on the spot.
+"""The drawings of the pages, each made from stored results or from plans made on the spot.
 
-`cocap-opt study pictures` writes them, and so does Sphinx before it builds the pages: no drawing
-can be older than its numbers. The gallery of players shows plans that are drawn, too.
+`docs/write.py` writes them into `docs/pictures`. The gallery shows a plan of each of its scenes
+from above; where the pages are built, a player takes the place of the picture.
 """
 
+import re
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from cocap_opt.experiments.lab.results import STORED
 from cocap_opt.experiments.lab.studies.browser.files import EXAMPLE, certified
@@ -17,7 +15,6 @@ from cocap_opt.experiments.lab.studies.flight.figure import flight_figure
 from cocap_opt.experiments.lab.studies.flight.flight import stored_flights
 from cocap_opt.experiments.lab.studies.growth.figure import growth_figure
 from cocap_opt.experiments.lab.studies.growth.points import GrowthPoint, Sample
-from cocap_opt.experiments.lab.studies.options import chromium
 from cocap_opt.experiments.lab.studies.paper.conditions import read_trials
 from cocap_opt.experiments.lab.studies.paper.figures import (
     StepReward,
@@ -36,7 +33,7 @@ from cocap_opt.experiments.lab.studies.separation.figure import separation_figur
 from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
 from cocap_opt.experiments.report.charts import gaps_figure
 from cocap_opt.experiments.tables.rows import GapRow
-from cocap_opt.output.files import make_folder, save_files
+from cocap_opt.output.files import make_folder
 from cocap_opt.pictures.figures import picture, plan_picture
 from cocap_opt.pictures.rendering import drone_view
 from cocap_opt.planners import RECOMMENDED
@@ -47,7 +44,7 @@ from cocap_opt.run.engine import run
 from cocap_opt.run.explained import gaps_of
 from cocap_opt.scenarios import SCENES, load_scene
 
-_SUFFIX = ".png"
+_SVG, _PNG = ".svg", ".png"
 _GAPS_OF = ("greedy", "sequential", "sequential-rounds", "cocap", "cocap-vs", RECOMMENDED)
 _GAPS_IN = ("bottleneck", "passage")
 GALLERY = ("corridor", "bottleneck", "passage", "bridge", "field")
@@ -56,37 +53,37 @@ _GIVING_WAY = ("greedy", "sequential", "cocap")
 
 def _gaps() -> bytes:
     rows = [row for row in _paper() if row.scene in _GAPS_IN and row.planner in _GAPS_OF]
-    return picture(gaps_figure(rows), _SUFFIX)
+    return picture(gaps_figure(rows), _SVG)
 
 
 def _curves() -> bytes:
     rewards = StepReward.read(STORED / "curves.csv")
-    return picture(curves_figure(curves_of(rewards)), _SUFFIX)
+    return picture(curves_figure(curves_of(rewards)), _SVG)
 
 
 def _ablation() -> bytes:
-    return picture(ablation_figure(effects_of(_paper())), _SUFFIX)
+    return picture(ablation_figure(effects_of(_paper())), _SVG)
 
 
 def _conditions() -> bytes:
-    return picture(conditions_figure(read_trials(STORED / "paper-conditions.csv")), _SUFFIX)
+    return picture(conditions_figure(read_trials(STORED / "paper-conditions.csv")), _SVG)
 
 
 def _separation() -> bytes:
-    return picture(separation_figure(SeparationPoint.read(STORED / "separation.csv")), _SUFFIX)
+    return picture(separation_figure(SeparationPoint.read(STORED / "separation.csv")), _SVG)
 
 
 def _flight() -> bytes:
-    return picture(flight_figure(stored_flights()), _SUFFIX)
+    return picture(flight_figure(stored_flights()), _SVG)
 
 
 def _quality() -> bytes:
-    return picture(quality_figure(stored_steps(), stored_plans()), _SUFFIX)
+    return picture(quality_figure(stored_steps(), stored_plans()), _PNG)
 
 
 def _growth() -> bytes:
     samples = Sample.read(STORED / "growth.csv")
-    return picture(growth_figure(GrowthPoint.all_of(samples), samples[0].limit), _SUFFIX)
+    return picture(growth_figure(GrowthPoint.all_of(samples), samples[0].limit), _SVG)
 
 
 def _giving_way() -> bytes:
@@ -99,11 +96,11 @@ def _giving_way() -> bytes:
     assert most is not None, "nobody gives way"
     problem = load_scene("bottleneck", most.seed)
     plans = {name: _plan(problem, name) for name in _GIVING_WAY}
-    return picture(encounter_figure(problem, most, plans), _SUFFIX)
+    return picture(encounter_figure(problem, most, plans), _SVG)
 
 
 def _top_view(scene: str, *steps: int) -> bytes:
-    return plan_picture(*_recommended(scene), _SUFFIX, steps)
+    return plan_picture(*_recommended(scene), _SVG, steps)
 
 
 def _view() -> bytes:
@@ -129,38 +126,24 @@ def _plan(problem: Problem, planner: str) -> Plan:
 
 
 DRAWINGS: dict[str, Callable[[], bytes]] = {
-    "gaps": _gaps,
-    "curves": _curves,
-    "ablation": _ablation,
-    "conditions": _conditions,
-    "giving-way": _giving_way,
-    "separation": _separation,
-    "flight": _flight,
-    "growth": _growth,
-    "quality": _quality,
-    "view": _view,
-    "bridge": lambda: _top_view("bridge"),
-    "bottleneck": lambda: _top_view("bottleneck", 0, 4, 8, 11),
+    "gaps.svg": _gaps,
+    "curves.svg": _curves,
+    "ablation.svg": _ablation,
+    "conditions.svg": _conditions,
+    "giving-way.svg": _giving_way,
+    "separation.svg": _separation,
+    "flight.svg": _flight,
+    "growth.svg": _growth,
+    "quality.png": _quality,  # of thousands of points
+    "view.png": _view,
+    "bridge.svg": lambda: _top_view("bridge"),
+    "bottleneck.svg": lambda: _top_view("bottleneck", 0, 4, 8, 11),
+    **{f"gallery-{scene}.svg": partial(_top_view, scene) for scene in GALLERY},
 }
 
 
-def pictures(folder: Annotated[Path, Parameter(help="folder for the pictures")], /) -> None:
-    """Writes all drawings, and the pictures of the player."""
-    write_drawings(folder)
-    with chromium("player.png"):
-        from cocap_opt.experiments.lab.studies.pictures import write_pictures
-
-        write_pictures(folder)
-
-
-def write_drawings(folder: Path) -> None:
-    """Writes all drawings into a folder, which is made."""
-    make_folder(folder)
-    save_files({folder / f"{name}{_SUFFIX}": draw() for name, draw in DRAWINGS.items()})
-
-
 def gallery_in_markdown() -> str:
-    """Returns a part for each scene, with its player in a frame."""
+    """Returns a part for each scene, with a picture of its plan and the way to its player."""
     return "\n\n".join(map(_scene_part, GALLERY))
 
 
@@ -168,8 +151,19 @@ def _scene_part(name: str) -> str:
     about = " ".join((SCENES[name].__doc__ or "").split())
     return (
         f"## {name}\n\n{about}\n\n"
-        f'<iframe class="player" src="players/{name}.html" title="{name}" loading="lazy"></iframe>'
-        f'\n\n<a href="players/{name}.html">The player of {name} on a page of its own</a>'
+        f"![The recommended planner's plan of {name} from above](pictures/gallery-{name}.svg)\n\n"
+        f"```sh\ncocap-opt plan {name} -o {name}.json\n"
+        f"cocap-opt show {name} {name}.json -o {name}.html\n```"
+    )
+
+
+def with_players(page: str) -> str:
+    """Returns the page of the gallery in HTML with players in place of its pictures."""
+    return re.sub(
+        r'<img [^>]*src="[^"]*/gallery-([\w-]+)\.svg"[^>]*>',
+        r'<iframe class="player" src="players/\1.html" title="\1" loading="lazy"></iframe>'
+        r'<a href="players/\1.html">The player of \1 on a page of its own</a>',
+        page,
     )
 
 

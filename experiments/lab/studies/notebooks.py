@@ -15,7 +15,7 @@ from cocap_opt.files.documents import FileError
 if TYPE_CHECKING:
     from nbformat import NotebookNode
 
-_FOLDER = Path(__file__).parents[1] / "notebooks"
+_FOLDER = Path(__file__).resolve().parents[3] / "docs" / "notebooks"
 _MOST_SECONDS = 120  # for a cell
 # The person who ran them last and the versions of packages are left out.
 _METADATA = {

@@ -43,27 +43,29 @@ class _Programs(NamedTuple):
     driver: str
 
 
-def write_pictures(folder: Path) -> None:
-    """Writes player.html, which plays two plans of the bottleneck, player.png and player.webp.
+def write_pictures(folder: Path) -> list[Path]:
+    """Writes player.png and player.webp, of two plans of the bottleneck, and returns their paths.
 
     Raises
     ------
     FileNotFoundError
         If there is no browser, or no driver.
     """
-    page = folder / "player.html"
+    still, moving = folder / "player.png", folder / "player.webp"
     problem = load_scene(_SCENE, 0)
-    _player(problem).save(page)
-    with Browser.opened(page) as browser:
-        browser.go_to(_STEP)
-        browser.press(_KEYS)
-        browser.go_to(_STEP)
-        browser.save_screenshot(str(folder / "player.png"))
-        frames = [browser.frame(step) for step in range(problem.horizon + 1)]
+    with TemporaryDirectory() as made:
+        page = Path(made) / "player.html"
+        _player(problem).save(page)
+        with Browser.opened(page) as browser:
+            browser.go_to(_STEP)
+            browser.press(_KEYS)
+            browser.go_to(_STEP)
+            browser.save_screenshot(str(still))
+            frames = [browser.frame(step) for step in range(problem.horizon + 1)]
     frames[0].save(
-        folder / "player.webp", save_all=True, append_images=frames[1:], duration=_PACE, loop=0,
-        quality=_QUALITY,
-    )  # fmt: skip
+        moving, save_all=True, append_images=frames[1:], duration=_PACE, loop=0, quality=_QUALITY
+    )
+    return [still, moving]
 
 
 def _player(problem: Problem) -> Player:

@@ -1,14 +1,11 @@
 """Quotes of the stored results for pages: a name for each number, sentence and table.
 
-Pages of `docs` write `{{ name }}`, which Sphinx replaces when it builds them. The README has marks,
-`<!-- quote: name -->` and `<!-- end of quote -->`, between which `cocap-opt study quote --into
-README.md` writes. Both take what is below, and nothing else: no number is written by hand.
+Pages have marks, which nobody sees, and `docs/write.py` writes between them what is below: no
+number is written by hand.
 """
 
-import re
 from collections.abc import Callable, Iterable
 from functools import cache, partial
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -33,6 +30,7 @@ from cocap_opt.experiments.lab.studies.others.others import (
     start_sets_in_markdown,
 )
 from cocap_opt.experiments.lab.studies.paper.answers import lines
+from cocap_opt.experiments.lab.studies.paper.claims import claims_table
 from cocap_opt.experiments.lab.studies.paper.conditions import PUBLISHED, read_trials
 from cocap_opt.experiments.lab.studies.paper.measured import read_rows
 from cocap_opt.experiments.lab.studies.paper.page import Page
@@ -44,6 +42,7 @@ from cocap_opt.experiments.lab.studies.paper.planner_table import (
 )
 from cocap_opt.experiments.lab.studies.paper.reproduction import SCENES
 from cocap_opt.experiments.lab.studies.quality.quality import stored_accuracy, stored_agreement
+from cocap_opt.experiments.lab.studies.releases import releases_in_markdown
 from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
 from cocap_opt.experiments.lab.studies.separation.tables import separation_in_markdown
 from cocap_opt.experiments.lab.studies.solvers.table import solvers_in_markdown
@@ -55,14 +54,16 @@ from cocap_opt.experiments.lab.studies.tripods.tripods import (
 )
 from cocap_opt.experiments.lab.studies.verified import verified_in_markdown
 from cocap_opt.experiments.lab.studies.views import views_in_markdown
+from cocap_opt.experiments.lab.studies.which import (
+    views_saved_in_words,
+    which_bound_in_markdown,
+    which_planner_in_markdown,
+)
 from cocap_opt.experiments.library.tables import library_in_markdown, library_in_words
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.files.documents import FileError
-from cocap_opt.output.files import read_text, save_bytes
-from cocap_opt.output.printing import counted, print_texts
+from cocap_opt.output.printing import counted, markdown_table, print_texts
 from cocap_opt.planners import RECOMMENDED
-
-_MARKED = re.compile(r"(<!-- quote: (\S+) -->\n).*?(<!-- end of quote -->)", re.DOTALL)
 
 
 @cache
@@ -73,6 +74,10 @@ def _paper() -> Page:
 
 def _listed(said: Iterable[str]) -> str:
     return "".join(f"- {sentence}\n" for sentence in said)
+
+
+def _claims() -> str:
+    return markdown_table(claims_table(_paper().rows, _paper().trials))
 
 
 def _side(title: str) -> str:
@@ -126,8 +131,12 @@ QUOTES: dict[str, Callable[[], str]] = {
     "tripods": tripods_in_markdown,
     "tripods_in_words": tripods_in_words,
     "verified": verified_in_markdown,
+    "which_planner": which_planner_in_markdown,
+    "which_bound": which_bound_in_markdown,
+    "views_saved": views_saved_in_words,
     "views": views_in_markdown,
     "solver_figures": solvers_in_markdown,
+    "releases": releases_in_markdown,
     "speed": speed_in_markdown,
     "compiled_gain": gain_in_words,
     "browser_speed": browser_in_markdown,
@@ -137,6 +146,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "cameras_directions": directions_in_words,
     "quality_accuracy": stored_accuracy,
     "quality_objective": stored_agreement,
+    "paper_claims": _claims,
     "paper_in_short": lambda: _listed(_paper().summary()),
     "paper_settings": _settings,
     "paper_lines": lines,
@@ -156,31 +166,9 @@ QUOTES: dict[str, Callable[[], str]] = {
 
 
 def quote(
-    name: Annotated[str | None, Parameter(help="what is quoted; without it, all names")] = None,
-    /,
-    *,
-    into: Annotated[
-        Path | None, Parameter(help="Markdown file in which all that is quoted is replaced")
-    ] = None,
+    name: Annotated[str | None, Parameter(help="what is quoted; without it, all names")] = None, /
 ) -> None:
-    """Prints the Markdown of a name or all names, or writes it into a file."""
-    if into is not None:
-        requote(into)
-    else:
-        print_texts(["\n".join(QUOTES) if name is None else quoted(name)], [])
-
-
-def quoted(name: str) -> str:
-    """Returns the Markdown of a name; raises FileError if nothing has it."""
-    if name not in QUOTES:
+    """Prints the Markdown of a name, or all names."""
+    if name is not None and name not in QUOTES:
         raise FileError(f"quote: must be one of {', '.join(QUOTES)}, not {name!r}")
-    return QUOTES[name]().strip()
-
-
-def requote(document: Path) -> None:
-    """Replaces what stands between the marks of a document in Markdown."""
-    text = read_text(document)
-    if not _MARKED.search(text):
-        raise FileError(f"{document}: must hold <!-- quote: NAME --> and <!-- end of quote -->")
-    again = _MARKED.sub(lambda found: f"{found[1]}\n{quoted(found[2])}\n\n{found[3]}", text)
-    save_bytes(document, again.encode())
+    print_texts(["\n".join(QUOTES) if name is None else QUOTES[name]().strip()], [])

@@ -1,4 +1,4 @@
-"""Speed of coverage, of planners and of the command line, beside the speed that is promised.
+"""Speed of coverage, of planners and of the command line, beside the targets of the project.
 
 Each figure is a median over repeated runs, in seconds of processor time on one core, those of
 programs that are started included; only what several cores gain is measured on all of them, as
@@ -95,15 +95,13 @@ def speed(*, out: Out = None) -> None:
 
 
 def speed_in_markdown() -> str:
-    """Returns stored processor times and ratios beside those that are promised."""
-    return markdown([
-        {
-            "figure": row["figure"],
-            "measured": in_unit(row["measured"], row["unit"]),
-            "promised": row["target"] or "-",
-        }
-        for row in stored_rows(_TABLE)
-    ])  # fmt: skip
+    """Returns stored processor times and ratios; their targets are for the project alone."""
+    return markdown(
+        [
+            {"figure": row["figure"], "measured": in_unit(row["measured"], row["unit"])}
+            for row in stored_rows(_TABLE)
+        ]
+    )
 
 
 def gain_in_words() -> str:

@@ -2,6 +2,7 @@
 
 __all__ = [
     "answers",
+    "claims",
     "conditions",
     "figures",
     "giving_way",

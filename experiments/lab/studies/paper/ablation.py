@@ -154,6 +154,7 @@ class Effect(NamedTuple):
             f"{change} {changes} of the bound{long} ({contrast.with_it} against "
             f"{contrast.without}, {self.scene}, {found.size} seeds{self._cut_short()}). {words}",
             verdict,
+            found.text(2, " %"),
         )
 
     def _cut_short(self) -> str:

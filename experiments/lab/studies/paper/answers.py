@@ -40,6 +40,7 @@ class ClaimAnswer(NamedTuple):
 
     words: str
     verdict: str  # HOLDS, FAILS or OPEN
+    figure: str = NONE  # the mean that decides, with its interval
 
     @staticmethod
     def below(found: Mean, line: float) -> str:
@@ -118,6 +119,7 @@ class SceneAnswers:
             f"collisions, at most {max(GapRow.percent(planned, 'gap_free')):.2f} %.{apart} "
             f"{ClaimAnswer.judged(verdict, found.size, claim, why)}",
             verdict,
+            _text(found),
         )
 
     def price(self) -> str:
@@ -165,7 +167,19 @@ class SceneAnswers:
             f"{worse} of {len(pairs)}).{self._stopped(planner).apart(gains)} "
             f"{ClaimAnswer.judged(verdict, found.size, 'it outperforms sequential planning')}",
             verdict,
+            _text(found),
         )
+
+    def gains_much(self, least: float) -> ClaimAnswer:
+        """Answers if CoCap gains so many per cent over sequential planning on average."""
+        pairs = self._pairs("cocap", "sequential", lambda row: row.reward if row.valid else None)
+        if not pairs:
+            return ClaimAnswer(f"{self.scene}: there is no seed on which both have a plan.", OPEN)
+        found = Mean.of([100 * (a - b) / b for a, b in pairs.values()])
+        verdict = ClaimAnswer.above(found, least)
+        claim = f"it gains {least:g} % or more"
+        words = f"{self.scene}: {_text(found)}. {ClaimAnswer.judged(verdict, found.size, claim)}"
+        return ClaimAnswer(words, verdict, _text(found))
 
     def sequential_failures(self) -> str:
         """Answers when sequential planning fails."""
@@ -205,6 +219,7 @@ class SceneAnswers:
             f"reports a factor of {theirs:,.0f}.{self._cut_short()} "
             f"{ClaimAnswer.judged(verdict, log_ratio.size, 'view search is the faster one')}",
             verdict,
+            f"{ratio:.2g}{reach}",
         )
 
     def _cut_short(self) -> str:
@@ -258,6 +273,7 @@ class SceneAnswers:
             f"value iteration.{self._where_both_end(costs)} "
             f"{ClaimAnswer.judged(verdict, found.size, claim)}",
             verdict,
+            _text(found),
         )
 
     def _where_both_end(self, costs: Mapping[Seed, float]) -> str:
@@ -279,6 +295,7 @@ class SceneAnswers:
             f"of {len(of_cocap)} seeds{stopped.whose_plan}. "
             f"{ClaimAnswer.judged(verdict, len(of_cocap), 'its tree ends in time')}",
             verdict,
+            f"stopped on {len(stopped.seeds)} of {len(of_cocap)}",
         )
 
     def comparison(self) -> Table:

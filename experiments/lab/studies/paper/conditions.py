@@ -310,6 +310,14 @@ def sentences(trials: Sequence[Trial]) -> list[str]:
     return said + _of_the_best(fresh) + _of_its_neighbours(trials, fresh)
 
 
+def answer_for_the_best(trials: Sequence[Trial]) -> ClaimAnswer:
+    """Answers if CoCap gains what the paper reports in the corridor in which it gains most."""
+    fresh = planned([trial for trial in trials if trial.stage == FRESH])
+    found = Mean.of([trial.gain() for trial in fresh])
+    words = f"in a corridor {fresh[0].corridor.words}"
+    return ClaimAnswer(words, ClaimAnswer.above(found, PUBLISHED), found.text(2, " %"))
+
+
 def _without_plan(corridors: int) -> str:
     return f" On {corridors} more one of the two has no plan." if corridors else ""
 

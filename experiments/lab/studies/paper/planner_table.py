@@ -43,7 +43,7 @@ def planner_table(rows: Sequence[GapRow]) -> Table:
                     scene: _gap([row for row in of_planner if row.scene == scene])
                     for scene in scenes
                 },
-                "time": _ratio(of_planner, base),
+                "time": time_ratio(of_planner, base),
             }
         )
     return table
@@ -67,7 +67,7 @@ def _gap(rows: Sequence[GapRow]) -> str:
     return f"{fmean(gaps):.2f}{late}{number}"
 
 
-def _ratio(rows: Sequence[GapRow], base: dict[tuple[str, int | None], float | None]) -> str:
+def time_ratio(rows: Sequence[GapRow], base: dict[tuple[str, int | None], float | None]) -> str:
     """Returns the ratio of its time to that of sequential planning, as a geometric mean."""
     logs = [
         math.log(row.seconds / other)

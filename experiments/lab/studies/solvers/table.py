@@ -21,7 +21,6 @@ from cocap_opt.run.options import Option, UsageError
 
 ROWS: Mapping[str, Callable[[RowOptions], list[Metric]]] = {**SCENE_ROWS, **COMPARISONS}
 _TABLE = "solvers.csv"
-_MET = {"must": "target", "moonshot": "ambitious", "missed": "missed", "open": "not yet"}
 
 
 def solvers(
@@ -72,15 +71,12 @@ def solvers(
 
 
 def solvers_in_markdown() -> str:
-    """Returns the stored metrics of bounds and exact methods, beside the targets."""
+    """Returns the stored metrics of bounds and exact methods; targets are for the project alone."""
     return markdown([
         {
             "row": row["row"],
             "figure": row["figure"],
             "measured": in_unit(row["value"], row["unit"]),
-            "target": row["must"] or "-",
-            "ambitious": row["moonshot"] or "-",
-            "met": _MET.get(row["met"], "-"),
             "note": row["note"],
         }
         for row in stored_rows("solver-figures.csv")

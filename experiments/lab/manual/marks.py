@@ -1,0 +1,58 @@
+"""Marks in Markdown: places where a page holds text that is made from code or stored results.
+
+A block stands between lines of its own, `<!-- quote: name -->` and `<!-- end of quote -->`; a few
+words stand in a sentence, `<!-- n: name -->12<!-- /n -->`. Nobody who reads the page sees a mark.
+Directives that only the built site can show stand between lines `<!-- on the site` and `-->`, and
+what takes their place elsewhere between `<!-- off the site -->` and `<!-- end -->`.
+"""
+
+import re
+from collections.abc import Callable
+
+from cocap_opt.files.documents import FileError
+
+_BLOCK = re.compile(r"(<!-- quote: (\S+) -->\n).*?(<!-- end of quote -->)", re.DOTALL)
+_WORDS = re.compile(r"(<!-- n: (\S+) -->).*?(<!-- /n -->)", re.DOTALL)
+_BEGINS = re.compile(r"^ *<!-- n: (\S+) -->", re.MULTILINE)
+_FOR_SITE = re.compile(r"^<!-- on the site\n(.*?)^-->$", re.DOTALL | re.MULTILINE)
+_ELSEWHERE = re.compile(r"^<!-- off the site -->\n.*?^<!-- end -->\n", re.DOTALL | re.MULTILINE)
+_MARK = re.compile(r"<!-- (?:quote: \S+|end of quote|n: \S+|/n) -->\n*")
+
+
+def names_in(text: str) -> list[str]:
+    """Returns the name of each mark, in the order of the text, blocks first."""
+    return [found[2] for marked in (_BLOCK, _WORDS) for found in marked.finditer(text)]
+
+
+def filled(text: str, entry: Callable[[str], str]) -> str:
+    """Returns a page whose marks hold the entries of their names.
+
+    Raises
+    ------
+    FileError
+        If a mark of words begins a line, which Markdown then takes for HTML, or its entry has
+        more than one line.
+    """
+    if wrong := _BEGINS.search(text):
+        raise FileError(f"n: {wrong[1]}: must not begin a line, or Markdown reads it as HTML")
+
+    def block(found: re.Match[str]) -> str:
+        return f"{found[1]}\n{entry(found[2])}\n\n{found[3]}"
+
+    def words(found: re.Match[str]) -> str:
+        content = entry(found[2])
+        if "\n" in content:
+            raise FileError(f"n: {found[2]}: has several lines; use <!-- quote: {found[2]} -->")
+        return f"{found[1]}{content}{found[3]}"
+
+    return _WORDS.sub(words, _BLOCK.sub(block, text))
+
+
+def without_marks(text: str) -> str:
+    """Returns a page without its marks, and with all that they hold."""
+    return _MARK.sub("", text)
+
+
+def on_the_site(text: str) -> str:
+    """Returns a page without its marks, and with the parts that only the built site shows."""
+    return _FOR_SITE.sub(r"\1", _ELSEWHERE.sub("", without_marks(text)))

@@ -1,0 +1,109 @@
+"""Everything on the pages that is made: text between marks, pictures, and schemas of files.
+
+The pages are committed with it, so that they are whole wherever somebody reads them.
+"""
+
+import re
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import count
+from pathlib import Path
+
+import matplotlib as mpl
+
+from cocap_opt.experiments.lab.manual.diagrams import DIAGRAMS
+from cocap_opt.experiments.lab.manual.formats import schemas
+from cocap_opt.experiments.lab.manual.marks import filled, names_in
+from cocap_opt.experiments.lab.studies.drawings import DRAWINGS
+from cocap_opt.files.documents import FileError
+from cocap_opt.output.files import make_folder, read_text, save_bytes
+from cocap_opt.pictures.figures import picture
+
+ROOT = Path(__file__).resolve().parents[3]
+DOCS = ROOT / "docs"
+PICTURES = DOCS / "pictures"
+SCHEMAS = DOCS / "reference" / "schemas"
+_OTHERS = ("README.md", "formulations/certificates/coq/README.md")  # pages outside of docs
+_DATED = re.compile(rb"\s*<metadata>.*?</metadata>", re.DOTALL)
+_HASHED = re.compile(rb"\b([a-z])[0-9a-f]{10}\b")
+_PLACES = re.compile(rb'\b(?:d|x|y|points)="[^"]*"')
+_DECIMALS = re.compile(rb"\.(\d\d)\d+")
+
+
+def _diagram(name: str) -> bytes:
+    return picture(DIAGRAMS[name](), ".svg")
+
+
+# The functions that draw, each by the name of its file.
+DRAWN: dict[str, Callable[[], bytes]] = {
+    **DRAWINGS,
+    **{f"{name}.svg": partial(_diagram, name) for name in DIAGRAMS},
+}
+PHOTOGRAPHED = ("player.png", "player.webp")  # in a browser, which draws as its release does
+
+
+def pages() -> list[Path]:
+    """Returns all files in Markdown that may have marks."""
+    return [*(ROOT / name for name in _OTHERS), *sorted(DOCS.rglob("*.md"))]
+
+
+def rewritten(page: Path, entry: Callable[[str], str]) -> str:
+    """Returns a page as it should be.
+
+    Raises
+    ------
+    FileError
+        If a mark is wrong; the message begins with the name of the page.
+    """
+    try:
+        return filled(read_text(page), entry)
+    except FileError as error:
+        raise FileError(f"{page.relative_to(ROOT)}: {error}") from error
+
+
+def write_text(entry: Callable[[str], str]) -> Iterator[Path]:
+    """Writes between the marks of all pages, and the schemas; yields each file that changed."""
+    files = {page: rewritten(page, entry) for page in pages() if names_in(read_text(page))}
+    files |= {SCHEMAS / name: text for name, text in schemas().items()}
+    make_folder(SCHEMAS)
+    for path, text in files.items():
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            save_bytes(path, text.encode())
+            yield path
+
+
+def write_pictures() -> Iterator[Path]:
+    """Draws all pictures; yields each file that changed."""
+    make_folder(PICTURES)
+    for name in DRAWN:
+        path, content = PICTURES / name, drawn(name)
+        if not path.exists() or path.read_bytes() != content:
+            save_bytes(path, content)
+            yield path
+    for path in set(PICTURES.iterdir()) - {PICTURES / name for name in (*DRAWN, *PHOTOGRAPHED)}:
+        path.unlink()
+        yield path
+
+
+def drawn(name: str) -> bytes:
+    """Returns a picture as it is committed: an SVG without dates, and with short numbers."""
+    with mpl.rc_context({"svg.hashsalt": "cocap-opt"}):
+        content = DRAWN[name]()
+    return _settled(content) if name.endswith(".svg") else content
+
+
+def _settled(svg: bytes) -> bytes:
+    """Returns an SVG that is the same whenever it is drawn, with places to 0.01 points.
+
+    Its identifiers are digests of all digits, which differ between processors; they are numbered.
+    """
+    numbers = count(1)
+    known: dict[bytes, bytes] = {}
+
+    def numbered(found: re.Match[bytes]) -> bytes:
+        if found[0] not in known:
+            known[found[0]] = found[1] + str(next(numbers)).encode()
+        return known[found[0]]
+
+    text = _HASHED.sub(numbered, _DATED.sub(b"", svg))
+    return _PLACES.sub(lambda found: _DECIMALS.sub(rb".\1", found[0]), text)

@@ -1,0 +1,145 @@
+"""A row for each release, made from the results that were stored when it was released.
+
+Rows are kept, also where a number got worse. The first row follows what is stored now: it is of
+the newest release, or of the development since then.
+"""
+
+from pathlib import Path
+from statistics import fmean, median
+from typing import Annotated, NamedTuple, Self
+
+from cyclopts import Parameter
+
+from cocap_opt.experiments.lab.results import (
+    STORED,
+    Results,
+    in_unit,
+    load_csv,
+    markdown,
+    read_csv,
+)
+from cocap_opt.experiments.lab.studies.options import Out
+from cocap_opt.experiments.lab.studies.paper.measured import read_rows
+from cocap_opt.experiments.tables.rows import GapRow
+from cocap_opt.files.documents import FileError
+from cocap_opt.output.printing import print_texts
+from cocap_opt.planners import RECOMMENDED
+from cocap_opt.problem import COVERAGE_VERSION
+
+_TABLE = "releases.csv"
+DEVELOPMENT = "development"  # in place of the version of what is not released
+
+
+class Release(NamedTuple):
+    """The numbers of a release.
+
+    Attributes
+    ----------
+    version, date : as the changelog has them
+    coverage : the version of coverage, which J depends on
+    proved, runs : optima of the paper's scenes that were proved in time, and all of them
+    planner : the one that was recommended
+    gap, worst : its mean distance below the certified bound, and the largest, in %
+    cocap : the mean distance of CoCap below the bound, in %
+    search : s, its median time of search
+    proof : s, median processor time to the proof of an optimum of the bottleneck
+    long, large : % left open on field-long after 300 s and on field-large after 120 s, medians
+    ratio : CoCap's time over that of sequential planning on the bottleneck, median
+    command : s of processor time, `cocap-opt gap corridor --seeds 0`
+    """
+
+    version: str
+    date: str
+    coverage: int
+    proved: int
+    runs: int
+    planner: str
+    gap: float
+    worst: float
+    cocap: float
+    search: float
+    proof: float
+    long: float
+    large: float
+    ratio: float
+    command: float
+
+    @classmethod
+    def of(cls, version: str, date: str, coverage: int, folder: Path, planner: str) -> Self:
+        """Makes the row of a version from a folder of stored results."""
+        rows = read_rows(folder / "paper.csv")
+        best = [row for row in rows if row.planner == planner]
+        if not best:
+            raise FileError(f"{folder / 'paper.csv'}: has no rows of {planner}")
+        gaps, of_cocap = (
+            GapRow.percent([r for r in rows if r.planner == name and r.valid], "gap")
+            for name in (planner, "cocap")
+        )
+        speed = {row["figure"]: float(row["measured"]) for row in _read(folder / "speed.csv")}
+        solved = {
+            (row["row"], row["figure"]): float(row["value"])
+            for row in _read(folder / "solver-figures.csv")
+        }
+        return cls(
+            version, date, coverage, sum(row.bound_is_proved for row in best), len(best), planner,
+            fmean(gaps), max(gaps), fmean(of_cocap), median(GapRow.values(best, "seconds")),
+            solved["bottleneck", "median seconds to proof"],
+            solved["field-long", "median gap after 300 s"],
+            solved["field-large", "median gap after 120 s"],
+            speed["CoCap / sequential, bottleneck, median of 10 seeds"],
+            speed["gap corridor --seeds 0"],
+        )  # fmt: skip
+
+    @classmethod
+    def stored(cls) -> list[Self]:
+        """Returns the rows of all releases, the newest first."""
+        return load_csv(STORED / _TABLE, cls, "releases")
+
+    @property
+    def record(self) -> dict[str, str]:
+        """Its row of the page."""
+        return {
+            "release": self.version,
+            "date": self.date,
+            "coverage": str(self.coverage),
+            "optima proved": f"{self.proved} of {self.runs}",
+            "recommended": self.planner,
+            "its gap": f"{self.gap:.3f} %",
+            "at worst": f"{self.worst:.2f} %",
+            "CoCap's gap": f"{self.cocap:.2f} %",
+            "search": in_unit(str(self.search), "s"),
+            "proof": in_unit(str(self.proof), "s"),
+            "field-long": in_unit(str(self.long), "%"),
+            "field-large": in_unit(str(self.large), "%"),
+            "CoCap / sequential": f"{self.ratio:.2f}",
+            "gap table": in_unit(str(self.command), "s"),
+        }
+
+
+def releases(
+    version: Annotated[str, Parameter(help=f"such as 0.3.0, or {DEVELOPMENT}")],
+    date: Annotated[str, Parameter(help="of its tag or results, such as 2026-11-26")],
+    /,
+    *,
+    stored: Annotated[Path, Parameter(help="folder of its stored results")] = STORED,
+    planner: Annotated[str, Parameter(help="that it recommended")] = RECOMMENDED,
+    coverage: Annotated[int | None, Parameter(help="its version of coverage; this one's")] = None,
+    out: Out = None,
+) -> None:
+    """Makes the row of a release, and puts it above all others (releases.csv)."""
+    law = COVERAGE_VERSION if coverage is None else coverage
+    made = Release.of(version, date, law, stored, planner)
+    results = Results.into(out)
+    again = {version, DEVELOPMENT}
+    rows = [made, *(release for release in Release.stored() if release.version not in again)]
+    results.save(_TABLE, rows)
+    print_texts([markdown([made.record])], [])
+
+
+def releases_in_markdown() -> str:
+    """Returns a row for each release, the newest first."""
+    return markdown([release.record for release in Release.stored()])
+
+
+def _read(path: Path) -> list[dict[str, str]]:
+    return read_csv(path, dict)
