@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from others import data
+from test_cli import Run
 
 from cocap_opt.experiments.lab.studies.place import place
 from cocap_opt.files.documents import SceneFile, problem_digest
@@ -66,6 +67,23 @@ def test_land_has_no_part_in_what_a_plan_is_worth(delft: Problem) -> None:
     assert [a.kind for a in again.land_cover] == [a.kind for a in delft.land_cover]
     assert {a.name for a in again.land_cover} >= {"lane", "canal", "Rijn-Schie canal", None}
     assert problem_digest(delft.replace(land_cover=())) == problem_digest(delft)
+
+
+def test_a_place_is_copied_to_be_changed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], delft: Problem
+) -> None:
+    """The copy is the same scene and says whose data it is; a wrong place or no folder is told."""
+    run = Run(capsys, "recipe", "delft", "-o", tmp_path / "shoot", "--json")
+    assert run.code == 0
+    assert problem_digest(load_scene(run.json["recipe"])) == problem_digest(delft)
+    assert "CC BY" in (tmp_path / "shoot" / "README.md").read_text(encoding="utf-8")
+    for words, told in (
+        (("paris", "-o", tmp_path), "PLACE: must be one of delft, not paris"),
+        (("delft",), "--output: must name a folder for the files of delft"),
+        (("-o", tmp_path), "--output: needs a PLACE, one of delft"),
+    ):
+        run = Run(capsys, "recipe", *words)
+        assert (run.code, told in run.err) == (2, True), run.err
 
 
 def test_the_files_are_those_that_the_study_cuts(tmp_path: Path) -> None:
