@@ -127,7 +127,7 @@ def _plan(problem: Problem, planner: str) -> Plan:
 
 DRAWINGS: dict[str, Callable[[], bytes]] = {
     "gaps.svg": _gaps,
-    "curves.svg": _curves,
+    "rewards.svg": _curves,
     "ablation.svg": _ablation,
     "conditions.svg": _conditions,
     "giving-way.svg": _giving_way,
