@@ -4,8 +4,12 @@ import re
 import shutil
 import subprocess
 from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 from typing import Any
+from urllib.parse import unquote, urlparse
 
 import numpy as np
 import pytest
@@ -18,6 +22,7 @@ from cocap_opt.experiments.lab.studies.pictures import Browser
 from cocap_opt.files.documents import PlanFile, SceneFile, problem_digest
 from cocap_opt.player import player_scene
 from cocap_opt.player.player import Player
+from cocap_opt.player.scripts import bundled
 from cocap_opt.problem import CollisionRules, Plan, State
 from cocap_opt.referee import check
 from cocap_opt.scenarios import load_scene
@@ -63,6 +68,51 @@ INKED = """(() => {
 })()"""
 
 
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves files without a word."""
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[str]:
+    """Address of a folder of this test, which a server on this machine has."""
+    handler = partial(Quiet, directory=str(tmp_path))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+        thread.join()
+
+
+@pytest.mark.slow
+def test_the_script_is_its_modules(player: Any, served: str, tmp_path: Path) -> None:
+    """A page that loads them as modules, as browsers do, shows the same."""
+    player.go_to(6)
+    shown, before = value(player, PICTURES), player.current_url
+    folder = ROOT / "cocap_opt" / "player" / "page"
+    for script in folder.glob("*.js"):
+        shutil.copy(script, tmp_path)
+    page = Path(unquote(urlparse(before).path)).read_text("utf-8")
+    page, count = re.subn(r"<script>.*</script>", '<script type="module" src="player.js"></script>',
+                          page.replace("default-src 'none'; script-src", "script-src 'self'"),
+                          flags=re.DOTALL)  # fmt: skip
+    assert count == 1 and "Camera" not in page
+    (tmp_path / "plans.html").write_text(page, "utf-8")
+    player.get(f"{served}/plans.html")
+    wait_until(player, "document.documentElement.dataset.ready === 'yes'")
+    player.go_to(6)
+    assert value(player, PICTURES) == shown
+    assert player.get_log("browser") == []
+    player.get(before)
+
+
+# All pictures of the page.
+PICTURES = "[...document.querySelectorAll('canvas')].map((canvas) => canvas.toDataURL())"
+
+
 @pytest.mark.slow
 def test_two_plans_stand_side_by_side(player: Any) -> None:
     """Each has a panel with its name, a picture and a chart, at one height."""
@@ -78,10 +128,10 @@ def test_two_plans_stand_side_by_side(player: Any) -> None:
         assert value(player, INKED % ("chart", panel)) > 0.05
 
 
-def scripts(*names: str) -> str:
-    """Scripts of the page, one after the other."""
-    folder = ROOT / "cocap_opt" / "player" / "page"
-    return "\n".join((folder / f"{name}.js").read_text("utf-8") for name in names)
+def scripts(**names: str) -> str:
+    """The page's modules but for the last one, with these names of them (`rays="Rays"`)."""
+    taken = [f"const {{ {some} }} = ${module};" for module, some in names.items()]
+    return "\n".join((bundled("panel"), *taken, ""))
 
 
 # Where the camera puts all people and drones at first, as shares of a picture so wide and high.
@@ -106,7 +156,7 @@ return [...people, ...drones].map((point) => {
 def test_people_and_drones_fill_the_opening_picture(player: Any) -> None:
     """All of them are in it at all steps, and reach its margins along one axis, in any shape."""
     data = told(player.page_source)
-    script = scripts("geometry", "blocks", "rays", "camera") + FRAMED
+    script = scripts(geometry="dot, minus", blocks="Blocks", rays="Rays", camera="Camera") + FRAMED
     for wide, tall in ((1400, 500), (600, 600), (370, 700)):
         places = np.array(player.execute_script(script, data, wide, tall))
         assert (places > 0).all() and (places < 1).all()
@@ -151,7 +201,7 @@ def test_what_stands_before_the_action_is_cut_off_as_a_whole(player: Any) -> Non
         ((4.2, 0.2, 1), (0, 0, 1), 9),
         ((0.5, 0.5, 1), (0, 0, 1), 4),
     ]
-    script = scripts("geometry", "blocks", "rays")
+    script = scripts(blocks="Blocks", rays="Rays")
     count, numbers, cuts, met = player.execute_script(script + BLOCKS, scene, rays)
     assert count == 6
     assert numbers == [[-1, 0, 0, 1, -1, -1], [2, 2, 3], [4, 4, 5]]
@@ -293,7 +343,7 @@ def test_the_camera_turns_zooms_and_looks_down(player: Any) -> None:
 @pytest.mark.slow
 def test_numbers_of_crowded_drones_stay_near_them(player: Any) -> None:
     """They are apart, cover no name, and are left out where there is no room near the drone."""
-    script = (ROOT / "cocap_opt" / "player" / "page" / "labels.js").read_text()
+    script = scripts(labels="freePlace")
     crowd = "const put = []; for (let i = 0; i < 64; i++) {"
     crowd += "const place = freePlace(5, 7, put, []); if (place) put.push(place); }"
     places = player.execute_script(f"{script}; {crowd} return put")
@@ -308,7 +358,7 @@ def test_numbers_of_crowded_drones_stay_near_them(player: Any) -> None:
 @pytest.mark.slow
 def test_labels_begin_with_the_name(player: Any) -> None:
     """The number and the take stand behind it; what is long is cut at the end of each."""
-    script = (ROOT / "cocap_opt" / "player" / "page" / "labels.js").read_text()
+    script = scripts(labels="labelOf")
     for name, take, label in (
         ("Carla", "as given", "Carla (5, as given)"),
         ("Carla", None, "Carla (5)"),
@@ -468,8 +518,7 @@ def test_a_drones_picture_is_what_the_renderer_sees(player: Any, tmp_path: Path)
 @pytest.mark.slow
 def test_view_cones_end_where_something_stands(player: Any) -> None:
     """Rays meet ground, walls, meshes and what fine meshes fill, and go on above them."""
-    folder = ROOT / "cocap_opt" / "player" / "page"
-    script = "".join((folder / name).read_text() for name in ("geometry.js", "rays.js"))
+    script = scripts(rays="Rays")
     scene = {
         "terrain": {"cell": 2, "cells": [5, 1], "heights": [0, 0, 0, 5, 0]},
         "meshes": [{"vertices": [4, 0, 3, 4, 2, 3, 4, 1, 9], "triangles": [0, 1, 2]}],
@@ -727,7 +776,7 @@ def test_a_crowd_has_the_colours_of_its_kinds_and_numbers_on_demand(
           .map((options) => labels.isNamed(3, 0, options))"""
     crowd = {"paths": [[0]] * 15, "conflicts": [], "near": []}
     near = crowd | {"near": [{"time": 0, "robots": [3, 5]}]}
-    script = scripts("geometry", "labels") + named
+    script = scripts(labels="Labels") + named
     assert player.execute_script(script, crowd) == [False, True, True, False]
     assert player.execute_script(script, near) == [True] * 4
     assert player.execute_script(script, crowd | {"paths": [[0]] * 14}) == [True] * 4

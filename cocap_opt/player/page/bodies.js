@@ -1,12 +1,18 @@
 // What moves: people, and drones with their tracks, at any time.
 
+import { CHOSEN, CLOSED, mixed, palette, rgb, seenColour } from "./colours.js";
+import { ellipse, PERSONS, PHASES, QUADROTORS } from "./figures.js";
+import { dot, normalOf, placed, ring } from "./geometry.js";
+import { between, isCrowd, isThere } from "./plans.js";
+import { groundAt } from "./rays.js";
+
 const SIDES = 28; // of a cylinder
 const SMALLEST = 17; // px, height of a person as it is drawn
 const TRAIL = 5; // steps of tracks that are drawn in a crowd
 const FINE_BODY = 38; // px, size from which bodies are fine
 
 // Draws one plan at one time.
-class Bodies {
+export class Bodies {
   constructor(data, plan) {
     Object.assign(this, { data, plan });
     this.owners = data.people.flatMap((person, j) => person.faces.map((_, f) => [j, f]));

@@ -1,11 +1,17 @@
 // What one drone's camera takes in, in perspective: people as the faces that count.
 
-const NEAR = 0.15; // m, before which nothing is drawn
+import { mixed, palette, shaded } from "./colours.js";
+import { clipped, DEGREE } from "./geometry.js";
+import { Shade } from "./light.js";
+import { FINE, NEAR, Pen } from "./pen.js";
+import { between } from "./plans.js";
+import { Raster } from "./raster.js";
+
 const EYE_FINE = 1.5; // samples per pixel of the page while nothing moves
 const WIDEST = 55 * DEGREE; // half of what is shown of a cone, which may look all around
 const CONE_SHAPE = 0.62; // height of its picture, of its width
 
-class Eye {
+export class Eye {
   constructor(data, plan, scene, bodies, canvas) {
     Object.assign(this, { data, plan, scene, bodies, canvas });
     this.raster = new Raster(0);

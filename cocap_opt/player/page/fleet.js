@@ -1,10 +1,18 @@
 // The drones of a plan in a list: whom each films and what it adds, and if that is asked for, what
 // its camera sees. A press picks a drone.
 
-const SPENT = 9; // ms of a picture of the page that pictures of drones may take while something moves
-const FEW = 8, ROOM = 900; // drones, and px of a panel, up to which and from which on all pictures are shown at first
+import { inkOn, words } from "./colours.js";
+import { button, make, put } from "./dom.js";
+import { Eye } from "./eye.js";
+import { short } from "./numbers.js";
+import { COARSE, FINE } from "./pen.js";
+import { heightOf, isCrowd, isThere, present } from "./plans.js";
 
-class Fleet {
+const SPENT = 9; // ms of a picture of the page that pictures of drones may take while something moves
+export const FEW = 8; // drones, up to which all pictures are shown at first
+export const ROOM = 900; // px of a panel, from which on they are
+
+export class Fleet {
   // `actions`: pick(drone), refresh().
   constructor(data, plan, scene, bodies, { pick, refresh }) {
     Object.assign(this, { data, plan });

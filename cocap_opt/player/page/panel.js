@@ -1,33 +1,23 @@
 // A plan on the page: what is known of it, its picture, its drones, and the chart.
 
-const MOST_WORDS = 3; // conflicts that are said at once, on a phone one
-const PHONE = 500; // px
+import { Chart, MARKS, marksOf } from "./chart.js";
+import { hex } from "./colours.js";
+import { button, make, PHONE, put } from "./dom.js";
+import { Eye } from "./eye.js";
+import { Fleet } from "./fleet.js";
+import { density, MOST_WORDS, percent, reward, several } from "./numbers.js";
+import { conflictsAt, isStill, isThere, nearAt, present, turns } from "./plans.js";
+import { proofBox } from "./proof.js";
+import { Strip } from "./strip.js";
+import { View } from "./view.js";
+
 const ASIDE = 20; // px around what is in a corner of the picture
 const NOW = 30; // as much as so many other moments
 const REWARD = "J, the plan's reward: the sum, over steps and people's faces, of the root of the coverage that all drones "
   + "together have of a face";
-const CORNERS = ["top right", "top left", "bottom right", "bottom left"];
+export const CORNERS = ["top right", "top left", "bottom right", "bottom left"];
 
-const find = (id) => document.getElementById(id);
-const make = (name, cls, text) => {
-  const element = document.createElement(name);
-  if (cls) element.className = cls;
-  if (text !== undefined) element.textContent = text; // never as HTML: names may be anything
-  return element;
-};
-
-function put(element, text) {
-  if (element.textContent !== text) element.textContent = text;
-}
-
-function button(cls, text, title, press) {
-  const element = make("button", cls, text);
-  element.title = title;
-  element.addEventListener("click", press);
-  return element;
-}
-
-class Panel {
+export class Panel {
   // `actions` are what buttons do: jump(time), pick(drone), toggle(name), watch(step, person),
   // next(kind, plan), refresh().
   constructor(data, plan, other, scene, camera, actions) {
@@ -234,12 +224,4 @@ function losses(gap, step) {
   if (most < 5e-6) return "none";
   const all = lost.reduce((a, b) => a + b, 0), share = all - most < 5e-6 ? "" : `: ${percent(most)}`;
   return `${percent(all)} of bound (drone ${lost.indexOf(most)}${share})`;
-}
-
-// Flight height of a drone (m), of which there is only one where it is always the same.
-const heightOf = ({ heights }, drone, step) => heights[drone][step] ?? heights[drone][0];
-
-function several(words, most) {
-  const more = words.length - most;
-  return words.slice(0, most).join("; ") + (more > 0 ? `; ${more} more` : "");
 }

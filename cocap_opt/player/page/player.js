@@ -1,5 +1,23 @@
 // The page: a panel for each plan, one time and one camera for all of them.
 
+import { Blocks } from "./blocks.js";
+import { Camera } from "./camera.js";
+import { marksOf } from "./chart.js";
+import { night, paint } from "./colours.js";
+import { button, find, make, put } from "./dom.js";
+import { FEW, ROOM } from "./fleet.js";
+import { listenToKeys, listKeys } from "./keys.js";
+import { colourScale, legend } from "./legend.js";
+import { clock, digits, rounded } from "./numbers.js";
+import { CORNERS, Panel } from "./panel.js";
+import { COARSE, FINE, ROUGH } from "./pen.js";
+import { isCrowd, present } from "./plans.js";
+import { Rays } from "./rays.js";
+import { Steering } from "./steer.js";
+import { badSteps } from "./strip.js";
+import { Recording } from "./video.js";
+import { World } from "./world.js";
+
 const data = JSON.parse(find("data").textContent);
 const SHOWN = ["sights", "views", "tracks", "faces", "solid", "closed"]; // check boxes
 const SLOW = 20, FAST = 7; // ms, pictures that take longer become coarse while something moves, and back
@@ -253,7 +271,7 @@ function help() {
 
 function repaint() {
   paint();
-  colourScale();
+  colourScale(data);
   scene.world = new World(data, blocks);
   refresh();
 }
@@ -274,7 +292,7 @@ function lay() {
   document.body.classList.toggle("tall", panels.length > 2);
   listKeys(KEYS, find("keys"));
   legend(data);
-  colourScale();
+  colourScale(data);
   times();
   tabs();
   choose(0);

@@ -5,10 +5,12 @@
 // viewer has the larger w, and w is linear on the picture: 1 / depth, or that times a factor and
 // plus a number, so that it is metres towards the viewer around the middle of the picture.
 
+import { mixed, shaded } from "./colours.js";
+
 const NOWHERE = Math.fround(-1e30); // depth where nothing is
 const LINE = 0.25; // of what is hatched is lines
 
-class Raster {
+export class Raster {
   // `through`: how much is seen of what moves through what is solid.
   constructor(through) {
     this.through = through;

@@ -1,15 +1,17 @@
 // How far one can see along a ray: to the ground, to a wall or to a mesh.
 
+import { cross, dot, minus } from "./geometry.js";
+
 const NOTHING = [];
 
 // Height at a point of what is below in the height map, in m; 0 beyond it.
-function groundAt(terrain, x, y, heights = terrain.heights) {
+export function groundAt(terrain, x, y, heights = terrain.heights) {
   const i = Math.floor(x / terrain.cell), j = Math.floor(y / terrain.cell);
   const inside = i >= 0 && j >= 0 && i < terrain.cells[0] && j < terrain.cells[1];
   return inside ? heights[i * terrain.cells[1] + j] : 0;
 }
 
-class Rays {
+export class Rays {
   constructor({ terrain, meshes, boxes }, blocks = null) {
     Object.assign(this, { terrain, blocks });
     this.triangles = new Map(); // by the number of a cell

@@ -1,6 +1,15 @@
 // One plan in a canvas, seen from outside.
 
-const FINE = 2, COARSE = 1, ROUGH = 0.7; // samples per pixel of the page along x and y
+import { lookouts } from "./blocks.js";
+import { Bodies } from "./bodies.js";
+import { CLOSED, palette } from "./colours.js";
+import { area, clipped, inside, minus, placed } from "./geometry.js";
+import { Labels } from "./labels.js";
+import { Shade, WALL, WALL_STEPS } from "./light.js";
+import { NEAR, Pen } from "./pen.js";
+import { Raster } from "./raster.js";
+import { Sights } from "./sights.js";
+
 const MOST_SAMPLES = 3.2e6;
 const THROUGH = 0.3; // how much is seen of what moves through what is solid
 const HATCH = 9; // px from line to line
@@ -8,7 +17,7 @@ const CLOSEST = 0.02; // of the camera's way to the middle, before which nothing
 const OUTLINE = 0.55; // how much lines of what is cut off hide
 const LAYERS = 256; // of polygons, from near to far
 
-class View {
+export class View {
   constructor(data, plan, scene, camera, canvas) {
     Object.assign(this, { data, plan, scene, camera, canvas });
     this.raster = new Raster(THROUGH);
