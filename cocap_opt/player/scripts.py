@@ -30,8 +30,8 @@ class _Module(NamedTuple):
     body: str
 
 
-def bundled(entry: str) -> str:
-    """Returns a script that does what a module of the folder `page`, called `entry`.js, does.
+def bundled(*entries: str) -> str:
+    """Returns a script that does what modules of the folder `page` do, named without `.js`.
 
     What a module exports is in an object named after it, such as `$geometry`.
 
@@ -41,7 +41,9 @@ def bundled(entry: str) -> str:
         If modules import what is not exported, or each other in a circle, or say so otherwise than
         is known here; one line that names the module.
     """
-    return "\n".join(('"use strict";', *_functions(entry, {}, ())))
+    made: dict[str, _Module] = {}
+    functions = [function for entry in entries for function in _functions(entry, made, ())]
+    return "\n".join(('"use strict";', *functions))
 
 
 def _functions(name: str, made: dict[str, _Module], above: tuple[str, ...]) -> Iterator[str]:

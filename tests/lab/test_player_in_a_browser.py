@@ -16,6 +16,7 @@ import pytest
 from browser import value
 from players import EVIL, ROOT, crossing, hills, planned, run, seen_by, shut_in, told
 from players import plans as plans
+from scipy.interpolate import BPoly
 from strategies import tiny
 
 from cocap_opt.experiments.lab.studies.pictures import Browser
@@ -129,9 +130,9 @@ def test_two_plans_stand_side_by_side(player: Any) -> None:
 
 
 def scripts(**names: str) -> str:
-    """The page's modules but for the last one, with these names of them (`rays="Rays"`)."""
+    """Modules of the page, of which these names are taken (`rays="Rays"`)."""
     taken = [f"const {{ {some} }} = ${module};" for module, some in names.items()]
-    return "\n".join((bundled("panel"), *taken, ""))
+    return "\n".join((bundled(*names), *taken, ""))
 
 
 # Where the camera puts all people and drones at first, as shares of a picture so wide and high.
@@ -163,6 +164,42 @@ def test_people_and_drones_fill_the_opening_picture(player: Any) -> None:
         assert max(np.ptp(places, axis=0) / (1 - 68 / wide, 1 - 86 / tall)) == pytest.approx(
             1, abs=0.02
         )
+
+
+@pytest.mark.slow
+def test_drones_fly_smoothly_from_step_to_step(player: Any) -> None:
+    """On the polynomials of the page's rows; tracks bend with them, and meet the steps."""
+    problem = load_scene("bottleneck", 0)
+    ((_, plan),) = planned(problem, "cocap")
+    (told_plan,) = Player(problem, [("", plan)]).data()["plans"]
+    fly = (
+        scripts(flights="Flight")
+        + """const [plan, times] = arguments;
+        const flights = plan.paths.map((_, i) => new Flight(plan, i));
+        const wayOf = (flight, step) => flight.way(step).map((pose) => pose.slice(0, 3));
+        return flights.map((flight) => [times.map((time) => flight.at(time)),
+          plan.paths[0].slice(1).map((_, step) => wayOf(flight, step))])
+        """
+    )
+    times = np.linspace(0, problem.horizon, 7 * problem.horizon + 1)
+    found = player.execute_script(fly, told_plan, times.tolist())
+    for rows, path, (poses, ways) in zip(
+        told_plan["knots"], told_plan["paths"], found, strict=True
+    ):
+        table = np.array(rows)
+        smooth = BPoly.from_derivatives(table[:, 0], table[:, 1:].reshape(-1, 3, 5))
+        np.testing.assert_allclose(poses, smooth(times), atol=1e-6)
+        for step, way in enumerate(ways):
+            assert way[0] == path[step][:3] and way[-1] == path[step + 1][:3]
+            along = smooth(np.linspace(step, step + 1, 61))[:, :3]
+            apart = np.linalg.norm(along[:, None] - np.array(way), axis=2)
+            assert len(way) == 2 or apart.min(axis=0).max() < 1e-6
+    assert max(len(way) for _, ways in found for way in ways) > 2
+    straight = told_plan | {"knots": None}
+    for (poses, _), path in zip(
+        player.execute_script(fly, straight, [0.5]), told_plan["paths"], strict=True
+    ):
+        np.testing.assert_allclose(poses[0][:3], np.mean(path[:2], axis=0)[:3], atol=1e-9)
 
 
 # Numbers of blocks of a scene, where they are cut off, and which of them rays meet.
@@ -449,7 +486,7 @@ def test_a_picked_drone_shows_what_it_sees_and_is_followed(player: Any) -> None:
     for step in (4, 9):
         player.go_to(step)
         caption = value(player, "document.querySelector('figcaption').textContent")
-        assert caption.startswith(f"adds {plan['adds'][2][step]:,.2f} ")
+        assert caption.startswith(f"adds {plan['adds'][2][step]:,.2f} to J ")
         disc = value(player, COLOUR % (0.5, 0.5, -26))
         assert "#{:02x}{:02x}{:02x}".format(*disc) == colour
     press(player, "\ue00c")

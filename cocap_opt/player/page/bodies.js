@@ -2,6 +2,7 @@
 
 import { CHOSEN, CLOSED, mixed, palette, rgb, seenColour } from "./colours.js";
 import { ellipse, PERSONS, PHASES, QUADROTORS } from "./figures.js";
+import { Flight } from "./flights.js";
 import { dot, normalOf, placed, ring } from "./geometry.js";
 import { between, isCrowd, isThere } from "./plans.js";
 import { groundAt } from "./rays.js";
@@ -21,6 +22,7 @@ export class Bodies {
       let sum = 0;
       return poses.map(([x, y], t) => (sum += t ? Math.hypot(x - poses[t - 1][0], y - poses[t - 1][1]) : 0));
     });
+    this.flights = plan.paths.map((_, i) => new Flight(plan, i));
     this.colours = data.drones.map((drone) => rgb(drone.colour));
     this.chosen = rgb(CHOSEN);
     this.towards = data.people.map(facesTowards);
@@ -31,7 +33,7 @@ export class Bodies {
   }
 
   drone(i, time) {
-    return between(this.plan.paths[i], time);
+    return this.flights[i].at(time);
   }
 
   // Where all drones and people are.
@@ -123,11 +125,15 @@ export class Bodies {
       const colour = this.colour(i, picked), faint = mixed(palette.ground, colour, 0.5);
       const [begin, end] = some ? [Math.max(done - TRAIL, 0), Math.min(done + 1, path.length - 1)] : [0, path.length - 1];
       for (let t = begin; t < end; t++) {
-        if (t < done) pen.line(path[t], path[t + 1], colour, 2);
-        else if (t > done) pen.line(path[t], path[t + 1], faint, 1);
-        else {
-          pen.line(path[t], now, colour, 2);
-          pen.line(now, path[t + 1], faint, 1);
+        const way = this.flights[i].way(t), at = t === done ? (time - done) * (way.length - 1) : t < done ? Infinity : 0;
+        for (let k = 1; k < way.length; k++) {
+          const [a, b] = [way[k - 1], way[k]];
+          if (k <= at) pen.line(a, b, colour, 2);
+          else if (k - 1 >= at) pen.line(a, b, faint, 1);
+          else {
+            pen.line(a, now, colour, 2);
+            pen.line(now, b, faint, 1);
+          }
         }
       }
     });

@@ -4,7 +4,6 @@ import { mixed, palette, shaded } from "./colours.js";
 import { clipped, DEGREE } from "./geometry.js";
 import { Shade } from "./light.js";
 import { FINE, NEAR, Pen } from "./pen.js";
-import { between } from "./plans.js";
 import { Raster } from "./raster.js";
 
 const EYE_FINE = 1.5; // samples per pixel of the page while nothing moves
@@ -24,7 +23,7 @@ export class Eye {
   draw(time, drone, quality) {
     const { clientWidth: width } = this.canvas;
     if (!width) return;
-    this.look(drone, between(this.plan.paths[drone], time));
+    this.look(drone, this.bodies.drone(drone, time));
     this.resize(width, quality === FINE ? EYE_FINE : Math.min(quality, 1));
     this.still();
     this.raster.begin();

@@ -21,8 +21,8 @@ export class Fleet {
     this.root.setAttribute("aria-label", "drones");
     this.root.classList.toggle("crowd", isCrowd(data.drones));
     const head = make("div", "listed");
-    head.append(make("span", "", "drone films"), make("span", "", plan.adds.length ? "adds" : ""));
-    head.title = "whom the drone's camera sees best now, and what the reward of this step would lack without the drone";
+    head.append(make("span", "", "drone films"), make("span", "", plan.adds.length ? "adds to J" : ""));
+    head.title = "whom the drone's camera sees best now, and what J would lack at this step without the drone";
     this.root.append(head);
     this.rows = data.drones.map((_, i) => this.row(i, pick));
     this.root.append(...present(plan).map((i) => this.rows[i].chip));
@@ -56,7 +56,7 @@ export class Fleet {
       put(films, height ? `${who}, ${height}` : who);
       put(adds, more);
       chip.title = `drone ${i}${data.kinds.length > 1 ? `, ${data.kinds[data.drones[i].kind].words}` : ""}: films ${who}`
-        + `${height ? `, ${height} ${data.over}` : ""}${more ? `, adds ${more}` : ""}`;
+        + `${height ? `, ${height} ${data.over}` : ""}${more ? `, adds ${more} to J` : ""}`;
       chip.setAttribute("aria-pressed", String(i === picked));
     });
   }

@@ -13,8 +13,8 @@ import { View } from "./view.js";
 
 const ASIDE = 20; // px around what is in a corner of the picture
 const NOW = 30; // as much as so many other moments
-const REWARD = "J, the plan's reward: the sum, over steps and people's faces, of the root of the coverage that all drones "
-  + "together have of a face";
+const REWARD = "more is better: J is the sum, over steps and the sides of people, of the root of the coverage that all "
+  + "drones together have of a side";
 export const CORNERS = ["top right", "top left", "bottom right", "bottom left"];
 
 export class Panel {
@@ -29,7 +29,7 @@ export class Panel {
     this.canvas.tabIndex = 0;
     const bars = make("canvas", "chart");
     bars.setAttribute("role", "img");
-    bars.setAttribute("aria-label", "reward of each step");
+    bars.setAttribute("aria-label", "what each step adds to J");
     this.tip = make("div", "tip");
     this.words = make("div", "words");
     this.view = new View(data, plan, scene, camera, this.canvas);
@@ -45,16 +45,10 @@ export class Panel {
 
   head() {
     const { plan } = this, head = make("div", "head"), title = make("h2", "", plan.planner ?? plan.title);
-    const moves = plan.moves ? `, ${reward(plan.moves)} of it for moves` : "";
     title.title = plan.title;
     head.append(title);
     if (plan.planner && plan.planner !== plan.title) head.append(make("span", "file", plan.title));
     head.append(this.verdict());
-    if (!plan.waits) {
-      const total = make("span", "total", `reward J = ${reward(plan.reward)}${moves}`);
-      total.title = REWARD;
-      head.append(total);
-    }
     return head;
   }
 
@@ -102,16 +96,21 @@ export class Panel {
       facts.append(box);
       return number;
     };
+    if (!plan.waits) {
+      const moves = plan.moves ? `, ${reward(plan.moves)} of it for moves` : "";
+      add("how well people are seen: J =", `${reward(plan.reward)}${moves}`, REWARD).className = "total";
+    }
     if (plan.gap) {
-      add("bound", reward(plan.gap.bound), "no plan that obeys the rules has more");
+      add("bound of J", reward(plan.gap.bound), "no plan that obeys the rules has more");
       if (!plan.conflicts.length) add("gap", percent(Math.max(plan.gap.total, 0)), "(bound - J) / bound");
     }
     if (!plan.waits) facts.append(...this.hovering());
-    add("mean of a face", `${density(plan.meanPixels)} ${data.unit}`, "coverage by all drones, over all faces and all steps that count");
-    this.now = add("reward of this step", "", "what this step adds to J");
-    this.sum = add("so far", "", "the rewards of all steps up to this one");
+    add("mean coverage of a face", `${density(plan.meanPixels)} ${data.unit}`, "by all drones together, over all faces and all steps that count").className = "mean";
+    if (turns(plan) && !plan.knots) add("flight", "straight", `between the steps drones fly ${flightOf(plan)}`);
+    this.now = add("J of this step", "", "what this step adds to J");
+    this.sum = add("J so far", "", "what all steps up to this one add to J");
     if (plan.closest !== null) {
-      add("closest approach", distance(plan.closest), "the least distance of any two drones at any time")
+      add("closest approach", distance(plan.closest), `the least distance of any two drones at any time, flying ${flightOf(plan)}`)
         .classList.toggle("alarm", plan.near.length + plan.conflicts.length > 0);
     }
     if (plan.gap) this.lost = add("cost of this move", "");
@@ -207,7 +206,7 @@ export class Panel {
     if (picked === undefined) return;
     put(this.who, `drone ${picked}`);
     this.who.style.setProperty("--own", hex(this.view.bodies.colour(picked, picked)));
-    const adds = plan.adds.length && step >= data.first ? `adds ${reward(plan.adds[picked][step])} at this step; ` : "";
+    const adds = plan.adds.length && step >= data.first ? `adds ${reward(plan.adds[picked][step])} to J at this step; ` : "";
     put(this.caption, `${adds}alone it sees a mean of ${density(plan.ownPixels[picked][step])} ${data.unit}`);
     const held = { follow, alone };
     for (const [name, hold] of Object.entries(this.holds)) {
@@ -215,6 +214,10 @@ export class Panel {
     }
   }
 }
+
+const flightOf = ({ knots }) => (knots
+  ? "smoothly, where walls, people and other drones are as far away as the rules ask"
+  : "straight on: there is no smooth flight that keeps the rules");
 
 const distance = (metres) => `${Number(metres.toPrecision(2))} m`;
 

@@ -108,7 +108,7 @@ export class Steering {
     }
     const drone = view.labels.droneAt(x, y);
     if (drone === undefined) return undefined;
-    const adds = plan.adds.length ? `, adds ${reward(plan.adds[drone][step])}` : "";
+    const adds = plan.adds.length ? `, adds ${reward(plan.adds[drone][step])} to J` : "";
     const whom = plan.films[drone][step], films = whom === null ? "" : `, films ${data.people[whom].called}`;
     return `drone ${drone}${films}, ${heightOf(plan, drone, step)} m ${data.over}${adds}`;
   }
