@@ -3,9 +3,11 @@ import json
 import re
 import shutil
 import subprocess
+from base64 import b64decode
 from collections.abc import Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from io import BytesIO
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -14,6 +16,7 @@ from urllib.parse import unquote, urlparse
 import numpy as np
 import pytest
 from browser import value
+from PIL import Image
 from players import EVIL, ROOT, crossing, hills, planned, run, seen_by, shut_in, told
 from players import plans as plans
 from scipy.interpolate import BPoly
@@ -937,6 +940,111 @@ def test_closed_airspace_is_drawn_and_can_be_switched_off(player: Any, tmp_path:
     assert shown > 0.015 + 2 * value(player, red)
     assert player.get_log("browser") == []
     player.get(before)
+
+
+def pictures(player: Any) -> list[Any]:
+    """Pictures of the page as arrays [H, W, 3], but for those that are not shown."""
+    urls = value(
+        player,
+        """[...document.querySelectorAll("canvas.view, .inset canvas")]
+        .filter((canvas) => canvas.clientWidth).map((canvas) => canvas.toDataURL())""",
+    )
+    return [
+        np.asarray(Image.open(BytesIO(b64decode(url.split(",")[1]))).convert("RGB")).astype(int)
+        for url in urls
+    ]
+
+
+def unlike(one: Any, other: Any) -> float:
+    """Share of the samples of two pictures whose colours differ by more than can be overlooked."""
+    assert one.shape == other.shape
+    return float((np.abs(one - other).max(axis=2) > 12).mean())
+
+
+@pytest.mark.slow(seconds=9)
+def test_a_graphics_card_draws_the_same(tmp_path: Path) -> None:
+    """WebGL, in software here, and the raster: walls cut off, closed airspace, cones, cameras.
+
+    Pictures differ along some edges only, by day and by night, and in each view.
+    """
+    if not Browser.is_installed():
+        pytest.skip("needs chromium and chromedriver")
+    closed, bottleneck = shut_in(), load_scene("bottleneck", 0)
+    stay = Plan(paths=tuple((robot.start,) * 3 for robot in closed.robots))
+    for name, scene, plan in (
+        ("bottleneck", bottleneck, planned(bottleneck, "cocap")[0][1]), ("closed", closed, stay),
+    ):  # fmt: skip
+        Player(scene, [(name, plan)]).save(tmp_path / f"{name}.html")
+    for name, mode in (("bottleneck", "light"), ("bottleneck", "dark"), ("closed", "light")):
+        page, drawn = (tmp_path / f"{name}.html").as_uri(), {}
+        for renderer in ("raster", "webgl"):
+            with Browser.opened(f"{page}?renderer={renderer}", (900, 700)) as driver:
+                screen = [{"name": "prefers-color-scheme", "value": mode}]
+                driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": screen})
+                assert value(driver, "document.documentElement.dataset.renderer") == renderer
+                drawn[renderer] = []
+                for keys in ("d", "t", "f", "b"):
+                    press(driver, keys)
+                    driver.go_to(2)
+                    drawn[renderer] += pictures(driver)
+        assert len(drawn["raster"]) == 8
+        for one, other in zip(drawn["raster"], drawn["webgl"], strict=True):
+            assert len(np.unique(one.reshape(-1, 3), axis=0)) > 50  # something is there
+            assert unlike(one, other) < 0.01
+        assert unlike(drawn["raster"][0], drawn["webgl"][2]) > 0.05  # the view from above
+
+
+# Keeps the page's WebGL contexts, so that they can be lost.
+CONTEXTS = """window.contexts = [];
+const getContext = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (...how) {
+  const context = getContext.apply(this, how);
+  if (how[0] === "webgl2" && context) window.contexts.push(context);
+  return context;
+};"""
+
+
+@pytest.mark.slow
+def test_pictures_of_a_lost_graphics_card_are_drawn_by_the_processor(player: Any) -> None:
+    """At once, and the same; software that poses as a card is not asked unless the page says so."""
+    before = player.current_url
+    shown = "document.documentElement.dataset.renderer"
+    assert value(player, shown) == "raster"
+    kept = player.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": CONTEXTS})
+    player.get(f"{before}?renderer=webgl")
+    player.go_to(4)
+    drawn = pictures(player)
+    assert value(player, shown) == "webgl" and value(player, "contexts.length") == 1
+    value(player, "contexts[0].getExtension('WEBGL_lose_context').loseContext()")
+    wait_until(player, f"{shown} === 'raster'")
+    player.go_to(4)
+    for one, other in zip(drawn, pictures(player), strict=True):
+        assert unlike(one, other) < 0.01
+    player.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", kept)
+    player.get(before)
+    player.get_log("browser")  # software says that it is slow
+
+
+# Whether rays to the eye are blocked.
+BLOCKED = """
+const [scene, rays, opened] = arguments, all = new Rays(scene, new Blocks(scene));
+return rays.map(([from, way, most]) => all.isBlocked(from, way, most, opened));
+"""
+
+
+@pytest.mark.slow
+def test_what_stands_before_a_drone_hides_it(player: Any) -> None:
+    """A block that is not cut off does, and a hill; what is cut off, or too far away, does not."""
+    scene = {
+        "terrain": {"cell": 1, "cells": [6, 1], "grounds": [0, 0, 0, 0, 3, 0],
+                    "heights": [0, 5, 0, 0, 3, 0]},
+        "meshes": [], "boxes": [],
+    }  # fmt: skip
+    rays = [((0.5, 0.5, 1), (1, 0, 0), 2), ((0.5, 0.5, 1), (1, 0, 0), 0.4),
+            ((0.5, 0.5, 6), (1, 0, 0), 5), ((2.5, 0.5, 1), (1, 0, 0), 3)]  # fmt: skip
+    script = scripts(blocks="Blocks", rays="Rays") + BLOCKED
+    assert player.execute_script(script, scene, rays, [0]) == [True, False, False, True]
+    assert player.execute_script(script, scene, rays, [1]) == [False, False, False, True]
 
 
 @pytest.mark.slow

@@ -33,7 +33,8 @@ export class Bodies {
   }
 
   drone(i, time) {
-    return this.flights[i].at(time);
+    if (time !== this.time) [this.time, this.poses] = [time, []];
+    return (this.poses[i] ??= this.flights[i].at(time));
   }
 
   // Where all drones and people are.

@@ -82,7 +82,7 @@ export class Labels {
     const order = view.plan.paths.map((_, i) => i).filter((i) => isThere(view.plan, i)).sort((a, b) => (b === picked) - (a === picked));
     this.places = [];
     for (const i of order) {
-      const [x, y, hidden] = view.at(view.bodies.drone(i, time)), colour = hex(view.bodies.colour(i, picked));
+      const pose = view.bodies.drone(i, time), [x, y] = view.at(pose), colour = hex(view.bodies.colour(i, picked));
       this.places.push([i, x, y]);
       if (i === picked) circle(context, x, y, 15, words.ink, 1.6);
       if ((alone && i !== picked) || !this.isInside(x, y) || !this.isNamed(i, time, options)) continue;
@@ -90,7 +90,7 @@ export class Labels {
       if (!place) continue;
       put.push(place);
       this.places.push([i, ...place]);
-      context.globalAlpha = hidden ? 0.65 : 1;
+      context.globalAlpha = view.isHidden(pose.slice(0, 3)) ? 0.65 : 1;
       if (Math.hypot(place[0] - x, place[1] - y + 18) > 1) leader(context, place, [x, y], colour);
       this.number(i, place, colour, i === picked);
     }

@@ -26,6 +26,14 @@ export class Shade {
     [this.va, this.vb, this.vc, this.vd] = v;
   }
 
+  // Into an array: a x + b y + c of u and v, and d of both.
+  parts(into, at, x, y) {
+    into[at] = this.ua * x + this.ub * y + this.uc;
+    into[at + 1] = this.va * x + this.vb * y + this.vc;
+    into[at + 2] = this.ud;
+    into[at + 3] = this.vd;
+  }
+
   at(x, y, w) {
     const scale = 1 / (w + this.shift);
     const u = ((this.ua * x + this.ub * y + this.uc) * scale + this.ud) | 0;

@@ -14,6 +14,7 @@ import { COARSE, FINE, ROUGH } from "./pen.js";
 import { isCrowd, present } from "./plans.js";
 import { Rays } from "./rays.js";
 import { Steering } from "./steer.js";
+import { onLoss, renderer } from "./renderers.js";
 import { badSteps } from "./strip.js";
 import { Recording } from "./video.js";
 import { World } from "./world.js";
@@ -300,6 +301,13 @@ function lay() {
     && panels.every(({ root }) => root.clientWidth >= ROOM);
 }
 
+// Pictures of a lost graphics card are drawn again by the processor.
+function tellRenderer() {
+  document.documentElement.dataset.renderer = renderer();
+  put(find("drawn"), renderer() === "webgl" ? "The graphics card draws the pictures." : "The processor draws the pictures.");
+  refresh();
+}
+
 function listen() {
   const slider = find("slider"), speed = find("speed");
   slider.max = String(data.steps);
@@ -317,6 +325,8 @@ function listen() {
   window.addEventListener("resize", fit);
   night.addEventListener("change", repaint);
   play(false);
+  onLoss(tellRenderer);
+  tellRenderer();
   const sizes = new ResizeObserver(refresh);
   for (const { canvas } of panels) sizes.observe(canvas);
   for (const panel of panels) new Steering(panel, camera, () => state.time, actions);

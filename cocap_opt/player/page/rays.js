@@ -3,6 +3,7 @@
 import { cross, dot, minus } from "./geometry.js";
 
 const NOTHING = [];
+const GRAZE = 0.1; // m, by which a ray may be below a cell of the ground
 
 // Height at a point of what is below in the height map, in m; 0 beyond it.
 export function groundAt(terrain, x, y, heights = terrain.heights) {
@@ -13,7 +14,7 @@ export function groundAt(terrain, x, y, heights = terrain.heights) {
 
 export class Rays {
   constructor({ terrain, meshes, boxes }, blocks = null) {
-    Object.assign(this, { terrain, blocks });
+    Object.assign(this, { terrain, blocks, met: new Uint8Array(blocks?.count ?? 0) });
     this.triangles = new Map(); // by the number of a cell
     this.boxes = new Map();
     meshes.forEach((mesh, k) => this.takeMesh(mesh, blocks?.ofTriangle[k]));
@@ -80,6 +81,19 @@ export class Rays {
       }
       return false;
     });
+  }
+
+  // True if the ground stands in the way of a ray on so many metres, or a block that is not opened.
+  isBlocked(from, way, most, opened) {
+    const { terrain: { grounds } } = this, met = this.met.fill(0), height = (far) => from[2] + far * way[2];
+    let isGround = false;
+    this.walk(from, way, most, (cell, begin, end) => {
+      isGround = cell >= 0 && Math.min(height(begin), height(end)) < grounds[cell] - GRAZE;
+      return isGround;
+    });
+    if (isGround) return true;
+    this.mark(from, way, most, met);
+    return met.some((isMet, block) => isMet && !opened[block]);
   }
 
   // Where a ray meets something in a cell (-1: beyond the map) between two lengths, or Infinity.
