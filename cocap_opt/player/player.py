@@ -67,6 +67,11 @@ class Player:
         self._proof = proof
         self._judged = problem if plans else _without_distance_to_people(self._problem)
 
+    @property
+    def scene(self) -> str:
+        """Name of the scene."""
+        return self._problem.name
+
     def page(self) -> str:
         """Returns the text of the HTML file."""
         parts = {

@@ -761,7 +761,9 @@ def test_the_picture_is_recorded_as_a_video(player: Any) -> None:
     """From the first step to the last; the file has a name, and begins as WebM does."""
     player.refresh()
     wait_until(player, "document.documentElement.dataset.ready === 'yes'")
-    player.execute_script("""
+    pressed = "document.getElementById('film').getAttribute('aria-pressed')"
+    begun = player.execute_script(
+        """
         window.videos = [];
         URL.createObjectURL = (blob) => {
           blob.arrayBuffer().then((bytes) => videos.push([...new Uint8Array(bytes)]));
@@ -772,9 +774,10 @@ def test_the_picture_is_recorded_as_a_video(player: Any) -> None:
         speed.value = "16";
         speed.dispatchEvent(new Event("change"));
         document.getElementById("film").click();
-    """)
-    pressed = "document.getElementById('film').getAttribute('aria-pressed')"
-    assert value(player, pressed) == "true"
+        return """
+        + pressed
+    )
+    assert begun == "true"
     wait_until(player, "window.videos.length === 1")
     assert value(player, pressed) == "false" and step_of(player) == 11
     assert value(player, "window.named") == "bottleneck greedy 16 steps per second.webm"

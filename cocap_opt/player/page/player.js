@@ -332,7 +332,23 @@ function listen() {
   for (const panel of panels) new Steering(panel, camera, () => state.time, actions);
 }
 
+// A page that is opened with `?film` shows pictures of a film: nothing but plans, and how far they are.
+function film() {
+  document.body.classList.add("film");
+  for (const name of ["views", "solid"]) find(name).checked = false;
+  window.film = {
+    shown: { first: data.first, last: data.steps, speed: state.speed },
+    look: (view) => look(view === "above" ? "top" : "space"),
+    show(time) {
+      jump(time);
+      state.dirty = false;
+      draw(true);
+    },
+  };
+}
+
 lay();
 listen();
+if (new URLSearchParams(window.location.search).has("film")) film();
 tick(performance.now());
 document.documentElement.dataset.ready = "yes";
