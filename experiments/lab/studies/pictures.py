@@ -29,7 +29,7 @@ _PATIENCE = 30.0  # s
 _OPTIONS = (
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--no-first-run", "--hide-scrollbars",
+    "--no-first-run", "--hide-scrollbars", "--enable-unsafe-swiftshader",  # WebGL in software
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # no network
 )  # fmt: skip
 
