@@ -446,3 +446,28 @@ def test_the_sheet_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     convergence = pyproj.Proj("EPSG:2154").get_factors(-3.5, 48.85).meridian_convergence
     assert np.degrees(np.arctan2(x, y)) == pytest.approx(-convergence, abs=0.01)
     assert convergence < -4
+
+
+def test_the_command_names_the_file_after_the_plan(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The answer is the file; what cannot be is one line that names the option."""
+    problem, plan = scene()
+    files = tmp_path / "scene.json", tmp_path / "plan.json"
+    co.save(files[0], problem)
+    co.save(files[1], plan, problem)
+    run = Run(capsys, "sheet", *files, "--json")
+    assert run.code == 0, run.err
+    assert run.json["file"] == str(tmp_path / "plan.pdf") and run.json["pages"] > 1
+    assert (tmp_path / "plan.pdf").read_bytes().startswith(b"%PDF")
+    for words, told in (
+        (("-o", tmp_path / "sheet.txt"), "-o: name a file that ends in .pdf"),
+        (("--every", "0"), "--every: must be more than 0 seconds"),
+        (("--start", "2026-05-01T10:00:00"), "--start: must be a date and a time with its offset"),
+    ):
+        run = Run(capsys, "sheet", *files, *words)
+        assert run.code == 2 and re.search(told, run.err), run.err
+    co.save(files[0], unknown := problem.replace(step=None))
+    co.save(files[1], plan, unknown)
+    run = Run(capsys, "sheet", *files)
+    assert run.code == 2 and "--step" in run.err
