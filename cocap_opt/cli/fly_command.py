@@ -24,8 +24,9 @@ from cocap_opt.cli.options import Json, Output, PlanPath, Scene, Seed, Whole, lo
 from cocap_opt.data import ProblemError
 from cocap_opt.flight.ways import NOTE, Part, has_homes, parts_of_take, pauses_of, records_of
 from cocap_opt.missions import FORMATS, Writer
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader, check_output, save_files
-from cocap_opt.output.printing import Listing, Record, print_result
+from cocap_opt.output.printing import Listing, Record
 from cocap_opt.run.options import Option, UsageError
 from cocap_opt.stop import Interrupt
 

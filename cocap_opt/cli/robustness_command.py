@@ -21,8 +21,9 @@ from cocap_opt.flight.changes import (
 )
 from cocap_opt.flight.flights import Flight
 from cocap_opt.footage.losses import Seen, WhatIf, steps_in_words, what_if
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader
-from cocap_opt.output.printing import Listing, Record, print_result
+from cocap_opt.output.printing import Listing, Record
 from cocap_opt.run.options import UsageError
 
 _log = logging.getLogger(__name__)

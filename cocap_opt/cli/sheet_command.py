@@ -19,8 +19,9 @@ from cocap_opt.cli.flight_options import (
 from cocap_opt.cli.options import Json, Output, PlanPath, Scene, Seed, load_planned
 from cocap_opt.data import ProblemError
 from cocap_opt.missions import FORMATS
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import PlanReader, check_output, save_files
-from cocap_opt.output.printing import Record, print_result
+from cocap_opt.output.printing import Record
 from cocap_opt.run.options import Option
 
 _log = logging.getLogger(__name__)
