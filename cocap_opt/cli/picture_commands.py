@@ -26,6 +26,7 @@ from cocap_opt.data import LARGEST, MOST_PIXELS
 from cocap_opt.files.documents import FileError, problem_digest, read_bytes
 from cocap_opt.formulations.certificates import CertificateFile, ProofFile
 from cocap_opt.formulations.explanation import Explanation
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import (
     GivenPlan,
     PlanReader,
@@ -33,7 +34,6 @@ from cocap_opt.output.files import (
     make_folder,
     save_bytes,
 )
-from cocap_opt.output.printing import print_result
 from cocap_opt.player.filming import FILMS
 from cocap_opt.problem import Plan, Problem
 from cocap_opt.result import UnsupportedError

@@ -10,9 +10,10 @@ from cyclopts import Parameter
 from cocap_opt.cli.options import Json
 from cocap_opt.compiling import ALL_SECONDS, CompilingError, Kernel, is_there
 from cocap_opt.console.progress import Watch
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import make_folder, save_files
 from cocap_opt.output.known_scenes import known_scenes
-from cocap_opt.output.printing import Listing, print_result
+from cocap_opt.output.printing import Listing
 from cocap_opt.run.options import UsageError
 from cocap_opt.scenarios.built_in import places
 from cocap_opt.stop import Clock
