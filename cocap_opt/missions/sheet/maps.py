@@ -19,8 +19,12 @@ from cocap_opt.problem.pictures import TopView, drone_colour
 
 _MARGIN = 6.0  # m around flights and walks
 _DASHES = "-", "--", "-.", (0, (1, 1)), (0, (5, 1, 1, 1, 1, 1))
-_GROUNDS = "#ffffff", "#efeee9", "#bdbdbd", "#e3e6dc"  # free, covered, blocked, lower obstacle
-_KINDS = {1: "something above", 2: "obstacle as high as drones fly", 3: "lower obstacle"}
+# Free, covered, blocked, lower obstacle, above the ceiling.
+_GROUNDS = "#ffffff", "#efeee9", "#bdbdbd", "#e3e6dc", "#bdbdbd"
+_KINDS = {
+    1: "something above", 2: "obstacle as high as drones fly", 3: "lower obstacle",
+    4: "drones would be above the ceiling",
+}  # fmt: skip
 _INK, _PERSON, _ZONE = "#000000", "#7a1020", "#a00000"
 _HATCH = "xxx"  # of no-fly zones; nothing else is hatched
 _DOTS = 4  # on a way in a phase, besides its ends

@@ -1,4 +1,4 @@
-"""The player in a browser without a window, for its picture in the README and for its tests.
+"""The player in a browser without a window, for its pictures on the pages and for its tests.
 
 It needs Chromium and its driver from the system's packages, and selenium.
 """
