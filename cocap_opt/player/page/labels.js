@@ -22,20 +22,20 @@ export class Labels {
     context.textBaseline = "middle";
     this.scale(height);
     this.axes(width, height);
-    this.land();
     this.people(time, options);
+    this.land();
     this.near(time);
     this.drones(time, options);
     this.conflicts(time);
   }
 
-  // Names of the land, where nothing hides the ground there.
+  // Names of the land, where neither something hides the ground nor the tag of a person would be.
   land() {
     const { context, view } = this;
     context.font = `italic 600 11px ${FONT}`;
     for (const { name, at } of view.data.terrain.land?.names ?? []) {
-      const [x, y, hidden] = view.at(at);
-      if (!hidden && this.isInside(x, y)) this.haloed(name, x, y);
+      const [x, y, hidden] = view.at(at), wide = context.measureText(name).width;
+      if (!hidden && this.isInside(x, y) && isClear({ x, y, wide, high: 13 }, this.tags)) this.haloed(name, x, y);
     }
   }
 
