@@ -18,8 +18,9 @@ from cocap_opt.experiments.library.tables import (
     short_rows,
 )
 from cocap_opt.files.documents import SceneFile, encode
+from cocap_opt.output.answer import print_result
 from cocap_opt.output.files import check_output, make_folder, save_bytes, save_files
-from cocap_opt.output.printing import Listing, print_result
+from cocap_opt.output.printing import Listing
 from cocap_opt.run.options import Option, UsageError
 
 app = App(
