@@ -20,13 +20,13 @@ from cocap_opt.pictures.style import LABEL, SMALL, TITLE
 from cocap_opt.problem import Motion, StartArea, State
 from cocap_opt.problem.pictures import (
     STARTABLE,
-    StartGround,
     TopView,
     distinct_colours,
     people_by_take,
 )
 from cocap_opt.problem.refusals import startable
 from cocap_opt.problem.scene import SceneData
+from cocap_opt.problem.start_ground import StartGround
 from cocap_opt.scenarios import Site
 
 FREE, ABOVE, PEOPLE, CLOSED, BLOCKED = range(5)

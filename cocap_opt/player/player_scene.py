@@ -21,7 +21,8 @@ from cocap_opt.problem import (
     Robot,
     State,
 )
-from cocap_opt.problem.pictures import STARTABLE, StartGround, take_colour
+from cocap_opt.problem.pictures import STARTABLE, take_colour
+from cocap_opt.problem.start_ground import StartGround
 from cocap_opt.problem.takes import told_take
 from cocap_opt.world.workspace import Mesh, Workspace
 

@@ -24,7 +24,7 @@ AUDIT = tuple(
 UNUSED = frozenset(
     f"cocap_opt.{name}"
     for name in (
-        "problem.pictures", "vision.cache", "files.code", "compiling.apart",
+        "problem.pictures", "problem.map_frame", "problem.start_ground", "vision.cache", "files.code", "compiling.apart",
         "vision.compiled_sight", "vision.view_kernel",
     )
 )  # fmt: skip
