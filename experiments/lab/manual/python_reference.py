@@ -71,7 +71,7 @@ def _paragraphs(name: str, face: ModuleType) -> Iterator[str]:
         found = found.fget
     elif not (isinstance(thing, type) and issubclass(thing, Enum | Exception)):
         called = getattr(thing, inner) if inner else thing
-        yield f"```python\n{_signature(name if inner else f'co.{name}', called)}\n```"
+        yield f"```py\n{_signature(name if inner else f'co.{name}', called)}\n```"
     text = NumpyDocString(inspect.getdoc(found) or "")
     yield " ".join(text["Summary"])
     yield from "\n".join(text["Extended Summary"]).strip().split("\n\n")

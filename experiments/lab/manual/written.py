@@ -4,7 +4,7 @@ The pages are committed with it, so that they are whole wherever somebody reads 
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -35,7 +35,7 @@ def _diagram(name: str) -> bytes:
 
 
 # The functions that draw, each by the name of its file.
-DRAWN: dict[str, Callable[[], bytes]] = {
+DRAWN: Mapping[str, Callable[[], bytes]] = {
     **DRAWINGS,
     **{f"{name}.svg": partial(_diagram, name) for name in DIAGRAMS},
 }

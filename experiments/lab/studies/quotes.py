@@ -55,6 +55,7 @@ from cocap_opt.experiments.lab.studies.tripods.tripods import (
 from cocap_opt.experiments.lab.studies.verified import verified_in_markdown
 from cocap_opt.experiments.lab.studies.views import views_in_markdown
 from cocap_opt.experiments.lab.studies.which import (
+    proved_in_words,
     views_saved_in_words,
     which_bound_in_markdown,
     which_planner_in_markdown,
@@ -133,6 +134,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "verified": verified_in_markdown,
     "which_planner": which_planner_in_markdown,
     "which_bound": which_bound_in_markdown,
+    "proved": proved_in_words,
     "views_saved": views_saved_in_words,
     "views": views_in_markdown,
     "solver_figures": solvers_in_markdown,
@@ -148,6 +150,7 @@ QUOTES: dict[str, Callable[[], str]] = {
     "quality_objective": stored_agreement,
     "paper_claims": _claims,
     "paper_in_short": lambda: _listed(_paper().summary()),
+    "paper_verdict": lambda: _paper().summary()[0],
     "paper_settings": _settings,
     "paper_lines": lines,
     "paper_for": partial(_side, "For CoCap"),

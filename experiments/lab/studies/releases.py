@@ -4,6 +4,7 @@ Rows are kept, also where a number got worse. The first row follows what is stor
 the newest release, or of the development since then.
 """
 
+import re
 from pathlib import Path
 from statistics import fmean, median
 from typing import Annotated, NamedTuple, Self
@@ -15,14 +16,13 @@ from cocap_opt.experiments.lab.results import (
     Results,
     in_unit,
     load_csv,
-    markdown,
     read_csv,
 )
 from cocap_opt.experiments.lab.studies.options import Out
 from cocap_opt.experiments.lab.studies.paper.measured import read_rows
 from cocap_opt.experiments.tables.rows import GapRow
 from cocap_opt.files.documents import FileError
-from cocap_opt.output.printing import print_texts
+from cocap_opt.output.printing import markdown_table, print_texts
 from cocap_opt.planners import RECOMMENDED
 from cocap_opt.problem import COVERAGE_VERSION
 
@@ -97,23 +97,20 @@ class Release(NamedTuple):
 
     @property
     def record(self) -> dict[str, str]:
-        """Its row of the page."""
-        return {
+        """Its row of the page, in which no line ends between a number and its unit."""
+        cells = {
             "release": self.version,
             "date": self.date,
-            "coverage": str(self.coverage),
-            "optima proved": f"{self.proved} of {self.runs}",
-            "recommended": self.planner,
-            "its gap": f"{self.gap:.3f} %",
-            "at worst": f"{self.worst:.2f} %",
+            "proved": f"{self.proved} of {self.runs}",
+            "planner": self.planner,
+            "gap, worst": f"{self.gap:.3f} %, {self.worst:.2f} %",
             "CoCap's gap": f"{self.cocap:.2f} %",
             "search": in_unit(str(self.search), "s"),
             "proof": in_unit(str(self.proof), "s"),
             "field-long": in_unit(str(self.long), "%"),
             "field-large": in_unit(str(self.large), "%"),
-            "CoCap / sequential": f"{self.ratio:.2f}",
-            "gap table": in_unit(str(self.command), "s"),
         }
+        return {title: re.sub(r" (?=[%s])", "\u00a0", cell) for title, cell in cells.items()}
 
 
 def releases(
@@ -133,12 +130,12 @@ def releases(
     again = {version, DEVELOPMENT}
     rows = [made, *(release for release in Release.stored() if release.version not in again)]
     results.save(_TABLE, rows)
-    print_texts([markdown([made.record])], [])
+    print_texts([markdown_table([made.record])], [])
 
 
 def releases_in_markdown() -> str:
     """Returns a row for each release, the newest first."""
-    return markdown([release.record for release in Release.stored()])
+    return markdown_table([release.record for release in Release.stored()])
 
 
 def _read(path: Path) -> list[dict[str, str]]:

@@ -103,9 +103,8 @@ def checker() -> bytes:
 
 
 def copied_in_words() -> str:
-    """Returns the SHA-256 of the pages' copy of `cocap_check.py`, and a link to it."""
-    link = '<a href="../check/cocap_check.py" download>download it</a>'
-    return f"Its SHA-256 is `{hashlib.sha256(checker()).hexdigest()}`; {link}."
+    """Returns the SHA-256 of `cocap_check.py`, of which the site has a copy."""
+    return f"Its SHA-256 is `{hashlib.sha256(checker()).hexdigest()}`."
 
 
 @cache

@@ -63,4 +63,6 @@ def _row(claim: str, measured: str, answers: Mapping[str, ClaimAnswer]) -> dict[
 
 
 def _cell(answer: ClaimAnswer) -> str:
-    return f"**{_WORDS[answer.verdict]}** {answer.figure}"
+    """Returns the verdict and the number that decides, which no line ends before its sign."""
+    figure = answer.figure.replace(" %", "\u00a0%")
+    return f"**{_WORDS[answer.verdict]}** {figure}"
