@@ -2,25 +2,24 @@
 
 import base64
 import hashlib
-import io
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from cyclopts import Parameter
-from PIL import Image
 
 from cocap_opt.console.streams import say
 from cocap_opt.experiments.lab.studies.options import of_extra
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.documents import FileError
+from cocap_opt.problem.pictures import with_palette
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
 
 _FOLDER = Path(__file__).resolve().parents[3] / "docs" / "notebooks"
 _MOST_SECONDS = 120  # for a cell
-_PNG, _COLOURS = "image/png", 256  # of a stored picture
+_PNG = "image/png"
 # The person who ran them last and the versions of packages are left out.
 _METADATA = {
     "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
@@ -123,8 +122,5 @@ def _with_alt_text(words: str | None) -> dict[str, Any]:
 
 
 def _smaller(encoded: str) -> str:
-    """Returns a PNG file in base64 with a palette in place of all colours: a third of the size."""
-    content = io.BytesIO()
-    drawn = Image.open(io.BytesIO(base64.b64decode(encoded))).convert("RGB")
-    drawn.quantize(_COLOURS, dither=Image.Dither.NONE).save(content, format="PNG", optimize=True)
-    return base64.b64encode(content.getvalue()).decode()
+    """Returns a smaller PNG file, both in base64."""
+    return base64.b64encode(with_palette(base64.b64decode(encoded))).decode()

@@ -149,7 +149,8 @@ def ablation_figure(effects: Mapping[str, Sequence[tuple[str, Mean]]]) -> Figure
     for n, (part, means) in enumerate(effects.items()):
         heading = part.splitlines()[-1]
         ax.text(0, n * block + _HEADING / 2, heading, fontsize=LABEL, va="center",
-                transform=ax.get_yaxis_transform(), in_layout=False)  # fmt: skip
+                transform=ax.get_yaxis_transform(), in_layout=False,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1})  # fmt: skip
         if n:
             ax.axhline(n * block - 0.5, color=FADED, lw=0.5)
         for scene, mean in means:
