@@ -2,8 +2,9 @@
 
 import html
 import os
+import re
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +26,11 @@ _USUAL = 80  # characters of a line of a terminal
 _BREAK = "\n"
 _FEW_NOTES = 3  # below a table: more of them are a list, so that one sees where each begins
 _MARKS = "|`*[]\\"  # what Markdown gives a meaning besides HTML
+# Numbers as tables have them: marks, a sign, digits, a unit; several; a share of something; a note.
+_ONE = r"[*\\]*(?:&lt;|[<~±+-])?\s?\d[\d.,:]*(?:e[+-]?\d+)?(?:\s?[^\s\d(,.]{1,5})?[*\\]*"
+_NUMBER = re.compile(rf"{_ONE}(?:(?:,\s| ± | to | of |\.\.){_ONE})*(?: \([^()]*\))?[*\\]*")
+_NO_NUMBER = ("none", "no plan", "unknown", "above 100", "inf", "nan")  # cells among numbers
+
 # Methods of bounds whose names say little; JSON has the names.
 _METHODS = {
     "step-envelopes": "column-generation, with step envelopes",
@@ -74,20 +80,27 @@ def line_width() -> int:
     return _USUAL if console.width == _WIDE and not console.is_terminal else console.width
 
 
-def markdown_table(rows: Sequence[Mapping[str, str]], right: Collection[str] = ()) -> str:
+def markdown_table(rows: Sequence[Mapping[str, str]]) -> str:
     """Returns rows that all have the keys of the first as a Markdown table, its columns aligned.
+
+    Numbers end where their column ends, all else begins where it begins.
 
     Parameters
     ----------
     rows : text that may have marks of Markdown; `Listing.cell` escapes what must not
-    right : columns whose text ends where the column ends
     """
     from pandas import DataFrame  # slow to import
 
     heads = [Listing.cell(key) for key in rows[0]]
     frame = DataFrame([list(row.values()) for row in rows], columns=heads)
-    sides = ["right" if key in right else "left" for key in rows[0]]
+    sides = ["right" if _are_numbers(row[key] for row in rows) else "left" for key in rows[0]]
     return str(frame.to_markdown(index=False, disable_numparse=True, colalign=sides))
+
+
+def _are_numbers(cells: Iterable[str]) -> bool:
+    """Returns True if there are numbers, with units and notes in brackets, and nothing else."""
+    filled = [cell for cell in cells if cell.strip("- ") and cell not in _NO_NUMBER]
+    return bool(filled) and all(_NUMBER.fullmatch(cell) for cell in filled)
 
 
 class Listing(NamedTuple):
@@ -212,8 +225,7 @@ class Listing(NamedTuple):
             {key: self.cell(cell_text(key, value)) for key, value in row.items()}
             for row in self.rows
         ]
-        right = [key for key, value in self.rows[0].items() if not isinstance(value, str)]
-        return markdown_table(cells, right) + "\n"
+        return markdown_table(cells) + "\n"
 
     @staticmethod
     def cell(text: str) -> str:

@@ -7,8 +7,7 @@ import io
 import math
 import textwrap
 import warnings
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple, Self
+from collections.abc import Sequence
 
 import matplotlib as mpl
 import numpy as np
@@ -22,18 +21,19 @@ from matplotlib.text import Text
 from matplotlib.transforms import ScaledTranslation
 from PIL import Image
 
-from cocap_opt.data import FloatArray
 from cocap_opt.output.printing import counted
 from cocap_opt.pictures.style import (
     BLUE,
     LABEL,
     SMALL,
     TITLE,
+    WIDTH,
     families_for,
     new_figure,
     set_frame,
 )
 from cocap_opt.problem import Plan, Problem, pictures
+from cocap_opt.problem.map_frame import MapFrame
 from cocap_opt.problem.pictures import TopView
 from cocap_opt.referee import Verdict, check
 from cocap_opt.text import printable
@@ -43,8 +43,8 @@ _TITLE = 40  # characters of the name of a scene; longer ones are cut
 VIEW_LENGTH = 0.2  # of the map, length of view cones as they are drawn; cameras see farther
 _SPACES = "\n\u00a0\u2009\u202f"
 _FRAME_MILLISECONDS = 500
-_AROUND, _LEAST_SIDE = 3.0, 12.0  # m, around the action, and of the part that is drawn
-_COLUMNS, _STRIP = 2, 3.2  # panels beside each other in a strip, and the width of each (inches)
+_BELOW = 3  # wide panels of a strip, up to which each has the whole width
+_PANEL = 3.2  # inches, of two beside each other
 _DISC, _BEHIND = 11, 9  # points: the width of a drone, and how far behind a person the number is
 _TO_COME = "#c9d6df"
 PICTURES = (".png", ".pdf", ".svg")
@@ -53,31 +53,6 @@ PICTURES = (".png", ".pdf", ".svg")
 def robot_colour(robot: int) -> tuple[float, float, float, float]:
     """Returns the colour of a robot, the same in every picture; red is kept for people."""
     return to_rgba(pictures.DRONE_COLOURS[robot % len(pictures.DRONE_COLOURS)])
-
-
-class MapFrame(NamedTuple):
-    """The part of a map that is drawn, from its lower to its upper corner (m)."""
-
-    low: FloatArray
-    high: FloatArray
-
-    @classmethod
-    def of(cls, problem: Problem, plans: Iterable[Plan]) -> Self:
-        """Returns the part in which drones fly and people walk, with some room around it."""
-        centre = problem.height_map.centre
-        places = [centre(s.x, s.y) for plan in plans for path in plan.paths for s in path]
-        places += [(float(x), float(y)) for a in problem.actors for x, y in a.poses[:, :2]]
-        origin = np.array(problem.height_map.origin)
-        end = origin + np.array(problem.height_map.shape) * problem.height_map.resolution
-        low, high = np.min(places, axis=0), np.max(places, axis=0)
-        middle, size = (low + high) / 2, np.maximum(high - low + 2 * _AROUND, _LEAST_SIDE)
-        return cls(np.maximum(middle - size / 2, origin), np.minimum(middle + size / 2, end))
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """Width and depth (m)."""
-        width, depth = (self.high - self.low).tolist()
-        return width, depth
 
 
 def draw_plan(ax: Axes, problem: Problem, plan: Plan, t: int, frame: MapFrame) -> Axes:
@@ -126,7 +101,7 @@ def _draw_actors(ax: Axes, problem: Problem, t: int) -> Axes:
         ax.plot(x, y, marker="o", color=colour, ms=5, zorder=4)  # of small outlines
         tip = (x + 0.9 * c, y + 0.9 * s)
         arrow = ax.annotate(
-            "", xy=tip, xytext=(x, y), zorder=6, annotation_clip=False,
+            "", xy=tip, xytext=(x, y), zorder=6, annotation_clip=True,
             arrowprops={"arrowstyle": "-|>", "lw": 0.8, "mutation_scale": 7},
         )  # fmt: skip
         arrow.set_in_layout(False)  # people may be far off the map
@@ -186,10 +161,10 @@ def _draw_reward(ax: Axes, verdict: Verdict, t: int) -> Axes:
 
 def _plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figure:
     """Draws the top view at step t above the reward per step."""
-    frame = MapFrame.of(problem, [plan])
+    frame = TopView.of(problem, plan).frame
     width, depth = frame.size
-    height = min(max(5.0 * depth / width, 2.5), 9.0)
-    figure = new_figure(5.6, height + 1.7)
+    height = min(max((WIDTH - 0.6) * depth / width, 2.5), 9.0)
+    figure = new_figure(WIDTH, height + 1.7)
     top, bottom = figure.subplots(2, 1, height_ratios=[height, 1.1])
     draw_plan(top, problem, plan, t, frame)
     words = f"step {t} of {problem.horizon} ({_told(verdict)})"
@@ -199,13 +174,14 @@ def _plan_figure(problem: Problem, plan: Plan, verdict: Verdict, t: int) -> Figu
 
 
 def _strip_figure(problem: Problem, plan: Plan, verdict: Verdict, steps: Sequence[int]) -> Figure:
-    """Draws top views at several steps, row by row."""
-    frame = MapFrame.of(problem, [plan])
+    """Draws top views at several steps, below each other if they are wide and few."""
+    frame = TopView.of(problem, plan).frame
     width, depth = frame.size
-    rows = math.ceil(len(steps) / _COLUMNS)
-    columns = math.ceil(len(steps) / rows)
-    height = min(max(_STRIP * depth / width, 1.5), 6.0) + 0.5
-    figure = new_figure(_STRIP * columns + 0.6, height * rows + 0.4)
+    columns = 1 if len(steps) <= _BELOW and width > depth else 2
+    rows = math.ceil(len(steps) / columns)
+    panel = WIDTH - 0.6 if columns == 1 else _PANEL
+    height = min(max(panel * depth / width, 1.5), 6.0) + 0.4
+    figure = new_figure(panel * columns + 0.6, height * rows + 0.7)
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     for ax, t in zip(panels, steps, strict=False):
         draw_plan(ax, problem, plan, t, frame)

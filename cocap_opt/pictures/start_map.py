@@ -20,13 +20,13 @@ from cocap_opt.pictures.style import LABEL, SMALL, TITLE
 from cocap_opt.problem import Motion, StartArea, State
 from cocap_opt.problem.pictures import (
     STARTABLE,
-    StartGround,
     TopView,
     distinct_colours,
     people_by_take,
 )
 from cocap_opt.problem.refusals import startable
 from cocap_opt.problem.scene import SceneData
+from cocap_opt.problem.start_ground import StartGround
 from cocap_opt.scenarios import Site
 
 FREE, ABOVE, PEOPLE, CLOSED, BLOCKED = range(5)
@@ -40,9 +40,9 @@ _WORDS = {
     BLOCKED: "blocked",
 }
 _MOST_PANELS = 4
-_WIDTH, _MOST_DEPTH, _LINE = 10.8, 8.0, 0.19  # inches: the picture, a panel, a line of text
-_LEGEND_LINE, _LONG = 0.2, 46  # inches of a line, letters beside three others
-_LETTERS = 165  # of a line of text below the picture
+_WIDTH, _MOST_DEPTH, _LINE = 10.8, 8.0, 0.21  # inches: the picture, a panel, a line of text
+_LEGEND_LINE, _LONG = 0.22, 40  # inches of a line, letters beside three others
+_LETTERS = 145  # of a line of text below the picture
 
 
 class Level(NamedTuple):

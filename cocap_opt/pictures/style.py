@@ -14,7 +14,9 @@ BLUE, RED, AMBER, TEAL, PURPLE, GREY, BROWN, GREEN = SERIES = (
     "#30638e", "#d1495b", "#edae49", "#00798c", "#7b5ea7", "#5a5a5a", "#8c5a2b", "#2e8b57",
 )  # fmt: skip
 FADED = "#8d99ae"  # of what is there to be compared with
-TITLE, LABEL, SMALL = 10, 9, 8  # pt, sizes of letters
+MARKS = "osD^vPXp*"  # of series, beside their colours
+WIDTH = 5.2  # inches, of figures that are readable in a page's column and on a phone
+TITLE, LABEL, SMALL = 11, 10, 9  # pt, sizes of letters
 _DPI = 130
 _DEFAULT = "DejaVu Sans"  # comes with matplotlib
 _BOXES = "Last Resort"  # a font that has a box for every letter
@@ -25,6 +27,14 @@ _log = logging.getLogger(__name__)
 def new_figure(width: float, height: float) -> Figure:
     """Returns an empty figure of a size in inches."""
     return Figure(figsize=(width, height), layout="constrained", dpi=_DPI)
+
+
+def new_canvas(width: float, height: float) -> tuple[Figure, Axes]:
+    """Returns a figure of a size in inches, and axes over all of it that count inches."""
+    figure = Figure(figsize=(width, height), dpi=_DPI)
+    ax = figure.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(0, height))
+    ax.axis("off")
+    return figure, ax
 
 
 def set_frame(ax: Axes, grid: Literal["both", "x", "y"] | None = "both") -> Axes:
@@ -56,8 +66,9 @@ def set_plain_log(ax: Axes, axis: Literal["x", "y"]) -> None:
 def draw_level(ax: Axes, height: float, words: str, align: str = "left") -> None:
     """Draws a level as a dotted line, with words above it."""
     ax.axhline(height, color=GREY, lw=0.8, ls=":")
-    ax.annotate(words, (0.01 if align == "left" else 0.99, height), fontsize=SMALL, color=GREY,
-                xycoords=("axes fraction", "data"), va="bottom", ha=align, zorder=5,
+    ax.annotate(words, (0.01 if align == "left" else 0.99, height), (0, 4), fontsize=SMALL,
+                color=GREY, xycoords=("axes fraction", "data"), textcoords="offset points",
+                va="bottom", ha=align, zorder=5,
                 bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8},
                 )  # fmt: skip
 

@@ -22,7 +22,8 @@ from cocap_opt.problem import (
     State,
 )
 from cocap_opt.problem.land_cover import LANDS, in_cells
-from cocap_opt.problem.pictures import LAND_COLOURS, STARTABLE, StartGround, take_colour
+from cocap_opt.problem.pictures import LAND_COLOURS, STARTABLE, take_colour
+from cocap_opt.problem.start_ground import StartGround
 from cocap_opt.problem.takes import told_take
 from cocap_opt.world.workspace import Mesh, Workspace
 

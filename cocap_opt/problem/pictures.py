@@ -5,15 +5,17 @@ from __future__ import annotations
 import base64
 import io
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, overload
 
 import numpy as np
 
-from cocap_opt.data import BoolArray, FloatArray, IntArray
+from cocap_opt.data import FloatArray, IntArray
 from cocap_opt.problem.land_cover import Land, LandCover
+from cocap_opt.problem.map_frame import MapFrame
 from cocap_opt.problem.motion import State
 from cocap_opt.problem.scene import SceneData
+from cocap_opt.problem.start_ground import StartGround
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
             """The figure."""
 
 
-GROUND, COVERED, WALL, LOW, CLOSED = "#f4f1ea", "#cfc8b8", "#6b6f76", "#bfa283", "#d0021b40"
+GROUND, COVERED, WALL, LOW, CLOSED = "#f4f1ea", "#d9cfb8", "#a0a6ae", "#c3cda6", "#d0021b40"
 PERSON = "#d1495b"
 # What the land is, as maps show it; drones, people and obstacles stand out from all of it.
 LAND_COLOURS: Mapping[Land, str] = {
@@ -42,8 +44,11 @@ LAND_COLOURS: Mapping[Land, str] = {
     "paved": "#dfd8cb", "yard": "#eee6c8", "building": "#d9c3b0", "other": "#d8d3c8",
 }  # fmt: skip
 NAME = "#4f5a66"  # of the land, as it is written there
-# Colours of drones, of matplotlib's ten; red is kept for people.
-DRONE_COLOURS = tuple(f"C{k}" for k in (0, 2, 1, 4, 9, 5, 8, 6, 7))
+# Colours of drones, whatever style of matplotlib is in use; red is kept for people.
+DRONE_COLOURS = (
+    "#1f77b4", "#2ca02c", "#ff7f0e", "#9467bd", "#17becf", "#8c564b", "#bcbd22", "#e377c2",
+    "#7f7f7f",
+)  # fmt: skip
 # People of one take each; the first is that of people where there are no takes.
 TAKE_COLOURS = PERSON, "#7b3fa0", "#b35900", "#c2378f", "#5b4bbd", "#8f6a00"
 # The ground above which drones may start.
@@ -52,10 +57,11 @@ TICK = 0.9  # cells, length of the line that shows a heading
 
 
 _MOST_TAKES = len(TAKE_COLOURS)  # in a legend
-_MOST_NAMED, _MOST_AREAS = 4, 6  # numbers of drones in a line of a legend; start areas there
+_MOST_AREAS = 6  # of starts, in a legend
 _MOST_MARKS = 4  # of drones of different colours beside each other in a legend
-_DASH, _SMALL = 3.0, 6.5  # points: of lines, of letters
-_WIDTH, _LINE, _LONG = 5.6, 0.17, 46  # inches, of a picture and a line of its legend; letters
+_DASH, _SMALL, _DISC = 3.0, 9.0, 11.0  # points: of lines, of letters, of drones and people
+_WIDTH, _LINE, _LONG = 5.2, 0.2, 26  # inches, of a picture and a line of its legend; letters
+_DPI, _FINE = 100, 2  # of a picture, and how many times finer it is for sharp screens
 
 
 def take_colour(take: int) -> str:
@@ -85,41 +91,6 @@ def distinct_colours(drones: Iterable[int]) -> list[str]:
     return list(dict.fromkeys(map(drone_colour, drones)))[:_MOST_MARKS]
 
 
-class StartGround(NamedTuple):
-    """The ground above which drones may start, wherever it is best.
-
-    Attributes
-    ----------
-    drones : the numbers of those to whom it is open, increasing
-    cells : [X, Y] of the map, True where they may start at one of their heights
-    """
-
-    drones: tuple[int, ...]
-    cells: BoolArray
-
-    @classmethod
-    def all_of(cls, scene: SceneData) -> list[StartGround]:
-        """Returns the areas of all drones that may start in one of several states."""
-        found: dict[bytes, StartGround] = {}
-        for number in sorted(scene.open_starts):
-            cells = np.zeros(scene.height_map.shape, dtype=np.bool_)
-            cells[tuple(scene.starts[number].cells[:, :2].T)] = True
-            before = found.get(cells.tobytes())
-            drones = (number,) if before is None else (*before.drones, number)
-            found[cells.tobytes()] = cls(drones, cells)
-        return list(found.values())
-
-    @property
-    def words(self) -> str:
-        """The words for what may be done there, and by whom."""
-        *most, last = map(str, self.drones)
-        if not most:
-            return f"drone {last} may start here"
-        if len(most) < _MOST_NAMED:
-            return f"drones {', '.join(most)} and {last} may start here"
-        return f"drones {', '.join(most[: _MOST_NAMED - 1])} .. {last} may start here"
-
-
 class HasPaths(Protocol):
     """A plan as pictures need it; `Plan` is one."""
 
@@ -142,6 +113,7 @@ class TopView(NamedTuple):
     # Per number of a drone [T+1, 3] x, y (m) and yaw (rad); or its start [1, 3], if it has one.
     flights: Mapping[int, FloatArray]
     areas: Sequence[StartGround]  # where the other drones may start
+    frame: MapFrame  # the part that is drawn
     land: Sequence[LandCover] = ()  # shown where nothing stands
 
     @classmethod
@@ -170,8 +142,9 @@ class TopView(NamedTuple):
             paths = dict(enumerate(plan.paths))
         flights = {i: _flight(scene, i, path) for i, path in paths.items()}
         areas = StartGround.all_of(scene) if plan is None else []
-        found = cls.of_map(scene, kinds, lowest)
-        return found._replace(flights=flights, areas=areas, land=scene.land_cover)
+        view = cls.of_map(scene, kinds, lowest)
+        view = view._replace(flights=flights, areas=areas, land=scene.land_cover)
+        return view._replace(frame=MapFrame.around(scene.height_map, view._places()))
 
     @classmethod
     def of_map(cls, scene: SceneData, kinds: IntArray, height: float) -> TopView:
@@ -186,6 +159,7 @@ class TopView(NamedTuple):
             takes=[take.name for take in scene.takes],
             flights={},
             areas=[],
+            frame=MapFrame.around(scene.height_map, ()),
         )
 
     @overload
@@ -198,17 +172,18 @@ class TopView(NamedTuple):
         """Draw the map, the walks of people from a cross to a disc, and the drones' flights.
 
         A ring marks where each drone starts; the line at each of its places shows its heading. In
-        a figure of its own the legend is below the map; in given axes it is on it.
+        a figure of its own the legend is below the map. Axes that stand beside others share one
+        below all of them, and the names of their axes; a single one has it on the map.
         """
         handles, figure = self._handles(), None
         if ax is None:
             from matplotlib.figure import Figure
 
-            width, depth = self.kinds.shape
-            size = min(max(5.0 * depth / width, 1.2), 9.0)  # inches, of the map
-            below = 0.5 + _LINE * math.ceil(len(handles) / _columns(handles)) + 0.1
+            width, depth = self.frame.size
+            size = min(max(0.84 * _WIDTH * depth / width, 1.2), 9.0)  # inches, of the map
+            below = 0.6 + _LINE * math.ceil(len(handles) / _columns(handles)) + 0.1
             whole = size + below + 0.3
-            figure = Figure(figsize=(_WIDTH, whole), dpi=100)
+            figure = Figure(figsize=(_WIDTH, whole), dpi=_DPI)
             ax = figure.add_axes((0.12, below / whole, 0.84, size / whole))
         self.draw_map(ax)
         self.draw_walks(ax)
@@ -216,8 +191,20 @@ class TopView(NamedTuple):
             self.draw_area(ax, area, is_filled=True)
         for number, flight in self.flights.items():
             _draw_flight(ax, flight, drone_colour(number), number, self.cell)
+        (left, low), (right, high) = self.frame.low, self.frame.high
+        ax.set_xlim(left, right)
+        ax.set_ylim(low, high)
         _draw_legend(ax, handles, figure)
         return ax
+
+    def _places(self) -> Iterator[tuple[float, float]]:
+        """Yields the places where something happens (m)."""
+        for way in (*self.walks, *(flight[:, :2] for flight in self.flights.values())):
+            yield from map(tuple, way.tolist())
+        for area in self.areas:
+            cells = np.argwhere(area.cells)
+            corners = [*cells, *(cells + 1)]
+            yield from map(tuple, (self.corner + self.cell * np.array(corners)).tolist())
 
     def draw_area(self, ax: Axes, area: StartGround, is_filled: bool = False) -> None:
         """Draw the outline of an area, with a dash in the colour of each drone, and its ground."""
@@ -248,7 +235,7 @@ class TopView(NamedTuple):
         for number, walk in enumerate(self.walks):
             colour = take_colour(self.take_of[number])
             ax.plot(*walk.T, color=colour, lw=1, ls=":", zorder=3)
-            ax.plot(*walk[0], marker="x", color=colour, ms=4, zorder=3)
+            ax.plot(*walk[0], marker="x", color=colour, ms=6, zorder=3)
             _draw_numbered_disc(ax, walk[-1], colour, number)
 
     def draw_map(
@@ -272,6 +259,7 @@ class TopView(NamedTuple):
             interpolation="nearest", cmap=ListedColormap(list(colours)), zorder=0,
         )  # fmt: skip
         ax.set_aspect("equal")
+        ax.grid(visible=False)
         ax.set_xlim(*extent[:2])  # what is drawn later must not move the frame
         ax.set_ylim(*extent[2:])
         for axis, name, corner in ((ax.xaxis, "x", x), (ax.yaxis, "y", y)):
@@ -306,7 +294,7 @@ class TopView(NamedTuple):
         from matplotlib.patches import Patch
 
         def disc(colour: str, edge: str = "black") -> Line2D:
-            return Line2D([], [], marker="o", ls="none", ms=5.5, color=colour, mec=edge)
+            return Line2D([], [], marker="o", ls="none", ms=7, color=colour, mec=edge)
 
         found: dict[str, _Marks] = {}
         if self.flights:
@@ -335,13 +323,38 @@ class TopView(NamedTuple):
                 found[label] = (Patch(color=colour),)
         return found
 
+    @property
+    def words(self) -> str:
+        """The alt text of the picture."""
+        flown = any(len(flight) > 1 for flight in self.flights.values())
+        count, people = len(self.flights), len(self.walks)
+        drones = f"the {'flight of 1 drone' if count == 1 else f'flights of {count} drones'}"
+        walks = "the walk of 1 person" if people == 1 else f"the walks of {people} people"
+        return f"Map from above with {drones if flown else 'starts of drones'} and {walks}"
+
     def image(self) -> str:
         """Draw an HTML image that needs no file."""
         content = io.BytesIO()
         figure = self.draw().get_figure(root=True)
         assert figure is not None
-        figure.savefig(content, format="png")
-        return f'<img src="data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}">'
+        figure.savefig(content, format="png", dpi=_FINE * _DPI)
+        source = base64.b64encode(with_palette(content.getvalue())).decode()
+        width = round(_WIDTH * _DPI)
+        style = "max-width: 100%; height: auto"
+        return (
+            f'<img alt="{self.words}" width="{width}" style="{style}" '
+            f'src="data:image/png;base64,{source}">'
+        )
+
+
+def with_palette(png: bytes) -> bytes:
+    """Returns a PNG file with a palette in place of all colours, which is a third of the size."""
+    from PIL import Image
+
+    content = io.BytesIO()
+    drawn = Image.open(io.BytesIO(png)).convert("RGB")
+    drawn.quantize(256, dither=Image.Dither.NONE).save(content, format="PNG", optimize=True)
+    return content.getvalue()
 
 
 def _flight(scene: SceneData, number: int, path: Sequence[State]) -> FloatArray:
@@ -356,19 +369,25 @@ def _columns(labels: Iterable[str]) -> int:
 
 
 def _draw_legend(ax: Axes, handles: Mapping[str, _Marks], below: Figure | None) -> None:
-    """Draw a legend below a figure; on the axes, if none is given."""
+    """Draw a legend below a figure of its own; below all axes, once; else on the axes."""
     from matplotlib.legend_handler import HandlerTuple
 
-    how: dict[str, Any] = {"loc": "best", "framealpha": 0.85}
+    how: dict[str, Any] = {
+        "handles": list(handles.values()), "labels": list(handles), "fontsize": _SMALL,
+        "handlelength": 4.0, "handler_map": {tuple: HandlerTuple(ndivide=None, pad=0.3)},
+    }  # fmt: skip
+    grid, beside = ax.get_subplotspec(), ax.figure
     if below is not None:
-        how = {
-            "loc": "lower left", "bbox_to_anchor": (0.02, 0.01), "borderaxespad": 0.0,
-            "bbox_transform": below.transFigure, "frameon": False, "ncols": _columns(handles),
-        }  # fmt: skip
-    ax.legend(
-        handles=list(handles.values()), labels=list(handles), fontsize=_SMALL, handlelength=4.0,
-        handler_map={tuple: HandlerTuple(ndivide=None, pad=0.3)}, **how,
-    )  # fmt: skip
+        ax.legend(
+            loc="lower left", bbox_to_anchor=(0.02, 0.01), borderaxespad=0.0,
+            bbox_transform=below.transFigure, frameon=False, ncols=_columns(handles), **how,
+        )  # fmt: skip
+    elif grid is not None and max(grid.get_gridspec().get_geometry()) > 1:
+        ax.label_outer()
+        if not beside.legends:
+            beside.legend(loc="outside lower center", frameon=False, ncols=_columns(handles), **how)
+    else:
+        ax.legend(loc="best", framealpha=0.85, **how)
 
 
 def _draw_flight(ax: Axes, flight: FloatArray, colour: str, number: int, cell: float) -> None:
@@ -376,7 +395,7 @@ def _draw_flight(ax: Axes, flight: FloatArray, colour: str, number: int, cell: f
     ticks = np.stack([np.cos(flight[:, 2]), np.sin(flight[:, 2])], axis=1) * TICK * cell
     for (x, y, _), (dx, dy) in zip(flight.tolist(), ticks.tolist(), strict=True):
         ax.plot([x, x + dx], [y, y + dy], color=colour, lw=0.8, alpha=0.8, zorder=4)
-    ax.plot(*flight[0, :2], marker="o", mfc="white", mec=colour, ms=9, zorder=6)
+    ax.plot(*flight[0, :2], marker="o", mfc="white", mec=colour, ms=_DISC + 1, zorder=6)
     if len(flight) == 1:
         _write_number(ax, flight[0, :2], number, "black")
     else:
@@ -384,13 +403,14 @@ def _draw_flight(ax: Axes, flight: FloatArray, colour: str, number: int, cell: f
 
 
 def _draw_numbered_disc(ax: Axes, at: FloatArray, colour: str, number: int) -> None:
-    ax.plot(*at, marker="o", color=colour, mec="black", mew=0.6, ms=8, zorder=8)
+    ax.plot(*at, marker="o", color=colour, mec="black", mew=0.6, ms=_DISC, zorder=8)
     _write_number(ax, at, number, "white")
 
 
 def _write_number(ax: Axes, at: FloatArray, number: int, colour: str) -> None:
     x, y = at.tolist()
     ax.text(
-        x, y, str(number), color=colour, fontsize=6, ha="center", va="center", zorder=9,
+        x, y, str(number), color=colour, fontsize=_SMALL - 1, ha="center",
+        va="center_baseline", zorder=9,
         clip_on=True,
     )  # fmt: skip

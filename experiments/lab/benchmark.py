@@ -5,39 +5,41 @@ without help of column generation, so that their bounds are their own word.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import cycle
+from itertools import chain, cycle, repeat
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
 from cocap_opt.experiments.lab.results import STORED, read_csv
 from cocap_opt.files.documents import FileError
 from cocap_opt.formulations.result import OPTIMALITY
 from cocap_opt.pictures.style import (
+    LABEL,
+    MARKS,
     SERIES,
-    TITLE,
+    WIDTH,
     add_legend,
     draw_level,
     new_figure,
     set_frame,
+    set_plain_log,
 )
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_MARKS = "osD^vP*X"
-_SIZE = (10.5, 4.6)  # inches
+_SIZE = (WIDTH, 6.6)  # inches
+_POINTS = (13, 11.5, 10, 9, 8, 8, 6)  # sizes of marks, so that those at one place are seen
 _LEAST_GAP = 100 * OPTIMALITY  # %, of a bound that is called the optimum
 _MOST_GAP = 1000.0  # %, where bounds are drawn that are larger, or missing
 _LEAST_SECONDS = 1e-3  # where the axis of seconds begins
-_SPREAD = 0.5  # of a step, over which methods lie beside each other
 
 
 class RunStatus(StrEnum):
@@ -100,35 +102,38 @@ class Benchmark:
         return pd.DataFrame([run._asdict() | {above: self._above(run)} for run in self.runs])
 
     def plot(self, figure: Figure | None = None) -> Figure:
-        """Draws time and bound against steps; a hollow mark is a run that proved nothing.
+        """Draws time and bound against steps, medians over seeds.
 
-        Lines go through medians over seeds. A run that a limit stopped needs more time than where
-        its mark is. Crosses are runs that failed, and problems that a method refuses.
+        A mark is hollow where a limit stopped at least one run, which needs more time than that. A
+        line ends where the method refused the next problem, or failed.
 
         Parameters
         ----------
         figure : an empty one, such as one of pyplot's, to be drawn in
         """
         figure = figure or new_figure(*_SIZE)
-        time, bound = figure.subplots(1, 2)
-        methods = list(dict.fromkeys(run.method for run in self.runs))
-        width = _SPREAD / max(len(methods) - 1, 1)
-        styles = zip(cycle(SERIES), cycle(_MARKS), strict=False)
-        for k, (method, style) in enumerate(zip(methods, styles, strict=False)):
-            runs, aside = [r for r in self.runs if r.method == method], k * width - _SPREAD / 2
-            _Series(runs, method, style, aside).draw(time, lambda run: run.processor)
-            _Series(runs, method, style, aside).draw(bound, self._shown)
-        time.set_title("time until the optimum is proved (hollow: stopped before)", fontsize=TITLE)
+        time, bound = figure.subplots(2, 1, sharex=True)
+        methods = dict.fromkeys(run.method for run in self.runs)
+        looks = zip(cycle(SERIES), cycle(MARKS), chain(_POINTS, repeat(_POINTS[-1])), strict=False)
+        for method, (colour, mark, size) in zip(methods, looks, strict=False):
+            of_method = [run for run in self.runs if run.method == method]
+            look = {"color": colour, "marker": mark, "ms": size, "lw": 1.4, "mew": 1.4}
+            _draw_medians(time, of_method, lambda run: run.processor, look)
+            _draw_medians(bound, of_method, self._shown, look)
+        time.set_title("time to prove the optimum (hollow: stopped before)", fontsize=LABEL)
         time.set_ylabel("seconds of one processor")
-        bound.set_title("bound above the optimum (hollow: not proved)", fontsize=TITLE)
-        bound.set_ylabel(f"% (at most {_LEAST_GAP:g}: proved)")
+        bound.set_title("bound above the optimum (hollow: not proved)", fontsize=LABEL)
+        bound.set_ylabel(f"% ({_LEAST_GAP:g}: proved)")
+        bound.set_xlabel("steps")
         for ax in (time, bound):
-            _set_axes(ax)
+            set_plain_log(ax, "y")
+            set_frame(ax)
         most = max((run.processor for run in self.runs if run.processor > 0), default=1.0)
         time.set_ylim(_LEAST_SECONDS, 3 * most)
-        bound.set_ylim(_LEAST_GAP / 3, 3 * _MOST_GAP)
-        draw_level(bound, _MOST_GAP, "none, or more")
-        add_legend(figure, time)
+        bound.set_ylim(_LEAST_GAP / 3, 6 * _MOST_GAP)
+        bound.xaxis.set_major_locator(MaxNLocator(integer=True))
+        draw_level(bound, _MOST_GAP, "no bound, or more", "right")
+        add_legend(figure, time, columns=3)
         return figure
 
     def _above(self, run: MethodRun) -> float:
@@ -146,45 +151,21 @@ class Benchmark:
         return min(max(self._above(run), _LEAST_GAP), _MOST_GAP)
 
 
-class _Series(NamedTuple):
-    """The runs of a method, with the style in which they are drawn."""
-
-    runs: Sequence[MethodRun]
-    method: str
-    style: tuple[str, str]  # colour and mark
-    aside: float  # steps, by which its marks are moved to the side
-
-    def draw(self, ax: Axes, height: Callable[[MethodRun], float]) -> Axes:
-        """Draws marks of all runs, and a line through medians over the seeds."""
-        colour, mark = self.style
-        for outcome, filling in ((RunStatus.PROVED, colour), (RunStatus.STOPPED, "none")):
-            runs = [run for run in self.runs if run.outcome is outcome]
-            at = [run.steps + self.aside for run in runs]
-            ax.scatter(at, [height(run) for run in runs], s=18, lw=0.8, alpha=0.7, marker=mark,
-                       facecolors=filling, edgecolors=colour)  # fmt: skip
-        lost = [run for run in self.runs if run.outcome in (RunStatus.REFUSED, RunStatus.FAILED)]
-        ax.plot([run.steps + self.aside for run in lost], [0.98] * len(lost), "x", ms=5,
-                color=colour, transform=ax.get_xaxis_transform())  # fmt: skip
-        line = list(self._medians(height))
-        ax.plot([x for x, _ in line], [y for _, y in line], color=colour, lw=1.0, alpha=0.7)
-        ax.plot([], [], color=colour, marker=mark, ms=5, lw=1.0, label=self.method)
-        return ax
-
-    def _medians(self, height: Callable[[MethodRun], float]) -> Iterator[tuple[float, float]]:
-        """Yields the medians of steps at which the method has an answer for each seed."""
-        for steps in sorted({run.steps for run in self.runs}):
-            runs = [run for run in self.runs if run.steps == steps]
-            if all(run.outcome in (RunStatus.PROVED, RunStatus.STOPPED) for run in runs):
-                yield steps + self.aside, median(height(run) for run in runs)
-
-
-def _set_axes(ax: Axes) -> None:
-    ax.set_yscale("log")
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.yaxis.set_minor_formatter(NullFormatter())
-    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    ax.set_xlabel("steps")
-    set_frame(ax)
+def _draw_medians(
+    ax: Axes, runs: Sequence[MethodRun], height: Callable[[MethodRun], float], look: dict[str, Any]
+) -> None:
+    """Draws the medians of a method's runs, where it has an answer for each seed."""
+    ends = (RunStatus.PROVED, RunStatus.STOPPED)
+    by_steps = {steps: [run for run in runs if run.steps == steps]
+                for steps in sorted({run.steps for run in runs})}  # fmt: skip
+    answered = {steps: at_steps for steps, at_steps in by_steps.items()
+                if all(run.outcome in ends for run in at_steps)}  # fmt: skip
+    line = [(steps, median(map(height, at_steps))) for steps, at_steps in answered.items()]
+    ax.plot([x for x, _ in line], [y for _, y in line], **{**look, "marker": ""})
+    for (x, y), at_steps in zip(line, answered.values(), strict=True):
+        proved = all(run.outcome is RunStatus.PROVED for run in at_steps)
+        ax.plot(x, y, **{**look, "ls": "", "mfc": look["color"] if proved else "white"})
+    ax.plot([], [], label=runs[0].method, **look)
 
 
 def _run(row: dict[str, str]) -> MethodRun:

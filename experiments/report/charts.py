@@ -27,6 +27,7 @@ from cocap_opt.pictures.style import (
     RED,
     SMALL,
     TITLE,
+    WIDTH,
     add_legend,
     new_figure,
     set_frame,
@@ -54,7 +55,7 @@ def gaps_figure(rows: Sequence[GapRow]) -> Figure:
     """
     scenes = GapRow.grouped(rows, "scene")
     heights = [1.1 + 0.42 * len(GapRow.grouped(runs, "planner")) for runs in scenes.values()]
-    figure = new_figure(7.2, sum(heights))
+    figure = new_figure(WIDTH, sum(heights))
     panels = figure.subplots(len(scenes), 1, height_ratios=heights, squeeze=False)[:, 0]
     for ax, ((scene,), runs) in zip(panels, scenes.items(), strict=True):
         _draw_gaps(ax, runs)
@@ -120,7 +121,7 @@ def _gap_axis(ax: Axes, most: float) -> None:
     ax.xaxis.set_major_locator(FixedLocator(ticks))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_locator(FixedLocator([]))
-    ax.set_xlabel("gap to the best certified bound (%, logarithmic above 1)")
+    ax.set_xlabel("gap to the best certified bound\n(%, logarithmic above 1)")
 
 
 # -- progress -----------------------------------------------------------------------------

@@ -110,6 +110,20 @@ def test_figures_are_shown_as_figures(notebook: Notebook) -> None:
             assert "image/png" in data or not named
 
 
+@each
+def test_figures_say_what_they_show(notebook: Notebook) -> None:
+    """Each has an alternative text, where Jupyter and the site look for it."""
+    for cell in code(notebook.content()):
+        kinds = {kind for output in cell.outputs for kind in output.get("data", {})}
+        if "image/png" in kinds:
+            words = cell.metadata.get("alt", "")
+            assert len(words) > 40, cell.source
+            assert cell.metadata["mystnb"] == {"image": {"alt": words}}
+        for output in cell.outputs:
+            page = output.get("data", {}).get("text/html", "")
+            assert page.startswith("<iframe") or page.count("<img ") == page.count("<img alt=")
+
+
 @pytest.mark.slow
 def test_a_notebook_whose_cell_fails_is_left_as_it_is(tmp_path: Path) -> None:
     """Its file is not written, and the error names the cell's exception."""

@@ -24,6 +24,7 @@ from cocap_opt.experiments.lab.manual.worked_words import WORKED
 from cocap_opt.experiments.lab.manual.written import DRAWN, PICTURES, SCHEMAS
 from cocap_opt.experiments.lab.studies.drawings import DRAWINGS
 from cocap_opt.files.documents import FileError
+from cocap_opt.pictures.style import WIDTH
 
 GITHUB = MarkdownIt("commonmark").enable(["table", "strikethrough"]).use(dollarmath_plugin)
 READ = [
@@ -187,6 +188,15 @@ def test_pictures_are_committed() -> None:
     assert {name: size for name, size in there.items() if size > _LARGEST} == {}
     shown = {address.rpartition("/")[2] for page in MARKDOWN for address in links(page)}
     assert set(there) <= shown
+
+
+def test_pictures_fit_a_column_and_a_phone() -> None:
+    """None is wider than the width at which the letters of all are readable on both."""
+    for name in DRAWN:
+        if name.endswith(".svg"):
+            head = (PICTURES / name).read_text(encoding="utf-8")[:2000]
+            width = re.search(r'<svg [^>]*width="([\d.]+)pt"', head)
+            assert width is not None and float(width[1]) <= 72 * WIDTH, name
 
 
 def test_each_picture_says_what_it_shows() -> None:

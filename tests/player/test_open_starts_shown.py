@@ -15,7 +15,8 @@ import cocap_opt as co
 from cocap_opt.cli.commands import run
 from cocap_opt.plausibility import warnings
 from cocap_opt.problem import Actor, Plan, Problem, StartArea
-from cocap_opt.problem.pictures import StartGround, TopView, drone_colour
+from cocap_opt.problem.pictures import TopView, drone_colour
+from cocap_opt.problem.start_ground import StartGround
 from cocap_opt.referee import check
 from cocap_opt.world.workspace import HeightMap
 

@@ -34,8 +34,9 @@ export class Labels {
     const { context, view } = this;
     context.font = `italic 600 11px ${FONT}`;
     for (const { name, at } of view.data.terrain.land?.names ?? []) {
-      const [x, y, hidden] = view.at(at), wide = context.measureText(name).width;
-      if (!hidden && this.isInside(x, y) && isClear({ x, y, wide, high: 13 }, this.tags)) this.haloed(name, x, y);
+      const [x, y] = view.at(at), wide = context.measureText(name).width;
+      const isWhole = x >= wide / 2 && x + wide / 2 <= view.canvas.clientWidth && this.isInside(x, y);
+      if (isWhole && !view.isHidden(at) && isClear({ x, y, wide, high: 13 }, this.tags)) this.haloed(name, x, y);
     }
   }
 

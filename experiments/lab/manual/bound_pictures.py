@@ -15,16 +15,20 @@ from cocap_opt.pictures.style import (
     RED,
     TEAL,
     TITLE,
+    WIDTH,
     add_legend,
+    draw_level,
     new_figure,
     set_frame,
 )
+
+_LEAST = 0.01  # % of the optimum, where the axis of reports begins
 
 
 def draw_curves() -> Figure:
     """Draws what relaxations think that two drones with a share in one view see."""
     found = one_face.curves()
-    figure = new_figure(5.6, 3.8)
+    figure = new_figure(WIDTH, 3.8)
     ax = set_frame(figure.add_subplot())
     ax.plot(found.share, found.concave, color=RED, lw=1.8, label="root of the mean (concave)")
     ax.plot(found.share, found.single_view, color=AMBER, lw=1.8, label="single-view cut")
@@ -39,20 +43,34 @@ def draw_curves() -> Figure:
 
 
 def draw_rounds() -> Figure:
-    """Draws how far bound and plan are from the optimum, pricing round by pricing round."""
+    """Draws how far bound and plan are from the optimum, pricing round by pricing round.
+
+    A hollow mark is at the optimum. Plans of less than half of it are left out: the search begins
+    with any.
+    """
     example = worked.bottleneck()
     best = example.staged.target
-    figure = new_figure(5.6, 3.3)
+    figure = new_figure(WIDTH, 3.5)
     ax = set_frame(figure.add_subplot())
-    above = [100 * (told.bound - best) / best for told in example.progress]
-    below = [100 * (best - told.value) / best for told in example.progress]
-    rounds = range(1, len(above) + 1)
-    ax.plot(rounds, above, "-o", ms=4, color=BLUE, label="bound, above the optimum")
-    known = [(k, gap) for k, gap in zip(rounds, below, strict=True) if gap > 1e-9]
-    if known:
-        ax.plot(*zip(*known, strict=True), "-s", ms=4, color=AMBER, label="best plan, below it")
+    draw_level(ax, 1.15 * _LEAST, "the optimum")
+    rounds = range(1, len(example.progress) + 1)
+    for name, words, sign, mark, colour, size in (
+        ("bound", "bound, above the optimum", 1, "o", BLUE, 5),
+        ("value", "best plan, below it", -1, "s", AMBER, 8),
+    ):
+        known = [
+            (k, max(sign * 100 * (getattr(told, name) - best) / best, _LEAST))
+            for k, told in zip(rounds, example.progress, strict=True)
+            if name == "bound" or told.value > best / 2
+        ]
+        ax.plot(*zip(*known, strict=True), "-", color=colour, marker=mark, ms=size, label=words,
+                mfc="white" if known[0][1] == _LEAST else colour, mew=1.4, zorder=3 - sign / 2,
+                clip_on=False)  # fmt: skip
+        reached = [(k, gap) for k, gap in known if gap == _LEAST]
+        ax.plot(*zip(*reached, strict=True), mark, mfc="white", mec=colour, ms=size, mew=1.4,
+                zorder=3.2 - sign / 2, clip_on=False)  # fmt: skip
     ax.set(yscale="log", xlabel="report of the search", ylabel="% of the optimum",
-           ylim=(0.01, 150))  # fmt: skip
+           ylim=(_LEAST, 100), xlim=(0.5, len(rounds) + 0.5))  # fmt: skip
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.yaxis.set_major_formatter("{x:g}")
     add_legend(figure, ax)
@@ -61,14 +79,13 @@ def draw_rounds() -> Figure:
 
 def draw_states_left() -> Figure:
     """Draws how many states a better plan may visit, step by step, stage by stage."""
-    figure = new_figure(5.6, 3.3)
-    ax = set_frame(figure.add_subplot(), "y")
-    shown = worked.stages()
-    for k, (stage, colour) in enumerate(zip(shown, (FADED, AMBER, TEAL), strict=False)):
+    figure = new_figure(WIDTH, 3.5)
+    ax = set_frame(figure.add_subplot())
+    for stage, colour, mark in zip(worked.stages(), (FADED, AMBER, TEAL), "sDo", strict=False):
         steps = np.arange(1, len(stage.left))
-        ax.bar(steps + (k - 1) * 0.28, stage.left[1:], width=0.28, color=colour, label=stage.words)
-    ax.set(yscale="log", xlabel="step", ylabel="states", xticks=steps)
-    ax.yaxis.set_major_formatter("{x:g}")
+        ax.plot(steps, stage.left[1:], mark, ms=8, color=colour, label=stage.words)
+    ax.set(yscale="log", xlabel="step", ylabel="states", xticks=steps, ylim=(1, None))
+    ax.yaxis.set_major_formatter("{x:,.0f}")
     add_legend(figure, ax)
     return figure
 
@@ -79,7 +96,7 @@ def draw_tangent() -> Figure:
     alpha, beta = multipliers.alpha[t][0], multipliers.beta[t][0]
     constant = worked.doorway_parts().faces.reshape(t + 1, -1)[t, 0]
     pixels = np.linspace(0, 620, 300)
-    figure = new_figure(5.2, 3.4)
+    figure = new_figure(WIDTH, 3.5)
     ax = set_frame(figure.add_subplot())
     ax.plot(pixels, np.sqrt(pixels), color=BLUE, lw=2, label="the root")
     ax.plot(pixels, alpha * np.sqrt(pixels) + beta * pixels + constant, color=RED, lw=1.8,
@@ -100,7 +117,7 @@ def draw_parts() -> Figure:
     ]  # fmt: skip
     pieces.append(("rule", parts.rows, AMBER))
     pieces += [(f"drone {i}", value, COLOURS[i]) for i, value in enumerate(parts.paths)]
-    figure = new_figure(5.8, 2.2)
+    figure = new_figure(WIDTH, 2.3)
     ax = set_frame(figure.add_subplot(), "x")
     left = 0.0
     for words, value, colour in pieces:
@@ -115,7 +132,7 @@ def draw_parts() -> Figure:
 def draw_losses() -> Figure:
     """Draws what drones lose by each move, and what is paid for people beyond what they give."""
     explanation = worked.explained().explanation
-    figure = new_figure(5.4, 3.8)
+    figure = new_figure(WIDTH, 3.8)
     top, bottom = figure.subplots(2, 1, sharex=True)
     people = worked.paid_for_people()
     for ax, amounts, noun in ((top, explanation.losses(), "drone"), (bottom, people, "person")):
@@ -136,6 +153,6 @@ def draw_losses() -> Figure:
 
 def draw_trade_off() -> Figure:
     """Draws the plans of a trade-off between J and views, and where it is proved that none is."""
-    figure = new_figure(5.4, 3.5)
+    figure = new_figure(WIDTH, 3.5)
     worked.trade_off().plot(set_frame(figure.add_subplot(), grid=None))
     return figure

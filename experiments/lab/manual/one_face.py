@@ -13,8 +13,19 @@ from cocap_opt.world.workspace import HeightMap
 
 
 class Shadow(NamedTuple):
-    """A face behind a column, in the image of a drone: right and up, in image heights."""
+    """A face behind a column, in the image of a drone: right and up, in image heights.
 
+    Attributes
+    ----------
+    eye : m, of the drone, which looks along +x
+    low, high : m, corners of the column
+    person : m, corners of the face [V, 3]
+    """
+
+    eye: FloatArray
+    low: FloatArray
+    high: FloatArray
+    person: FloatArray
     face: FloatArray  # [V, 2]
     column: list[FloatArray]  # its sides that are turned to the drone
     pieces: list[FloatArray]  # of the face that are visible
@@ -31,7 +42,8 @@ def shadow() -> Shadow:
     eye = np.array([0.0, 0.1, 5.0])
     low, high = np.array([5.0, 0.0, 0.0]), np.array([6.0, 1.0, 3.0])
     column = HeightMap(heights=np.array([[high[2]]]), origin=(5.0, 0.0))
-    face = np.array([[12, 0.25, 0], [12, -0.25, 0], [12, -0.25, 1.8], [12, 0.25, 1.8]]) - eye
+    person = np.array([[12, 0.25, 0], [12, -0.25, 0], [12, -0.25, 1.8], [12, 0.25, 1.8]])
+    face = person - eye
     bodies = Bodies.of_columns(column, np.zeros(3))
     shadows = Shadows.of(bodies, np.zeros(1, dtype=np.int64), eye[None])
     single = np.ones(1, dtype=np.int64)
@@ -41,7 +53,10 @@ def shadow() -> Shadow:
         np.array([[x, y, z], [x, v, z], [x, v, w], [x, y, w]]),
         np.array([[x, y, w], [x, v, w], [u, v, w], [u, y, w]]),
     ]
-    return Shadow(_image(face), [_image(side - eye) for side in sides], [*map(_image, pieces)])
+    return Shadow(
+        eye, low, high, person, _image(face), [_image(side - eye) for side in sides],
+        [*map(_image, pieces)],
+    )  # fmt: skip
 
 
 def _image(polygon: FloatArray) -> FloatArray:

@@ -24,8 +24,8 @@ AUDIT = tuple(
 UNUSED = frozenset(
     f"cocap_opt.{name}"
     for name in (
-        "problem.pictures", "vision.cache", "files.code", "compiling.apart",
-        "vision.compiled_sight", "vision.view_kernel",
+        "problem.pictures", "problem.map_frame", "problem.start_ground", "vision.cache",
+        "files.code", "compiling.apart", "vision.compiled_sight", "vision.view_kernel",
     )
 )  # fmt: skip
 _DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef

@@ -56,7 +56,7 @@ def _gaps() -> bytes:
     return picture(gaps_figure(rows), _SVG)
 
 
-def _curves() -> bytes:
+def _rewards() -> bytes:
     rewards = StepReward.read(STORED / "curves.csv")
     return picture(curves_figure(curves_of(rewards)), _SVG)
 
@@ -127,7 +127,7 @@ def _plan(problem: Problem, planner: str) -> Plan:
 
 DRAWINGS: dict[str, Callable[[], bytes]] = {
     "gaps.svg": _gaps,
-    "rewards.svg": _curves,
+    "rewards.svg": _rewards,
     "ablation.svg": _ablation,
     "conditions.svg": _conditions,
     "giving-way.svg": _giving_way,
@@ -136,8 +136,7 @@ DRAWINGS: dict[str, Callable[[], bytes]] = {
     "growth.svg": _growth,
     "quality.png": _quality,  # of thousands of points
     "view.png": _view,
-    "bridge.svg": lambda: _top_view("bridge"),
-    "bottleneck.svg": lambda: _top_view("bottleneck", 0, 4, 8, 11),
+    "bottleneck.svg": lambda: _top_view("bottleneck", 0, 5, 11),
     **{f"gallery-{scene}.svg": partial(_top_view, scene) for scene in GALLERY},
 }
 

@@ -1,9 +1,10 @@
 """The project's notebooks, run from start to end and stored with their outputs."""
 
+import base64
 import hashlib
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from cyclopts import Parameter
 
@@ -11,12 +12,14 @@ from cocap_opt.console.streams import say
 from cocap_opt.experiments.lab.studies.options import of_extra
 from cocap_opt.files.atomic_write import write_atomically
 from cocap_opt.files.documents import FileError
+from cocap_opt.problem.pictures import with_palette
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
 
 _FOLDER = Path(__file__).resolve().parents[3] / "docs" / "notebooks"
 _MOST_SECONDS = 120  # for a cell
+_PNG = "image/png"
 # The person who ran them last and the versions of packages are left out.
 _METADATA = {
     "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
@@ -84,6 +87,7 @@ class Notebook:
             sockets = {"transport": "ipc", "connection_file": f"{folder}/kernel.json"}
             client = NotebookClient(
                 notebook, timeout=_MOST_SECONDS, kernel_name="python3", record_timing=False,
+                extra_arguments=["--InlineBackend.figure_formats=retina"],
                 config=Config({"KernelManager": sockets}), resources={"metadata": {"path": folder}},
             )  # fmt: skip
             client.execute()
@@ -96,7 +100,10 @@ class Notebook:
         notebook = self.executed()
         notebook.metadata = nbformat.from_dict({**_METADATA, "ran": self.digest(notebook)})
         for cell in notebook.cells:
-            cell.metadata = nbformat.from_dict({})
+            for output in cell.get("outputs", ()):
+                if _PNG in output.get("data", {}):
+                    output.data[_PNG] = _smaller(output.data[_PNG])
+            cell.metadata = nbformat.from_dict(_with_alt_text(cell.metadata.get("alt")))
         write_atomically({self.path: (nbformat.writes(notebook) + "\n").encode()})
 
     @staticmethod
@@ -104,3 +111,16 @@ class Notebook:
         """Returns a digest of the code that outputs come from."""
         code = [cell.source for cell in content.cells if cell.cell_type == "code"]
         return hashlib.sha256("\0".join(code).encode()).hexdigest()[:12]
+
+
+def _with_alt_text(words: str | None) -> dict[str, Any]:
+    """Returns the metadata of a cell whose picture shows what the words say.
+
+    Jupyter reads them there, the site's builder below its own name.
+    """
+    return {"alt": words, "mystnb": {"image": {"alt": words}}} if words else {}
+
+
+def _smaller(encoded: str) -> str:
+    """Returns a smaller PNG file, both in base64."""
+    return base64.b64encode(with_palette(base64.b64decode(encoded))).decode()

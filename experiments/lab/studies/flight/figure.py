@@ -1,7 +1,7 @@
-"""The figure of simulated flights: errors, distances and J by scene, kind of flight and wind."""
+"""The figure of simulated flights: errors, distances and J by wind, scene and kind of flight."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from statistics import fmean
 
 from matplotlib.axes import Axes
@@ -10,70 +10,77 @@ from matplotlib.figure import Figure
 from cocap_opt.experiments.lab.studies.flight.runs import SMOOTH, STRAIGHT, FlightRun
 from cocap_opt.pictures.style import (
     BLUE,
+    GREY,
+    LABEL,
     RED,
-    SMALL,
     TITLE,
-    add_legend,
+    WIDTH,
     draw_level,
     new_figure,
     set_frame,
 )  # fmt: skip
 from cocap_opt.problem import SEPARATION
 
-_COLOURS = {SMOOTH: BLUE, STRAIGHT: RED}
-_ASIDE = {SMOOTH: -0.17, STRAIGHT: 0.17}
+_STYLES = {SMOOTH: (BLUE, "o", 9), STRAIGHT: (RED, "s", 5)}  # colour, mark and its size
 
 
 def flight_figure(runs: Sequence[FlightRun]) -> Figure:
-    """Draws the mean and the largest error, the least distances, and the share of J filmed."""
-    figure = new_figure(8, 9)
-    error, apart, kept = figure.subplots(3, 1)
-    _draw(error, runs, lambda run: run.error_mean, lambda run: run.error_most)
-    error.set_title("off the flight, mean (bar) and largest (dot)", fontsize=TITLE)
-    error.set_ylabel("m")
-    _draw(apart, runs, lambda run: run.apart_flown, None, lambda run: run.apart_planned)
-    draw_level(apart, SEPARATION, f"{SEPARATION:g} m")
-    apart.set_title("least distance of two drones, flown (bar) and planned (line)", fontsize=TITLE)
-    apart.set_ylabel("m")
-    _draw(kept, runs, lambda run: 100 * run.kept_between)
-    kept.set_title("J of what is filmed, between the steps, too", fontsize=TITLE)
-    kept.set_ylabel("% of the flight's")
-    add_legend(figure, error)
+    """Draws errors, least distances and the share of J filmed by the wind, a column per scene."""
+    scenes = list(dict.fromkeys(run.scene for run in runs))
+    figure = new_figure(WIDTH, 7.4)
+    panels = figure.subplots(3, len(scenes), sharex=True, sharey="row", squeeze=False)
+    for (error, apart, kept), scene in zip(panels.T, scenes, strict=True):
+        of_scene = [run for run in runs if run.scene == scene]
+        for flight, style in _STYLES.items():
+            winds = _by_wind(run for run in of_scene if run.flight == flight)
+            name = f"{flight} flights"
+            _draw(error, winds, lambda run: run.error_mean, fmean, style, name)
+            _draw(error, winds, lambda run: run.error_most, max, style)
+            _draw(apart, winds, lambda run: run.apart_flown, min, style)
+            _draw(kept, winds, lambda run: 100 * run.kept_between, fmean, style)
+        winds = _by_wind(of_scene)
+        _draw(apart, winds, lambda run: run.apart_planned, min, (GREY, "_", 8), "planned")
+        draw_level(apart, SEPARATION, f"rule: {SEPARATION:g} m")
+        error.set_title(scene, fontsize=TITLE)
+        kept.set_xlabel("wind (m/s)")
+        kept.set_xticks(list(winds))
+        apart.set_ylim(bottom=0)
+        kept.set_ylim(0, 105)
+        for ax in (error, apart, kept):
+            set_frame(ax)
+    for ax, words in zip(panels[:, 0], (
+        "off the flight (m):\nmean; largest, dashed", "least distance\nof two drones (m)",
+        "J filmed, also between\nsteps (% of the flight's)",
+    ), strict=True):  # fmt: skip
+        ax.set_ylabel(words)
+    handles = {label: handle for ax in panels[:2, 0] for handle, label in
+               zip(*ax.get_legend_handles_labels(), strict=True)}  # fmt: skip
+    figure.legend(handles.values(), handles, loc="outside lower center", fontsize=LABEL,
+                  ncols=len(handles), frameon=False)  # fmt: skip
     return figure
+
+
+def _by_wind(runs: Iterable[FlightRun]) -> dict[float, list[FlightRun]]:
+    """Returns runs by the wind (m/s) in which they were flown, the least first."""
+    found: dict[float, list[FlightRun]] = {}
+    for run in sorted(runs, key=lambda run: run.wind):
+        found.setdefault(run.wind, []).append(run)
+    return found
 
 
 def _draw(
     ax: Axes,
-    runs: Sequence[FlightRun],
-    bar: Callable[[FlightRun], float],
-    dot: Callable[[FlightRun], float] | None = None,
-    line: Callable[[FlightRun], float] | None = None,
-) -> Axes:
-    """Draws a group of bars for each scene and wind.
-
-    Bars are means over seeds, dots are the largest and lines the least; bars that have a line are
-    the least as well.
-    """
-    groups = list(dict.fromkeys((run.scene, run.wind) for run in runs))
-    for flight, colour in _COLOURS.items():
-        grouped = [
-            [run for run in runs if (run.scene, run.wind, run.flight) == (*group, flight)]
-            for group in groups
-        ]
-        places = [k + _ASIDE[flight] for k in range(len(groups))]
-        height = fmean if line is None else min
-        heights = [_finite(height([bar(run) for run in group])) for group in grouped]
-        ax.bar(places, heights, width=0.3, color=colour, label=f"{flight} flights")
-        if dot is not None:
-            ax.plot(places, [max(dot(run) for run in group) for group in grouped], "o", ms=5,
-                    color=colour)  # fmt: skip
-        if line is not None:
-            ends = [_finite(min(line(run) for run in group)) for group in grouped]
-            ax.hlines(ends, [x - 0.15 for x in places], [x + 0.15 for x in places],
-                      color="black", lw=1.5)  # fmt: skip
-    ax.set_xticks(range(len(groups)), [f"{scene}\n{wind:g} m/s" for scene, wind in groups],
-                  fontsize=SMALL)  # fmt: skip
-    return set_frame(ax, "y")
+    winds: Mapping[float, Sequence[FlightRun]],
+    value: Callable[[FlightRun], float],
+    over: Callable[[Iterable[float]], float],
+    style: tuple[str, str, float],
+    label: str | None = None,
+) -> None:
+    """Draws a number of runs by the wind, over all seeds; that of the largest is dashed."""
+    colour, mark, size = style
+    heights = [_finite(over(map(value, runs))) for runs in winds.values()]
+    ax.plot(list(winds), heights, color=colour, marker=mark, ms=size, mew=1.4, lw=1.6, label=label,
+            ls="--" if over is max else "-", mfc="white" if over is max else colour)  # fmt: skip
 
 
 def _finite(value: float) -> float:

@@ -1,4 +1,4 @@
-"""The figure of growth: for each axis a panel of seconds above a panel of the certified gap."""
+"""The figure of growth: for each axis a panel of seconds beside a panel of the certified gap."""
 
 import math
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from statistics import median
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import NullLocator
 
 from cocap_opt.experiments.lab.studies.growth.points import (
@@ -21,27 +21,27 @@ from cocap_opt.pictures.style import (
     AMBER,
     BLUE,
     FADED,
+    LABEL,
     RED,
-    SMALL,
     TITLE,
-    add_legend,
+    WIDTH,
     draw_level,
     new_figure,
     set_frame,
     set_plain_log,
 )  # fmt: skip
 
-_LABELS = {
-    "robots": "drones",
-    "steps": "steps",
-    "cells": "cells along each side of the field",
-}
+_Law = tuple[str, str]  # words of a power law, and the colour of its line
+
+_MORE = {"robots": "drones", "steps": "steps", "cells": "cells"}
+_LABELS = {**_MORE, "cells": "cells along a side"}
 _STYLES = {  # of each measure: its name, colour and mark
     "seconds": ("time to the end", BLUE, "o"),
-    "seconds_to_gap": (f"time to a certified gap of {100 * GAP:g} %", AMBER, "s"),
-    "gap_percent": ("certified gap at the end or the limit", RED, "D"),
-    "gap_of_cuts_percent": ("certified gap without step envelopes", FADED, "v"),
+    "seconds_to_gap": (f"time to a gap of {100 * GAP:g} %", AMBER, "s"),
+    "gap_percent": ("gap at the end or the limit", RED, "D"),
+    "gap_of_cuts_percent": ("gap without step envelopes", FADED, "v"),
 }
+_APART = 1.3  # times, between sizes that are written on an axis
 _NOUNS = {"robots": "drones", "actors": "people"}
 _SECONDS = ("seconds", "seconds_to_gap")
 _GAPS = ("gap_of_cuts_percent", "gap_percent")
@@ -54,38 +54,53 @@ def growth_figure(points: Sequence[GrowthPoint], limit: float) -> Figure:
     ----------
     limit : s, of each run
     """
-    figure = new_figure(9.5, 6.8)
-    panels = figure.subplots(2, 3, sharex="col", sharey="row", height_ratios=[1.25, 1])
-    for (top, bottom), axis in zip(panels.T, SIZES, strict=True):
+    figure = new_figure(WIDTH, 9.6)
+    heights = [*[1.0] * len(SIZES), 0.3]
+    *rows, names = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    times, gaps = [], []
+    for row, axis in zip(rows, SIZES, strict=True):
         of_axis = [point for point in points if point.axis == axis]
-        draw_level(top, limit, f"limit {limit:g} s")
-        for ax, names in ((top, _SECONDS), (bottom, _GAPS)):
-            for name in names:
-                _draw_measure(ax, of_axis, name)
+        time, gap = row.subplots(1, 2)
+        times.append(time)
+        gaps.append(gap)
+        draw_level(time, limit, f"limit {limit:g} s")
+        for ax, measures in ((time, _SECONDS), (gap, _GAPS)):
+            laws = [_draw_measure(ax, of_axis, name) for name in measures]
+            _write_laws(ax, [law for law in laws if law])
             set_plain_log(ax, "x")
             set_plain_log(ax, "y")
             set_frame(ax)
+            ax.set_xlabel(_LABELS[axis])
+            _set_sizes(ax, of_axis)
+        time.set_ylabel("time (s)")
+        gap.set_ylabel("certified gap (%)")
         fixed = BASES[axis]._asdict().items()
         others = [f"{n} {_NOUNS.get(what, what)}" for what, n in fixed if what != axis]
-        top.set_title(", ".join(others), fontsize=TITLE)
-        bottom.set_xlabel(_LABELS[axis])
-        _set_sizes(bottom, of_axis)
-    panels[0, 0].set_ylabel("time (s)")
-    panels[1, 0].set_ylabel("certified gap (%)")
-    names = panels[0, 1]
-    for name in _STYLES:
-        label, colour, mark = _STYLES[name]
-        names.plot([], [], mark, color=colour, ms=6, ls="-", lw=1, label=label)
-    names.plot([], [], "o", mfc="white", mec="grey", ms=6, ls="none",
-               label="hollow: the limit stopped a seed")  # fmt: skip
-    add_legend(figure, names, columns=3)
+        row.suptitle(f"more {_MORE[axis]}: {', '.join(others)}", fontsize=TITLE)
+    for of_measure in (times, gaps):
+        ends = [end for ax in of_measure for end in ax.get_ylim()]
+        for ax in of_measure:
+            ax.set_ylim(min(ends), max(ends))
+    _name_styles(names)
     return figure
 
 
-def _draw_measure(ax: Axes, points: Sequence[GrowthPoint], name: str) -> None:
+def _name_styles(figure: SubFigure) -> None:
+    """Names marks and lines, below all panels."""
+    ax = figure.subplots()
+    ax.set_axis_off()
+    for label, colour, mark in _STYLES.values():
+        ax.plot([], [], mark, color=colour, ms=6, ls="-", lw=1, label=label)
+    ax.plot([], [], "o", mfc="white", mec="grey", ms=6, ls="none",
+            label="hollow: the limit stopped a seed")  # fmt: skip
+    ax.plot([], [], color="grey", lw=1, ls="--", label="the power of n that fits best")
+    ax.legend(loc="center", fontsize=LABEL, frameon=False, ncols=2, columnspacing=1)
+
+
+def _draw_measure(ax: Axes, points: Sequence[GrowthPoint], name: str) -> _Law | None:
     """Draws medians against sizes, a dot per seed, and dashed the power law if there is one.
 
-    A mark is hollow where the limit stopped a run.
+    A mark is hollow where the limit stopped a run. Returns the law.
     """
     measure, (_, colour, mark) = MEASURES[name], _STYLES[name]
     known = [(p, median(measure.of(p))) for p in points]
@@ -96,24 +111,34 @@ def _draw_measure(ax: Axes, points: Sequence[GrowthPoint], name: str) -> None:
         ax.plot([point.size] * len(seeds), seeds, ".", color=colour, ms=4, alpha=0.5)
         filling = colour if measure.whole(point) else "white"
         ax.plot(point.size, value, mark, mfc=filling, mec=colour, ms=6, zorder=4)
-    _draw_law(ax, measure, points, colour)
+    return _draw_law(ax, measure, points, colour)
 
 
-def _draw_law(ax: Axes, measure: Measure, points: Sequence[GrowthPoint], colour: str) -> None:
+def _draw_law(
+    ax: Axes, measure: Measure, points: Sequence[GrowthPoint], colour: str
+) -> _Law | None:
     law = measure.fit(points)
     if law is None:
-        return
+        return None
     slope, offset = law
     ends = np.array([min(p.size for p in points), max(p.size for p in points)])
-    heights = np.exp(offset) * ends**slope
-    ax.plot(ends, heights, color=colour, lw=1, ls="--", zorder=3)
-    ax.annotate(f"~ n^{slope:.1f}", (ends[1], heights[1]), xytext=(-6, -12), color=colour,
-                textcoords="offset points", ha="right", fontsize=SMALL)  # fmt: skip
+    ax.plot(ends, np.exp(offset) * ends**slope, color=colour, lw=1, ls="--", zorder=3)
+    return f"~ n^{abs(slope) if abs(slope) < 0.05 else slope:.1f}", colour
+
+
+def _write_laws(ax: Axes, laws: Sequence[_Law]) -> None:
+    """Writes power laws above an axes, each in the colour of its line."""
+    for k, (words, colour) in enumerate(laws):
+        ax.annotate(words, (1 - 0.35 * k, 1.02), xycoords="axes fraction", color=colour,
+                    ha="right", va="bottom", fontsize=LABEL)  # fmt: skip
 
 
 def _set_sizes(ax: Axes, points: Sequence[GrowthPoint]) -> None:
-    """Writes the sizes that were measured on the axis, and no others."""
-    ticks = sorted({point.size for point in points})
-    if ticks:
-        ax.set_xticks(ticks, [str(size) for size in ticks])
+    """Writes the sizes that were measured on the axis, and no others; less if they are close."""
+    sizes = sorted({point.size for point in points}, reverse=True)
+    shown: list[int] = []
+    for size in sizes:
+        if not shown or _APART * size <= shown[-1]:
+            shown.append(size)
+    ax.set_xticks(sizes, [str(size) if size in shown else "" for size in sizes])
     ax.xaxis.set_minor_locator(NullLocator())

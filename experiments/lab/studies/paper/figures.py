@@ -1,7 +1,6 @@
 """Figures of the paper's experiments, and the rewards per step that are stored for one of them."""
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -20,36 +19,42 @@ from cocap_opt.experiments.lab.studies.paper.conditions import (
 )
 from cocap_opt.experiments.lab.studies.paper.giving_way import Encounter
 from cocap_opt.experiments.tables.statistics import Mean
-from cocap_opt.pictures.figures import MapFrame, draw_plan
+from cocap_opt.output.printing import counted
+from cocap_opt.pictures.figures import draw_plan
 from cocap_opt.pictures.style import (
     AMBER,
     BLUE,
     FADED,
     GREEN,
     GREY,
+    LABEL,
+    MARKS,
     PURPLE,
     RED,
     SERIES,
-    SMALL,
     TITLE,
+    WIDTH,
     add_legend,
-    draw_level,
     new_figure,
     set_frame,
     set_plain_log,
 )  # fmt: skip
 from cocap_opt.problem import Plan, Problem
+from cocap_opt.problem.map_frame import MapFrame
 from cocap_opt.referee import check
 
 CURVES = "curves.csv"
+_HEADING, _MARK_ROW = 1.9, 0.125  # rows of a heading among marks, and inches of a row
+_NEAR, _LEAST_HALF = 2.5, 5.0  # m, around an encounter, and at least from its middle
 _COLOURS = {
     "greedy": FADED, "sequential": AMBER, "cocap": BLUE, "cocap-vs": GREEN,
     "sequential-rounds": RED, "cocap-lns": PURPLE,
 }  # fmt: skip
+_LINES = {"greedy": ":", "cocap-vs": "--", "sequential-rounds": "-."}
 _NAMES = {
-    "greedy": "unconstrained (collides)", "sequential": "sequential",
-    "cocap": "CoCap, value iteration", "cocap-vs": "CoCap, view search",
-    "sequential-rounds": "sequential, then rounds", "cocap-lns": "cocap-lns",
+    "greedy": "unconstrained\n(collides)", "sequential": "sequential",
+    "cocap": "CoCap,\nvalue iteration", "cocap-vs": "CoCap, view search",
+    "sequential-rounds": "sequential,\nthen rounds", "cocap-lns": "cocap-lns",
 }  # fmt: skip
 
 
@@ -87,44 +92,27 @@ def curves_of(rewards: Sequence[StepReward]) -> dict[str, Curves]:
 
 
 def curves_figure(curves: Mapping[str, Curves]) -> Figure:
-    """Draws mean rewards over seeds, a row per scene.
+    """Draws the reward up to each step beside that of sequential planning, a panel per scene.
 
-    On the left is the reward at each step, one standard deviation shaded; on the right the reward
-    up to a step beside that of sequential planning on the same seeds, its bootstrap interval
-    shaded.
+    Lines are means over the seeds that both have, shaded their bootstrap intervals.
     """
-    figure = new_figure(9, 1 + 2.5 * len(curves))
-    axes = figure.subplots(len(curves), 2, squeeze=False)
-    for (left, right), (scene, planners) in zip(axes, curves.items(), strict=True):
-        _draw_curves(left, planners)
-        _draw_gains(right, planners)
+    rows = len(curves) // 2 + 1  # the last panel, or half of a row, has the legend
+    figure = new_figure(WIDTH, 0.3 + 1.9 * rows)
+    panels = np.ravel(figure.subplots(rows, 2, squeeze=False))
+    for ax, (scene, planners) in zip(panels, curves.items(), strict=False):
+        _draw_gains(ax, planners)
         counts = sorted({len(rewards) for rewards in planners.values()})
         words = " to ".join(map(str, dict.fromkeys((counts[0], counts[-1]))))
-        left.set_title(f"{scene} ({words} seeds)", fontsize=TITLE)
-        left.set_ylabel("reward of a step")
-        right.set_ylabel("reward so far (%)")
-        for ax in (left, right):
-            ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-            set_frame(ax)
-    axes[0, 1].set_title("beside sequential planning", fontsize=TITLE)
-    for ax in axes[-1]:
-        ax.set_xlabel("step")
-    add_legend(figure, axes[0, 0], columns=3)
+        ax.set_title(f"{scene} ({words} seeds)", fontsize=LABEL)
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+        set_frame(ax)
+    for ax in panels[len(curves) :]:
+        ax.set_axis_off()
+    handles, labels = panels[0].get_legend_handles_labels()
+    panels[len(curves)].legend(handles, labels, loc="center", fontsize=LABEL, frameon=False)
+    figure.supxlabel("step", fontsize=LABEL)
+    figure.supylabel("reward so far, above sequential planning (%)", fontsize=LABEL)
     return figure
-
-
-def _draw_curves(ax: Axes, planners: Curves) -> Axes:
-    """Draws the mean and the spread of each planner's reward per step."""
-    for planner, rewards in planners.items():
-        if not rewards:
-            continue
-        values = np.array(list(rewards.values()))
-        steps = np.arange(1, values.shape[1] + 1)
-        mean, spread = values.mean(axis=0), values.std(axis=0, ddof=min(1, len(values) - 1))
-        colour = _COLOURS.get(planner, "black")
-        ax.fill_between(steps, mean - spread, mean + spread, color=colour, alpha=0.1, lw=0)
-        ax.plot(steps, mean, color=colour, marker="o", ms=3, lw=1.6, label=_NAMES.get(planner))
-    return ax
 
 
 def _draw_gains(ax: Axes, planners: Curves) -> Axes:
@@ -141,35 +129,44 @@ def _draw_gains(ax: Axes, planners: Curves) -> Axes:
         colour = _COLOURS.get(planner, "black")
         ax.fill_between(steps, [m.low for m in means], [m.high for m in means], color=colour,
                         alpha=0.12, lw=0)  # fmt: skip
-        ax.plot(steps, [m.value for m in means], color=colour, lw=1.6)
+        ax.plot(steps, [m.value for m in means], color=colour, lw=1.8, ls=_LINES.get(planner, "-"),
+                label=_NAMES.get(planner, planner))  # fmt: skip
     return ax
 
 
 def ablation_figure(effects: Mapping[str, Sequence[tuple[str, Mean]]]) -> Figure:
-    """Draws what each part adds, a line per part, a mark with its interval per scene.
+    """Draws what each part adds, a block per part, a mark with its interval per scene.
 
     Parameters
     ----------
     effects : by part, the scenes with what the part adds there
     """
-    figure = new_figure(9.6, 1.2 + 0.62 * len(effects))
-    ax = figure.subplots()
     scenes = list(dict.fromkeys(scene for means in effects.values() for scene, _ in means))
-    colours = dict(zip(scenes, [*SERIES, "black"] * len(scenes), strict=False))
-    for n, means in enumerate(effects.values()):
-        for k, (scene, mean) in enumerate(means):
+    block = 1 + _HEADING + len(scenes)  # rows
+    figure = new_figure(WIDTH, 1.2 + _MARK_ROW * block * len(effects))
+    ax = figure.subplots()
+    styles = dict(zip(scenes, zip([*SERIES, "black"], MARKS, strict=True), strict=False))
+    for n, (part, means) in enumerate(effects.items()):
+        heading = part.splitlines()[-1]
+        ax.text(0, n * block + _HEADING / 2, heading, fontsize=LABEL, va="center",
+                transform=ax.get_yaxis_transform(), in_layout=False,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1})  # fmt: skip
+        if n:
+            ax.axhline(n * block - 0.5, color=FADED, lw=0.5)
+        for scene, mean in means:
             ends = [[mean.value - mean.low], [mean.high - mean.value]]
-            ax.errorbar([mean.value], [n + 0.12 * (k - len(means) / 2)], xerr=np.nan_to_num(ends),
-                        fmt="D" if scene == scenes[-1] else "o", color=colours[scene], ms=4,
-                        lw=1.3, label=scene if n == 0 else None)  # fmt: skip
-    ax.axvline(0, color=GREY, lw=0.8)
-    ax.set_yticks(range(len(effects)), list(effects), fontsize=SMALL)
-    ax.invert_yaxis()
+            colour, mark = styles[scene]
+            ax.errorbar([mean.value], [n * block + _HEADING + 0.5 + scenes.index(scene)],
+                        xerr=np.nan_to_num(ends), fmt=mark, color=colour, ms=5.5, lw=1.6,
+                        label=scene if n == 0 else None)  # fmt: skip
+    ax.plot([0, 0], [0, 1], color=GREY, lw=0.8, zorder=0, transform=ax.get_xaxis_transform())
+    ax.set(yticks=[], ylim=(block * len(effects) - 0.5, -0.5))
+    ax.spines["left"].set_visible(False)
     ax.set_xscale("symlog", linthresh=0.1)
     ax.xaxis.set_major_formatter("{x:g}")
-    ax.set_xlabel("adds to J, in % of the certified bound (mean and 95 % bootstrap interval)")
+    ax.set_xlabel("adds to J, in % of the certified bound\n(mean and 95 % bootstrap interval)")
     set_frame(ax, "x")
-    add_legend(figure, ax)
+    add_legend(figure, ax, columns=2)
     return figure
 
 
@@ -177,55 +174,68 @@ def conditions_figure(trials: Sequence[Trial]) -> Figure:
     """Draws CoCap's gain over sequential planning on random corridors by each parameter."""
     drawn = planned([trial for trial in trials if trial.stage == DRAWN])
     names = Corridor._fields
-    figure = new_figure(9, 6)
-    panels = np.ravel(figure.subplots(2, math.ceil(len(names) / 2), sharey=True))
-    for ax in panels[len(names) :]:
-        ax.set_axis_off()
+    rows = len(names) // 2 + 1  # the last panel, or half of a row, has the legend
+    figure = new_figure(WIDTH, 2.0 * rows)
+    panels = np.ravel(figure.subplots(rows, 2, sharey=True))
     for ax, name in zip(panels, names, strict=False):
         values = [getattr(trial.corridor, name) for trial in drawn]
         levels = sorted(set(values))
         gains = np.array([trial.gain() for trial in drawn])
         where = np.array([levels.index(value) for value in values])
-        ax.plot(where, gains, "_", ms=14, mew=0.8, color=FADED, alpha=0.6)
+        ax.plot(where, gains, "_", ms=14, mew=1.2, color=FADED, label="a corridor")
         means = [gains[where == n].mean() for n in range(len(levels))]
-        ax.plot(range(len(levels)), means, "D", ms=5, color=BLUE)
-        draw_level(ax, PUBLISHED, f"published: {PUBLISHED:g}" if ax is panels[0] else "")
-        ax.set_xticks(
-            range(len(levels)), [str(level).removesuffix(".0") for level in levels], fontsize=SMALL
-        )
+        ax.plot(range(len(levels)), means, "D", ms=7, color=BLUE, mec="white", label="their mean")
+        ax.axhline(PUBLISHED, color=RED, lw=1.2, ls="--", label=f"published: {PUBLISHED:g} %")
+        ax.set_xticks(range(len(levels)), [str(level).removesuffix(".0") for level in levels])
+        ax.set_xlim(-0.5, len(levels) - 0.5)
         ax.set_xlabel(f"{name} (m)" if name in ("width", "length", "height") else name)
         set_frame(ax, "y")
     panels[0].set_yscale("symlog", linthresh=1)
     panels[0].set_ylim(min(0.0, *gains.tolist()) - 0.2, 2 * max(PUBLISHED, *gains.tolist()))
     panels[0].yaxis.set_major_formatter("{x:g}")
-    for ax in panels[:: len(panels) // 2]:
-        ax.set_ylabel("CoCap above sequential (%)")
+    for ax in panels[len(names) :]:
+        ax.set_axis_off()
+    handles, labels = panels[0].get_legend_handles_labels()
+    panels[len(names)].legend(handles, labels, loc="center", fontsize=LABEL, frameon=False)
+    figure.supylabel("J of CoCap above sequential planning (%)", fontsize=LABEL)
     return figure
 
 
 def encounter_figure(problem: Problem, encounter: Encounter, plans: Mapping[str, Plan]) -> Figure:
-    """Draws several plans side by side at the step at which two drones would collide.
+    """Draws several plans at the step at which two drones would collide, around these two.
 
     Parameters
     ----------
     plans : by planner
     """
-    frame = MapFrame.of(problem, plans.values())
+    frame = _around(problem, encounter, plans.values())
     width, depth = frame.size
-    height = 1.2 + 4.0 * depth / width
-    figure = new_figure(4.6 * len(plans), height)
-    for ax, (name, plan) in zip(np.ravel(figure.subplots(1, len(plans))), plans.items(),
-                                strict=True):  # fmt: skip
+    figure = new_figure(WIDTH, 1.5 + (WIDTH - 0.6) / len(plans) * depth / width)
+    panels = figure.subplots(1, len(plans), sharex=True, sharey=True)
+    for ax, (name, plan) in zip(np.ravel(panels), plans.items(), strict=True):
         draw_plan(ax, problem, plan, encounter.step, frame)
         verdict = check(problem, plan)
-        words = f", {len(verdict.conflicts)} conflicts" if verdict.conflicts else ""
-        ax.set_title(f"{_NAMES.get(name, name)}\nJ = {verdict.reward:,.0f}{words}", fontsize=9)
+        words = counted(len(verdict.conflicts), "conflict")
+        ax.set_title(f"{name}\nJ = {verdict.reward:,.0f}\n{words}", fontsize=LABEL)
+        for robot in encounter.robots:
+            state = plan.paths[robot][encounter.step]
+            ax.plot(*problem.height_map.centre(state.x, state.y), "o", mfc="none", mec=AMBER,
+                    mew=3, ms=19, zorder=7)  # fmt: skip
+        ax.xaxis.set_major_locator(MaxNLocator(4, integer=True))
+        ax.label_outer()
     i, k = encounter.robots
-    figure.suptitle(
-        f"{problem.name}, seed {encounter.seed}, step {encounter.step}: drones {i} and {k}",
-        fontsize=TITLE,
-    )
+    words = f"{problem.name}, seed {encounter.seed}: drones {i} and {k} at step {encounter.step}"
+    figure.suptitle(words, fontsize=TITLE)
     return figure
+
+
+def _around(problem: Problem, encounter: Encounter, plans: Iterable[Plan]) -> MapFrame:
+    """Returns the part of the map around two drones up to their encounter, in all plans."""
+    paths = [plan.paths[robot] for plan in plans for robot in encounter.robots]
+    places = [problem.height_map.centre(s.x, s.y) for p in paths for s in p[: encounter.step + 1]]
+    low, high = np.min(places, axis=0), np.max(places, axis=0)
+    middle, half = (low + high) / 2, max(*(high - low) / 2 + _NEAR, _LEAST_HALF)
+    return MapFrame(middle - half, middle + half)
 
 
 def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> Figure:
@@ -236,19 +246,19 @@ def scaling_figure(points: Mapping[str, Sequence[tuple[int, float, float]]]) -> 
     points : by planner (drones, median seconds, mean reward in % of the certified bound
         without collisions)
     """
-    figure = new_figure(9.6, 3.8)
-    left, right = figure.subplots(1, 2)
+    figure = new_figure(WIDTH, 5.6)
+    top, bottom = figure.subplots(2, 1, sharex=True)
     for planner, measured in points.items():
         robots, seconds, shares = zip(*measured, strict=True)
         style = {"color": _COLOURS.get(planner, "black"), "marker": "o", "ms": 3.5, "lw": 1.5}
-        left.plot(robots, seconds, label=_NAMES.get(planner, planner), **style)
-        right.plot(robots, shares, label=_NAMES.get(planner, planner), **style)
-    set_plain_log(left, "y")
-    left.set_ylabel("time, median (s)")
-    right.set_ylabel("mean reward, of the bound\nwithout collisions (%)")
-    for ax in (left, right):
-        ax.set_xlabel("drones")
+        top.plot(robots, seconds, label=_NAMES.get(planner, planner), **style)
+        bottom.plot(robots, shares, label=_NAMES.get(planner, planner), **style)
+    set_plain_log(top, "y")
+    top.set_ylabel("time, median (s)")
+    bottom.set_ylabel("mean reward, of the bound\nwithout collisions (%)")
+    bottom.set_xlabel("drones")
+    for ax in (top, bottom):
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         set_frame(ax)
-    add_legend(figure, left)
+    add_legend(figure, top, columns=2)
     return figure

@@ -1,18 +1,21 @@
 """The figure of the study: errors predicted and measured, and quality beside J."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import cycle
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from cocap_opt.experiments.lab.studies.quality.plans import is_good
 from cocap_opt.experiments.lab.studies.quality.rows import PersonStep, PlanRow
 from cocap_opt.pictures.style import (
     GREY,
+    LABEL,
+    MARKS,
     SERIES,
-    TITLE,
+    WIDTH,
     add_legend,
     new_figure,
     set_frame,
@@ -25,11 +28,12 @@ _COARSE = "tiny-"
 
 def quality_figure(steps: Sequence[PersonStep], plans: Sequence[PlanRow]) -> Figure:
     """Draws measured over predicted errors, and quality by J: of all plans, and of good ones."""
-    figure = new_figure(9, 8.5)
+    figure = new_figure(WIDTH, 6.4)
     (errors, every), (median, good) = figure.subplots(2, 2)
     fine = [plan for plan in plans if not plan.scene.startswith(_COARSE)]
-    colours = dict(zip(dict.fromkeys(plan.scene for plan in fine), cycle(SERIES), strict=False))
-    _draw_errors(errors, steps, colours)
+    scenes = dict.fromkeys(plan.scene for plan in fine)
+    styles = dict(zip(scenes, zip(cycle(SERIES), cycle(MARKS), strict=False), strict=False))
+    _draw_errors(errors, steps, styles)
     most = {
         (plan.scene, plan.seed): max(
             (other for other in fine if (other.scene, other.seed) == (plan.scene, plan.seed)),
@@ -38,41 +42,51 @@ def quality_figure(steps: Sequence[PersonStep], plans: Sequence[PlanRow]) -> Fig
         for plan in fine
     }
     for plan in fine:
-        first, colour = most[plan.scene, plan.seed], colours[plan.scene]
-        look = {"mfc": colour if is_good(plan.planner) else "none", "color": colour}
+        first, (colour, mark) = most[plan.scene, plan.seed], styles[plan.scene]
+        look = {"mfc": colour if is_good(plan.planner) else "none", "color": colour,
+                "marker": mark, "ms": 4.5, "mew": 0.8, "alpha": 0.8}  # fmt: skip
         share, lost = 100 * plan.reward / first.reward, 100 * (1 - plan.reward / first.reward)
-        every.plot(share, 100 * plan.by_two, "o", ms=4, mew=0.8, alpha=0.8, **look)
+        every.plot(share, 100 * plan.by_two, **look)
         if math.isfinite(plan.median):
-            median.plot(share, plan.median, "o", ms=4, mew=0.8, alpha=0.8, **look)
+            median.plot(share, plan.median, **look)
         if is_good(plan.planner):
             more = 100 * (plan.by_two - first.by_two)
-            good.plot(lost, more, "o", ms=4, alpha=0.8, color=colour)
-    _name(every, "seen by two, all plans (hollow: not looking for J)", "% of the most J known",
+            good.plot(lost, more, **look)
+    _name(every, "seen by two\n(hollow: not planned for J)", "% of the most J known",
           "% of person-steps")  # fmt: skip
-    _name(median, "median error of a point, all plans", "% of the most J known", "mm")
+    _name(
+        median,
+        "median error of a point\n(hollow: not planned for J)",
+        "% of the most J known",
+        "mm",
+    )
     set_plain_log(median, "y")
-    _name(good, "plans that look for J, beside that of the most J", "% of J less",
-          "points more person-steps seen by two")  # fmt: skip
+    median.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    _name(good, "plans for J, beside\nthat of the most J", "% of J less",
+          "points more, seen by two")  # fmt: skip
     good.axhline(0, color=GREY, lw=0.8, ls=":")
     for ax in (errors, every, median, good):
         set_frame(ax)
-    add_legend(figure, errors, columns=5)
+    add_legend(figure, errors, columns=3)
     return figure
 
 
-def _draw_errors(ax: Axes, steps: Sequence[PersonStep], colours: dict[str, str]) -> None:
+def _draw_errors(
+    ax: Axes, steps: Sequence[PersonStep], styles: Mapping[str, tuple[str, str]]
+) -> None:
     """Draws measured errors by those predicted, of scenes with fine cameras."""
-    for scene, colour in colours.items():
+    for scene, (colour, mark) in styles.items():
         of_scene = [step for step in steps if step.scene == scene and step.predicted < _MOST_MM]
         ax.plot([step.predicted for step in of_scene], [step.measured for step in of_scene], ".",
-                ms=3, alpha=0.6, color=colour, label=scene)  # fmt: skip
+                ms=3, alpha=0.6, color=colour)  # fmt: skip
+        ax.plot([], [], mark, ls="", color=colour, label=scene)
     for axis in ("x", "y"):
         set_plain_log(ax, axis)
     ax.axline((10, 10), (100, 100), color=GREY, lw=0.8, ls=":")
-    _name(ax, "errors of joints, RMS", "predicted (mm)", "measured by least squares (mm)")
+    _name(ax, "errors of joints, RMS", "predicted (mm)", "measured (mm)")
 
 
 def _name(ax: Axes, title: str, x: str, y: str) -> None:
-    ax.set_title(title, fontsize=TITLE)
+    ax.set_title(title, fontsize=LABEL)
     ax.set_xlabel(x)
     ax.set_ylabel(y)

@@ -9,10 +9,12 @@ from matplotlib.figure import Figure
 
 from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint
 from cocap_opt.pictures.style import (
+    GREY,
+    LABEL,
+    MARKS,
     SERIES,
-    TITLE,
+    WIDTH,
     add_legend,
-    draw_level,
     new_figure,
     set_frame,
     set_plain_log,
@@ -21,58 +23,59 @@ from cocap_opt.pictures.style import (
 
 def separation_figure(points: Sequence[SeparationPoint]) -> Figure:
     """Draws the price of separation, and processor seconds relative to those without one."""
-    figure = new_figure(9, 8)
+    figure = new_figure(WIDTH, 7)
     (price, plan), (lns, proof) = figure.subplots(2, 2)
     scenes = list(dict.fromkeys(point.scene for point in points))
-    for scene, colour in zip(scenes, cycle(SERIES), strict=False):
+    for scene, *style in zip(scenes, cycle(SERIES), cycle(MARKS), strict=False):
         of_scene = [point for point in points if point.scene == scene]
-        _draw_price(price, of_scene, scene, colour)
-        _draw_times(plan, of_scene, colour, lambda point: point.cocap_seconds)
-        _draw_times(lns, of_scene, colour, lambda point: point.lns_seconds)
-        _draw_times(proof, of_scene, colour, lambda point: point.proof_seconds)
-    price.set_title("price of separation, certified", fontsize=TITLE)
-    price.set_ylabel("% of the optimal J without a separation")
-    titles = {
-        plan: "time of CoCap", lns: "time of cocap-lns", proof: "time of the proof, or of its limit"
-    }  # fmt: skip
+        _draw_price(price, of_scene, scene, style)
+        _draw_times(plan, of_scene, style, lambda point: point.cocap_seconds)
+        _draw_times(lns, of_scene, style, lambda point: point.lns_seconds)
+        _draw_times(proof, of_scene, style, lambda point: point.proof_seconds)
+    price.set_title("certified price\n(% of J without it)", fontsize=LABEL)
+    titles = {plan: "CoCap", lns: "cocap-lns", proof: "the proof, or its limit"}
     for ax, title in titles.items():
-        ax.set_title(title, fontsize=TITLE)
+        ax.set_title(f"time of {title}\n(that without it is 1)", fontsize=LABEL)
         set_plain_log(ax, "y")
-        draw_level(ax, 2, "goal: 2")
-    for ax in (plan, lns, proof):
-        ax.set_ylabel("times that without a separation")
+        ax.axhline(1, color=GREY, lw=0.8, ls=":")
     for ax in (price, plan, lns, proof):
-        ax.set_xlabel("separation (m)")
         ax.set_xticks(sorted({point.separation for point in points if point.separation}))
+        ax.xaxis.set_major_formatter("{x:g}")
         set_frame(ax)
     most = max(20, plan.get_ylim()[1])
     for ax in (plan, lns, proof):
         ax.set_ylim(0.2, most)
-    add_legend(figure, price, columns=4)
+    for ax in (lns, proof):
+        ax.set_xlabel("separation (m)")
+    add_legend(figure, price, columns=3)
     return figure
 
 
-def _draw_price(ax: Axes, points: Sequence[SeparationPoint], scene: str, colour: str) -> None:
+def _draw_price(
+    ax: Axes, points: Sequence[SeparationPoint], scene: str, style: Sequence[str]
+) -> None:
     """Draws the median of seeds; the band is what is certified: from the least to the most."""
+    colour, mark = style
     wide = sorted({point.separation for point in points if point.separation})
     ends = [[p.price(p.base(points)) for p in points if p.separation == apart] for apart in wide]
     least = [median(low for low, _ in prices) for prices in ends]
     most = [median(high for _, high in prices) for prices in ends]
     ax.fill_between(wide, least, most, color=colour, alpha=0.2, lw=0)
     ax.plot(wide, [(a + b) / 2 for a, b in zip(least, most, strict=True)], color=colour,
-            marker="o", ms=5, lw=1.2, label=scene)  # fmt: skip
+            marker=mark, ms=6, lw=1.2, label=scene)  # fmt: skip
 
 
 def _draw_times(
     ax: Axes,
     points: Sequence[SeparationPoint],
-    colour: str,
+    style: Sequence[str],
     seconds: Callable[[SeparationPoint], float],
 ) -> None:
     """Draws the median over seeds of the time beside that without a separation."""
+    colour, mark = style
     wide = sorted({point.separation for point in points if point.separation})
     ratios = [
         median(seconds(p) / seconds(p.base(points)) for p in points if p.separation == apart)
         for apart in wide
     ]
-    ax.plot(wide, ratios, color=colour, marker="o", ms=5, lw=1.2)
+    ax.plot(wide, ratios, color=colour, marker=mark, ms=6, lw=1.2)

@@ -6,7 +6,7 @@ from statistics import fmean, median
 
 from cocap_opt.experiments.lab.studies.separation.points import SeparationPoint, between
 from cocap_opt.experiments.tables.statistics import NONE
-from cocap_opt.output.printing import counted
+from cocap_opt.output.printing import counted, markdown_table
 from cocap_opt.result import relative_gap
 from cocap_opt.stop import NO_LIMIT
 
@@ -46,8 +46,8 @@ def separation_in_markdown(points: Sequence[SeparationPoint]) -> str:
 
 
 def _table(lines: Sequence[Sequence[str]]) -> str:
-    lines = [lines[0], ["---"] * len(lines[0]), *lines[1:]]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    heads, *rows = lines
+    return markdown_table([dict(zip(heads, row, strict=True)) for row in rows])
 
 
 def _price(points: Sequence[SeparationPoint], apart: float) -> str:

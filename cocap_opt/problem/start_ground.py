@@ -1,0 +1,47 @@
+"""The ground above which drones may start, of those that choose where."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cocap_opt.data import BoolArray
+from cocap_opt.problem.scene import SceneData
+
+_MOST_NAMED = 4  # numbers of drones in a line of a legend
+
+
+class StartGround(NamedTuple):
+    """The ground above which drones may start, wherever it is best.
+
+    Attributes
+    ----------
+    drones : the numbers of those to whom it is open, increasing
+    cells : [X, Y] of the map, True where they may start at one of their heights
+    """
+
+    drones: tuple[int, ...]
+    cells: BoolArray
+
+    @classmethod
+    def all_of(cls, scene: SceneData) -> list[StartGround]:
+        """Returns the areas of all drones that may start in one of several states."""
+        found: dict[bytes, StartGround] = {}
+        for number in sorted(scene.open_starts):
+            cells = np.zeros(scene.height_map.shape, dtype=np.bool_)
+            cells[tuple(scene.starts[number].cells[:, :2].T)] = True
+            before = found.get(cells.tobytes())
+            drones = (number,) if before is None else (*before.drones, number)
+            found[cells.tobytes()] = cls(drones, cells)
+        return list(found.values())
+
+    @property
+    def words(self) -> str:
+        """The words for what may be done there, and by whom."""
+        *most, last = map(str, self.drones)
+        if not most:
+            return f"drone {last} may start here"
+        if len(most) < _MOST_NAMED:
+            return f"drones {', '.join(most)} and {last} may start here"
+        return f"drones {', '.join(most[: _MOST_NAMED - 1])} .. {last} may start here"
