@@ -648,6 +648,8 @@ def test_the_strip_tells_who_is_seen_by_how_many_cameras(player: Any) -> None:
 @pytest.mark.slow
 def test_keys_tell_what_is_seen_of_each_side_of_a_person(player: Any) -> None:
     """What a pointer finds under it, without one: S tells it of the person whom P and O pick."""
+    player.refresh()  # nobody is picked
+    wait_until(player, "document.documentElement.dataset.ready === 'yes'")
     player.go_to(6)
     (plan, _) = told(player.page_source)["plans"]
     for person in (0, 1):
