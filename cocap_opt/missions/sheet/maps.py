@@ -94,13 +94,13 @@ def draw_legend(ax: Axes, flight: Flight, has_homes: bool, ground: TopView) -> N
                       label=words)  # fmt: skip
 
     handles: list[Artist] = [
-        mark("o", "white", "number in a circle: drone, at the begin"),
+        mark("o", "white", "number in a circle: drone, at the start"),
         mark("s", "white", "number in a square: drone, at the end"),
         Line2D([], [], color=_INK, lw=1.6, marker=".", ms=6, label="flight, dots at equal times"),
     ]
     if problem.actors:
         handles += [
-            mark("o", _PERSON, "P and a number: person, at the begin"),
+            mark("o", _PERSON, "P and a number: person, at the start"),
             Line2D([], [], color=_PERSON, lw=2.2, ls=":", marker="d", ms=4, label="walk"),
         ]
     if has_homes:
