@@ -88,8 +88,6 @@ def _show(
     starts, they show where drones may start. Without -o the file is show.html.
 
     Example: cocap-opt show corridor greedy.json cocap.json -o plans.html
-
-    Example: cocap-opt show corridor cocap.json -o film.webm
     """
     output = output or _SHOWN
     suffix = Option("-o").ending(output, SHOWN)

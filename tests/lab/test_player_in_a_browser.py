@@ -646,6 +646,28 @@ def test_the_strip_tells_who_is_seen_by_how_many_cameras(player: Any) -> None:
 
 
 @pytest.mark.slow
+def test_keys_tell_what_is_seen_of_each_side_of_a_person(player: Any) -> None:
+    """What a pointer finds under it, without one: S tells it of the person whom P and O pick."""
+    player.refresh()  # nobody is picked
+    wait_until(player, "document.documentElement.dataset.ready === 'yes'")
+    player.go_to(6)
+    (plan, _) = told(player.page_source)["plans"]
+    for person in (0, 1):
+        press(player, "s" if person == 0 else "p")
+        said = value(player, "document.querySelector('.sides').textContent")
+        names = ["front", "left", "back", "right", "top"]
+        assert said.startswith(f"person {person}, px/m²: ")
+        for name, pixels in zip(names, plan["seen"][6][5 * person :], strict=False):
+            assert f"{name} {f'{pixels:,.0f}' if pixels else 'not seen'}" in said
+        assert value(player, "document.querySelector('.sides').classList.contains('on')")
+        if person == 0:
+            for key in "op":  # around to the last, and on to the first
+                press(player, key)
+    press(player, "s")
+    assert not value(player, "document.querySelector('.sides').classList.contains('on')")
+
+
+@pytest.mark.slow
 def test_help_tells_all_keys(player: Any) -> None:
     """It opens by "?" and closes by Esc."""
     press(player, "?")

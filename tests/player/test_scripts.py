@@ -105,3 +105,29 @@ def test_each_script_is_part_of_a_page() -> None:
     for name, text in files.items():
         exports = scripts._module(name, text).exports
         assert [n for n in exports if n not in taken and n not in tests] == [], name
+
+
+# What declares a name: a statement, a parameter or a part of one, a method.
+DECLARED = (
+    r"\b(?:const|let|function|class|for \(const)\s+{0}\b|^\s*(?:static |get )?{0}\([^;]*\) \{{$"
+    r"|(?:const|let|,|\(|\[|\{{)[^=;()]*[\s,\[{{(]{0}\b[^=;()]*[\]}}] (?:=|of|=>)|\b{0}\)? =>"
+    r"|\([^()]*\b{0}\b[^()]*\) (?:=>|\{{)|, {0} = "
+)
+
+
+def test_no_module_uses_names_that_it_does_not_import() -> None:
+    """Constants, classes and calls of functions that are others', which only fail when they run."""
+    files = {path.stem: path.read_text("utf-8") for path in PAGE.glob("*.js")}
+    top = r"^(?:export )?(?:const|function|class) (\w+)"
+    owned = {name: set(re.findall(top, text, re.MULTILINE)) for name, text in files.items()}
+    missing = []
+    for name, text in files.items():
+        module = scripts._module(name, text)
+        body = re.sub(r"//.*|\"[^\"\n]*\"", "", module.body)
+        known = owned[name].union(*module.imports.values())
+        for other in sorted(set[str]().union(*owned.values()) - known):
+            use = rf"(?<![.\w$`]){other}\b(?!:)" if other[0].isupper() else rf"(?<![.\w$]){other}\("
+            declared = re.search(DECLARED.format(other), body, re.MULTILINE)
+            if re.search(use, body) and not declared:
+                missing.append(f"{name}.js: {other}")
+    assert missing == []

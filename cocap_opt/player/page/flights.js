@@ -1,11 +1,12 @@
 // Where a drone of a plan is at any time: on its smooth flight, if there is one, whose rows are the
 // step, the pose, its rates and its accelerations; else straight from step to step.
 
+import { dot, minus } from "./geometry.js";
 import { between } from "./plans.js";
 
 const POSE = 5; // numbers of a pose: x, y, z, yaw and tilt
-const BEND = 6; // lines of a step that is not straight
-const STRAIGHT = 0.01; // m, by which one that counts as straight may bend
+const MOST = 6; // lines of a step that bends
+const NEAR = 0.02; // m, as they come to it
 
 export class Flight {
   constructor({ paths, knots }, drone) {
@@ -24,21 +25,25 @@ export class Flight {
     return Array.from({ length: POSE }, (_, n) => quintic(begin, end, n + 1, long, share));
   }
 
-  // Points of the way from a step to the next.
+  // Points of the way from a step to the next: as many as it takes to come near to its bends.
   way(step) {
-    return (this.ways[step] ??= this.isStraight(step)
-      ? [this.path[step], this.path[step + 1]]
-      : Array.from({ length: BEND + 1 }, (_, k) => this.at(step + k / BEND)));
+    return (this.ways[step] ??= this.points(step, Math.min(Math.max(Math.ceil(Math.sqrt(this.bend(step) / NEAR)), 1), MOST)));
   }
 
-  isStraight(step) {
+  points(step, lines) {
+    const inner = Array.from({ length: lines - 1 }, (_, k) => this.at(step + (k + 1) / lines));
+    return [this.path[step], ...inner, this.path[step + 1]];
+  }
+
+  // How far a step's way is off the straight line (m).
+  bend(step) {
+    if (!this.rows) return 0;
     const [a, b] = [this.path[step], this.path[step + 1]], way = [0, 1, 2].map((k) => b[k] - a[k]);
-    const square = way.reduce((sum, v) => sum + v * v, 0);
-    return !this.rows || [0.25, 0.5, 0.75].every((share) => {
-      const off = [0, 1, 2].map(((at) => (k) => at[k] - a[k])(this.at(step + share)));
-      const along = square && off.reduce((sum, v, k) => sum + v * way[k], 0) / square;
-      return Math.hypot(...off.map((v, k) => v - along * way[k])) < STRAIGHT;
-    });
+    const square = dot(way, way);
+    return Math.max(...[0.25, 0.5, 0.75].map((share) => {
+      const off = minus(this.at(step + share), a), along = square && dot(off, way) / square;
+      return Math.hypot(...off.map((v, k) => v - along * way[k]));
+    }));
   }
 }
 

@@ -31,10 +31,12 @@ export class Panel {
     bars.setAttribute("role", "img");
     bars.setAttribute("aria-label", "what each step adds to J");
     this.tip = make("div", "tip");
+    this.sides = make("div", "tip sides");
+    this.sides.setAttribute("role", "status");
     this.words = make("div", "words");
     this.view = new View(data, plan, scene, camera, this.canvas);
     const place = make("div", "place");
-    place.append(this.canvas, this.words, this.inset(scene), this.tip);
+    place.append(this.canvas, this.words, this.inset(scene), this.tip, this.sides);
     this.strip = new Strip(data, plan, actions.watch);
     this.fleet = new Fleet(data, plan, scene, this.view.bodies, actions);
     const stage = make("div", "stage");
@@ -182,6 +184,7 @@ export class Panel {
     if (picked !== undefined) this.eye.draw(time, picked, options.quality);
     this.chart.draw(time, picked);
     this.describe(time, options);
+    this.tellSides(time, options);
     return this.fleet.draw(time, options);
   }
 
@@ -196,6 +199,18 @@ export class Panel {
     put(this.words, several(told, most));
     this.words.classList.toggle("mild", !conflictsAt(plan, time).length);
     this.describeDrones(step, options);
+  }
+
+  // What drones see of each side of a person, above whom it stands, if that is asked for.
+  tellSides(time, { sides, person = 0 }) {
+    const { plan, data, view, sides: box } = this, j = plan.filmed?.rows[person]?.person ?? person, told = sides && data.people[j];
+    box.classList.toggle("on", Boolean(told));
+    if (!told) return;
+    const seen = plan.seen[Math.round(time)], first = view.bodies.first[j];
+    const each = told.names.map((name, f) => `${name} ${seen[first + f] > 0 ? density(seen[first + f]) : "not seen"}`);
+    put(box, `${told.called}, ${data.unit}: ${each.join(", ")}`);
+    const [x, y, z] = view.bodies.person(j, time), [middle, head] = view.at([x, y, z + told.height]);
+    tipAt(box, view.canvas, [middle - box.clientWidth / 2, head - box.clientHeight]); // above the label
   }
 
   describeDrones(step, { picked, follow, alone }) {
@@ -213,6 +228,12 @@ export class Panel {
       hold.setAttribute("aria-pressed", String(Boolean(held[name])));
     }
   }
+}
+
+// Puts a hint beside a point of a picture, inside of it.
+export function tipAt(tip, canvas, [x, y]) {
+  tip.style.left = `${Math.max(Math.min(x + 12, canvas.clientWidth - tip.clientWidth - 4), 4)}px`;
+  tip.style.top = `${Math.max(Math.min(y - 30, canvas.clientHeight - 34), 4)}px`;
 }
 
 const flightOf = ({ knots }) => (knots

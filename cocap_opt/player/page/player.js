@@ -101,10 +101,10 @@ function tick(now) {
 function draw(resting) {
   state.quality = resting || state.recording || !state.slow ? FINE : state.follow ? ROUGH : COARSE;
   const checked = Object.fromEntries(SHOWN.map((name) => [name, find(name).checked]));
-  const { quality, picked, follow, alone, person, hovered } = state, begin = performance.now();
+  const { quality, picked, follow, alone, person, hovered, sides } = state, begin = performance.now();
   const shown = panels.filter((panel) => panel.root.offsetParent);
   if (shown.length) camera.settle(shown[0].canvas.clientWidth, shown[0].canvas.clientHeight);
-  const options = { ...checked, quality, picked, follow, alone, person, hovered };
+  const options = { ...checked, quality, picked, follow, alone, person, hovered, sides };
   if (!shown.map((panel) => panel.draw(state.time, options)).every(Boolean)) refresh();
   if (picked !== undefined) putInsets(shown);
   if (!resting) pace(performance.now() - begin);
@@ -168,8 +168,13 @@ function watch(step, person) {
 }
 
 function watchNext(way) {
-  const count = Math.max(...data.plans.map(({ filmed }) => filmed?.rows.length ?? 0));
+  const count = Math.max(...data.plans.map(({ filmed }) => filmed?.rows.length ?? data.people.length));
   if (count) watch(state.time, ((state.person ?? (way > 0 ? -1 : count)) + way + count) % count);
+}
+
+function toggleSides() {
+  state.sides = !state.sides;
+  refresh();
 }
 
 // -- what is looked at ---------------------------------------------------------------------
@@ -244,6 +249,7 @@ const KEYS = [
   ["w", "W", "next step at which somebody is seen by fewer than two drones", nextBad],
   ["p", "P", "the next person in the strip of cameras", () => watchNext(1)],
   ["o", "O", "the previous person there", () => watchNext(-1)],
+  ["s", "S", "what drones see of each side of the picked person", () => toggleSides()],
   ["d", "D", "pick the next drone", () => pickNext(1)],
   ["e", "E", "pick the previous drone", () => pickNext(-1)],
   ["f", "F", "follow the picked drone", () => toggle("follow")],

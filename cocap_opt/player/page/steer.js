@@ -4,6 +4,7 @@
 
 import { put } from "./dom.js";
 import { density, percent, reward } from "./numbers.js";
+import { tipAt } from "./panel.js";
 import { heightOf } from "./plans.js";
 
 const STILL = 5; // px that a press may move
@@ -94,8 +95,7 @@ export class Steering {
     tip.classList.toggle("on", words !== undefined);
     if (words === undefined) return;
     put(tip, words);
-    tip.style.left = `${Math.max(Math.min(x + 12, view.canvas.clientWidth - tip.clientWidth - 4), 4)}px`;
-    tip.style.top = `${Math.max(y - 30, 4)}px`;
+    tipAt(tip, view.canvas, [x, y]);
   }
 
   known(x, y) {
