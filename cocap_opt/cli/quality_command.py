@@ -150,14 +150,15 @@ def _quality(
         last = {} if limits is None else {"bound": _bound_record(limits, found, obeys_rules)}
         print_result({**first, **answer, "assumptions": numbers, "file": csv, **last}, json)
     else:
-        sys.stdout.write(f"{printable(found.words(line_width()), chr(10))}\n\n")
+        width = min(line_width(), _WIDTH)
+        sys.stdout.write(f"{printable(found.words(width), chr(10))}\n\n")
         if rows := take_rows(given.problem, given.plan):
             by_take = ", ".join(f"{row['take']} {rounded(row['reward'])}" for row in rows)
-            words = textwrap.fill(f"J take by take: {by_take}", _WIDTH)
+            words = textwrap.fill(f"J take by take: {by_take}", width)
             sys.stdout.write(f"{printable(words, chr(10))}\n\n")
         if limits is not None:
             for words in limits.sentences(found, obeys_rules):
-                sys.stdout.write(f"{textwrap.fill(words, _WIDTH)}\n")
+                sys.stdout.write(f"{textwrap.fill(words, width)}\n")
             sys.stdout.write("\n")
         _people(found).print()
     return 0

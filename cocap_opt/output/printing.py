@@ -169,8 +169,9 @@ class Listing(NamedTuple):
         return [first, *(other._replace(title="") for other in others)]
 
     def _has_names(self, key: str) -> bool:
-        """Returns True for a column of words."""
-        return key not in _WRAPPED[1:] and all(_is_name(row[key]) for row in self.rows)
+        """Returns True for a column of short words, or of seeds, which tell rows apart."""
+        is_name = key == "seed" or all(_is_name(row[key]) for row in self.rows)
+        return is_name and key not in _WRAPPED[1:]
 
     def _only(self, keys: Sequence[str]) -> "Listing":
         """Returns it with some of its columns, without notes."""

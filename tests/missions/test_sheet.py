@@ -394,9 +394,9 @@ def test_a_card_is_on_one_page() -> None:
         pages = Pages([USUAL])
         for k in range(before):
             pages.sentence(f"line {k}")
-        pages.cards([Card("card", [("who", "z")], Table(("top", "end"), rows))])
+        pages.cards("cards", [Card("card", [("who", "z")], Table(("top", "end"), rows))])
         pages.section("title", [Table(("head", "foot"), rows)])
-        for first, last in (("card", "8"), ("title", "8")):
+        for first, last in (("card", "8"), ("title", "8"), ("cards", "card")):
             on = [
                 k for k, figure in enumerate(pages.figures)
                 if {first, last} <= {text.get_text() for text in figure.texts}

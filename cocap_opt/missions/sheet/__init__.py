@@ -43,7 +43,7 @@ from cocap_opt.missions.sheet.words import (
 )
 from cocap_opt.text import printable, shortened
 
-_MAP, _LEGEND, _TITLE, _CARD = 120.0, 13.0, 6.0, 70.0  # mm
+_MAP, _LEGEND, _TITLE, _LIST = 120.0, 13.0, 6.0, 40.0  # mm
 
 
 def write(flight: Flight, every: float | None) -> Export:
@@ -78,14 +78,12 @@ def pages_of(flight: Flight, every: float | None, families: Sequence[str]) -> Pa
     pages = Pages(families)
     _write_head(pages, flight, clock)
     _draw_maps(pages, flight, clock, found)
-    pages.heading("Drones", _CARD)
-    pages.cards(drone_cards(flight, clock, found))
+    pages.cards("Drones", drone_cards(flight, clock, found))
     if problem.actors:
-        pages.heading("People: cues", _CARD)
-        pages.cards(people_cards(flight, clock))
+        pages.cards("People: cues", people_cards(flight, clock))
     for title, blocks in sections(flight, clock, every):
         pages.section(title, blocks)
-    pages.heading("Not checked", _CARD)
+    pages.heading("Not checked", _LIST)
     for words in unchecked(flight, bool(parts)):
         pages.sentence(words, mark="\N{BALLOT BOX}")
     pages.foot(shortened(printable(problem.name)))

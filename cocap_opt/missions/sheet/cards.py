@@ -19,6 +19,7 @@ from cocap_opt.scenarios.hardware import airframe_name, camera_name
 _ROWS = 12  # cues of a card, at most
 _LEAST_RESERVE = 0.2  # of a battery, below which the crew is warned
 _STANDS = 0.05  # m/s
+_DIGITS = 6  # of degrees: 0.1 m
 
 
 def drone_cards(flight: Flight, clock: Clock, found: Quality | None) -> list[Card]:
@@ -168,7 +169,7 @@ def _direction(flight: Flight) -> str:
 
 def _place(flight: Flight, x: float, y: float, z: float | None = None) -> str:
     high = "" if z is None else f", z {z:.1f}"
-    on_earth = ", ".join(degrees(flight, x, y))
+    on_earth = ", ".join(degrees(flight, x, y, _DIGITS))
     return f"x {x:.1f}, y {y:.1f}{high}" + (f"; {on_earth}" if on_earth else "")
 
 

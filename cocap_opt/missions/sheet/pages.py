@@ -182,9 +182,10 @@ class Pages:
             self._row(cells, widths, table, SIDE, look)
         self.skip(_AFTER_TABLE)
 
-    def cards(self, cards: Sequence[Card]) -> None:
-        """Draws cards, two beside each other, none of them on two pages."""
+    def cards(self, title: str, cards: Sequence[Card]) -> None:
+        """Draws cards below a heading, two beside each other, none of them on two pages."""
         wide = (INNER - _BETWEEN) / 2
+        self.heading(title, max(self._card_height(card, wide) for card in cards[:2]))
         for k in range(0, len(cards), 2):
             pair = cards[k : k + 2]
             heights = [self._card_height(card, wide) for card in pair]

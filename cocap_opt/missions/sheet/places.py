@@ -16,12 +16,12 @@ def degree_heads(flight: Flight) -> tuple[str, ...]:
     return () if flight.geodesy is None else ("latitude", "longitude")
 
 
-def degrees(flight: Flight, x: float, y: float) -> tuple[str, ...]:
+def degrees(flight: Flight, x: float, y: float, digits: int = 7) -> tuple[str, ...]:
     """Returns latitude and longitude of a point (m); nothing if the scene is nowhere on Earth."""
     if flight.geodesy is None:
         return ()
     latitude, longitude = flight.geodesy.degrees(np.array([x]), np.array([y]))
-    return f"{latitude[0]:.7f}", f"{longitude[0]:.7f}"
+    return f"{latitude[0]:.{digits}f}", f"{longitude[0]:.{digits}f}"
 
 
 def _columns(flight: Flight, every: float) -> dict[str, FloatArray]:
