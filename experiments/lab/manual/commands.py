@@ -68,14 +68,15 @@ def _names(family: App) -> Sequence[str]:
 def _command(called: str, command: App) -> str:
     """Returns the part of one command, with its options as a table."""
     paragraphs = [" ".join(words.split()) for words in re.split(r"\n\s*\n", command.help or "")]
-    told, _, example = "\n\n".join(paragraphs).partition("Example: ")
+    told, *examples = "\n\n".join(paragraphs).split("Example: ")
+    lines = "\n".join(example.strip() for example in examples)
     arguments = [argument for argument in command.assemble_argument_collection() if argument.show]
     usage = " ".join([called, *(a.name for a in arguments if not a.name.startswith("-"))])
     parts = [
         f"## {called.removeprefix('cocap-opt ')}",
         f"```text\n{usage} [OPTIONS]\n```",
         told.strip(),
-        f"For example:\n\n```sh\n{example.strip()}\n```" if example else "",
+        f"For example:\n\n```sh\n{lines}\n```" if lines else "",
         "| option | meaning | default |\n|---|---|---|\n" + "\n".join(map(_row, arguments)),
     ]
     return "\n\n".join(part for part in parts if part)

@@ -14,6 +14,7 @@ from cocap_opt.output.files import read_text
 
 _SECTION = re.compile(r"(?ms)^## (.+?)\n(.*?)(?=^## |\Z)")
 _LINK = re.compile(r"^- \[([^\]]+)\]\((\S+?)\.(md|ipynb)\)(?:: (.+))?$", re.MULTILINE)
+_COMMENT = re.compile(r"<!--.*?-->\n?", re.DOTALL)
 
 
 class _Entry(NamedTuple):
@@ -70,4 +71,5 @@ def llms_in_full(folder: Path) -> str:
     index = read_text(folder / "index.md")
     every = [entry for section in Section.all_of(index) for entry in section.entries]
     pages = [folder / f"{entry.page}.md" for entry in every if entry.ending == "md"]
-    return "\n\n".join(without_marks(read_text(page)).strip() for page in pages) + "\n"
+    texts = (_COMMENT.sub("", without_marks(read_text(page))) for page in pages)
+    return "\n\n".join(text.strip() for text in texts) + "\n"
