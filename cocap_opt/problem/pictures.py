@@ -184,6 +184,7 @@ class TopView(NamedTuple):
             below = 0.6 + _LINE * math.ceil(len(handles) / _columns(handles)) + 0.1
             whole = size + below + 0.3
             figure = Figure(figsize=(_WIDTH, whole), dpi=_DPI)
+            figure.set_layout_engine("none")  # whatever style is in use
             ax = figure.add_axes((0.12, below / whole, 0.84, size / whole))
         self.draw_map(ax)
         self.draw_walks(ax)
@@ -338,23 +339,13 @@ class TopView(NamedTuple):
         figure = self.draw().get_figure(root=True)
         assert figure is not None
         figure.savefig(content, format="png", dpi=_FINE * _DPI)
-        source = base64.b64encode(with_palette(content.getvalue())).decode()
+        source = base64.b64encode(content.getvalue()).decode()
         width = round(_WIDTH * _DPI)
         style = "max-width: 100%; height: auto"
         return (
             f'<img alt="{self.words}" width="{width}" style="{style}" '
             f'src="data:image/png;base64,{source}">'
         )
-
-
-def with_palette(png: bytes) -> bytes:
-    """Returns a PNG file with a palette in place of all colours, which is a third of the size."""
-    from PIL import Image
-
-    content = io.BytesIO()
-    drawn = Image.open(io.BytesIO(png)).convert("RGB")
-    drawn.quantize(256, dither=Image.Dither.NONE).save(content, format="PNG", optimize=True)
-    return content.getvalue()
 
 
 def _flight(scene: SceneData, number: int, path: Sequence[State]) -> FloatArray:

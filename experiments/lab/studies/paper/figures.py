@@ -50,7 +50,7 @@ _COLOURS = {
     "greedy": FADED, "sequential": AMBER, "cocap": BLUE, "cocap-vs": GREEN,
     "sequential-rounds": RED, "cocap-lns": PURPLE,
 }  # fmt: skip
-_LINES = {"greedy": ":", "cocap-vs": "--", "sequential-rounds": "-."}
+_LINES = {"greedy": ":", "cocap-vs": "--", "sequential-rounds": "-.", "cocap-lns": (0, (6, 1))}
 _NAMES = {
     "greedy": "unconstrained\n(collides)", "sequential": "sequential",
     "cocap": "CoCap,\nvalue iteration", "cocap-vs": "CoCap, view search",
