@@ -77,7 +77,7 @@ def _short(figure: str) -> str:
 
 
 def proved_in_words() -> str:
-    """Returns how many optima of the paper's scenes are proved, and the gaps of larger scenes."""
+    """Returns the number of proved optima of the paper's scenes, and the gaps of larger scenes."""
     best = [row for row in read_rows(STORED / "paper.csv") if row.planner == RECOMMENDED]
     stored = {(row["row"], row["figure"]): row for row in stored_rows("solver-figures.csv")}
     left = {
