@@ -171,6 +171,14 @@ def test_the_version_is_stated_once() -> None:
     assert heads[0] == (project["version"], str(citation["date-released"]))
 
 
+def test_pictures_are_drawn_by_the_release_that_tests_compare() -> None:
+    """What writes the pages is the same in the extra that writes and in the one that compares."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    assert any(requirement.startswith("matplotlib") for requirement in extras["docs"])
+    assert set(extras["docs"]) <= set(extras["test"])
+
+
 def test_the_changelog_says_first_what_changes_numbers() -> None:
     """It goes by versions, and of each that has several sections numbers come first."""
     first = CHANGES.read_text(encoding="utf-8").split("\n## ")[1]
